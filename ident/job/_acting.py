@@ -16,8 +16,8 @@ from ..kinds._keys import FitSpec
 from ..proof.axis import Loaded
 from ..readings import Rows
 from ._draft import AbstractDraft, AxisLists, Leftovers
-from ._lists import AxisFiles
-from ._load import Job
+from .file._load import Job
+from .write._lists import AxisFiles
 
 
 def acting_before(job: Job, axis: str) -> Loaded:

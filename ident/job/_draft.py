@@ -15,16 +15,16 @@ from ...models import Conventions, TemperatureLine
 from ..kinds._keys import FitSpec
 from ..kinds._kind import Kind
 from ..proof import GateCheck
-from ._existing import AxisLists as AxisLists
-from ._load import Job
-from ._result import AbstractResult, ConventionState, Remark
-from ._second import SecondMeasurement
+from .file._existing import AxisLists as AxisLists
+from .file._load import Job
+from .result._result import AbstractResult, ConventionState, Remark
+from .result._second import SecondMeasurement
 
 if TYPE_CHECKING:
     from ..readings import Tables
     from ._acting import Acting
-    from ._lists import AxisFiles
-    from ._output import OutFolder
+    from .write._lists import AxisFiles
+    from .write._output import OutFolder
 
 
 @dataclasses.dataclass(frozen=True)

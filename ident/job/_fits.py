@@ -9,7 +9,7 @@ from ..kinds._keys import FitSpec
 from ..readings import Tables
 from ._acting import hand_on, leftovers
 from ._draft import AbstractDraft
-from ._load import Job
+from .file._load import Job
 
 if TYPE_CHECKING:
     from .joint import IdentifiedGroup

@@ -12,11 +12,11 @@ from ..proof import (
     judge,
 )
 from ..proof.axis import check_switching, largest_step, switching_cycles
-from ._load import Job
-from ._result import Remark
+from .file._load import Job
+from .result._result import Remark
 
 if TYPE_CHECKING:
-    from ._table_draft import AbstractTableDraft
+    from .table._draft import AbstractTableDraft
 
 
 def limits_of(job: Job) -> GateLimits:

@@ -21,11 +21,11 @@ from ..proof import Diagnosis, diagnose, not_judged
 from ..readings import Tables, errors_in, read_outside
 from ._acting import reading_of
 from ._draft import AbstractDraft
-from ._job_result import JobResult
-from ._lists import AxisFiles
-from ._load import Job, load_job, sha256
-from ._result import AbstractResult, Remark
-from ._second import MeasuredAgain
+from .file._load import Job, load_job, sha256
+from .result._job_result import JobResult
+from .result._result import AbstractResult, Remark
+from .result._second import MeasuredAgain
+from .write._lists import AxisFiles
 
 
 @dataclasses.dataclass(frozen=True)

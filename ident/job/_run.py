@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING
 from ..diagnosis import OBJECTS, SCOPE, objects_csv, observables, scope_configuration
 from ..readings import Tables
 from ._draft import AbstractDraft, Written
-from ._first_run import first_run_programs, program_names
 from ._fits import fit_all
 from ._gating import limits_of
-from ._job_result import JobResult, result_json
-from ._lists import AxisFiles, files_of, judge_files, startup_fragment
-from ._load import Job, load_job, sha256
-from ._loadsheet import load_sheet
 from ._measure_again import Second, measure_again, plan_second
-from ._output import OutFolder
-from ._result import AbstractResult, Remark
 from ._whole import judge_whole
+from .file._load import Job, load_job, sha256
+from .result._job_result import JobResult, result_json
+from .result._result import AbstractResult, Remark
+from .write._first_run import first_run_programs, program_names
+from .write._lists import AxisFiles, files_of, judge_files, startup_fragment
+from .write._loadsheet import load_sheet
+from .write._output import OutFolder
 
 if TYPE_CHECKING:
     from .joint import GroupResult

@@ -25,10 +25,10 @@ from ..readings import Tables, read_error
 from ._acting import acting_after, acting_before
 from ._draft import AbstractDraft
 from ._gating import limits_of
-from ._job_result import WholeAxis
-from ._lists import AxisFiles
-from ._load import Job
-from ._result import Remark
+from .file._load import Job
+from .result._job_result import WholeAxis
+from .result._result import Remark
+from .write._lists import AxisFiles
 
 _Read = tuple[Measured, Mapping[str, np.ndarray]]
 """The error of an axis in one measurement, and the temperatures in it."""

@@ -119,7 +119,7 @@ class Kind:
     def single(self) -> "SinglePart":
         """How a fit is planned that stands alone."""
         if self.table:
-            from ..job import _fitting
+            from ..job.table import _fitting
 
             return _fitting
         return cast("SinglePart", self.part("job"))

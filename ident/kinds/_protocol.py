@@ -34,7 +34,7 @@ from ._kind import Kind
 if TYPE_CHECKING:
     from ..exchange._table import AbstractTable
     from ..job._draft import AxisLists, Planned
-    from ..job._load import Job
+    from ..job.file._load import Job
     from ..job.joint._member import AbstractMember
     from ..readings import Tables
     from ..report._body import Body

@@ -25,7 +25,7 @@ from ...fit.joint import (
 )
 from ...readings import Tables
 from .._draft import AbstractDraft
-from .._load import Job
+from ..file._load import Job
 from ._member import AbstractMember, at_once, few, members_of
 from ._recording import GroupRecording, read_group
 from ._share import LeftOutDraft, Share

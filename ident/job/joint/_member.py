@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ...fit.joint import AbstractEffect, JointData, JointFit, Part, Temperature
 from ...readings import Tables
 from .._draft import AbstractDraft, AbstractOfFit
-from .._load import Job
+from ..file._load import Job
 from ._recording import GroupRecording
 from ._share import Share, lost
 

@@ -14,9 +14,9 @@ from ...proof import ErrorFigures
 from ...proof.axis import added_beyond
 from .._acting import acting_after, acting_before
 from .._draft import AbstractDraft
-from .._lists import AxisFiles
-from .._load import Job
-from .._result import Remark, staged
+from ..file._load import Job
+from ..result._result import Remark, staged
+from ..write._lists import AxisFiles
 from ._group import IdentifiedGroup
 from ._recording import GroupRecording
 from ._share import LeftOutDraft, Share, in_words, lost

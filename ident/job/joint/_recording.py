@@ -22,7 +22,7 @@ from ...readings import (
     reference_words,
     rows_of,
 )
-from .._result import Remark
+from ..result._result import Remark
 
 if TYPE_CHECKING:
     from ._member import AbstractMember

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from ...fit.joint import JointFit, Part
 from ...proof import ErrorFigures, error_figures
 from .._draft import AbstractDraft, Written
-from .._result import AbstractResult, Remark
+from ..result._result import AbstractResult, Remark
 from ._recording import GroupRecording
 
 if TYPE_CHECKING:

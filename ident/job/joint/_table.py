@@ -14,10 +14,10 @@ from ...kinds._keys import TableSpec
 from ...proof import HeldOut
 from ...readings import Readings, Tables
 from .._draft import AxisLists
-from .._load import Job
-from .._plan import Plan, plan_fit
-from .._table_draft import TableDraft
-from .._trend import refuse_unowned_trend
+from ..file._load import Job
+from ..table._draft import TableDraft
+from ..table._plan import Plan, plan_fit
+from ..table._trend import refuse_unowned_trend
 from ._member import AbstractMember
 from ._recording import GroupRecording
 from ._share import Share

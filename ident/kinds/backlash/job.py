@@ -14,10 +14,10 @@ from ...exchange import ExchangeError
 from ...fit import FitError
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
-from ...job._load import Job
-from ...job._plan import was_active
-from ...job._result import staged
-from ...job._second import SecondMeasurement
+from ...job.file._load import Job
+from ...job.result._result import staged
+from ...job.result._second import SecondMeasurement
+from ...job.table._plan import was_active
 from ...proof import GateCheck, gate_check, reversal_checks
 from ...proof.axis import check_switching
 from ...readings import Tables

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....models import Crosstalk
-from ...job._result import AbstractResult, Remark
+from ...job.result._result import AbstractResult, Remark
 from ...proof import GateCheck, GateLimits, gate_check, reversal_dynamics
 from . import SAFE_TESTS
 from ._identify import Identified

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from ...fit import FitError
 from ...fit.joint import Crosstalk, JointFit, Part
 from ...job._draft import AxisLists
-from ...job._load import Job
+from ...job.file._load import Job
 from ...job.joint._member import AbstractMember
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share

@@ -12,9 +12,9 @@ from ....models import Crosstalk, LegacyCrosstalk
 from ...exchange import ExchangeError
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
-from ...job._load import Job
-from ...job._plan import was_active
-from ...job._result import Remark, staged
+from ...job.file._load import Job
+from ...job.result._result import Remark, staged
+from ...job.table._plan import was_active
 from ...proof import GateCheck, error_figures
 from ...readings import Tables
 from ._events import events_under

@@ -12,8 +12,8 @@ from ...exchange import ExchangeError
 from ...friction import Knots, place_knots
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of
-from ...job._load import Job
-from ...job._result import Remark
+from ...job.file._load import Job
+from ...job.result._result import Remark
 from ...proof import CircularTest, GateCheck, circular_test, gate_check
 from ...readings import Tables
 from ._identify import Identified, identify

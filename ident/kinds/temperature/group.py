@@ -12,7 +12,7 @@ from ..._recording import JointData
 from ...fit import DriftNoise
 from ...fit.joint import Leadscrew, Temperature, examine_design
 from ...job._draft import AxisLists
-from ...job._load import Job
+from ...job.file._load import Job
 from ...job.joint._member import AbstractMember, at_once, few
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share

@@ -12,10 +12,10 @@ from ....models import TemperatureLine
 from ...exchange import ExchangeError
 from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
 from ...job._gating import limits_of, spread_over
-from ...job._load import Job
-from ...job._plan import refuse_unstated
-from ...job._result import Remark, staged
-from ...job._second import SecondMeasurement
+from ...job.file._load import Job
+from ...job.result._result import Remark, staged
+from ...job.result._second import SecondMeasurement
+from ...job.table._plan import refuse_unstated
 from ...proof import GateCheck, reversal_dynamics
 from ...proof.axis import check_switching
 from ...readings import Tables

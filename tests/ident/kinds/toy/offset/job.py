@@ -17,8 +17,8 @@ from axcomp.ident.job._draft import (
     Written,
 )
 from axcomp.ident.job._gating import limits_of
-from axcomp.ident.job._load import Job
-from axcomp.ident.job._result import AbstractResult, Remark, staged
+from axcomp.ident.job.file._load import Job
+from axcomp.ident.job.result._result import AbstractResult, Remark, staged
 from axcomp.ident.proof import GateCheck, gate_check
 from axcomp.ident.readings import Tables, Wanted, read_joined
 

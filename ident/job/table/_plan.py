@@ -7,22 +7,22 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...data.lists import ListFile
-from ..exchange import (
+from ....data.lists import ListFile
+from ...exchange import (
     AbstractTable,
     ExchangeError,
     Model,
     refuse_lost_nodes,
 )
-from ..fit import TableFit, predict, zeroed
-from ..kinds import kinds
-from ..kinds._keys import FitSpec, TableSpec
-from ..readings import Tables
-from ._draft import AxisLists
+from ...fit import TableFit, predict, zeroed
+from ...kinds import kinds
+from ...kinds._keys import FitSpec, TableSpec
+from ...readings import Tables
+from .._draft import AxisLists
+from ..file._load import Job
+from ..result._result import Remark
 from ._layout import empty_table, table_of
-from ._load import Job
 from ._readings import datum_of
-from ._result import Remark
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,13 +4,13 @@ import dataclasses
 
 import numpy as np
 
-from ..exchange import AbstractTable
-from ..kinds._keys import TableSpec
-from ..proof import RunTable
-from ..readings import Readings, Tables, read_joined, wanted_by
-from ._draft import Leftovers
-from ._load import Job
-from ._result import Remark
+from ...exchange import AbstractTable
+from ...kinds._keys import TableSpec
+from ...proof import RunTable
+from ...readings import Readings, Tables, read_joined, wanted_by
+from .._draft import Leftovers
+from ..file._load import Job
+from ..result._result import Remark
 
 
 def read_fit(

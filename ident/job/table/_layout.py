@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ...data.measurements import MESH_FORMATS, MeasurementError
-from ..exchange import (
+from ....data.measurements import MESH_FORMATS, MeasurementError
+from ...exchange import (
     LIST_UNITS,
     AbstractTable,
     ExchangeError,
@@ -18,10 +18,10 @@ from ..exchange import (
     nodes_in,
     point_nodes,
 )
-from ..kinds._keys import TableSpec
-from ..readings import Tables
-from ._faults import JobError
-from ._load import Job
+from ...kinds._keys import TableSpec
+from ...readings import Tables
+from ..file._faults import JobError
+from ..file._load import Job
 
 
 def table_of(

@@ -7,20 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..exchange import AbstractTable
-from ..fit import Samples, TableLayout, fit_table
-from ..kinds._keys import TableSpec
-from ..proof import held_out
-from ..readings import Readings, Tables, place_in_run, runs_overlap
-from ._draft import AbstractDraft, AxisLists, Leftovers, Planned
+from ...exchange import AbstractTable
+from ...fit import Samples, TableLayout, fit_table
+from ...kinds._keys import TableSpec
+from ...proof import held_out
+from ...readings import Readings, Tables, place_in_run, runs_overlap
+from .._draft import AbstractDraft, AxisLists, Leftovers, Planned
+from ..file._load import Job
+from ..result._result import Remark
+from ._draft import AbstractTableDraft, TableDraft
 from ._layout import grid_words, suit
-from ._load import Job
+from ._log_draft import fit_log
+from ._log_readings import in_pieces
 from ._plan import Plan, plan_fit
 from ._readings import read_fit
-from ._result import Remark
-from ._table_draft import AbstractTableDraft, TableDraft
 from ._trend import refuse_unowned_trend
-from .streamed import fit_log, in_pieces
 
 _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""

@@ -14,8 +14,8 @@ from typing import Any
 
 import jinja2
 
+from ..file._load import Job
 from ._lists import AxisFiles
-from ._load import Job
 
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _STEP = 10
@@ -86,7 +86,7 @@ def _program(channel: int, states: Sequence[Mapping[str, Any]], title: str) -> s
 @functools.cache
 def template(name: str) -> jinja2.Template:
     """Return a text of this folder that is no HTML."""
-    folder = resources.files("axcomp.ident.job")
+    folder = resources.files("axcomp.ident.job.write")
     environment = jinja2.Environment(
         autoescape=False,  # in a program words are checked, the title is a comment
         undefined=jinja2.StrictUndefined,

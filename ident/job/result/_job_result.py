@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..proof import GateCheck
-from ..readings import ClockState
+from ...proof import GateCheck
+from ...readings import ClockState
 from ._result import AbstractResult, Remark, TableResult
 from ._verdict import Verdict
 
 if TYPE_CHECKING:
-    from .joint import GroupResult
+    from ..joint import GroupResult
 
 
 @dataclasses.dataclass(frozen=True)

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...data.errors import AxcompError
-from ...data.measurements import Iso230, iso230
-from ..proof import Diagnosis, ErrorFigures, RunTable, error_figures, wild_readings
+from ....data.errors import AxcompError
+from ....data.measurements import Iso230, iso230
+from ...proof import Diagnosis, ErrorFigures, RunTable, error_figures, wild_readings
 
 LESS = 1.5
 """Ratio of the measured to the predicted error, from which on less came of a list."""

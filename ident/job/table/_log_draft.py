@@ -14,11 +14,11 @@ from ...exchange import Model
 from ...fit import Grouping, Samples, StreamedFit, fit_streamed, predict
 from ...proof import ErrorFigures, blocks_of, held_out_deviation, run_groups
 from ...readings import places_of, visits_overlap
-from .._plan import Plan
-from .._remarks import outside
-from .._result import Remark, SampleView, Streamed
-from .._table_draft import AbstractTableDraft, Proof
-from ._readings import LogReadings
+from ..result._result import Remark, SampleView, Streamed
+from ._draft import AbstractTableDraft, Proof
+from ._log_readings import LogReadings
+from ._plan import Plan
+from ._remarks import outside
 
 _SHOWN = 20_000
 """Readings, and up to twice as many, that plots show."""

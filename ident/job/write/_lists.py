@@ -4,11 +4,11 @@ import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from ...data.lists import Finding, ListFile, Value, check, compare, new_list
-from ..proof import GateCheck
-from ._draft import AbstractDraft, AxisLists
-from ._load import Job
-from ._result import Remark
+from ....data.lists import Finding, ListFile, Value, check, compare, new_list
+from ...proof import GateCheck
+from .._draft import AbstractDraft, AxisLists
+from ..file._load import Job
+from ..result._result import Remark
 
 
 @dataclasses.dataclass(frozen=True)

@@ -3,8 +3,8 @@
 import dataclasses
 from typing import TYPE_CHECKING
 
-from ...data.lists import ListFile
-from ..exchange import ExchangeError, axis_number
+from ....data.lists import ListFile
+from ...exchange import ExchangeError, axis_number
 
 if TYPE_CHECKING:
     from ._load import Job

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
-from ...data.measurements import ColumnSpec, Lines
-from ..kinds import NAMES, kind
-from ..kinds._keys import FitSpec, JobPart
+from ....data.measurements import ColumnSpec, Lines
+from ...kinds import NAMES, kind
+from ...kinds._keys import FitSpec, JobPart
 
 if TYPE_CHECKING:  # both follow from the table of kinds
     Compensation = str

@@ -9,9 +9,9 @@ from typing import Any
 
 import pydantic
 
-from ...models import Conventions
-from ..exchange import TomlError, read_conventions, read_toml
-from ..kinds._keys import KeyPath
+from ....models import Conventions
+from ...exchange import TomlError, read_conventions, read_toml
+from ...kinds._keys import KeyPath
 from ._checks import find_fault
 from ._existing import AxisLists, existing_lists
 from ._faults import JobError, error_at, first_fault

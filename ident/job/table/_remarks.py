@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..exchange import AbstractTable
-from ..proof import ErrorFigures
-from ..readings import Readings
-from ._result import Remark
+from ...exchange import AbstractTable
+from ...proof import ErrorFigures
+from ...readings import Readings
+from ..result._result import Remark
 
 if TYPE_CHECKING:
-    from ._table_draft import AbstractTableDraft, Proof
+    from ._draft import AbstractTableDraft, Proof
 
 _MANY = 0.05
 """Share of wild readings from which on the instrument deserves a look."""

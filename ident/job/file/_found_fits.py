@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from .._job_text import edited_job
-from ..discover import Discovery, Found
-from ..kinds import kind
-from ..readings import Observation
-from ._layout import grid_over, grids_for
+from ..._job_text import edited_job
+from ...discover import Discovery, Found
+from ...kinds import kind
+from ...readings import Observation
+from ..table._layout import grid_over, grids_for
 from ._load import Job
 
 

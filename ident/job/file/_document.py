@@ -1,6 +1,6 @@
 """The reference of the job file, written from its schema: a page, and a JSON schema.
 
-``python -m axcomp.ident.job._document DOCS`` renews ``job.md`` and ``job.schema.json`` in that
+``python -m axcomp.ident.job.file._document DOCS`` renews ``job.md`` and ``job.schema.json`` in that
 folder; a test holds both to the schema.
 """
 
@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..kinds._keys import FitSpec, JobPart
+from ...kinds._keys import FitSpec, JobPart
 from ._schema import JobFile
 
 _HEAD = """# Job reference

@@ -10,8 +10,8 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..fit import TableFit
-from ..proof import ErrorFigures, GateCheck, RunTable, error_figures
+from ...fit import TableFit
+from ...proof import ErrorFigures, GateCheck, RunTable, error_figures
 from ._second import MeasuredAgain, SecondMeasurement
 from ._verdict import Judgement, Verdict, judgement_of
 

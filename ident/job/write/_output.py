@@ -7,8 +7,8 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from ...data.errors import AxcompError
-from ...data.files import write_atomically
+from ....data.errors import AxcompError
+from ....data.files import write_atomically
 
 REJECTED = "rejected"
 KEPT = "kept"

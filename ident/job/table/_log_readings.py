@@ -25,8 +25,8 @@ from ...readings import (
     wanted_by,
     zero_of,
 )
-from .._load import Job
-from .._result import Remark
+from ..file._load import Job
+from ..result._result import Remark
 
 _PARTS = 32
 """Parts of a log: enough to read one ahead, few enough to keep their sums."""

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from ...data.measurements import find_role
-from ..exchange import ExchangeError, build_number
-from ..kinds._keys import Fault, FitSpec, KeyPath, unknown
+from ....data.measurements import find_role
+from ...exchange import ExchangeError, build_number
+from ...kinds._keys import Fault, FitSpec, KeyPath, unknown
 from ._schema import ColumnOfRun, JobFile, MeasurementSpec
 
 

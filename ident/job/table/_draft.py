@@ -9,26 +9,26 @@ from typing import final
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...data.lists import ListFile, Value
-from ..exchange import LIST_UNITS, ExchangeError, Model, by_branch
-from ..fit import Samples, TableFit
-from ..kinds._keys import FitSpec, TableSpec
-from ..proof import ErrorFigures, GateCheck, HeldOut
-from ..readings import Readings, Tables, without_zero
-from ._draft import AbstractDraft, Leftovers, Written
-from ._gating import (
+from ....data.lists import ListFile, Value
+from ...exchange import LIST_UNITS, ExchangeError, Model, by_branch
+from ...fit import Samples, TableFit
+from ...kinds._keys import FitSpec, TableSpec
+from ...proof import ErrorFigures, GateCheck, HeldOut
+from ...readings import Readings, Tables, without_zero
+from .._draft import AbstractDraft, Leftovers, Written
+from .._gating import (
     chosen_cycles,
     pass_gate,
     spread_over,
     switching_checks,
     switching_remarks,
 )
-from ._load import Job
+from ..file._load import Job
+from ..result._result import Remark, SampleView, Streamed, TableResult, staged
+from ..result._second import SecondMeasurement
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
 from ._remarks import fit_remarks, outside, places_of, use_remarks
-from ._result import Remark, SampleView, Streamed, TableResult, staged
-from ._second import SecondMeasurement
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,10 +12,10 @@ from typing import final
 import numpy as np
 from jaxtyping import Float
 
-from ..fit import TableFit
-from ..kinds._keys import TableSpec
-from ._gating import limits_of
-from ._load import Job
+from ...fit import TableFit
+from ...kinds._keys import TableSpec
+from .._gating import limits_of
+from ..file._load import Job
 from ._plan import Plan
 
 _SURE = 3.0

@@ -7,14 +7,14 @@ import dataclasses
 import re
 from collections.abc import Sequence
 
-from ..diagnosis import OBJECTS, SCOPE
-from ._draft import AbstractDraft
+from ...diagnosis import OBJECTS, SCOPE
+from .._draft import AbstractDraft
+from ..file._load import Job
+from ..result._job_result import LoadStep
+from ..result._result import AbstractResult, Expectation
+from ..result._verdict import Code
 from ._first_run import first_run_programs, nameless, template
-from ._job_result import LoadStep
 from ._lists import AxisFiles
-from ._load import Job
-from ._result import AbstractResult, Expectation
-from ._verdict import Code
 
 _SHOWN = {"mm": ("µm", 1e3), "deg": ("· 0.001°", 1e3)}
 
