@@ -14,7 +14,6 @@ from ..diagnosis import OBJECTS, SCOPE, objects_csv, observables, scope_configur
 from ..readings import Tables
 from ._draft import AbstractDraft, Written
 from ._fits import fit_all
-from ._gating import limits_of
 from ._measure_again import Second, measure_again, plan_second
 from ._whole import judge_whole
 from .file._load import Job, load_job, sha256
@@ -81,7 +80,7 @@ def begin_job(
     try:
         folder.refuse_sources(_names(job))
         tables = Tables(job)
-        drafts, groups = fit_all(job, tables, say)
+        drafts, groups = fit_all(tables, say)
     except BaseException:
         folder.drop()
         raise
@@ -102,12 +101,12 @@ def begin_job(
     if groups:
         from .joint import prove_group
 
-        sums = [prove_group(job, group, drafts, by_axis) for group in groups]
+        sums = [prove_group(group, drafts, by_axis) for group in groups]
     together = {index: one.name for one in sums for index in one.fits}
     results: list[AbstractResult] = []
     for draft in drafts:
         own = by_axis[draft.axis]
-        proven = draft.prove(Written(job, folder, own, own.gates[draft.index]))
+        proven = draft.prove(Written(folder, own, own.gates[draft.index]))
         group = together.get(draft.index)
         results.append(dataclasses.replace(proven, group=group))
     result = JobResult(
@@ -120,7 +119,7 @@ def begin_job(
         remarks=(*remarks, *moved, *lost),
         files=(),
         wall_time=0.0,
-        job=job.spec.resolved() | {"gate": dict(vars(limits_of(job)))},
+        job=job.spec.resolved() | {"gate": dict(vars(job.limits))},
         clocks=tables.clocks,
         groups=tuple(sums),
         whole=whole,

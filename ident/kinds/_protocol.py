@@ -33,8 +33,7 @@ from ._kind import Kind
 
 if TYPE_CHECKING:
     from ..exchange._table import AbstractTable
-    from ..job._draft import AxisLists, Planned
-    from ..job.file._load import Job
+    from ..job._draft import Planned
     from ..job.joint._member import AbstractMember
     from ..readings import Tables
     from ..report._body import Body
@@ -303,17 +302,13 @@ class AbstractProbe(abc.ABC):
 class SinglePart(Protocol):
     """The module ``job`` of a compensation; ``fit`` is of its own class of keys."""
 
-    def plan(
-        self, job: "Job", tables: "Tables", index: int, fit: Any, lists: "AxisLists"
-    ) -> "Planned":
+    def plan(self, tables: "Tables", index: int, fit: Any) -> "Planned":
         """Plan a fit; what it returns fits it.
 
         Args:
-            job: The job.
-            tables: Its measurement files.
+            tables: Measurement files of the job.
             index: Of the fit in the job.
             fit: Its keys.
-            lists: What the axis has already.
 
         Raises:
             JobError: If keys or existing lists do not suit; of what it returns: likewise
@@ -327,9 +322,7 @@ class SinglePart(Protocol):
 class GroupPart(Protocol):
     """The module ``group`` of a compensation."""
 
-    def member(
-        self, job: "Job", tables: "Tables", index: int, fit: Any, lists: "AxisLists"
-    ) -> "AbstractMember":
+    def member(self, tables: "Tables", index: int, fit: Any) -> "AbstractMember":
         """Plan a fit of a group; arguments and errors as `SinglePart.plan`."""
         ...
 

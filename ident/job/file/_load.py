@@ -1,17 +1,19 @@
 """A job file, read and checked as far as it can be before any work starts."""
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pydantic
 
 from ....models import Conventions
-from ...exchange import TomlError, read_conventions, read_toml
+from ...exchange import ExchangeError, TomlError, read_conventions, read_toml
 from ...kinds._keys import KeyPath
+from ...proof import GateLimits
 from ._checks import find_fault
 from ._existing import AxisLists, existing_lists
 from ._faults import JobError, error_at, first_fault
@@ -63,6 +65,20 @@ class Job:
         """Range in ° of the axes that turn, by logical number."""
         axes = self.spec.axes.values()
         return {a.number: (a.modulo[0], a.modulo[1]) for a in axes if a.modulo}
+
+    @functools.cached_property
+    def limits(self) -> GateLimits:
+        """Limits of the gate, defaults where the job names none."""
+        given = {name: value for name, value in self.spec.gate if value is not None}
+        return GateLimits(**given)
+
+    @contextlib.contextmanager
+    def blaming(self, where: KeyPath, start: str = "") -> Iterator[None]:
+        """Turn what fits no list into the error that a key is."""
+        try:
+            yield
+        except ExchangeError as error:
+            raise self.error(where, f"{start}{error}") from None
 
     def file(self, name: str) -> Path:
         """Return a path of the job, which is relative to the job file."""

@@ -90,6 +90,16 @@ class Axis(JobPart, frozen=True):
         """Unit of its positions: mm or °."""
         return "mm" if self.kind == "linear" else "°"
 
+    @property
+    def plain_unit(self) -> str:
+        """``mm`` or ``deg``, as results name it."""
+        return "mm" if self.kind == "linear" else "deg"
+
+    @property
+    def small_unit(self) -> str:
+        """Thousandths of it, in which errors are read."""
+        return "µm" if self.kind == "linear" else "0.001°"
+
 
 class ColumnChoice(JobPart, frozen=True):
     """A column of a measurement file and its unit, or one value for all rows.

@@ -10,7 +10,6 @@ from jaxtyping import Float
 from ...fit.joint import AbstractEffect, JointData, JointFit, Part, Temperature
 from ...readings import Tables
 from .._draft import AbstractDraft, AbstractOfFit
-from ..file._load import Job
 from ._recording import GroupRecording
 from ._share import Share, lost
 
@@ -66,15 +65,11 @@ class AbstractMember(AbstractOfFit):
         return ""
 
     def confused(
-        self,
-        job: Job,
-        members: Sequence["AbstractMember"],
-        recording: GroupRecording,
+        self, members: Sequence["AbstractMember"], recording: GroupRecording
     ) -> str:
         """Return with what that no fit stands for the readings confuse it; else nothing.
 
         Args:
-            job: The job.
             members: All that are fitted to these readings.
             recording: What was measured.
         """
@@ -86,15 +81,11 @@ class AbstractMember(AbstractOfFit):
 
     @abc.abstractmethod
     def effect(
-        self,
-        job: Job,
-        recording: GroupRecording,
-        left: Float[np.ndarray, " t"] | None,
+        self, recording: GroupRecording, left: Float[np.ndarray, " t"] | None
     ) -> AbstractEffect | None:
         """Return the effect; None where its form needs what the other effects leave.
 
         Args:
-            job: The job.
             recording: What was measured.
             left: Error of the axis that the other effects leave, where that is known.
 
@@ -103,7 +94,7 @@ class AbstractMember(AbstractOfFit):
         """
 
     @abc.abstractmethod
-    def draft(self, job: Job, share: Share) -> AbstractDraft:
+    def draft(self, share: Share) -> AbstractDraft:
         """Return its draft.
 
         Raises:
@@ -125,9 +116,7 @@ def few(data: JointData) -> JointData:
     return data.take(np.arange(0, len(data), step)) if step > 1 else data
 
 
-def members_of(
-    job: Job, tables: Tables, indices: Sequence[int]
-) -> tuple[AbstractMember, ...]:
+def members_of(tables: Tables, indices: Sequence[int]) -> tuple[AbstractMember, ...]:
     """Return the fits of a group: existing lists read, keys understood.
 
     Raises:
@@ -136,7 +125,7 @@ def members_of(
     """
 
     def member(index: int) -> AbstractMember:
-        fit = job.spec.fits[index]
-        return fit.kind.group.member(job, tables, index, fit, job.lists[fit.axis])
+        fit = tables.job.spec.fits[index]
+        return fit.kind.group.member(tables, index, fit)
 
     return tuple(map(member, indices))

@@ -13,8 +13,6 @@ from ...fit.joint import AbstractEffect, JointData, Part
 from ...kinds._keys import TableSpec
 from ...proof import HeldOut
 from ...readings import Readings, Tables
-from .._draft import AxisLists
-from ..file._load import Job
 from ..table._draft import TableDraft
 from ..table._plan import Plan, plan_fit
 from ..table._trend import refuse_unowned_trend
@@ -26,15 +24,13 @@ _TOGETHER = 0.99
 """Correlation of two masters from which on a table over them is told on a line only."""
 
 
-def member(
-    job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
-) -> "TableMember":
+def member(tables: Tables, index: int, fit: TableSpec) -> "TableMember":
     """Plan a table of a group.
 
     Raises:
         JobError: If nodes, masters or existing lists do not suit.
     """
-    return TableMember(index, fit, lists, plan_fit(job, tables, index, fit, lists))
+    return TableMember(tables.job, index, fit, plan_fit(tables, index, fit))
 
 
 @final
@@ -81,14 +77,11 @@ class TableMember(AbstractMember):
         )
 
     def effect(
-        self,
-        job: Job,
-        recording: GroupRecording,
-        left: Float[np.ndarray, " t"] | None,
+        self, recording: GroupRecording, left: Float[np.ndarray, " t"] | None
     ) -> AbstractEffect:
         return self.plan.table.effect(self.axis, self.fit.over)
 
-    def draft(self, job: Job, share: Share) -> TableDraft:
+    def draft(self, share: Share) -> TableDraft:
         plan, recording, rows = self.plan, share.recording, share.rows
         positions = np.stack(
             [share.column("position", name) for name in self.fit.over], axis=1
@@ -107,12 +100,12 @@ class TableMember(AbstractMember):
             slices=share.slices(),
         )
         fit = self._table_fit(share, share.part)
-        refuse_unowned_trend(job, plan, fit)
+        refuse_unowned_trend(plan, fit)
         spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
         return TableDraft(
+            self.job,
             self.index,
             self.fit,
-            self.lists,
             plan=plan,
             estimate=fit,
             run_effects="offset" if share.fit.runs.get(self.axis) else "none",

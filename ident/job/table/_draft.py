@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....data.lists import ListFile, Value
-from ...exchange import LIST_UNITS, ExchangeError, Model, by_branch
+from ...exchange import LIST_UNITS, Model, by_branch
 from ...fit import Samples, TableFit
 from ...kinds._keys import FitSpec, TableSpec
 from ...proof import ErrorFigures, GateCheck, HeldOut
@@ -23,7 +23,6 @@ from .._gating import (
     switching_checks,
     switching_remarks,
 )
-from ..file._load import Job
 from ..result._result import Remark, SampleView, Streamed, TableResult, staged
 from ..result._second import SecondMeasurement
 from ._plan import Plan
@@ -105,21 +104,18 @@ class AbstractTableDraft(AbstractDraft):
         whose = "it is" if self.fit.lengths else "its masters are"
         return f"Works once {whose} referenced"
 
-    def entries(self, job: Job) -> dict[str, Value]:
+    def entries(self) -> dict[str, Value]:
         prefix = self.plan.table.prefix
-        try:
-            found: dict[str, Value] = dict(
-                self.plan.table.entries(
-                    self.integers,
-                    existing=self.lists.compensation,
-                    max_points=self.fit.max_points,
-                    build=job.spec.controller.build,
-                )
+        found: dict[str, Value] = dict(
+            self.plan.table.entries(
+                self.integers,
+                existing=self.lists.compensation,
+                max_points=self.fit.max_points,
+                build=self.job.spec.controller.build,
             )
-        except ExchangeError as error:
-            raise job.error(("fits", self.index), str(error)) from None
+        )
         options = {
-            "n_cycles": chosen_cycles(job, self),
+            "n_cycles": chosen_cycles(self),
             "manual_activation": self.fit.manual_activation,
         }
         sizes = {key: value for key, value in found.items() if "[" not in key}
@@ -130,8 +126,8 @@ class AbstractTableDraft(AbstractDraft):
         }
         return sizes | chosen | {k: v for k, v in found.items() if "[" in k}
 
-    def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
-        values: dict[str, Value] = super().machine_entries(job, cycles)
+    def machine_entries(self, cycles: int | None) -> dict[str, Value]:
+        values: dict[str, Value] = super().machine_entries(cycles)
         if self._bilateral and cycles is not None:
             # A bilateral table contains the backlash; the parameter beside it would
             # compensate it twice.
@@ -152,29 +148,31 @@ class AbstractTableDraft(AbstractDraft):
             )
         ]
 
-    def cycles(self, job: Job) -> int | None:
+    @property
+    def cycles(self) -> int | None:
         if not self._bilateral:
             return None
         jump = float(abs(self.offset[0] - self.offset[1]).max())
-        return spread_over(job, jump, self.lists.machine, "lr_param.n_backlash_cyc")
+        return spread_over(
+            self.job, jump, self.lists.machine, "lr_param.n_backlash_cyc"
+        )
 
-    def jump(self, job: Job) -> float:
+    @property
+    def jump(self) -> float:
         both = (self.offset,) if self.change is None else (self.offset, self.change)
         return max(float(np.abs(part).max()) for part in both)
 
-    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        lines = pass_gate(job, self, cycles if self._bilateral else None)
-        return (*lines, *switching_checks(job, self))
+    def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
+        lines = pass_gate(self, cycles if self._bilateral else None)
+        return (*lines, *switching_checks(self))
 
-    def refuse_misread(self, job: Job, listing: ListFile) -> None:
+    def refuse_misread(self, listing: ListFile) -> None:
         table = self.plan.table
         back = table.read(ListFile.parse(listing.dumps(), listing.source))
         if not np.array_equal(table.to_integers(table.at_nodes(back)), self.integers):
-            raise job.error(
-                ("fits", self.index),
-                f"found another table in {listing.source} when it was read back, expected"
-                " the one that was fitted",
-            )
+            words = f"found another table in {listing.source} when it was read back,"
+            words += " expected the one that was fitted"
+            raise self.refusal(words)
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, TableSpec)
@@ -198,12 +196,11 @@ class AbstractTableDraft(AbstractDraft):
         )
 
     def prove(self, done: Written) -> TableResult:
-        plan, table, job = self.plan, self.plan.table, done.job
+        plan, table = self.plan, self.plan.table
         listing = done.compensation
         assert listing is not None  # a table stands in it
         proof = self.proof(table.read(listing))
         old, deviation = plan.old_offset, written_deviation(self.estimate)
-        linear = job.spec.axes[self.axis].kind == "linear"
         return TableResult(
             **self.frame(done),
             masters=self.fit.over,
@@ -219,9 +216,9 @@ class AbstractTableDraft(AbstractDraft):
             remarks=(
                 *plan.remarks,
                 *proof.remarks,
-                *fit_remarks(self, proof, linear),
+                *fit_remarks(self, proof),
                 *use_remarks(proof.error, proof.by_run),
-                *switching_remarks(job, self),
+                *switching_remarks(self),
                 *done.files.remarks,
             ),
             files=done.files.of_lists(done.names),

@@ -12,8 +12,7 @@ from ...fit import Samples, TableLayout, fit_table
 from ...kinds._keys import TableSpec
 from ...proof import held_out
 from ...readings import Readings, Tables, place_in_run, runs_overlap
-from .._draft import AbstractDraft, AxisLists, Leftovers, Planned
-from ..file._load import Job
+from .._draft import AbstractDraft, Leftovers, Planned
 from ..result._result import Remark
 from ._draft import AbstractTableDraft, TableDraft
 from ._layout import grid_words, suit
@@ -27,9 +26,7 @@ _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
 
 
-def plan(
-    job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
-) -> Planned:
+def plan(tables: Tables, index: int, fit: TableSpec) -> Planned:
     """Plan a table fit; what it returns fits it.
 
     Raises:
@@ -37,31 +34,31 @@ def plan(
             the readings do not determine the fit, or show a constant or a slope and the
             job does not say whose.
     """
-    planned = plan_fit(job, tables, index, fit, lists)
+    planned = plan_fit(tables, index, fit)
 
     def draft(left: Leftovers) -> AbstractDraft:
         log, words = in_pieces(tables, fit, planned.table)
         found: AbstractTableDraft
         if log is not None:
-            _refuse_beside(job, index, fit, left)
+            _refuse_beside(planned, left)
             found = fit_log(planned, log)
         else:
             readings, more = read_fit(tables, index, fit, planned.table, left)
             found = fit_plan(planned, readings, (*words, *more))
-        refuse_unowned_trend(job, planned, found.estimate)
+        refuse_unowned_trend(planned, found.estimate)
         return found
 
     return draft
 
 
-def _refuse_beside(job: Job, index: int, fit: TableSpec, left: Leftovers) -> None:
-    for name in fit.sources:
-        for other in left.beside.get((index, name), ()):
-            raise job.error(
+def _refuse_beside(plan: Plan, left: Leftovers) -> None:
+    for name in plan.fit.sources:
+        for other in left.beside.get((plan.index, name), ()):
+            raise plan.job.error(
                 ("measurements", name, "stream"),
                 f"found a log that is read in pieces, beside {other.words}, which was off"
                 f" while measuring and will act as well: expected stream = false, so that"
-                f" fits[{index}] can correct what it leaves",
+                f" fits[{plan.index}] can correct what it leaves",
             )
 
 
@@ -111,9 +108,9 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     acted = plan.acted(readings.positions, branch)
     late = _late(table, samples, readings.late)
     return TableDraft(
+        plan.job,
         plan.index,
         spec,
-        plan.lists,
         plan=plan,
         estimate=dataclasses.replace(
             estimate,

@@ -20,12 +20,11 @@ from ...exchange import (
 )
 from ...kinds._keys import TableSpec
 from ...readings import Tables
-from ..file._faults import JobError
 from ..file._load import Job
 
 
 def table_of(
-    job: Job, tables: Tables, index: int, fit: TableSpec, old: Model | None
+    tables: Tables, index: int, fit: TableSpec, old: Model | None
 ) -> AbstractTable:
     """Return the table that a fit writes.
 
@@ -36,7 +35,7 @@ def table_of(
         JobError: If there are no nodes, or they do not go round a modulo axis.
         ExchangeError: If a list cannot hold them.
     """
-    nodes = _nodes(job, tables, index, fit, old)
+    job, nodes = tables.job, _nodes(tables, index, fit, old)
     periodic = _full_turn(job, index, fit, nodes[0])
     return dataclasses.replace(empty_table(job, fit), nodes=nodes, periodic=periodic)
 
@@ -50,7 +49,7 @@ def empty_table(job: Job, fit: TableSpec) -> AbstractTable:
 
 
 def _nodes(
-    job: Job, tables: Tables, index: int, fit: TableSpec, old: Model | None
+    tables: Tables, index: int, fit: TableSpec, old: Model | None
 ) -> tuple[ListNodes, ...]:
     name = f"fits[{index}]"
     if fit.nodes:
@@ -65,16 +64,13 @@ def _nodes(
     # No mesh is that large.
     if len(fit.over) == 2 and tables.large(fit.sources[0]) is None:
         read = tables.table(fit.sources[0])
-        columns = job.spec.measurements[fit.sources[0]].columns
+        columns = tables.job.spec.measurements[fit.sources[0]].columns
         if read.format in MESH_FORMATS and not columns:
             return tuple(_mesh_nodes(read.column(axis).values, name) for axis in "xy")
-    raise _no_nodes(job, tables, index, fit)
-
-
-def _no_nodes(job: Job, tables: Tables, index: int, fit: TableSpec) -> JobError:
     suited = _suited_nodes(tables, fit)
     hint = f"; these suit the readings: {suited}" if suited else ""
-    return job.error(("fits", index), f"no nodes, expected {fit.nodes_wanted}{hint}")
+    reason = f"no nodes, expected {fit.nodes_wanted}{hint}"
+    raise tables.job.error(("fits", index), reason)
 
 
 def _suited_nodes(tables: Tables, fit: TableSpec) -> str:

@@ -201,9 +201,9 @@ def fit_log(plan: Plan, readings: LogReadings) -> StreamedDraft:
     )
     zero, estimate = plan.zeroed(found.fit)
     return StreamedDraft(
+        plan.job,
         plan.index,
         spec,
-        plan.lists,
         plan=plan,
         estimate=estimate,
         run_effects="none",

@@ -18,7 +18,7 @@ from ...fit import TableFit, predict, zeroed
 from ...kinds import kinds
 from ...kinds._keys import FitSpec, TableSpec
 from ...readings import Tables
-from .._draft import AxisLists
+from .._draft import AbstractOfFit
 from ..file._load import Job
 from ..result._result import Remark
 from ._layout import empty_table, table_of
@@ -26,14 +26,10 @@ from ._readings import datum_of
 
 
 @dataclasses.dataclass(frozen=True)
-class Plan:
+class Plan(AbstractOfFit):
     """One table before its measurement is looked at.
 
     Attributes:
-        job: The job.
-        index: Of the fit in the job.
-        fit: Its specification.
-        lists: What the axis has already.
         table: What will be written.
         old: Table of this compensation in the existing list, or None.
         active: Whether it was active while measuring: the new table is then old +
@@ -42,10 +38,7 @@ class Plan:
         remarks: What the user must know.
     """
 
-    job: Job
-    index: int
     fit: TableSpec
-    lists: AxisLists
     table: AbstractTable
     old: Model | None
     active: bool
@@ -118,20 +111,19 @@ class Plan:
         return self.table.offset(self.old, positions, branch)
 
 
-def plan_fit(
-    job: Job, tables: Tables, index: int, fit: TableSpec, lists: AxisLists
-) -> Plan:
+def plan_fit(tables: Tables, index: int, fit: TableSpec) -> Plan:
     """Return what a table fit writes.
 
     Raises:
         JobError: If nodes, masters or existing lists do not suit.
     """
+    job, lists = tables.job, tables.job.lists[fit.axis]
     existing, axis_list = lists.compensation, lists.machine
     where = ("fits", index)
     active = was_active(job, index, fit, _holder(fit, existing))
-    try:
+    with job.blaming(where):
         old, unread = _old_table(job, fit, existing, active)
-        table = table_of(job, tables, index, fit, old)
+        table = table_of(tables, index, fit, old)
         if active:
             if existing is None or old is None:
                 raise job.error(
@@ -147,15 +139,12 @@ def plan_fit(
                     f" {list(old_masters)} as in the active table of {existing.source}",
                 )
             refuse_lost_nodes(table, old, existing.source)
-    except ExchangeError as error:
-        raise job.error(where, str(error)) from None
     fit.refuse(job, index, table)
     return Plan(
         job=job,
         index=index,
         fit=fit,
         table=table,
-        lists=lists,
         old=old,
         active=active,
         datum=datum_of(job, index, fit),

@@ -24,17 +24,14 @@ _MOST, _MOST_WILD = 6, 20
 """Nodes, and wild readings, that are named one by one."""
 
 
-def fit_remarks(
-    one: "AbstractTableDraft", proof: "Proof", linear: bool
-) -> Iterator[Remark]:
+def fit_remarks(one: "AbstractTableDraft", proof: "Proof") -> Iterator[Remark]:
     """Return gaps, suspicious nodes and runs, and what each run was allowed.
 
     Args:
         one: The fit.
         proof: Its readings under the written file.
-        linear: Whether lengths are in mm, else in °.
     """
-    fit = one.estimate
+    fit, unit = one.estimate, one.job.spec.axes[one.axis].small_unit
     empty = int(np.sum(fit.support == 0))
     if empty:
         why = "were not measured"
@@ -67,7 +64,6 @@ def fit_remarks(
         )
     if fit.runs:
         largest = 1e3 * max(abs(run.offset) for run in fit.runs)
-        unit = "µm" if linear else "0.001°"
         own = "offset and drift" if one.run_effects == "drift" else "offset"
         yield Remark.info(
             f"Each of the {len(fit.runs)} runs was allowed an {own} of its own"
@@ -78,7 +74,6 @@ def fit_remarks(
         if proof.readings <= _SPARSE * fit.support.size:
             known = "is not in the standard deviations"
             if fit.line_offset:
-                unit = "µm" if linear else "0.001°"
                 known = (
                     "stands in the standard deviations only as an assumed offset of every"
                     f" line of readings, {1e3 * fit.line_offset:.1f} {unit} (1 sd)"

@@ -14,7 +14,6 @@ from jaxtyping import Float
 
 from ...fit import TableFit
 from ...kinds._keys import TableSpec
-from .._gating import limits_of
 from ..file._load import Job
 from ._plan import Plan
 
@@ -122,17 +121,17 @@ def trend_through(
     )
 
 
-def refuse_unowned_trend(job: Job, plan: Plan, fit: TableFit) -> None:
+def refuse_unowned_trend(plan: Plan, fit: TableFit) -> None:
     """Raise where the job does not say whose a significant constant or slope is.
 
     Args:
-        job: The job.
         plan: Of the table.
         fit: The error as the readings show it, nothing taken off.
 
     Raises:
         JobError: Naming the measurement, both numbers and the keys that answer.
     """
+    job = plan.job
     silent = [
         name
         for name in plan.fit.sources
@@ -156,14 +155,13 @@ def refuse_unowned_trend(job: Job, plan: Plan, fit: TableFit) -> None:
 
 def asks_for_owner(job: Job, trend: Trend) -> bool:
     """Return whether a job must say whose the constant and the slopes of an error are."""
-    return trend.is_significant(_NEGLIGIBLE * limits_of(job).max_correction)
+    return trend.is_significant(_NEGLIGIBLE * job.limits.max_correction)
 
 
 def trend_words(job: Job, fit: TableSpec, trend: Trend) -> str:
     """Return constant and slopes with unit and standard deviation."""
     axes, masters = job.spec.axes, fit.over
-    linear = axes[fit.axis].kind == "linear"
-    unit = "µm" if linear else "0.001°"
+    unit = axes[fit.axis].small_unit
     words = [
         f"a constant of {_amount(trend.constant, trend.constant_deviation)} {unit}"
     ]

@@ -118,14 +118,15 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
     number, existing = job.spec.axes[axis].number, lists.compensation
     name = f"achskw{number}.lis"
     drafts = [one for one in every if one.written]
-    spreads = [spread for one in drafts if (spread := one.cycles(job)) is not None]
+    spreads = [spread for one in drafts if (spread := one.cycles) is not None]
     cycles = max(spreads, default=None)
-    gates = {one.index: one.gate(job, cycles) if one.written else () for one in every}
+    gates = {one.index: one.gate(cycles) if one.written else () for one in every}
     entries: dict[str, Value] = {}
     extra: dict[str, bytes] = {}
     for one in drafts:
-        entries |= one.entries(job)
-        extra |= one.extra_files(job)
+        with job.blaming(("fits", one.index)):
+            entries |= one.entries()
+        extra |= one.extra_files()
     listing, remarks = None, list[Remark]()
     if entries and existing is None:
         listing = _new(job, axis, entries)
@@ -140,7 +141,7 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
     if listing is not None:
         listing = dataclasses.replace(listing, source=name)
         for one in drafts:
-            one.refuse_misread(job, listing)
+            one.refuse_misread(listing)
     machine, more = _machine_list(job, axis, lists, drafts, cycles)
     pairs = (existing, listing), (lists.machine, machine)
     return AxisFiles(
@@ -275,7 +276,8 @@ def _machine_list(
     values: dict[str, Value] = {}
     remarks: list[Remark] = []
     for one in drafts:
-        values |= one.machine_entries(job, cycles)
+        with job.blaming(("fits", one.index)):
+            values |= one.machine_entries(cycles)
         remarks += one.machine_remarks()
     if not values:
         return None, remarks

@@ -8,8 +8,6 @@ from jaxtyping import Float
 
 from ...fit import DriftNoise, FitError
 from ...fit.joint import Backlash
-from ...job._draft import AxisLists
-from ...job.file._load import Job
 from ...job.joint._member import AbstractMember
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
@@ -23,16 +21,14 @@ _MOST = 5_000
 """Readings that are enough to see whether a backlash changes along the axis."""
 
 
-def member(
-    job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists
-) -> "BacklashMember":
+def member(tables: Tables, index: int, fit: Spec) -> "BacklashMember":
     """Plan a backlash of a group.
 
     Raises:
         JobError: If existing lists do not suit.
     """
-    known = known_backlash(job, index, fit, lists)
-    return BacklashMember(index, fit, lists, known)
+    known = known_backlash(tables.job, index, fit)
+    return BacklashMember(tables.job, index, fit, known)
 
 
 @final
@@ -56,14 +52,11 @@ class BacklashMember(AbstractMember):
         return (self.axis,)
 
     def effect(
-        self,
-        job: Job,
-        recording: GroupRecording,
-        left: Float[np.ndarray, " t"] | None,
+        self, recording: GroupRecording, left: Float[np.ndarray, " t"] | None
     ) -> Backlash:
         return Backlash(self.axis, reference=self.known.reference)
 
-    def draft(self, job: Job, share: Share) -> BacklashDraft:
+    def draft(self, share: Share) -> BacklashDraft:
         part = share.part
         way = share.column("direction", self.axis)
         width, deviation = float(part.values[0]), float(part.standard_deviation[0])
@@ -77,7 +70,7 @@ class BacklashMember(AbstractMember):
             run=None if run is None else run[share.rows],
             time=share.time,
             reach=0.0,
-            rotary=job.spec.axes[self.axis].kind != "linear",
+            rotary=self.job.spec.axes[self.axis].kind != "linear",
             slices=share.slices(),
             remarks=tuple(share.remarks()),
         )
@@ -93,9 +86,9 @@ class BacklashMember(AbstractMember):
             wild=share.wild,
         )
         return BacklashDraft(
+            job=self.job,
             index=self.index,
             fit=self.fit,
-            lists=self.lists,
             recording=data,
             found=found,
             known=self.known,

@@ -10,10 +10,9 @@ from jaxtyping import Float
 
 from ....data.lists import Value
 from ....models import Backlash
-from ...exchange import ExchangeError
 from ...fit import FitError
-from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
-from ...job._gating import limits_of, spread_over
+from ...job._draft import AbstractDraft, Leftovers, Planned, Written
+from ...job._gating import spread_over
 from ...job.file._load import Job
 from ...job.result._result import staged
 from ...job.result._second import SecondMeasurement
@@ -55,22 +54,19 @@ class KnownBacklash:
         return float(self.old.width) if self.active and self.old is not None else 0.0
 
 
-def known_backlash(job: Job, index: int, fit: Spec, lists: AxisLists) -> KnownBacklash:
+def known_backlash(job: Job, index: int, fit: Spec) -> KnownBacklash:
     """Return what the axis list holds.
 
     Raises:
         JobError: If it cannot be read, or does not hold what was active.
     """
-    where = ("fits", index)
     old: Backlash | None = None
-    if lists.machine is not None:
-        try:
-            old = backlash_from_list(lists.machine, job.conventions)
-        except ExchangeError as error:
-            raise job.error(where, str(error)) from None
-    holder = None
-    if lists.machine is not None and old is not None and float(old.width) != 0.0:
-        holder = lists.machine.source
+    holder, machine = None, job.lists[fit.axis].machine
+    if machine is not None:
+        with job.blaming(("fits", index)):
+            old = backlash_from_list(machine, job.conventions)
+        if old is not None and float(old.width) != 0.0:
+            holder = machine.source
     active = was_active(job, index, fit, holder)
     if active and old is None:
         raise job.error(
@@ -81,19 +77,19 @@ def known_backlash(job: Job, index: int, fit: Spec, lists: AxisLists) -> KnownBa
     return KnownBacklash(old, active)
 
 
-def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> Planned:
+def plan(tables: Tables, index: int, fit: Spec) -> Planned:
     """Plan a backlash fit; what it returns fits it.
 
     Raises:
         JobError: If existing lists do not suit.
         FitError: Of what it returns: if the readings do not determine it.
     """
-    known = known_backlash(job, index, fit, lists)
+    known = known_backlash(tables.job, index, fit)
 
     def draft(left: Leftovers) -> AbstractDraft:
         recording = read_recording(tables, fit)
         found = recording.fit(fit.loss)
-        return BacklashDraft(index, fit, lists, recording, found, known)
+        return BacklashDraft(tables.job, index, fit, recording, found, known)
 
     return draft
 
@@ -141,25 +137,24 @@ class BacklashDraft(AbstractDraft):
     def needs(self) -> str:
         return "Works from start-up on, referenced or not"
 
-    def cycles(self, job: Job) -> int | None:
+    @property
+    def cycles(self) -> int | None:
         machine = self.lists.machine
-        return spread_over(job, abs(self.width), machine, _SPREAD, switched=True)
+        return spread_over(self.job, self.jump, machine, _SPREAD, switched=True)
 
-    def jump(self, job: Job) -> float:
+    @property
+    def jump(self) -> float:
         return abs(self.width)
 
-    def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
+    def machine_entries(self, cycles: int | None) -> dict[str, Value]:
         model = dataclasses.replace(self.found, width=self.width).compensation(
             self.reference, cycles or 0
         )
-        try:
-            return dict(entries_of_backlash(model, (), job.conventions))
-        except ExchangeError as error:
-            raise job.error(("fits", self.index), str(error)) from None
+        return dict(entries_of_backlash(model, (), self.job.conventions))
 
-    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        limits, unit = limits_of(job), job.spec.axes[self.axis].unit
-        jump, spread = abs(self.width), cycles or 0
+    def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
+        job, jump, spread = self.job, self.jump, cycles or 0
+        limits, unit = job.limits, job.spec.axes[self.axis].unit
         lines = [
             *reversal_checks(
                 jump, spread, job.spec.controller.cycle_time, limits, unit,
@@ -261,5 +256,5 @@ class BacklashDraft(AbstractDraft):
         listing = done.machine
         if listing is None:
             return 0.0 if self.known.old is None else float(self.known.old.width)
-        back = backlash_from_list(listing, done.job.conventions)
+        back = backlash_from_list(listing, self.job.conventions)
         return 0.0 if back is None else float(back.width)

@@ -8,8 +8,6 @@ from jaxtyping import Float
 
 from ...fit import FitError
 from ...fit.joint import Crosstalk, JointFit, Part
-from ...job._draft import AxisLists
-from ...job.file._load import Job
 from ...job.joint._member import AbstractMember
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
@@ -21,16 +19,15 @@ from .job import CrosstalkDraft, Existing, existing_crosstalk
 from .keys import Spec
 
 
-def member(
-    job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists
-) -> "CrosstalkMember":
+def member(tables: Tables, index: int, fit: Spec) -> "CrosstalkMember":
     """Plan a crosstalk of a group.
 
     Raises:
         JobError: If existing lists do not suit.
     """
-    old = existing_crosstalk(job, index, fit, lists)
-    return CrosstalkMember(index, fit, lists, old, fit.mover(job.conventions))
+    job = tables.job
+    old = existing_crosstalk(job, index, fit)
+    return CrosstalkMember(job, index, fit, old, fit.mover(job.conventions))
 
 
 @final
@@ -78,12 +75,9 @@ class CrosstalkMember(AbstractMember):
         return bool(part.effect.table(part.determined.astype(float)).all(axis=0).any())
 
     def effect(
-        self,
-        job: Job,
-        recording: GroupRecording,
-        left: Float[np.ndarray, " t"] | None,
+        self, recording: GroupRecording, left: Float[np.ndarray, " t"] | None
     ) -> Crosstalk | None:
-        options = options_of(self.fit, self.old.active, job.conventions)
+        options = options_of(self.fit, self.old.active, self.job.conventions)
         names, points, mode = self.fit.adapts_to, options["positions"], options["mode"]
         rates = options["acceleration"], options["deceleration"]
         way = options["velocity_dependent"]
@@ -100,7 +94,7 @@ class CrosstalkMember(AbstractMember):
             rates = found.acceleration, found.deceleration
             way = found.velocity_dependent
         # A list is written with all four entries of a test (S-35).
-        rules = dataclasses.replace(job.conventions, crosstalk_undirected="own")
+        rules = dataclasses.replace(self.job.conventions, crosstalk_undirected="own")
         return Crosstalk(
             self.axis, self.fit.master, rates[0], rates[1],
             adaptation=names, positions=points,
@@ -128,14 +122,14 @@ class CrosstalkMember(AbstractMember):
         )
         return joined_logs([whole.take(rows) for rows in recording.slices.values()])
 
-    def draft(self, job: Job, share: Share) -> CrosstalkDraft:
+    def draft(self, share: Share) -> CrosstalkDraft:
         part, effect = share.part, share.part.effect
         assert isinstance(effect, Crosstalk)  # of `effect`
         names, rates = effect.adaptation, (effect.acceleration, effect.deceleration)
         used = np.full(len(share.rows), np.nan)
         used[share.rows] = share.error
         log = self._log(share.recording, used, names).directed(*rates)
-        events = cut_events(log, *rates, conventions=job.conventions)
+        events = cut_events(log, *rates, conventions=self.job.conventions)
         left = self._log(share.recording, share.predicted, names).error
         added = np.where(np.isfinite(log.error), np.nan_to_num(left - log.error), 0.0)
         told = effect.table(part.determined.astype(float)) > 0.5
@@ -156,17 +150,15 @@ class CrosstalkMember(AbstractMember):
             noise=np.array([np.median(own) if own.size else np.nan for own in scatter]),
             events=events,
             scores=(),
-            conventions=job.conventions,
+            conventions=self.job.conventions,
         )
         found = Identified(
             fit=fit,
             readings=log,
             masters=names,
-            held_out=events_under(log, added, rates, job.conventions),
+            held_out=events_under(log, added, rates, self.job.conventions),
             judged=np.ones(len(events), dtype=bool),
             delay=0.0,
         )
         remarks = tuple(share.remarks())
-        return CrosstalkDraft(
-            self.index, self.fit, self.lists, remarks, found, self.old
-        )
+        return CrosstalkDraft(self.job, self.index, self.fit, remarks, found, self.old)

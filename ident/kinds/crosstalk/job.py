@@ -10,8 +10,8 @@ from jaxtyping import Float
 from ....data.lists import Value
 from ....models import Crosstalk, LegacyCrosstalk
 from ...exchange import ExchangeError
-from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
-from ...job._gating import limits_of, spread_over
+from ...job._draft import AbstractDraft, Leftovers, Planned, Written
+from ...job._gating import spread_over
 from ...job.file._load import Job
 from ...job.result._result import Remark, staged
 from ...job.table._plan import was_active
@@ -48,13 +48,13 @@ class Existing:
     active: Crosstalk | None = None
 
 
-def existing_crosstalk(job: Job, index: int, fit: Spec, lists: AxisLists) -> Existing:
+def existing_crosstalk(job: Job, index: int, fit: Spec) -> Existing:
     """Return the crosstalk of the list that is there, and whether it was active.
 
     Raises:
         JobError: If it was, and cannot be added to.
     """
-    found, listing, holder = Existing(), lists.compensation, None
+    found, listing, holder = Existing(), job.lists[fit.axis].compensation, None
     if listing is not None and ENTRIES.is_in(listing):
         try:
             model = crosstalk_from_list(listing, job.conventions)
@@ -94,20 +94,21 @@ def existing_crosstalk(job: Job, index: int, fit: Spec, lists: AxisLists) -> Exi
     return dataclasses.replace(found, active=found.model)
 
 
-def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> Planned:
+def plan(tables: Tables, index: int, fit: Spec) -> Planned:
     """Plan a crosstalk fit; what it returns fits it.
 
     Raises:
         JobError: If existing lists do not suit.
         FitError: Of what it returns: if the readings do not determine it.
     """
-    old = existing_crosstalk(job, index, fit, lists)
+    job = tables.job
+    old = existing_crosstalk(job, index, fit)
 
     def draft(left: Leftovers) -> AbstractDraft:
         readings, words = read_crosstalk(tables, fit)
         found = identify(readings, fit, old.active, job.conventions)
         remarks = tuple(map(Remark.info, words))
-        return CrosstalkDraft(index, fit, lists, remarks, found, old)
+        return CrosstalkDraft(job, index, fit, remarks, found, old)
 
     return draft
 
@@ -139,14 +140,15 @@ class CrosstalkDraft(AbstractDraft):
     def written(self) -> bool:
         return self.list_model is not None
 
-    def model(self, job: Job) -> Crosstalk:
-        """Return the list that is written as the controller runs it."""
+    @functools.cached_property
+    def model(self) -> Crosstalk:
+        """The list that is written as the controller runs it."""
         model, cycles = self.list_model, self.fit.n_cycles
         assert model is not None  # it is written
         if cycles is None:
             jump = largest_jump(full_offsets(model, model), model.by_speed)
             entry = f"{self.kind.prefix}.n_cycles"
-            cycles = spread_over(job, jump, self.lists.compensation, entry)
+            cycles = spread_over(self.job, jump, self.lists.compensation, entry)
         return dataclasses.replace(model, cycles=cycles)
 
     @property
@@ -155,41 +157,39 @@ class CrosstalkDraft(AbstractDraft):
             return "Works from start-up on"
         return f"Works once {' and '.join(self.found.masters)} are referenced"
 
-    def _masters(self, job: Job) -> tuple[int, ...]:
-        """Return the numbers of the axes that it acts over, the accelerating one first."""
+    @property
+    def _masters(self) -> tuple[int, ...]:
+        """Numbers of the axes that it acts over, the accelerating one first."""
         names = (self.fit.master, *self.found.masters)
-        return tuple(job.spec.axes[name].number for name in names)
+        return tuple(self.job.spec.axes[name].number for name in names)
 
-    def entries(self, job: Job) -> dict[str, Value]:
-        try:
-            entries: dict[str, Value] = dict(
-                entries_of_crosstalk(self.model(job), self._masters(job))
-            )
-        except ExchangeError as error:
-            raise job.error(("fits", self.index), str(error)) from None
+    def entries(self) -> dict[str, Value]:
+        entries: dict[str, Value] = dict(
+            entries_of_crosstalk(self.model, self._masters)
+        )
         manual = self.fit.manual_activation
         if manual is not None:
             entries[f"{self.kind.prefix}.manual_activation"] = int(manual)
         return entries
 
-    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
+    def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         return judge_crosstalk(
-            self.model(job),
+            self.model,
             self.found.masters,
-            job.spec.controller.cycle_time,
-            limits_of(job),
-            self._change(job),
+            self.job.spec.controller.cycle_time,
+            self.job.limits,
+            self._change(),
         )
 
-    def _change(self, job: Job) -> Float[np.ndarray, "4 p"] | None:
+    def _change(self) -> Float[np.ndarray, "4 p"] | None:
         """Return what the new list adds beyond the old one, where both can be compared."""
-        old, model = self.old.model, self.model(job)
-        if old is None or self.old.masters != self._masters(job):
+        old, model = self.old.model, self.model
+        if old is None or self.old.masters != self._masters:
             return None
         return np.asarray(full_offsets(model, model) - full_offsets(old, model))
 
     def prove(self, done: Written) -> CrosstalkResult:
-        job, found, fit = done.job, self.found, self.found.fit
+        found, fit = self.found, self.found.fit
         added, rates = self.added_to_log(done), (fit.acceleration, fit.deceleration)
         left = events_under(found.readings, added, rates, fit.conventions)
         before, wild, judged = fit.events.value, fit.events.wild, found.judged
@@ -197,11 +197,11 @@ class CrosstalkDraft(AbstractDraft):
         if judged.any():
             predicted = error_figures(found.held_out[judged], wild=wild[judged])
             error["predicted"] = predicted
-        model = self.model(job) if self.written else None
+        model = self.model if self.written else None
         shown = np.zeros(len(fit.points), dtype=bool)
         if model is not None:
             shown = fit.kept(self.old.active)
-        workspace = self._workspace(job)
+        workspace = self._workspace()
         result = CrosstalkResult(
             **self.frame(done),
             error=error,
@@ -223,27 +223,28 @@ class CrosstalkDraft(AbstractDraft):
             readings=found.readings,
             added=added,
         )
-        said = remarks_of(result, found, job.spec.controller.cycle_time)
+        said = remarks_of(result, found, self.job.spec.controller.cycle_time)
         remarks = (*self.remarks, *said, *self._about_the_old(), *done.files.remarks)
         return dataclasses.replace(result, remarks=remarks)
 
     def added_to_log(self, done: Written) -> Float[np.ndarray, " t"]:
         """Return what the written file adds in each row beyond what acted already."""
-        readings, job, listing = self.found.readings, done.job, done.compensation
+        readings, listing = self.found.readings, done.compensation
         motion = readings.acceleration, readings.velocity, readings.positions
         if not self.written or listing is None:
             return np.zeros(len(readings.time))
-        model = crosstalk_from_list(listing, job.conventions)
+        model = crosstalk_from_list(listing, self.job.conventions)
         added = np.asarray(model.offset(*motion))
         if self.old.active is not None:
             added = added - np.asarray(self.old.active.offset(*motion))
         return added
 
-    def _workspace(self, job: Job) -> Float[np.ndarray, "k 2"]:
+    def _workspace(self) -> Float[np.ndarray, "k 2"]:
         """Return where the adaptation axes go: software limits, else as measured."""
         places = self.found.readings.positions
         spans = [
-            job.spec.axes[name].limits or [float(column.min()), float(column.max())]
+            self.job.spec.axes[name].limits
+            or [float(column.min()), float(column.max())]
             for name, column in zip(self.found.masters, places.T, strict=True)
         ]
         return np.array(spans, dtype=float).reshape(-1, 2)

@@ -8,11 +8,8 @@ import numpy as np
 
 from ....data.lists import ListFile, Value
 from ....models import FrictionCompensation
-from ...exchange import ExchangeError
 from ...friction import Knots, place_knots
-from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
-from ...job._gating import limits_of
-from ...job.file._load import Job
+from ...job._draft import AbstractDraft, Leftovers, Planned, Written
 from ...job.result._result import Remark
 from ...proof import CircularTest, GateCheck, circular_test, gate_check
 from ...readings import Tables
@@ -26,12 +23,13 @@ from .keys import Spec
 _ENTRIES = 20
 
 
-def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> Planned:
+def plan(tables: Tables, index: int, fit: Spec) -> Planned:
     """Plan a friction fit; what it returns fits it.
 
     Raises:
         FitError: Of what it returns: if the recording does not determine it.
     """
+    job = tables.job
 
     def draft(left: Leftovers) -> AbstractDraft:
         recording = read_drive(tables, fit)
@@ -52,7 +50,7 @@ def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> P
             )
         view = view_of(recording, found, curve, knots, level)
         return FrictionDraft(
-            index, fit, lists, recording, found, curve, unit, knots, view, level
+            job, index, fit, recording, found, curve, unit, knots, view, level
         )
 
     return draft
@@ -90,28 +88,24 @@ class FrictionDraft(AbstractDraft):
     def needs(self) -> str:
         return "Works without referencing"
 
-    def entries(self, job: Job) -> dict[str, Value]:
+    def entries(self) -> dict[str, Value]:
         assert self.knots is not None  # it is written
-        existing = self.lists.compensation
-        try:
-            before = None
-            if existing is not None and has_friction(existing):
-                before = friction_from_list(existing, job.conventions)
-            return dict(
-                entries_of_friction(
-                    numbers_of(self.knots, self.found.reversal, before),
-                    existing=existing,
-                    max_points=self.fit.max_points,
-                    build=job.spec.controller.build,
-                )
+        existing, before = self.lists.compensation, None
+        if existing is not None and has_friction(existing):
+            before = friction_from_list(existing, self.job.conventions)
+        return dict(
+            entries_of_friction(
+                numbers_of(self.knots, self.found.reversal, before),
+                existing=existing,
+                max_points=self.fit.max_points,
+                build=self.job.spec.controller.build,
             )
-        except ExchangeError as error:
-            raise job.error(("fits", self.index), str(error)) from None
+        )
 
-    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
+    def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         assert self.knots is not None  # it is written
         assert self.unit.share is not None  # else no entry could be
-        limit = limits_of(job).max_current
+        limit = self.job.limits.max_current
         largest = int(np.argmax(np.abs(self.knots.out)))
         value = float(abs(self.knots.out[largest]) * self.unit.share)
         speed = self.knots.velocity[largest] / 1000.0
@@ -121,7 +115,7 @@ class FrictionDraft(AbstractDraft):
             self.view.gate(self.knots.unit, self.recording.unit),
         )
 
-    def refuse_misread(self, job: Job, listing: ListFile) -> None:
+    def refuse_misread(self, listing: ListFile) -> None:
         assert self.knots is not None  # it is written
         parsed = ListFile.parse(listing.dumps(), listing.source)
         speed, out = (
@@ -129,16 +123,14 @@ class FrictionDraft(AbstractDraft):
         )
         wanted = zip(self.knots.velocity.tolist(), self.knots.out.tolist(), strict=True)
         if not set(wanted) <= set(zip(speed, out, strict=True)):
-            raise job.error(
-                ("fits", self.index),
-                f"found another table in {listing.source} when it was read back,"
-                " expected the one that was fitted",
-            )
+            words = f"found another table in {listing.source} when it was read back,"
+            words += " expected the one that was fitted"
+            raise self.refusal(words)
 
     def prove(self, done: Written) -> FrictionResult:
         view, listing, back = self.view, done.compensation, None
         if listing is not None and self.knots is not None:
-            back = friction_from_list(listing, done.job.conventions)
+            back = friction_from_list(listing, self.job.conventions)
         if back is not None and self.unit.current is not None:
             listed = self.unit.current * back.law.evaluate(view.velocity)
             view = dataclasses.replace(view, listed=listed)
@@ -157,12 +149,10 @@ class FrictionDraft(AbstractDraft):
             level=self.level,
             curve=self.curve,
             view=view,
-            circle=self._circle(done.job, back),
+            circle=self._circle(back),
         )
 
-    def _circle(
-        self, job: Job, back: FrictionCompensation | None
-    ) -> CircularTest | None:
+    def _circle(self, back: FrictionCompensation | None) -> CircularTest | None:
         """Return a simulated circle, where mass, law and list are known."""
         fit = self.found.fit
         inertia = fit.parameters.get("inertia")
@@ -171,7 +161,7 @@ class FrictionDraft(AbstractDraft):
             return None
         if self.recording.samples.unit != "mm":
             return None  # a circle is drawn by linear axes
-        cycle = job.spec.controller.cycle_time
+        cycle = self.job.spec.controller.cycle_time
         return circular_test(law, float(inertia), back, out_unit=unit, cycle=cycle)
 
     def _remarks(self) -> Iterator[Remark]:

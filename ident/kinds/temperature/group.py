@@ -11,8 +11,6 @@ from scipy.linalg import block_diag
 from ..._recording import JointData
 from ...fit import DriftNoise
 from ...fit.joint import Leadscrew, Temperature, examine_design
-from ...job._draft import AxisLists
-from ...job.file._load import Job
 from ...job.joint._member import AbstractMember, at_once, few
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
@@ -29,9 +27,7 @@ _NODES = 11
 """Of the leadscrew that a thermal line is compared with."""
 
 
-def member(
-    job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists
-) -> "TemperatureMember":
+def member(tables: Tables, index: int, fit: Spec) -> "TemperatureMember":
     """Plan the thermal line of a group.
 
     Raises:
@@ -39,8 +35,8 @@ def member(
             does not say whether it acted.
         MeasurementError: If the only sensor is to be taken and there is none.
     """
-    refuse_unstated_law(job, fit, lists)
-    return TemperatureMember(index, fit, lists, effects_of(tables, fit))
+    refuse_unstated_law(tables.job, fit)
+    return TemperatureMember(tables.job, index, fit, effects_of(tables, fit))
 
 
 @final
@@ -82,10 +78,7 @@ class TemperatureMember(AbstractMember):
         return bool(self.positions)
 
     def confused(
-        self,
-        job: Job,
-        members: Sequence[AbstractMember],
-        recording: GroupRecording,
+        self, members: Sequence[AbstractMember], recording: GroupRecording
     ) -> str:
         """Return that an error along the axis looks like its temperature, or nothing.
 
@@ -99,24 +92,21 @@ class TemperatureMember(AbstractMember):
         if not high > low:
             return ""
         screw = Leadscrew(self.axis, np.linspace(low, high, _NODES))
-        heat = at_once(self.effect(job, recording, None))
+        heat = at_once(self.effect(recording, None))
         told = examine_design(few(recording.data), [screw, heat])
         own = [each for each in told.confusions if len(set(each.effects)) > 1]
         return own[0].sentence if own else ""
 
     def effect(
-        self,
-        job: Job,
-        recording: GroupRecording,
-        left: Float[np.ndarray, " t"] | None,
+        self, recording: GroupRecording, left: Float[np.ndarray, " t"] | None
     ) -> Temperature:
         warmth = {
-            job.spec.measurements[name].reference_temperature
+            self.job.spec.measurements[name].reference_temperature
             for name in self.fit.sources
         }
         return line_of(self.fit, self.effects, recording.data, warmth.pop())
 
-    def draft(self, job: Job, share: Share) -> TemperatureDraft:
+    def draft(self, share: Share) -> TemperatureDraft:
         effect = share.part.effect
         assert isinstance(effect, Temperature)  # of `effect`
         data = share.recording.data.take(share.rows)
@@ -136,7 +126,7 @@ class TemperatureMember(AbstractMember):
         )
         line = self._line(share, effect)
         found = Identified(recording, line, held_out=share.recording.held_out)
-        return TemperatureDraft(self.index, self.fit, self.lists, found)
+        return TemperatureDraft(self.job, self.index, self.fit, found)
 
     def _line(self, share: Share, effect: Temperature) -> TemperatureFit:
         """Return the part as the fit of a single line."""

@@ -1,6 +1,7 @@
 """The thermal line of one axis: fitted, judged, written for list and PLC, read back."""
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from typing import final
 
@@ -9,9 +10,8 @@ from jaxtyping import Float
 
 from ....data.lists import ListFile, Value
 from ....models import TemperatureLine
-from ...exchange import ExchangeError
-from ...job._draft import AbstractDraft, AxisLists, Leftovers, Planned, Written
-from ...job._gating import limits_of, spread_over
+from ...job._draft import AbstractDraft, Leftovers, Planned, Written
+from ...job._gating import spread_over
 from ...job.file._load import Job
 from ...job.result._result import Remark, staged
 from ...job.result._second import SecondMeasurement
@@ -45,7 +45,7 @@ from .keys import Spec, temperature_names
 _LINE = KIND.prefix
 
 
-def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> Planned:
+def plan(tables: Tables, index: int, fit: Spec) -> Planned:
     """Plan a temperature fit; what it returns fits it.
 
     Raises:
@@ -53,22 +53,22 @@ def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> P
             does not say whether it acted.
         FitError: Of what it returns: if the readings do not determine it.
     """
-    refuse_unstated_law(job, fit, lists)
+    refuse_unstated_law(tables.job, fit)
 
     def draft(left: Leftovers) -> AbstractDraft:
         found = identify(read_thermal(tables, fit), fit)
-        return TemperatureDraft(index, fit, lists, found)
+        return TemperatureDraft(tables.job, index, fit, found)
 
     return draft
 
 
-def refuse_unstated_law(job: Job, fit: Spec, lists: AxisLists) -> None:
+def refuse_unstated_law(job: Job, fit: Spec) -> None:
     """Raise where the axis list has the law switched on and a measurement says no more.
 
     Raises:
         JobError: Naming the measurement and the answers.
     """
-    machine = lists.machine
+    machine = job.lists[fit.axis].machine
     if machine is not None and machine.integer(_LINE):
         refuse_unstated(job, fit, machine.source, "measure again with COMP OFF TEMP")
 
@@ -97,12 +97,9 @@ class TemperatureDraft(AbstractDraft):
     def needs(self) -> str:
         return "Works once the axis is homed and the PLC program runs"
 
-    def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
-        still = TemperatureLine(self._position, 0.0, 0.0, cycles=self._filter(job))
-        try:
-            entries: dict[str, Value] = dict(entries_of_temperature(still))
-        except ExchangeError as error:
-            raise job.error(("fits", self.index), str(error)) from None
+    def machine_entries(self, cycles: int | None) -> dict[str, Value]:
+        still = TemperatureLine(self._position, 0.0, 0.0, cycles=self._filter)
+        entries: dict[str, Value] = dict(entries_of_temperature(still))
         if self.fit.manual_activation is not None:
             entries[f"{_LINE}_manual_activation"] = int(self.fit.manual_activation)
         return entries
@@ -119,20 +116,19 @@ class TemperatureDraft(AbstractDraft):
             )
         ]
 
-    def extra_files(self, job: Job) -> Mapping[str, bytes]:
+    def extra_files(self) -> Mapping[str, bytes]:
         table, program, *_ = temperature_names(self.axis)
-        law = self._law(job)
-        own = self._program(job, law)
+        own = self._program
         objects = {f"{name}.TcPOU": text for name, text in plc_objects(own).items()}
-        texts = {table: law.csv(), program: structured_text(own)} | objects
+        texts = {table: self._law.csv(), program: structured_text(own)} | objects
         return {name: text.encode() for name, text in texts.items()}
 
-    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        limits, places = limits_of(job), self._places(job)
-        lines = judge_law(self._law(job), self._position, places, self.axis, limits)
+    def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
+        limits = self.job.limits
+        lines = judge_law(self._law, self._position, self._places, self.axis, limits)
         switching = check_switching(
-            self.jump(job),
-            self._filter(job),
+            self.jump,
+            self._filter,
             limits,
             "mm",
             f"{_LINE}_n_cycles",
@@ -140,8 +136,9 @@ class TemperatureDraft(AbstractDraft):
         )
         return (*lines, switching)
 
-    def jump(self, job: Job) -> float:
-        return self._law(job).largest(self._places(job) - self._position)[0]
+    @property
+    def jump(self) -> float:
+        return self._law.largest(self._places - self._position)[0]
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -152,8 +149,8 @@ class TemperatureDraft(AbstractDraft):
         heat = self.found.fit.temperature
         return {name: heat[:, k] for k, name in enumerate(self.sensors)}
 
-    def line(self, job: Job, machine: ListFile | None) -> TemperatureLine | None:
-        return self._line_of(self._law(job).columns, job, machine)
+    def line(self, machine: ListFile | None) -> TemperatureLine | None:
+        return self._line_of(self._law.columns, machine)
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
@@ -166,19 +163,18 @@ class TemperatureDraft(AbstractDraft):
         )
 
     def prove(self, done: Written) -> TemperatureResult:
-        job = done.job
         table = done.path(temperature_names(self.axis)[0])
         line = None
         if self.written and table is not None:
-            line = self._line_of(read_columns(table), job, done.machine)
+            line = self._line_of(read_columns(table), done.machine)
         view = view_of(self.found, line)
         names = {done.files.machine_name, *temperature_names(self.axis)}
         return TemperatureResult(
             **self.frame(done),
             error=staged(view.before, view.predicted, view.from_file, view.wild),
             remarks=(
-                *remarks_of(self.found, "temperature_sign" in job.verified),
-                *self._switching(job),
+                *remarks_of(self.found, "temperature_sign" in self.job.verified),
+                *self._switching(),
                 *done.files.remarks,
             ),
             files=tuple(
@@ -187,49 +183,51 @@ class TemperatureDraft(AbstractDraft):
             held_out=self.found.held_out,
             reference=self._position,
             zero=self.found.zero,
-            law=self._law(job) if self.written else None,
+            law=self._law if self.written else None,
             fit=self.found.fit,
-            cycles=self._filter(job) if self.written else 0,
+            cycles=self._filter if self.written else 0,
             view=view,
         )
 
-    def _line_of(
-        self, table: Table, job: Job, machine: ListFile | None
-    ) -> TemperatureLine:
+    def _line_of(self, table: Table, machine: ListFile | None) -> TemperatureLine:
         """Return the line that the PLC makes of a table, beside an axis list."""
         first, second = map(self.sensors.index, self.found.recording.followed)
-        return temperature_line(table, (first, second), job.conventions, machine)
+        return temperature_line(table, (first, second), self.job.conventions, machine)
 
     @property
     def _position(self) -> float:
         """Reference position in mm, in whole units of the list."""
         return round(self.found.fit.reference * 1e4) / 1e4
 
-    def _law(self, job: Job) -> ThermalLaw:
-        zero, sign = self.found.zero, int(job.conventions.temperature_sign)
+    @functools.cached_property
+    def _law(self) -> ThermalLaw:
+        zero, sign = self.found.zero, int(self.job.conventions.temperature_sign)
         return thermal_law(self.found.fit.relative_to(zero), zero, sign)
 
-    def _places(self, job: Job) -> Float[np.ndarray, " p"]:
-        """Return the ends of what the axis reaches in mm; its reference without those."""
+    @functools.cached_property
+    def _places(self) -> Float[np.ndarray, " p"]:
+        """The ends of what the axis reaches in mm; its reference without those."""
         place = self.found.recording.position
         if place is None:
             return np.array([self._position])
         place = place[self.found.fit.used]
-        reached = [*place, *(job.spec.axes[self.axis].limits or ())]
+        reached = [*place, *(self.job.spec.axes[self.axis].limits or ())]
         return np.array([min(reached), max(reached)], dtype=float)
 
-    def _filter(self, job: Job) -> int:
-        """Return P-AXIS-00275: as given, or what switching off while warm wants."""
+    @functools.cached_property
+    def _filter(self) -> int:
+        """P-AXIS-00275: as given, or what switching off while warm wants."""
         if self.fit.n_cycles is not None:
             return self.fit.n_cycles
         machine, entry = self.lists.machine, f"{_LINE}_n_cycles"
-        return spread_over(job, self.jump(job), machine, entry, switched=True)
+        return spread_over(self.job, self.jump, machine, entry, switched=True)
 
-    def _switching(self, job: Job) -> list[Remark]:
+    def _switching(self) -> list[Remark]:
         if not self.written:
             return []
-        jump, cycles, limits = self.jump(job), self._filter(job), limits_of(job)
-        fast, _ = reversal_dynamics(jump, cycles, job.spec.controller.cycle_time)
+        job, jump, cycles = self.job, self.jump, self._filter
+        limits, cycle_time = job.limits, job.spec.controller.cycle_time
+        fast, _ = reversal_dynamics(jump, cycles, cycle_time)
         words = (
             f"Switching it on or off on the warm machine (COMP, homing) moves {self.axis}"
             f" by up to {1e3 * jump:.1f} µm within {cycles} cycles, with up to"
@@ -240,20 +238,21 @@ class TemperatureDraft(AbstractDraft):
         level = "warning" if fast > limits.max_velocity else "info"
         return [Remark(level, words)]
 
-    def _program(self, job: Job, law: ThermalLaw) -> PlcProgram:
-        recording, lags = self.found.recording, self.found.fit.lags
+    @property
+    def _program(self) -> PlcProgram:
+        job, recording, lags = self.job, self.found.recording, self.found.fit.lags
         applied = {lag.sensor: lag.time_constant for lag in lags if lag.applied}
         offset, coefficient = recording.followed
         return PlcProgram(
             axis=self.axis,
             number=job.spec.axes[self.axis].number,
             title=job.spec.title or job.path.name,
-            law=law,
+            law=self._law,
             position=self._position,
             zero=self.found.zero,
             sensors={name: applied.get(k, 0.0) for k, name in enumerate(self.sensors)},
             offset=offset,
             coefficient=coefficient,
-            rates=rates(self._places(job) - self._position),
+            rates=rates(self._places - self._position),
             sign=int(job.conventions.temperature_sign),
         )

@@ -11,13 +11,10 @@ from axcomp.data.lists import ListFile, Value
 from axcomp.ident.exchange import Reading
 from axcomp.ident.job._draft import (
     AbstractDraft,
-    AxisLists,
     Leftovers,
     Planned,
     Written,
 )
-from axcomp.ident.job._gating import limits_of
-from axcomp.ident.job.file._load import Job
 from axcomp.ident.job.result._result import AbstractResult, Remark, staged
 from axcomp.ident.proof import GateCheck, gate_check
 from axcomp.ident.readings import Tables, Wanted, read_joined
@@ -26,12 +23,14 @@ from .entries import ENTRIES, Constant
 from .keys import Spec
 
 
-def plan(job: Job, tables: Tables, index: int, fit: Spec, lists: AxisLists) -> Planned:
+def plan(tables: Tables, index: int, fit: Spec) -> Planned:
     """Plan a fit."""
 
     def draft(left: Leftovers) -> AbstractDraft:
         wanted = Wanted((fit.axis,), "no", lengths=False)
-        return OffsetDraft(index, fit, lists, read_joined(tables, fit, wanted).error)
+        return OffsetDraft(
+            tables.job, index, fit, read_joined(tables, fit, wanted).error
+        )
 
     return draft
 
@@ -52,21 +51,22 @@ class OffsetDraft(AbstractDraft):
     def needs(self) -> str:
         return "Works from start-up on"
 
-    def entries(self, job: Job) -> dict[str, Value]:
+    def entries(self) -> dict[str, Value]:
         model = Constant(jnp.asarray(self.value))
-        return dict(ENTRIES.to_list(model, (), job.conventions))
+        return dict(ENTRIES.to_list(model, (), self.job.conventions))
 
-    def jump(self, job: Job) -> float:
+    @property
+    def jump(self) -> float:
         return abs(self.value)
 
-    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
-        limit = limits_of(job).max_correction
+    def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
+        limit = self.job.limits.max_correction
         return (gate_check("max_correction", abs(self.value), limit, "mm", "anywhere"),)
 
     def prove(self, done: Written) -> AbstractResult:
         listing = done.compensation
         assert listing is not None
-        value = self._read_back(done.job, listing)
+        value = self._read_back(listing)
         wild = np.zeros(len(self.error), dtype=bool)
         left = self.error + value
         return OffsetResult(
@@ -77,9 +77,10 @@ class OffsetDraft(AbstractDraft):
             value=value,
         )
 
-    def _read_back(self, job: Job, listing: ListFile) -> float:
-        number = job.spec.axes[self.axis].number
-        return float(ENTRIES.model(listing, number, Reading(job.conventions)).value)
+    def _read_back(self, listing: ListFile) -> float:
+        number = self.job.spec.axes[self.axis].number
+        reading = Reading(self.job.conventions)
+        return float(ENTRIES.model(listing, number, reading).value)
 
 
 @final
