@@ -14,7 +14,7 @@ from ._axis_models import (
     load_model as load_model,
     write_lists as write_lists,
 )
-from ._capacity import build_number as build_number
+from ._capacity import ListTarget as ListTarget, build_number as build_number
 from ._controller import (
     controller_from_lists as controller_from_lists,
     model_of as model_of,
@@ -73,7 +73,9 @@ from ._nodes import (
     point_nodes as point_nodes,
 )
 from ._probe import (
+    Masters as Masters,
     Outcome as Outcome,
+    Outcomes as Outcomes,
     Probe as Probe,
     ProbeAxis as ProbeAxis,
     Probed as Probed,

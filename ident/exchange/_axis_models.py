@@ -9,6 +9,7 @@ from ...data.files import write_atomically
 from ...data.lists import ListFile, Value, new_list
 from ...models import Conventions
 from ..kinds import kind, kinds
+from ._capacity import ListTarget
 from ._controller import model_of
 from ._errors import ExchangeError
 from ._identity import Increments
@@ -79,8 +80,7 @@ class AxisModels(Mapping[str, Any]):
                 self._in_list_units(name, rules),
                 self.masters.get(name, ()),
                 rules,
-                existing=existing,
-                build=build,
+                ListTarget(existing, build=build),
             )
             (compensation if name in tables else machine).update(entries)
         return compensation, machine

@@ -114,6 +114,14 @@ class Outcome:
     conventions: Mapping[str, int | str] = dataclasses.field(default_factory=dict)
 
 
+Masters = Sequence[ProbeAxis]
+"""Axes that a compensation looks at, in the order of its list."""
+Outcomes = tuple[Outcome, ...]
+"""What may be seen, the expected one first."""
+Places = dict[str, float]
+"""Positions in mm or ° by axis name."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Probe:
     """What is to be loaded for a probe.

@@ -12,6 +12,7 @@ from ...data.lists import ListFile, Value
 from ...models import AbstractLookup, Conventions
 from ..fit import TableLayout
 from ..kinds import Kind
+from ._capacity import ANY_LIST, ListTarget
 from ._errors import ExchangeError
 from ._evaluate import offset_at, offsets_at
 from ._identity import Increments
@@ -86,19 +87,11 @@ class AbstractTable(abc.ABC):
     def entries(
         self,
         integers: Int[np.ndarray, "..."],
-        *,
-        existing: ListFile | None = None,
-        max_points: int | None = None,
-        build: str | None = None,
+        target: ListTarget = ANY_LIST,
     ) -> Mapping[str, Value]:
         """Return the list entries for integer values shaped like `layout`."""
         return self.kind.entries.to_list(
-            self.model(integers),
-            self.masters,
-            self.conventions,
-            existing=existing,
-            max_points=max_points,
-            build=build,
+            self.model(integers), self.masters, self.conventions, target
         )
 
     def is_in(self, listing: ListFile) -> bool:

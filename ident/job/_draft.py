@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from ...data.lists import ListFile, Value
 from ...models import Conventions, TemperatureLine
+from ..exchange import ListTarget
 from ..kinds._keys import FitSpec
 from ..kinds._kind import Kind
 from ..proof import GateCheck
@@ -120,6 +121,12 @@ class AbstractOfFit(abc.ABC):
     def lists(self) -> AxisLists:
         """What the axis has already."""
         return self.job.lists[self.axis]
+
+    @property
+    def target(self) -> ListTarget:
+        """The compensation list that its entries are written for."""
+        build = self.job.spec.controller.build
+        return ListTarget(self.lists.compensation, self.fit.max_points, build)
 
     def refusal(self, reason: str) -> JobError:
         """Return the error that the fit is, ready to raise."""

@@ -17,17 +17,18 @@ theirs: they need no ``job.py``, no ``group.py`` and no ``page.py``.
 """
 
 import abc
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from ...data.lists import ListFile, Value
 from ...models import Conventions, Coupled
+from ..exchange._capacity import ANY_LIST, ListTarget
 from ..exchange._errors import ExchangeError
 from ..exchange._identity import Increments, axis_number, flag, not_negative
 from ..exchange._machine_lists import InUse, Reading
 from ..exchange._modulo import Ranges
 from ..exchange._motion import Motion
-from ..exchange._probe import Outcome, ProbeAxis, Probed
+from ..exchange._probe import Masters, Outcomes, Places, ProbeAxis, Probed
 from ..exchange._units import ModelUnit
 from ._kind import Kind
 
@@ -157,10 +158,7 @@ class AbstractEntries(abc.ABC):
         model: Any,
         masters: Axes,
         rules: Conventions,
-        *,
-        existing: ListFile | None = None,
-        max_points: int | None = None,
-        build: str | None = None,
+        target: ListTarget = ANY_LIST,
     ) -> Mapping[str, Value]:
         """Return the entries of the list that holds it, rounded to list units.
 
@@ -169,9 +167,7 @@ class AbstractEntries(abc.ABC):
                 accelerations) must be a multiple of one.
             masters: Logical numbers, in the order of the list.
             rules: Those of the controller; a sign is that of the model.
-            existing: Compensation list that will be edited.
-            max_points: Wanted size of the memory, or None to write it only where needed.
-            build: Of the controller, or None for the newest.
+            target: The list that they are written for.
 
         Raises:
             ExchangeError: If something does not fit.
@@ -282,9 +278,7 @@ class AbstractProbe(abc.ABC):
         """Return what only stands in the axis list; else it is switched on there."""
         return {}
 
-    def places(
-        self, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[dict[str, float], dict[str, float]]:
+    def places(self, axis: ProbeAxis, masters: Masters) -> tuple[Places, Places]:
         """Return where nothing is added and where the plateau is, by axis name."""
         middles = [0.5 * sum(between) for between in self.plateaus]
         there = zip(masters, middles or [10.0] * len(masters), strict=True)
@@ -292,9 +286,7 @@ class AbstractProbe(abc.ABC):
         return start, {one.name: one.at(middle) for one, middle in there}
 
     @abc.abstractmethod
-    def outcomes(
-        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[Outcome, ...]:
+    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         """Return what may be seen, and what follows from it."""
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, check, new_list
-from axcomp.ident.exchange import ExchangeError
+from axcomp.ident.exchange import ExchangeError, ListTarget
 from axcomp.ident.kinds.friction.entries import (
     FrictionNumbers,
     entries_of_friction,
@@ -188,7 +188,7 @@ def test_larger_table_reserves_memory_where_the_build_can() -> None:
     model = FrictionCompensation(FrictionTable(Setpoints(speeds), np.ones(22)))
     assert entries_of_friction(model)["frict_comp.max_points"] == 23
     with pytest.raises(ExchangeError, match=r"max_points: found a table that needs 23"):
-        entries_of_friction(model, build="V3.1.3074.0")
+        entries_of_friction(model, ListTarget(build="V3.1.3074.0"))
 
 
 @pytest.mark.parametrize(

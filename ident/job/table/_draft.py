@@ -107,12 +107,7 @@ class AbstractTableDraft(AbstractDraft):
     def entries(self) -> dict[str, Value]:
         prefix = self.plan.table.prefix
         found: dict[str, Value] = dict(
-            self.plan.table.entries(
-                self.integers,
-                existing=self.lists.compensation,
-                max_points=self.fit.max_points,
-                build=self.job.spec.controller.build,
-            )
+            self.plan.table.entries(self.integers, self.target)
         )
         options = {
             "n_cycles": chosen_cycles(self),

@@ -1,6 +1,6 @@
 """Crosstalk compensation: ``kw.crosstalk`` in a list ↔ `Crosstalk`, old form read."""
 
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +16,7 @@ from ....models import (
     ThinPlateSurface,
     surface_through,
 )
-from ...exchange._capacity import refuse_huge
+from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._errors import ExchangeError
 from ...exchange._identity import column, flag, not_negative, optional, required
 from ...exchange._machine_lists import InUse, Reading
@@ -203,7 +203,7 @@ class CrosstalkEntries(AbstractEntries):
         model: Crosstalk | LegacyCrosstalk,
         masters: Axes = (),
         rules: Conventions = DEFAULT_RULES,
-        **options: Any,
+        target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
         # Always with ``velocity_dependent 1``: what is the same for both directions, or for
         # acceleration and deceleration, is written twice (S-35).

@@ -1,7 +1,7 @@
 """Friction compensation: ``frict_comp`` in a list ↔ `FrictionCompensation`."""
 
 import dataclasses
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import numpy as np
@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from ....data.lists import ListFile
 from ....models import Conventions, FrictionCompensation, FrictionTable, Setpoints
-from ...exchange._capacity import max_points_entry, refuse_huge
+from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._errors import ExchangeError
 from ...exchange._identity import column, not_negative, optional, required
 from ...exchange._machine_lists import InUse, Reading
@@ -115,11 +115,9 @@ def friction_from_list(
 
 def entries_of_friction(
     friction: FrictionCompensation | FrictionNumbers,
+    target: ListTarget = ANY_LIST,
     *,
     fastest: float = 0.0,
-    existing: ListFile | None = None,
-    max_points: int | None = None,
-    build: str | None = None,
 ) -> dict[str, int | str]:
     """Return the list entries of a friction compensation, rounded to list units.
 
@@ -130,10 +128,8 @@ def entries_of_friction(
 
     Args:
         friction: Its law must be a table whose ends are held; or just its numbers.
+        target: The list that they are written for.
         fastest: Velocity in mm/s or °/s that the table must reach.
-        existing: List that will be edited.
-        max_points: Wanted size of the memory, or None to write it only where needed.
-        build: Of the controller, or None for the newest.
 
     Raises:
         ExchangeError: If something does not fit into a list.
@@ -141,13 +137,8 @@ def entries_of_friction(
     if isinstance(friction, FrictionCompensation):
         friction = _numbers_of(friction)
     speeds, currents = _with_ends(friction, fastest)
-    entries = max_points_entry(
-        len(speeds) + 1,
-        name=f"{PREFIX}.max_points",
-        fits_default=len(speeds) <= DEFAULT_COUNT,
-        wanted=max_points,
-        existing=existing,
-        build=build,
+    entries = target.max_points_entry(
+        PREFIX, len(speeds) + 1, len(speeds) <= DEFAULT_COUNT
     )
     delay = round_to_list(
         np.asarray(friction.position_delay), f"{PREFIX}.position_delay", (0, 10)
@@ -274,9 +265,9 @@ class FrictionEntries(AbstractEntries):
         model: FrictionCompensation,
         masters: Axes,
         rules: Conventions,
-        **options: Any,
+        target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
-        return entries_of_friction(model, **options)
+        return entries_of_friction(model, target)
 
     def in_list_units(
         self, model: FrictionCompensation, unit: ModelUnit | None

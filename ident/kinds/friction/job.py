@@ -93,14 +93,8 @@ class FrictionDraft(AbstractDraft):
         existing, before = self.lists.compensation, None
         if existing is not None and has_friction(existing):
             before = friction_from_list(existing, self.job.conventions)
-        return dict(
-            entries_of_friction(
-                numbers_of(self.knots, self.found.reversal, before),
-                existing=existing,
-                max_points=self.fit.max_points,
-                build=self.job.spec.controller.build,
-            )
-        )
+        numbers = numbers_of(self.knots, self.found.reversal, before)
+        return dict(entries_of_friction(numbers, self.target))
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         assert self.knots is not None  # it is written

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from ....data.lists import ListFile
 from ....models import Conventions, EquidistantNodes, Leadscrew, Setpoints
-from ...exchange._capacity import max_points_entry, refuse_huge
+from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._errors import ExchangeError
 from ...exchange._identity import (
     Increments,
@@ -222,10 +222,7 @@ class LeadscrewEntries(AbstractEntries):
         model: Leadscrew,
         masters: Axes = (),
         rules: Conventions = DEFAULT_RULES,
-        *,
-        existing: ListFile | None = None,
-        max_points: int | None = None,
-        build: str | None = None,
+        target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
         # A bilateral table carries set_pos_without_comp 1: the values of others cannot
         # then turn its direction (S-23). Values fit SGN16: one manual says so (S-22).
@@ -237,14 +234,7 @@ class LeadscrewEntries(AbstractEntries):
         nodes, modulo = nodes_of_model(model.nodes, PREFIX), model.modulo is not None
         count = len(nodes.integers)
         entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
-        entries |= max_points_entry(
-            count + 1,
-            name=f"{PREFIX}.max_points",
-            fits_default=count <= DEFAULT_COUNT,
-            wanted=max_points,
-            existing=existing,
-            build=build,
-        )
+        entries |= target.max_points_entry(PREFIX, count + 1, count <= DEFAULT_COUNT)
         entries |= {
             f"{PREFIX}.interval": nodes.interval if isinstance(nodes, GridNodes) else 0,
             f"{PREFIX}.kw_startpos": nodes.integers[0],

@@ -8,7 +8,7 @@ from jaxtyping import Int
 
 from ....data.lists import ListFile
 from ....models import Conventions, EquidistantNodes, Plane
-from ...exchange._capacity import max_points_entry, refuse_huge
+from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._errors import ExchangeError
 from ...exchange._identity import (
     axis_number,
@@ -120,10 +120,7 @@ class PlaneEntries(AbstractEntries):
         model: Plane,
         masters: Axes = (),
         rules: Conventions = DEFAULT_RULES,
-        *,
-        existing: ListFile | None = None,
-        max_points: int | None = None,
-        build: str | None = None,
+        target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
         first, second = self.exactly(masters, 2)
         grids: list[GridNodes] = []
@@ -137,6 +134,7 @@ class PlaneEntries(AbstractEntries):
                 )
             grids.append(grid)
         g1, g2 = grids
+        existing = target.existing
         kept = None if existing is None else existing.text(f"{PREFIX}.grid")
         entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
         if g1.interval == g2.interval and (kept or "").upper() != "RECTANGULAR":
@@ -145,13 +143,10 @@ class PlaneEntries(AbstractEntries):
             entries[f"{PREFIX}.grid"] = "RECTANGULAR"
             entries[f"{PREFIX}.interval1"] = g1.interval
             entries[f"{PREFIX}.interval2"] = g2.interval
-        entries |= max_points_entry(
+        entries |= target.max_points_entry(
+            PREFIX,
             g1.count * g2.count,
-            name=f"{PREFIX}.max_points",
-            fits_default=max(g1.count, g2.count) <= DEFAULT_LAST_INDEX + 1,
-            wanted=max_points,
-            existing=existing,
-            build=build,
+            max(g1.count, g2.count) <= DEFAULT_LAST_INDEX + 1,
         )
         entries |= {
             f"{PREFIX}.last_index_master1": g1.count - 1,

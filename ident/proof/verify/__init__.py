@@ -13,7 +13,9 @@ explained), `_channel` and `_tables` (the channels; each compensation has its ow
 from ._channel import (
     AbstractChannel as AbstractChannel,
     Change as Change,
+    LogRows as LogRows,
     Parts as Parts,
+    Shift as Shift,
     Way as Way,
 )
 from ._judge import Verdict as Verdict
