@@ -134,7 +134,8 @@ def _print_fit(console: "Console", found: "AbstractResult", shared: set[str]) ->
         print_remarks(console, found.remarks)
         return
     over = f" over {', '.join(found.over)}" if found.over else ""
-    unit, factor = found.shown
+    scale = scale_of(found.unit)
+    unit, factor = scale.error, scale.factor
     table = Table(
         title=f"{found.compensation} of {found.axis}{over}, {unit}",
         title_justify="left",

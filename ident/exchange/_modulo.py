@@ -47,6 +47,15 @@ def refuse_jump(
             found=f"nodes from {places[0]:g} to {places[-1]:g}",
             expected=f"nodes within the modulo range of their axis, {low:g} to {high:g}",
         )
+    refuse_unequal_ends(values, name)
+
+
+def refuse_unequal_ends(values: Int[np.ndarray, "_p ..."], name: str) -> None:
+    """Raise where a table that goes round has another value at its end.
+
+    Raises:
+        ExchangeError: Naming the first pair of values that differ.
+    """
     unequal = np.flatnonzero(np.ravel(values[0] != values[-1]))
     if unequal.size:
         first, last = (np.ravel(values[k])[unequal[0]] for k in (0, -1))

@@ -56,11 +56,12 @@ from .result._job_result import (
 from .result._result import (
     AbstractResult as AbstractResult,
     ConventionState as ConventionState,
-    Expectation as Expectation,
     Remark as Remark,
     SampleView as SampleView,
     Streamed as Streamed,
     TableResult as TableResult,
+    by_level as by_level,
+    some_of as some_of,
 )
 from .result._second import (
     MeasuredAgain as MeasuredAgain,

@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 import importlib.metadata
-import os
 import platform
 import time
 from collections.abc import Callable, Sequence
@@ -16,7 +15,7 @@ from ._draft import AbstractDraft, Written
 from ._fits import fit_all
 from ._measure_again import Second, measure_again, plan_second
 from ._whole import judge_whole
-from .file._load import Job, load_job, sha256
+from .file._load import Job, load_job
 from .result._job_result import JobResult, result_json
 from .result._result import AbstractResult, Remark
 from .write._first_run import first_run_programs, program_names
@@ -113,7 +112,7 @@ def begin_job(
         title=job.spec.title or job.path.stem,
         machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
         fits=tuple(results),
-        inputs=_hashes(job),
+        inputs=job.hashes(),
         versions=_versions(),
         load_sheet=(),
         remarks=(*remarks, *moved, *lost),
@@ -182,11 +181,7 @@ def input_hashes(path: Path) -> dict[str, str]:
         AxcompError: If the job cannot run.
         OSError: If a file cannot be read.
     """
-    return _hashes(load_job(path))
-
-
-def _hashes(job: Job) -> dict[str, str]:
-    return {str(_relative(job, file)): sha256(file) for file in (job.path, *job.inputs)}
+    return load_job(path).hashes()
 
 
 def _names(job: Job) -> list[str]:
@@ -260,15 +255,6 @@ def _diagnosis(job: Job, files: Sequence[AxisFiles]) -> dict[str, bytes]:
     cycle_time = controller.cycle_time if stated else None
     scope = scope_configuration(rows, cycle_time=cycle_time)
     return {OBJECTS: objects_csv(rows).encode(), SCOPE: scope}
-
-
-def _relative(job: Job, file: Path) -> Path:
-    if file.parent == job.path.parent:
-        return Path(file.name)
-    try:
-        return Path(os.path.relpath(file, job.path.parent))
-    except ValueError:  # another drive
-        return file
 
 
 @functools.cache

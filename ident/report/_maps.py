@@ -148,7 +148,7 @@ def cell_means(table: PlaneTable, readings: Readings) -> CellMeans:
         chance = np.sqrt(scatter * np.mean(1 / number_of[seen]))
         return CellMeans(mean, number_of, float(chance), "scatter of the readings")
     # About one reading per cell says nothing of their scatter: ask the prediction.
-    variance = np.bincount(cell, readings.sd[keep] ** 2, number_of.size)
+    variance = np.bincount(cell, readings.predicted_sd[keep] ** 2, number_of.size)
     each = variance.reshape(seen.shape)[seen] / number_of[seen] ** 2
     chance = np.sqrt(np.mean(each)) if each.size else 0.0
     return CellMeans(mean, number_of, float(chance), "predicted scatter")

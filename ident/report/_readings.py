@@ -5,39 +5,23 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..job import TableResult
+from ..job import SampleView, TableResult
 from ._scale import Scale
 
 
-@dataclasses.dataclass(frozen=True)
-class Readings:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Readings(SampleView):
     """The readings of one fit in display units (errors in µm, positions in mm).
 
     Attributes:
-        positions: Shape ``(t, d)``, one column per master.
         direction: ±1 per reading; 0 where the table does not ask for it.
-        run: Run per reading, or None.
-        order: Time or place in sequence.
-        timed: Whether `order` is a time in seconds; else it is a row number.
-        before: Error as measured.
-        predicted: Error left under a list fitted without this reading, or NaN.
-        from_file: Error left under the written file.
-        sd: Predicted standard deviation of ``predicted``.
         wild: Readings that the loss rejected.
         total: Number of readings of the fit; of a log that was read in pieces these are
             every n-th one.
         total_wild: How many of all of them were rejected.
     """
 
-    positions: Float[np.ndarray, "t d"]
     direction: Int[np.ndarray, " t"]
-    run: Int[np.ndarray, " t"] | None
-    order: Float[np.ndarray, " t"]
-    timed: bool
-    before: Float[np.ndarray, " t"]
-    predicted: Float[np.ndarray, " t"]
-    from_file: Float[np.ndarray, " t"]
-    sd: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
     total: int
     total_wild: int
@@ -91,18 +75,13 @@ def readings_of(fit: TableResult, scale: Scale) -> Readings:
     wild = fit.fit.wild
     if len(wild) != size:  # readings were left out between fit and view
         wild = samples.share <= 0.05
-    order = np.asarray(samples.order, dtype=float)
-    direction = samples.direction
+    errors = ("before", "predicted", "from_file", "predicted_sd")
+    way = samples.direction
+    shown = {name: getattr(samples, name) * scale.factor for name in errors}
+    shown["order"] = np.asarray(samples.order, dtype=float)
+    shown["direction"] = np.zeros(size, dtype=int) if way is None else way
     return Readings(
-        positions=samples.positions,
-        direction=np.zeros(size, dtype=int) if direction is None else direction,
-        run=samples.run,
-        order=order,
-        timed=samples.timed,
-        before=samples.before * scale.factor,
-        predicted=samples.predicted * scale.factor,
-        from_file=samples.from_file * scale.factor,
-        sd=samples.predicted_sd * scale.factor,
+        **vars(samples) | shown,
         wild=np.asarray(wild, dtype=bool),
         total=size if fit.streamed is None else fit.streamed.readings,
         total_wild=int(np.sum(wild)) if fit.streamed is None else fit.streamed.wild,

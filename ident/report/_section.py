@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..job import AbstractResult, ErrorFigures, Remark
+from ..job import AbstractResult, ErrorFigures, Remark, by_level, some_of
 from ..kinds import kind
-from ._body import Body, by_level
+from ._body import Body
 from ._scale import Scale, count, number, percent, scale_of
 from ._verdict import Headline, headline_of
 
@@ -169,8 +169,7 @@ def _left_out_body(fit: "LeftOutResult", scale: Scale) -> Body:
     ]
     lost = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
     if lost.size:
-        names = "; ".join(part.labels[int(k)] for k in lost[:_MOST])
-        more = f" and {lost.size - _MOST} more" if lost.size > _MOST else ""
-        facts.append(("Not determined", f"{names}{more}."))
+        names = some_of([part.labels[int(k)] for k in lost], _MOST)
+        facts.append(("Not determined", f"{names}."))
     facts.append(nothing)
     return Body(plots=[], facts=facts)

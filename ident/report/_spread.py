@@ -38,10 +38,14 @@ class Spread:
 
 def spread_of(readings: Readings) -> Spread | None:
     """Return predicted against seen scatter; None where nothing was predicted."""
-    keep = readings.sound & np.isfinite(readings.sd) & (readings.sd > 0)
+    keep = (
+        readings.sound
+        & np.isfinite(readings.predicted_sd)
+        & (readings.predicted_sd > 0)
+    )
     if np.count_nonzero(keep) < 10:
         return None
-    residual, sd = readings.predicted[keep], readings.sd[keep]
+    residual, sd = readings.predicted[keep], readings.predicted_sd[keep]
     order = np.argsort(sd, kind="stable")
     parts = np.array_split(order, int(np.clip(residual.size // 15, 1, 10)))
     seen = np.array([np.sqrt(np.mean(residual[part] ** 2)) for part in parts])

@@ -4,7 +4,8 @@ import contextlib
 import dataclasses
 import functools
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+import os
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,18 @@ class Job:
             yield
         except ExchangeError as error:
             raise self.error(where, f"{start}{error}") from None
+
+    def hashes(self, without: Collection[Path] = ()) -> dict[str, str]:
+        """Return the hash of the job and of each file that it names, by relative name."""
+        files = [self.path, *(file for file in self.inputs if file not in without)]
+        return {self.relative(file): sha256(file) for file in files}
+
+    def relative(self, file: Path) -> str:
+        """Return the path of a file, seen from the job file."""
+        try:
+            return os.path.relpath(file, self.path.parent)
+        except ValueError:  # another drive
+            return str(file)
 
     def file(self, name: str) -> Path:
         """Return a path of the job, which is relative to the job file."""

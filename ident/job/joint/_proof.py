@@ -15,11 +15,11 @@ from ...proof.axis import added_beyond
 from .._acting import acting_after, acting_before
 from .._draft import AbstractDraft
 from ..file._load import Job
-from ..result._result import Remark, staged
+from ..result._result import Remark, some_of, staged
 from ..write._lists import AxisFiles
 from ._group import IdentifiedGroup
 from ._recording import GroupRecording
-from ._share import LeftOutDraft, Share, in_words, lost
+from ._share import MOST, LeftOutDraft, Share, lost
 
 
 @dataclasses.dataclass(frozen=True)
@@ -204,7 +204,7 @@ def _effects(
     for index, part in zip(members, found.parts, strict=True):
         missing = lost(part, found.fit)
         yield EffectShare.of(
-            index, part, not missing, drafts[index].written, in_words(missing)
+            index, part, not missing, drafts[index].written, some_of(missing, MOST)
         )
     for index in found.indices:
         one = drafts[index]

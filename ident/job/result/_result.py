@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, final
 
@@ -39,6 +39,18 @@ class Remark:
     def info(cls, message: str) -> "Remark":
         """Return how the result came about."""
         return cls("info", message)
+
+
+def by_level(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
+    """Return remarks, errors first."""
+    levels = ("error", "warning", "info")
+    return tuple(sorted(remarks, key=lambda remark: levels.index(remark.level)))
+
+
+def some_of(names: Sequence[str], most: int) -> str:
+    """Return a few of many names, and how many more there are."""
+    more = len(names) - most
+    return "; ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def staged(
@@ -220,12 +232,6 @@ class AbstractResult(abc.ABC):
     def left_out(self) -> bool:
         """Whether the readings do not tell it, so that nothing of it is written."""
         return False
-
-    @property
-    def shown(self) -> tuple[str, float]:
-        """Unit in which a person reads the error, and the factor that leads there."""
-        units = {"mm": ("µm", 1e3), "deg": ("0.001°", 1e3)}
-        return units.get(self.unit, (self.unit, 1.0))
 
     @abc.abstractmethod
     def details(self) -> dict[str, Any]:

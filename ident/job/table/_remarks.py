@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from ...exchange import AbstractTable
 from ...proof import ErrorFigures
 from ...readings import Readings
-from ..result._result import Remark
+from ..result._result import Remark, some_of
 
 if TYPE_CHECKING:
     from ._draft import AbstractTableDraft, Proof
@@ -52,10 +52,10 @@ def fit_remarks(one: "AbstractTableDraft", proof: "Proof") -> Iterator[Remark]:
             " rms and max are given with and without them.",
         )
     if proof.places:
-        words = f"Wild readings lie at {_listed(proof.places, _MOST_WILD)}."
+        words = f"Wild readings lie at {some_of(proof.places, _MOST_WILD)}."
         yield Remark.info(words)
     if fit.suspect_nodes:
-        words = _listed([_node(one, k) for k in fit.suspect_nodes], _MOST)
+        words = some_of([_node(one, k) for k in fit.suspect_nodes], _MOST)
         yield Remark.warning(f"Readings contradict their surroundings at {words}.")
     if fit.suspect_runs:
         runs = ", ".join(str(run) for run in fit.suspect_runs)
@@ -125,11 +125,6 @@ def outside(
         edge = 1e-3 * float(np.diff(nodes.positions).min())
         found |= (column < ends[0] - edge) | (column > ends[1] + edge)
     return found
-
-
-def _listed(names: Sequence[str], most: int) -> str:
-    more = len(names) - most
-    return "; ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def places_of(

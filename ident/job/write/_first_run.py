@@ -6,14 +6,11 @@ by itself. The text stands in ``first_run.nc.jinja``. `#VAR`, ``V.L.`` and ``#CH
 those of the programming manual of TF5200.
 """
 
-import functools
 import re
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from typing import Any
 
-import jinja2
-
+from ..._templates import templates
 from ..file._load import Job
 from ._lists import AxisFiles
 
@@ -69,11 +66,16 @@ def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
 
 def _program(channel: int, states: Sequence[Mapping[str, Any]], title: str) -> str:
     plain = title.encode("ascii", "replace").decode()
-    text = template("first_run.nc.jinja").render(
-        channel=channel,
-        states=states,
-        words=list(dict.fromkeys(state["word"] for state in states)),
-        title="".join(sign if sign.isprintable() else " " for sign in plain),
+    # Words are checked, the title is a comment.
+    text = (
+        templates(__package__ or "")
+        .get_template("first_run.nc.jinja")
+        .render(
+            channel=channel,
+            states=states,
+            words=list(dict.fromkeys(state["word"] for state in states)),
+            title="".join(sign if sign.isprintable() else " " for sign in plain),
+        )
     )
     lines, number = [], _STEP
     for line in text.splitlines():
@@ -81,16 +83,3 @@ def _program(channel: int, states: Sequence[Mapping[str, Any]], title: str) -> s
             line, number = f"N{number}{line[1:]}", number + _STEP
         lines.append(line)
     return "\n".join([*lines, ""])
-
-
-@functools.cache
-def template(name: str) -> jinja2.Template:
-    """Return a text of this folder that is no HTML."""
-    folder = resources.files("axcomp.ident.job.write")
-    environment = jinja2.Environment(
-        autoescape=False,  # in a program words are checked, the title is a comment
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.from_string(folder.joinpath(name).read_text("utf-8"))

@@ -7,13 +7,14 @@ import dataclasses
 import re
 from collections.abc import Sequence
 
+from ..._templates import templates
 from ...diagnosis import OBJECTS, SCOPE
 from .._draft import AbstractDraft
 from ..file._load import Job
 from ..result._job_result import LoadStep
 from ..result._result import AbstractResult, Expectation
 from ..result._verdict import Code
-from ._first_run import first_run_programs, nameless, template
+from ._first_run import first_run_programs, nameless
 from ._lists import AxisFiles
 
 _SHOWN = {"mm": ("µm", 1e3), "deg": ("· 0.001°", 1e3)}
@@ -91,34 +92,41 @@ def load_sheet(
     for draft, _ in pairs:
         if draft.axis in axes and draft.kind.demanded:
             demanded.setdefault(draft.axis, []).append(draft.kind.keyword)
-    text = template("load_sheet.txt.jinja").render(
-        job=job.path.name,
-        axes=job.spec.axes,
-        rejected=[one.axis for one in files if one.failed],
-        files=let_out,
-        unsettled=[one for one in lines if one.conventions],
-        plc_objects={
-            one.axis: " and ".join(
-                name for name in one.extra if name.endswith(".TcPOU")
-            )
-            for one in let_out
-        },
-        restarts=[one for one in let_out if one.restart],
-        changed=changed,
-        by_hand=[
-            one.machine_name
-            for one in changed
-            if one.machine is not None and job.spec.axes[one.axis].machine_data is None
-        ],
-        programs=list(first_run_programs(job, let_out)),
-        nameless=[(axis, repr(job.spec.nc_word(axis))) for axis in nameless(job, axes)],
-        written=written,
-        demanded=[f"{axis}: {' | '.join(own)}" for axis, own in demanded.items()],
-        shown=[one.variable for one in written if not one.current],
-        currents=[one.variable for one in written if one.current],
-        unproven=[draft.kind for draft, result in pairs if not result.confirmed],
-        scope=SCOPE,
-        objects=OBJECTS,
+    text = (
+        templates(__package__ or "")
+        .get_template("load_sheet.txt.jinja")
+        .render(
+            job=job.path.name,
+            axes=job.spec.axes,
+            rejected=[one.axis for one in files if one.failed],
+            files=let_out,
+            unsettled=[one for one in lines if one.conventions],
+            plc_objects={
+                one.axis: " and ".join(
+                    name for name in one.extra if name.endswith(".TcPOU")
+                )
+                for one in let_out
+            },
+            restarts=[one for one in let_out if one.restart],
+            changed=changed,
+            by_hand=[
+                one.machine_name
+                for one in changed
+                if one.machine is not None
+                and job.spec.axes[one.axis].machine_data is None
+            ],
+            programs=list(first_run_programs(job, let_out)),
+            nameless=[
+                (axis, repr(job.spec.nc_word(axis))) for axis in nameless(job, axes)
+            ],
+            written=written,
+            demanded=[f"{axis}: {' | '.join(own)}" for axis, own in demanded.items()],
+            shown=[one.variable for one in written if not one.current],
+            currents=[one.variable for one in written if one.current],
+            unproven=[draft.kind for draft, result in pairs if not result.confirmed],
+            scope=SCOPE,
+            objects=OBJECTS,
+        )
     )
     steps = [part.splitlines() for part in re.split(r"^## ", text, flags=re.M)[1:]]
     return tuple(LoadStep(action, " ".join(lines)) for action, *lines in steps)

@@ -24,6 +24,7 @@ from ...exchange._identity import (
     unit_size,
 )
 from ...exchange._machine_lists import Reading
+from ...exchange._modulo import refuse_unequal_ends
 from ...exchange._nodes import (
     GridNodes,
     as_array,
@@ -248,12 +249,8 @@ class LeadscrewEntries(AbstractEntries):
             for k, point in enumerate(nodes.integers):
                 entries[f"{PREFIX}.table[{k}].setpoint"] = point
         for name, values in branches.items():
-            if modulo and values[0] != values[-1]:
-                raise ExchangeError(
-                    where=f"{PREFIX}.table[].{name}",
-                    found=f"{values[0]} at the start and {values[-1]} at the end",
-                    expected="equal values at both ends of a modulo table",
-                )
+            if modulo:
+                refuse_unequal_ends(values, f"{PREFIX}.table[].{name}")
             for k, value in enumerate(values.tolist()):
                 entries[f"{PREFIX}.table[{k}].{name}"] = value
         return entries

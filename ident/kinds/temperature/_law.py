@@ -10,13 +10,13 @@ import dataclasses
 import functools
 import uuid
 from collections.abc import Mapping
-from importlib import resources
 from typing import Any
 
 import jinja2
 import numpy as np
 from jaxtyping import Float
 
+from ..._templates import templates
 from ...proof import GateCheck, GateLimits, gate_check
 from .entries import COLUMNS
 from .fit import TemperatureFit
@@ -208,16 +208,8 @@ def plc_objects(program: PlcProgram) -> dict[str, str]:
 
 @functools.cache
 def _templates() -> jinja2.Environment:
-    folder = resources.files("axcomp.ident.kinds.temperature")
-    environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(
-            lambda name: folder.joinpath(name).read_text("utf-8")
-        ),
-        autoescape=False,  # no HTML; the comments are made safe, CDATA is closed by no text
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        keep_trailing_newline=True,
-    )
+    # The comments are made safe, CDATA is closed by no text.
+    environment = templates(__package__ or "")
     environment.filters |= {"ascii": _ascii, "declare": _declare}
     return environment
 
