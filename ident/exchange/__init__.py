@@ -3,8 +3,8 @@
 Read `_units`, `_identity` and `_nodes` (integers of a list), then `_machine_lists` (which
 compensations the lists of a machine switch on) and `_controller` (the controller that has
 them); what each compensation says of itself is in ``kinds/<name>/entries.py``.
-`_table`: what a table fit writes, with its nodes and its sign. `_simulate` runs a machine
-(`_events`: with what happens at the controller meanwhile), `_probe` asks it for
+`_files`: the files of an axis. `_table`: what a table fit writes, with its nodes and its sign.
+`_simulate` runs a machine (`_events`: with what happens at the controller meanwhile), `_probe` asks it for
 plateaus; `load_model` (`_axis_models`) makes models of the lists of one axis, `write_lists`
 writes them back. `_conventions_file`: the rules of one machine.
 """
@@ -48,6 +48,12 @@ from ._external import (
     external_from_lists as external_from_lists,
     external_limits as external_limits,
     from_interface as from_interface,
+)
+from ._files import (
+    axis_file as axis_file,
+    compensation_file as compensation_file,
+    to_add as to_add,
+    with_tables as with_tables,
 )
 from ._identity import (
     MOST_REVERSAL_CYCLES as MOST_REVERSAL_CYCLES,

@@ -16,6 +16,7 @@ from ...models import Conventions
 from ..kinds import kind
 from ._controller import model_of
 from ._errors import ExchangeError
+from ._files import axis_file, compensation_file
 from ._identity import Increments
 from ._machine_lists import Reading, machine_lists
 from ._nodes import GridNodes
@@ -226,7 +227,8 @@ def make_probe(
         title = f"Probe list of {axes[number].name}: 10 um plateaus, not for machining."
         if entries:
             lists[number] = dataclasses.replace(
-                new_list(head | entries, comment=(title,)), source=f"achskw{number}.lis"
+                new_list(head | entries, comment=(title,)),
+                source=compensation_file(number),
             )
         added: dict[str, Value] = {"kopf.achs_nr": number}
         for one in mine:
@@ -235,7 +237,7 @@ def make_probe(
             added |= own or found.entries.activation()
         additions[number] = dataclasses.replace(
             new_list(added, comment=("Add these entries to the axis list.",)),
-            source=f"achsmds{number}.add.lis",
+            source=axis_file(number, whole=False),
         )
     return Probe(dict(axes), tuple(tables), lists, additions)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..diagnosis import OBJECTS, SCOPE, objects_csv, observables, scope_configuration
+from ..exchange import axis_file, compensation_file
 from ..readings import Tables
 from ._draft import AbstractDraft, Written
 from ._fits import fit_all
@@ -191,9 +192,8 @@ def _names(job: Job) -> list[str]:
     for fit in job.spec.fits:
         number = job.spec.axes[fit.axis].number
         names += [
-            f"achskw{number}.lis",
-            f"achsmds{number}.lis",
-            f"achsmds{number}.add.lis",
+            compensation_file(number),
+            *(axis_file(number, whole=whole) for whole in (True, False)),
             *fit.plc_files,
         ]
     return names
@@ -217,7 +217,7 @@ def _write(
                 names.append(folder.accept(name, content))
         found.append(dataclasses.replace(one, written=tuple(names)))
         # The other kind of axis list would contradict this one.
-        kinds = {f"achsmds{one.number}.lis", f"achsmds{one.number}.add.lis"}
+        kinds = {axis_file(one.number, whole=whole) for whole in (True, False)}
         kinds |= {name for draft in one.drafts for name in draft.fit.plc_files}
         stale = {one.compensation_name, *kinds} - set(contents) - set(one.extra)
         for name in sorted(stale):

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ....data.lists import Finding, ListFile, Value, check, compare, new_list
+from ...exchange import axis_file, compensation_file, to_add, with_tables
 from ...proof import GateCheck
 from .._draft import AbstractDraft, AxisLists
 from ..file._load import Job
@@ -51,12 +52,12 @@ class AxisFiles:
     @property
     def compensation_name(self) -> str:
         """File name of the compensation list."""
-        return f"achskw{self.number}.lis"
+        return compensation_file(self.number)
 
     @property
     def machine_name(self) -> str:
         """File name of the axis list, or of the entries to add to it."""
-        return _machine_name(self.number, self.existing)
+        return axis_file(self.number, whole=self.existing.machine is not None)
 
     @property
     def is_new(self) -> bool:
@@ -116,7 +117,7 @@ def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]
 def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
     axis, lists = every[0].axis, every[0].lists
     number, existing = job.spec.axes[axis].number, lists.compensation
-    name = f"achskw{number}.lis"
+    name = compensation_file(number)
     drafts = [one for one in every if one.written]
     spreads = [spread for one in drafts if (spread := one.cycles) is not None]
     cycles = max(spreads, default=None)
@@ -189,43 +190,22 @@ def _edited(
     drafts: Sequence[AbstractDraft],
 ) -> tuple[ListFile, list[Remark]]:
     """Return an existing list with new entries, and what was added to it."""
-    prefixes = tuple(prefix for one in drafts for prefix in one.replaces)
-    there = _names(existing)
-    stale = [
-        name for name in there if name.startswith(prefixes) and name not in entries
-    ]
-    wanted = dict(entries)
-    if "kopf.achs_nr" not in there:
-        wanted = {"kopf.achs_nr": number} | wanted
-    added = [name for name in wanted if name not in there]
-    edited = existing.remove(stale).merge(wanted)
+    prefixes = [prefix for one in drafts for prefix in one.replaces]
+    edited = with_tables(existing, number, entries, prefixes)
     remarks: list[Remark] = []
-    plain = [name for name in added if "[" not in name]
-    rows = len(added) - len(plain)
-    if added:
+    plain = [name for name in edited.added if "[" not in name]
+    rows = len(edited.added) - len(plain)
+    if edited.added:
         words = plain + ([f"{rows} table entries"] if rows else [])
         remarks.append(Remark.info(f"Added to {existing.source}: {', '.join(words)}."))
-    if stale:
+    if edited.removed:
         remarks.append(
             Remark.info(
-                f"Removed from {existing.source}: {len(stale)} table entries beyond"
-                " the new table."
+                f"Removed from {existing.source}: {len(edited.removed)} table entries"
+                " beyond the new table."
             )
         )
-    return edited, remarks
-
-
-def _names(listing: ListFile) -> dict[str, None]:
-    """Return the canonical names of all entries, in order of their keys."""
-    found: dict[str, None] = {}
-    for key, rows in listing.columns.items():
-        parts = key.split("[]")
-        for indices in rows.last:
-            name = parts[0]
-            for index, part in zip(indices, parts[1:], strict=True):
-                name += f"[{index}]{part}"
-            found[name] = None
-    return found
+    return edited.listing, remarks
 
 
 def _restart(
@@ -248,10 +228,6 @@ def _restart(
         if old is not None and new is not None:
             reasons += compare(old, new).reasons
     return next((reason for reason in reasons if reason is not None), None)
-
-
-def _machine_name(number: int, existing: AxisLists) -> str:
-    return f"achsmds{number}{'.add' if existing.machine is None else ''}.lis"
 
 
 def _machine_list(
@@ -282,16 +258,12 @@ def _machine_list(
     if not values:
         return None, remarks
     if existing is None:
-        words = (
-            f"Entries to set in achsmds{number}.lis of axis {axis}: no whole axis list"
-        )
-        edited = new_list(values, comment=(words,))
-    else:
-        edited = existing.merge(values)
-        if added := [entry for entry in values if existing.get(entry) is None]:
-            words = f"Added to {existing.source}: {', '.join(added)}."
-            remarks.append(Remark.info(words))
-    return dataclasses.replace(edited, source=_machine_name(number, lists)), remarks
+        return to_add(number, values, of=axis), remarks
+    if added := [entry for entry in values if existing.get(entry) is None]:
+        words = f"Added to {existing.source}: {', '.join(added)}."
+        remarks.append(Remark.info(words))
+    edited = dataclasses.replace(existing.merge(values), source=axis_file(number))
+    return edited, remarks
 
 
 def startup_fragment(files: Sequence[AxisFiles]) -> ListFile | None:
