@@ -10,13 +10,12 @@ from ...data.lists import ListFile, Value, new_list
 from ...models import Conventions
 from ..kinds import kind, kinds
 from ._capacity import ListTarget
-from ._controller import model_of
-from ._errors import ExchangeError
 from ._files import axis_file, compensation_file, to_add, with_tables
 from ._identity import Increments
 from ._machine_lists import Reading, entries_of_activation, machine_lists
-from ._modulo import Ranges
-from ._units import ModelUnit
+from ._nodes import Ranges
+from ._units import ExchangeError, ModelUnit
+from .controller._controller import model_of
 
 
 @final

@@ -5,7 +5,7 @@ import re
 from typing import final
 
 from ...data.lists import ListFile
-from ._errors import ExchangeError
+from ._units import ExchangeError
 
 FIRST_WITH_MAX_POINTS = (3, 1, 3079, 6)
 """Build V3.1.3079.06, from which the size of the tables can be set."""

@@ -13,12 +13,11 @@ from ...models import AbstractLookup, Conventions
 from ..fit import TableLayout
 from ..kinds import Kind
 from ._capacity import ANY_LIST, ListTarget
-from ._errors import ExchangeError
 from ._evaluate import offset_at, offsets_at
 from ._identity import Increments
 from ._machine_lists import Reading
 from ._nodes import ListNodes, nodes_of_model
-from ._units import LIST_UNITS, SGN32, from_list_units, round_to_list
+from ._units import LIST_UNITS, SGN32, ExchangeError, from_list_units, round_to_list
 
 if TYPE_CHECKING:
     from ..fit.joint import AbstractEffect

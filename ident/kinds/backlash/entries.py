@@ -7,12 +7,11 @@ import numpy as np
 from ....data.lists import ListFile
 from ....models import Backlash, Conventions
 from ...exchange._capacity import ANY_LIST, ListTarget
-from ...exchange._errors import ExchangeError
 from ...exchange._identity import not_negative, optional, refuse_many
 from ...exchange._machine_lists import REVERSAL_CYCLES, InUse, Reading
-from ...exchange._motion import Motion
 from ...exchange._nodes import as_array
-from ...exchange._units import LIST_UNITS, SGN16, round_to_list
+from ...exchange._units import LIST_UNITS, SGN16, ExchangeError, round_to_list
+from ...exchange.controller._motion import Motion
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 

@@ -3,7 +3,8 @@
 from typing import final
 
 from ...exchange._machine_lists import REVERSAL_CYCLES
-from ...exchange._probe import (
+from ...exchange._units import LIST_UNITS
+from ...exchange.probe._probe import (
     HEIGHT,
     Masters,
     Outcome,
@@ -12,7 +13,6 @@ from ...exchange._probe import (
     ProbeAxis,
     Probed,
 )
-from ...exchange._units import LIST_UNITS
 from .._protocol import AbstractProbe
 from . import KIND
 from .entries import WIDTH

@@ -17,8 +17,14 @@ from ...exchange._identity import (
     unit_size,
 )
 from ...exchange._machine_lists import Reading
-from ...exchange._modulo import refuse_jump, wrapped
-from ...exchange._nodes import PointNodes, as_array, nodes_of_model, refuse_unordered
+from ...exchange._nodes import (
+    PointNodes,
+    as_array,
+    nodes_of_model,
+    refuse_jump,
+    refuse_unordered,
+    wrapped,
+)
 from ...exchange._table import AbstractTable
 from ...exchange._units import from_list_units, round_to_list
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes

@@ -5,7 +5,7 @@ from typing import final
 
 from ....models import Conventions, Cross
 from ...exchange._nodes import PointNodes, as_array
-from ...exchange._probe import (
+from ...exchange.probe._probe import (
     SECOND,
     Masters,
     Outcome,

@@ -17,18 +17,18 @@ from ....models import (
     surface_through,
 )
 from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
-from ...exchange._errors import ExchangeError
 from ...exchange._identity import column, flag, not_negative, optional, required
 from ...exchange._machine_lists import InUse, Reading
-from ...exchange._motion import Motion
 from ...exchange._nodes import as_array
 from ...exchange._units import (
     SGN32,
     SGN64,
+    ExchangeError,
     exact_in_list,
     from_list_units,
     round_to_list,
 )
+from ...exchange.controller._motion import Motion
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND, SAFE_TESTS
 

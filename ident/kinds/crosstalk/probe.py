@@ -10,7 +10,7 @@ from ....models import BilinearGrid, Conventions, Crosstalk
 from ...exchange._identity import optional
 from ...exchange._machine_lists import InUse
 from ...exchange._nodes import as_array
-from ...exchange._probe import Masters, Outcome, Outcomes, ProbeAxis, Probed
+from ...exchange.probe._probe import Masters, Outcome, Outcomes, ProbeAxis, Probed
 from .._protocol import AbstractProbe
 from .entries import PREFIX, entries_of_crosstalk
 

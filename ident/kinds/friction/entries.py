@@ -10,11 +10,16 @@ from jaxtyping import Float, Int
 from ....data.lists import ListFile
 from ....models import Conventions, FrictionCompensation, FrictionTable, Setpoints
 from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
-from ...exchange._errors import ExchangeError
 from ...exchange._identity import column, not_negative, optional, required
 from ...exchange._machine_lists import InUse, Reading
-from ...exchange._motion import Motion
-from ...exchange._units import LIST_UNITS, SGN32, ModelUnit, round_to_list
+from ...exchange._units import (
+    LIST_UNITS,
+    SGN32,
+    ExchangeError,
+    ModelUnit,
+    round_to_list,
+)
+from ...exchange.controller._motion import Motion
 from .._protocol import AbstractEntries, Axes
 from . import KIND
 

@@ -12,7 +12,6 @@ from jaxtyping import Float, Int
 from ....data.lists import ListFile
 from ....models import Conventions, EquidistantNodes, Leadscrew, Setpoints
 from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
-from ...exchange._errors import ExchangeError
 from ...exchange._identity import (
     Increments,
     axis_number,
@@ -24,16 +23,16 @@ from ...exchange._identity import (
     unit_size,
 )
 from ...exchange._machine_lists import Reading
-from ...exchange._modulo import refuse_unequal_ends
 from ...exchange._nodes import (
     GridNodes,
     as_array,
     equidistant,
     nodes_of_model,
+    refuse_unequal_ends,
     refuse_unordered,
 )
 from ...exchange._table import AbstractTable, Model
-from ...exchange._units import SGN16, from_list_units, round_to_list
+from ...exchange._units import SGN16, ExchangeError, from_list_units, round_to_list
 from .. import kind
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND

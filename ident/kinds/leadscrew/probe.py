@@ -5,7 +5,7 @@ from typing import final
 
 from ....models import Conventions, Leadscrew
 from ...exchange._nodes import as_array
-from ...exchange._probe import (
+from ...exchange.probe._probe import (
     FIRST,
     Masters,
     Outcomes,

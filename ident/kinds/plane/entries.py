@@ -9,7 +9,6 @@ from jaxtyping import Int
 from ....data.lists import ListFile
 from ....models import Conventions, EquidistantNodes, Plane
 from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
-from ...exchange._errors import ExchangeError
 from ...exchange._identity import (
     axis_number,
     optional,
@@ -19,10 +18,9 @@ from ...exchange._identity import (
     values_of,
 )
 from ...exchange._machine_lists import Reading
-from ...exchange._modulo import refuse_jump, wrapped
-from ...exchange._nodes import GridNodes, as_array, nodes_of_model
+from ...exchange._nodes import GridNodes, as_array, nodes_of_model, refuse_jump, wrapped
 from ...exchange._table import AbstractTable
-from ...exchange._units import from_list_units, round_to_list
+from ...exchange._units import ExchangeError, from_list_units, round_to_list
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ....models import Conventions, Plane
 from ...exchange._nodes import as_array
-from ...exchange._probe import (
+from ...exchange.probe._probe import (
     FIRST,
     HEIGHT,
     SECOND,

@@ -18,10 +18,9 @@ from ....models import (
     TemperatureLine,
 )
 from ...exchange._capacity import ANY_LIST, ListTarget
-from ...exchange._errors import ExchangeError
 from ...exchange._identity import flag, not_negative, optional, real, refuse_many
 from ...exchange._machine_lists import Reading
-from ...exchange._units import LIST_UNITS, SGN32, round_to_list
+from ...exchange._units import LIST_UNITS, SGN32, ExchangeError, round_to_list
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 

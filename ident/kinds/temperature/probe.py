@@ -2,8 +2,15 @@
 
 from typing import final
 
-from ...exchange._probe import HEIGHT, Masters, Outcome, Outcomes, ProbeAxis, Probed
 from ...exchange._units import LIST_UNITS
+from ...exchange.probe._probe import (
+    HEIGHT,
+    Masters,
+    Outcome,
+    Outcomes,
+    ProbeAxis,
+    Probed,
+)
 from .._protocol import AbstractProbe
 from . import KIND
 

@@ -8,17 +8,17 @@ from typing import Literal, final
 import numpy as np
 from jaxtyping import Bool
 
-from ...data.lists import ListFile
-from ...models import (
+from ....data.lists import ListFile
+from ....models import (
     COMPENSATIONS,
     CompCommand,
     PositionController,
     ProgramEnd,
     commanded,
 )
-from ..kinds import kinds
-from ._errors import ExchangeError
-from ._identity import axis_number
+from ...kinds import kinds
+from .._identity import axis_number
+from .._units import ExchangeError
 
 Action = Literal["on", "off", "homed", "not homed", "end", "reload"]
 Windows = Mapping[tuple[int, str], tuple[int, int]]

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 
-from ..kinds import kind, kinds
+from ...kinds import kind, kinds
 from ._probe import Outcome, Probe, ProbeAxis, Probed, number_text, places_text
 
 _FEED = 1000

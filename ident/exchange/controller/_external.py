@@ -6,21 +6,20 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...data.lists import ListFile
-from ...models import (
+from ....data.lists import ListFile
+from ....models import (
     Conventions,
     ExternalCompensation,
     ExternalLimits,
     OffsetPart,
     OffsetStack,
 )
-from ..kinds import kinds
+from ...kinds import kinds
+from .._identity import optional
+from .._machine_lists import InUse, Reading, axes_in_use, machine_lists
+from .._nodes import as_array
+from .._units import LIST_UNITS, ExchangeError, round_to_list
 from ._controller import columns_of, model_of
-from ._errors import ExchangeError
-from ._identity import optional
-from ._machine_lists import InUse, Reading, axes_in_use, machine_lists
-from ._nodes import as_array
-from ._units import LIST_UNITS, round_to_list
 
 INTERFACE_UNITS = 10**8
 """Units of the interface per mm or °: its integers count 1e-8 of them."""

@@ -11,16 +11,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ...data.lists import ListFile, Value, new_list
-from ...models import Conventions
-from ..kinds import kind
-from ._controller import model_of
-from ._errors import ExchangeError
-from ._files import axis_file, compensation_file
-from ._identity import Increments
-from ._machine_lists import Reading, machine_lists
-from ._nodes import GridNodes
-from ._units import LIST_UNITS
+from ....data.lists import ListFile, Value, new_list
+from ....models import Conventions
+from ...kinds import kind
+from .._files import axis_file, compensation_file
+from .._identity import Increments
+from .._machine_lists import Reading, machine_lists
+from .._nodes import GridNodes
+from .._units import LIST_UNITS, ExchangeError
+from ..controller._controller import model_of
 
 HEIGHT = 0.01
 """Height of a plateau: 10 µm, or 0.01° of a rotary axis."""

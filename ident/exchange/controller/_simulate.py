@@ -8,16 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...data.lists import ListFile
-from ...models import (
+from ....data.lists import ListFile
+from ....models import (
     Conventions,
     Motion as ControllerMotion,
     Offsets,
     PositionController,
 )
-from ..kinds import NAMES, kind, kinds
+from ...kinds import NAMES, kind, kinds
+from .._machine_lists import InUse, Reading, axes_in_use, machine_lists
+from .._nodes import as_array
+from .._units import ExchangeError
 from ._controller import controller_of
-from ._errors import ExchangeError
 from ._events import (
     ControllerEvent,
     Windows,
@@ -25,9 +27,7 @@ from ._events import (
     loaded_versions,
     selected_rows,
 )
-from ._machine_lists import InUse, Reading, axes_in_use, machine_lists
 from ._motion import Motion, direction_of_motion, unwrapped
-from ._nodes import as_array
 
 _SMALLEST = 256
 """Motions are padded to powers of two from here on: few shapes to compile."""

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...data.measurements import Measurement
-from ._errors import ExchangeError
+from ....data.measurements import Measurement
+from .._units import ExchangeError
 
 _COLUMNS = {
     "position": "positions",

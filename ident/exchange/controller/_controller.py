@@ -4,13 +4,12 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...data.lists import ListFile
-from ...models import (
+from ....data.lists import ListFile
+from ....models import (
     AxisCompensations,
     PositionController,
 )
-from ._errors import ExchangeError
-from ._machine_lists import (
+from .._machine_lists import (
     InUse,
     MachineLists,
     Reading,
@@ -18,6 +17,7 @@ from ._machine_lists import (
     machine_lists,
     reversal_cycles,
 )
+from .._units import ExchangeError
 
 
 def controller_from_lists(
