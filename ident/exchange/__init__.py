@@ -5,8 +5,8 @@ compensations the lists of a machine switch on) and the folder `controller` (the
 has them, run along a motion); what each compensation says of itself is in
 ``kinds/<name>/entries.py``.
 `_files`: the files of an axis. `_table`: what a table fit writes, with its nodes and its sign.
-The folder `probe` asks a machine for plateaus; `load_model` (`_axis_models`) makes models of the lists of one axis, `write_lists`
-writes them back. `_conventions_file`: the rules of one machine.
+The folder `probe` asks a machine for plateaus; `load_model` (`_axis_models`) makes models of the
+lists of one axis, `write_lists` writes them back. `_conventions_file`: the rules of one machine.
 """
 
 from ._axis_models import (

@@ -137,7 +137,7 @@ class Kind:
     def page(self) -> "PagePart":
         """How the report shows it."""
         if self.table:
-            from ..report import _table_body
+            from ..report.table import _body
 
-            return _table_body
+            return _body
         return cast("PagePart", self.part("page"))

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from ._words import WildRow
-
 
 @dataclasses.dataclass(frozen=True)
 class Plot:
@@ -23,6 +21,16 @@ class Plot:
     title: str
     figure: Figure
     caption: str
+
+
+@dataclasses.dataclass(frozen=True)
+class WildRow:
+    """One rejected reading, ready to print."""
+
+    row: str
+    where: str
+    run: str
+    error: str
 
 
 @dataclasses.dataclass(frozen=True)
