@@ -22,3 +22,4 @@ from ._judge import Verdict as Verdict
 from ._motion import LogMotion as LogMotion
 from ._tables import TableChannel as TableChannel, ways_of as ways_of
 from ._verify import Verification as Verification, verify_log as verify_log
+from ._words import fault_words as fault_words
