@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,10 +55,6 @@ class Leftovers:
             self.earlier[key] = (
                 self.earlier[key] + value if key in self.earlier else value
             )
-
-
-Planned = Callable[[Leftovers], "AbstractDraft"]
-"""A fit that was planned: its existing lists read, its keys understood."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Every fit of a job: all of them planned, then fitted in the order that they need."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from ..core import FitError
@@ -8,11 +8,11 @@ from ..kinds._keys import FitSpec
 from ..readings import Tables
 from ._acting import hand_on, leftovers
 from ._draft import AbstractDraft
+from ._fit_plan import AbstractPlan, plan_of
 from .file._load import Job
 
 if TYPE_CHECKING:
     from .joint import IdentifiedGroup
-    from .joint._member import AbstractMember
 
 
 def fit_all(
@@ -41,19 +41,14 @@ def fit_all(
     _refuse_streams(job, grouped)
     drafts: dict[int, AbstractDraft] = {}
     found: list[IdentifiedGroup] = []
-    members: dict[str, tuple[AbstractMember, ...]] = {}
-    for name, indices in job.spec.groups.items():
-        from .joint import members_of  # takes long to load
-
-        members[name] = members_of(tables, indices)
-    single = {
-        k: fit.kind.single.plan(tables, k, fit)
-        for k, fit in enumerate(fits)
-        if k not in grouped
+    members = {
+        name: [plan_of(tables, k) for k in indices]
+        for name, indices in job.spec.groups.items()
     }
+    single = {k: plan_of(tables, k) for k in range(len(fits)) if k not in grouped}
     left = leftovers(job)
     for name, every in members.items():
-        from .joint import fit_group
+        from .joint import fit_group  # takes long to load
 
         say(f"fitting group {name!r} together: {', '.join(one.name for one in every)}")
         group, own = fit_group(tables, name, every)
@@ -62,7 +57,7 @@ def fit_all(
         for one in own.values():
             hand_on(one, left)
     undetermined: dict[int, FitError] = {}
-    alone = _confounded_alone(tables, [*single])
+    alone = _confounded_alone(tables, single)
     order = sorted(single, key=lambda k: not fits[k].kind.fitted_first)
     for place, k in enumerate(order):
         if k in alone and not fits[k].kind.partial:
@@ -71,7 +66,7 @@ def fit_all(
         say(f"fitting {fits[k].compensation} of {fits[k].axis}")
         try:
             with job.blaming(("fits", k), f"{_start(fits[k])}: "):
-                drafts[k] = one = single[k](left)
+                drafts[k] = one = single[k].alone(tables, left)
         except FitError as error:
             if k not in alone:
                 undetermined[k] = error
@@ -121,7 +116,9 @@ def _left_out(job: Job, k: int, why: str) -> AbstractDraft:
     return LeftOutDraft(job, k, job.spec.fits[k], why)
 
 
-def _confounded_alone(tables: Tables, single: list[int]) -> dict[int, str]:
+def _confounded_alone(
+    tables: Tables, single: Mapping[int, AbstractPlan]
+) -> dict[int, str]:
     """Return which fits of no group their readings do not tell apart, and why."""
     fits = tables.job.spec.fits
     several = len({fits[k].axis for k in single}) < len(single)

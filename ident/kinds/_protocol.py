@@ -7,13 +7,12 @@ A colleague who adds a compensation writes its model in `axcomp.models` (or, as 
 * ``channel.py`` with ``CHANNEL``, a class that is a `proof.verify.AbstractChannel`;
 * ``probe.py`` with ``PROBE``, an `AbstractProbe`;
 * ``keys.py`` with ``Spec``, a `_keys.FitSpec`: light, it loads nothing that computes;
-* ``job.py``, a `SinglePart`: a fit that stands alone, from its plan to a draft;
-* ``group.py``, a `GroupPart`: a fit of a group, from its effect to the same draft;
+* ``plan.py``, a `PlanPart`: a fit from its plan to a draft, alone or in a group;
 * ``page.py``, a `PagePart`: what the report shows of its result.
 
 A draft (`AbstractDraft`) is what a job writes, judges and proves; it makes the result
 (`AbstractResult`) that stands in ``result.json`` and in the report. Tables (`Kind.table`) share
-theirs: they need no ``job.py``, no ``group.py`` and no ``page.py``.
+theirs: they need no ``plan.py`` and no ``page.py``.
 """
 
 import abc
@@ -33,8 +32,7 @@ from ._kind import Kind
 
 if TYPE_CHECKING:
     from ..exchange._table import AbstractTable
-    from ..job._draft import Planned
-    from ..job.joint._member import AbstractMember
+    from ..job._fit_plan import AbstractPlan
     from ..readings import Tables
     from ..report._body import Body
     from ..report._scale import Scale
@@ -290,11 +288,11 @@ class AbstractProbe(abc.ABC):
 
 
 @runtime_checkable
-class SinglePart(Protocol):
-    """The module ``job`` of a compensation; ``fit`` is of its own class of keys."""
+class PlanPart(Protocol):
+    """The module ``plan`` of a compensation; ``fit`` is of its own class of keys."""
 
-    def plan(self, tables: "Tables", index: int, fit: Any) -> "Planned":
-        """Plan a fit; what it returns fits it.
+    def plan(self, tables: "Tables", index: int, fit: Any) -> "AbstractPlan":
+        """Plan a fit.
 
         Args:
             tables: Measurement files of the job.
@@ -302,19 +300,8 @@ class SinglePart(Protocol):
             fit: Its keys.
 
         Raises:
-            JobError: If keys or existing lists do not suit; of what it returns: likewise
-                for readings.
-            FitError: Of what it returns: if the readings do not determine the fit.
+            JobError: If keys or existing lists do not suit.
         """
-        ...
-
-
-@runtime_checkable
-class GroupPart(Protocol):
-    """The module ``group`` of a compensation."""
-
-    def member(self, tables: "Tables", index: int, fit: Any) -> "AbstractMember":
-        """Plan a fit of a group; arguments and errors as `SinglePart.plan`."""
         ...
 
 

@@ -15,9 +15,11 @@ from ...fit import FitError
 from ...fit.joint import (
     AbstractEffect,
     Delay,
+    JointData,
     JointFit,
     Leadscrew,
     Part,
+    Temperature,
     examine_design,
     fit_joint,
     held_out_errors,
@@ -25,10 +27,13 @@ from ...fit.joint import (
 from ...kinds._keys import FitSpec
 from ...readings import Tables
 from .._draft import AbstractDraft
+from .._fit_plan import AbstractPlan
 from ..file._load import Job
-from ._member import AbstractMember, at_once, few, members_of
 from ._recording import GroupRecording, read_group
 from ._share import LeftOutDraft, Share
+
+_MOST = 10_000
+"""Readings that are enough to see what goes together."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,7 +49,7 @@ class IdentifiedGroup:
     """
 
     name: str
-    members: tuple[AbstractMember, ...]
+    members: tuple[AbstractPlan, ...]
     recording: GroupRecording
     fit: JointFit
     held_out: Mapping[str, Float[np.ndarray, " t"]]
@@ -91,7 +96,7 @@ class IdentifiedGroup:
 
 
 def fit_group(
-    tables: Tables, name: str, every: Sequence[AbstractMember]
+    tables: Tables, name: str, every: Sequence[AbstractPlan]
 ) -> tuple[IdentifiedGroup, dict[int, AbstractDraft]]:
     """Read the measurements of a group and fit all its members together.
 
@@ -137,7 +142,7 @@ def fit_group(
     return found, drafts
 
 
-def _draft(one: AbstractMember, share: Share) -> AbstractDraft:
+def _draft(one: AbstractPlan, share: Share) -> AbstractDraft:
     if not share.group.written[share.number]:
         return _left_out(one, "", share)
     try:
@@ -147,14 +152,12 @@ def _draft(one: AbstractMember, share: Share) -> AbstractDraft:
         return _left_out(one, str(error), share)
 
 
-def _left_out(
-    one: AbstractMember, why: str, share: Share | None = None
-) -> AbstractDraft:
+def _left_out(one: AbstractPlan, why: str, share: Share | None = None) -> AbstractDraft:
     return LeftOutDraft(one.job, one.index, one.fit, why, share)
 
 
 def _effects(
-    members: Sequence[AbstractMember], recording: GroupRecording
+    members: Sequence[AbstractPlan], recording: GroupRecording
 ) -> list[AbstractEffect]:
     """Return the effect of each member; some show their form behind the others."""
     found = [one.effect(recording, None) for one in members]
@@ -183,7 +186,7 @@ def _effects(
 
 
 def _helpers(
-    members: Sequence[AbstractMember], recording: GroupRecording
+    members: Sequence[AbstractPlan], recording: GroupRecording
 ) -> Iterator[AbstractEffect]:
     """Return what must stand beside the members, so that they show what is theirs.
 
@@ -204,7 +207,7 @@ def _helpers(
 
 
 def _fit(
-    members: Sequence[AbstractMember],
+    members: Sequence[AbstractPlan],
     recording: GroupRecording,
     effects: Sequence[AbstractEffect],
 ) -> JointFit:
@@ -218,7 +221,7 @@ def _fit(
     )
 
 
-def confounded(tables: Tables, indices: Sequence[int]) -> dict[int, str]:
+def confounded(tables: Tables, plans: Mapping[int, AbstractPlan]) -> dict[int, str]:
     """Return which fits that stand alone cannot be told, and why.
 
     Each of them is fitted as if there was no other. Those of one axis and measurement
@@ -227,12 +230,12 @@ def confounded(tables: Tables, indices: Sequence[int]) -> dict[int, str]:
 
     Args:
         tables: Measurements of the job.
-        indices: Fits of no group.
+        plans: Fits of no group, by index.
     """
     found: dict[int, str] = {}
-    for own in _together(tables, indices):
+    for own in _together(tables, [*plans]):
         try:
-            members = members_of(tables, own)
+            members = [plans[k] for k in own]
             recording = read_group(tables, members)
             for one, sentence in _confused(members, recording):
                 found.setdefault(one.index, sentence)
@@ -271,8 +274,8 @@ def _is_large(tables: Tables, fit: FitSpec) -> bool:
 
 
 def _confused(
-    members: Sequence[AbstractMember], recording: GroupRecording
-) -> list[tuple[AbstractMember, str]]:
+    members: Sequence[AbstractPlan], recording: GroupRecording
+) -> list[tuple[AbstractPlan, str]]:
     found = []
     data = few(recording.data)
     for one in members:
@@ -297,9 +300,22 @@ def _confused(
     return found
 
 
-def _effect(one: AbstractMember, recording: GroupRecording) -> AbstractEffect | None:
+def _effect(one: AbstractPlan, recording: GroupRecording) -> AbstractEffect | None:
     """Return the effect; one whose form is open has that of a fit to the whole error."""
     found = one.effect(recording, None)
     if found is None:
         found = one.effect(recording, recording.data.error[one.axis])
     return found
+
+
+def at_once(effect: AbstractEffect) -> AbstractEffect:
+    """Return an effect without the lag of what it follows: linear in its values."""
+    if isinstance(effect, Temperature):
+        return dataclasses.replace(effect, lag=0.0)
+    return effect
+
+
+def few(data: JointData) -> JointData:
+    """Return as many readings as are enough to see what goes together."""
+    step = -(-len(data) // _MOST)
+    return data.take(np.arange(0, len(data), step)) if step > 1 else data

@@ -9,16 +9,15 @@ from jaxtyping import Float, Int
 
 from ...exchange import AbstractTable
 from ...fit import Samples, TableLayout, fit_table
-from ...kinds._keys import TableSpec
 from ...proof import held_out
 from ...readings import Readings, Tables, place_in_run, runs_overlap
-from .._draft import AbstractDraft, Leftovers, Planned
+from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
 from ._draft import AbstractTableDraft, TableDraft
 from ._layout import grid_words, suit
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
-from ._plan import Plan, plan_fit
+from ._plan import Plan
 from ._readings import read_fit
 from ._trend import refuse_unowned_trend
 
@@ -26,29 +25,23 @@ _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
 
 
-def plan(tables: Tables, index: int, fit: TableSpec) -> Planned:
-    """Plan a table fit; what it returns fits it.
+def fit_alone(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
+    """Fit a planned table to its own measurements.
 
     Raises:
-        JobError: If nodes, masters or existing lists do not suit; of what it returns: if
-            the readings do not determine the fit, or show a constant or a slope and the
-            job does not say whose.
+        JobError: If the readings do not determine the fit, or show a constant or a slope
+            and the job does not say whose.
     """
-    planned = plan_fit(tables, index, fit)
-
-    def draft(left: Leftovers) -> AbstractDraft:
-        log, words = in_pieces(tables, fit, planned.table)
-        found: AbstractTableDraft
-        if log is not None:
-            _refuse_beside(planned, left)
-            found = fit_log(planned, log)
-        else:
-            readings, more = read_fit(tables, index, fit, planned.table, left)
-            found = fit_plan(planned, readings, (*words, *more))
-        refuse_unowned_trend(planned, found.estimate)
-        return found
-
-    return draft
+    log, words = in_pieces(tables, plan.fit, plan.table)
+    found: AbstractTableDraft
+    if log is not None:
+        _refuse_beside(plan, left)
+        found = fit_log(plan, log)
+    else:
+        readings, more = read_fit(tables, plan.index, plan.fit, plan.table, left)
+        found = fit_plan(plan, readings, (*words, *more))
+    refuse_unowned_trend(plan, found.estimate)
+    return found
 
 
 def _refuse_beside(plan: Plan, left: Leftovers) -> None:

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -18,15 +19,24 @@ from ...fit import TableFit, predict, zeroed
 from ...kinds import kinds
 from ...kinds._keys import FitSpec, TableSpec
 from ...readings import Tables
-from .._draft import AbstractOfFit
+from .._draft import AbstractDraft, Leftovers
+from .._fit_plan import AbstractPlan
 from ..file._load import Job
 from ..result._result import Remark
 from ._layout import empty_table, table_of
 from ._readings import datum_of
 
+if TYPE_CHECKING:
+    from ...fit.joint import AbstractEffect, JointData
+    from ..joint._recording import GroupRecording
+    from ..joint._share import Share
+
+_TOGETHER = 0.99
+"""Correlation of two masters from which on a table over them is told on a line only."""
+
 
 @dataclasses.dataclass(frozen=True)
-class Plan(AbstractOfFit):
+class Plan(AbstractPlan):
     """One table before its measurement is looked at.
 
     Attributes:
@@ -44,6 +54,52 @@ class Plan(AbstractOfFit):
     active: bool
     datum: tuple[float, ...] | None
     remarks: tuple[Remark, ...]
+
+    def alone(self, tables: Tables, left: Leftovers) -> AbstractDraft:
+        from ._fitting import fit_alone
+
+        return fit_alone(self, tables, left)
+
+    @property
+    def positions(self) -> tuple[str, ...]:
+        return self.fit.over
+
+    @property
+    def turning(self) -> tuple[str, ...]:
+        return (self.axis,) if self.table.branches == 2 else ()
+
+    @property
+    def takes_line(self) -> bool:
+        return self.fit.lengths
+
+    def undetermined(self, data: "JointData") -> str:
+        if len(self.fit.over) < 2:
+            return ""
+        first, second = (data.position[name] for name in self.fit.over)
+        known = np.isfinite(first) & np.isfinite(second)
+        known &= np.isfinite(data.error[self.axis])
+        x, y = first[known], second[known]
+        if len(x) < 3 or not np.ptp(x) > 0 or not np.ptp(y) > 0:
+            return ""
+        alike = float(np.corrcoef(x, y)[0, 1])
+        if abs(alike) < _TOGETHER:
+            return ""
+        names = " and ".join(self.fit.over)
+        return (
+            f"{names} moved together (correlation {alike:.4f}): beside the line on which"
+            " they went nothing was measured. Move each of them while the other stands"
+            " still."
+        )
+
+    def effect(
+        self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
+    ) -> "AbstractEffect":
+        return self.table.effect(self.axis, self.fit.over)
+
+    def draft(self, share: "Share") -> AbstractDraft:
+        from ..joint._table import table_draft  # takes long to load
+
+        return table_draft(self, share)
 
     @property
     def old_offset(self) -> Float[np.ndarray, "..."] | None:
@@ -111,7 +167,7 @@ class Plan(AbstractOfFit):
         return self.table.offset(self.old, positions, branch)
 
 
-def plan_fit(tables: Tables, index: int, fit: TableSpec) -> Plan:
+def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
     """Return what a table fit writes.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The crosstalk of a group."""
+"""A planned crosstalk: fitted alone, or in a group."""
 
 import dataclasses
 from typing import final
@@ -8,31 +8,33 @@ from jaxtyping import Float
 
 from ...fit import FitError
 from ...fit.joint import Crosstalk, JointFit, Part
-from ...job.joint._member import AbstractMember
+from ...job._draft import Leftovers
+from ...job._fit_plan import AbstractPlan
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
+from ...job.result._result import Remark
 from ...readings import Tables
+from ._draft import CrosstalkDraft, Existing, existing_crosstalk
 from ._events import cut_events, events_under, joined_logs
-from ._identify import Identified, options_of
+from ._identify import Identified, identify, options_of, read_crosstalk
 from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings, fit_crosstalk
-from .job import CrosstalkDraft, Existing, existing_crosstalk
 from .keys import Spec
 
 
-def member(tables: Tables, index: int, fit: Spec) -> "CrosstalkMember":
-    """Plan a crosstalk of a group.
+def plan(tables: Tables, index: int, fit: Spec) -> "CrosstalkPlan":
+    """Plan a crosstalk fit.
 
     Raises:
         JobError: If existing lists do not suit.
     """
     job = tables.job
     old = existing_crosstalk(job, index, fit)
-    return CrosstalkMember(job, index, fit, old, fit.mover(job.conventions))
+    return CrosstalkPlan(job, index, fit, old, fit.mover(job.conventions))
 
 
 @final
 @dataclasses.dataclass(frozen=True)
-class CrosstalkMember(AbstractMember):
+class CrosstalkPlan(AbstractPlan):
     """A crosstalk.
 
     Attributes:
@@ -43,6 +45,13 @@ class CrosstalkMember(AbstractMember):
     fit: Spec
     old: Existing
     mover: str
+
+    def alone(self, tables: Tables, left: Leftovers) -> CrosstalkDraft:
+        job, fit = self.job, self.fit
+        readings, words = read_crosstalk(tables, fit)
+        found = identify(readings, fit, self.old.active, job.conventions)
+        remarks = tuple(map(Remark.info, words))
+        return CrosstalkDraft(job, self.index, fit, remarks, found, self.old)
 
     @property
     def positions(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The thermal line of one axis: fitted, judged, written for list and PLC, read back."""
+"""The thermal line of one axis, fitted: judged, written for list and PLC, read back."""
 
 import dataclasses
 import functools
@@ -10,18 +10,16 @@ from jaxtyping import Float
 
 from ....data.lists import ListFile, Value
 from ....models import TemperatureLine
-from ...job._draft import AbstractDraft, Leftovers, Planned, Written
+from ...job._draft import AbstractDraft, Written
 from ...job._gating import spread_over
-from ...job.file._load import Job
 from ...job.result._result import Remark, staged
 from ...job.result._second import SecondMeasurement
-from ...job.table._plan import refuse_unstated
 from ...proof import GateCheck, reversal_dynamics
 from ...proof.axis import check_switching
 from ...readings import Tables
 from .._keys import FitSpec
 from . import KIND
-from ._identify import Identified, identify, read_thermal
+from ._identify import Identified, read_thermal
 from ._law import (
     PlcProgram,
     ThermalLaw,
@@ -43,34 +41,6 @@ from .entries import (
 from .keys import Spec, temperature_names
 
 _LINE = KIND.prefix
-
-
-def plan(tables: Tables, index: int, fit: Spec) -> Planned:
-    """Plan a temperature fit; what it returns fits it.
-
-    Raises:
-        JobError: If a temperature compensation is switched on already and a measurement
-            does not say whether it acted.
-        FitError: Of what it returns: if the readings do not determine it.
-    """
-    refuse_unstated_law(tables.job, fit)
-
-    def draft(left: Leftovers) -> AbstractDraft:
-        found = identify(read_thermal(tables, fit), fit)
-        return TemperatureDraft(tables.job, index, fit, found)
-
-    return draft
-
-
-def refuse_unstated_law(job: Job, fit: Spec) -> None:
-    """Raise where the axis list has the law switched on and a measurement says no more.
-
-    Raises:
-        JobError: Naming the measurement and the answers.
-    """
-    machine = job.lists[fit.axis].machine
-    if machine is not None and machine.integer(_LINE):
-        refuse_unstated(job, fit, machine.source, "measure again with COMP OFF TEMP")
 
 
 @final

@@ -1,4 +1,4 @@
-"""The backlash of a group."""
+"""A planned backlash: fitted alone, or in a group."""
 
 import dataclasses
 from typing import final
@@ -8,32 +8,33 @@ from jaxtyping import Float
 
 from ...fit import DriftNoise, FitError
 from ...fit.joint import Backlash
-from ...job.joint._member import AbstractMember
+from ...job._draft import Leftovers
+from ...job._fit_plan import AbstractPlan
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
 from ...readings import Tables
-from ._recording import Recording
+from ._draft import BacklashDraft, KnownBacklash, known_backlash
+from ._recording import Recording, read_recording
 from .effect import BacklashFit
-from .job import BacklashDraft, KnownBacklash, known_backlash
 from .keys import Spec
 
 _MOST = 5_000
 """Readings that are enough to see whether a backlash changes along the axis."""
 
 
-def member(tables: Tables, index: int, fit: Spec) -> "BacklashMember":
-    """Plan a backlash of a group.
+def plan(tables: Tables, index: int, fit: Spec) -> "BacklashPlan":
+    """Plan a backlash fit.
 
     Raises:
         JobError: If existing lists do not suit.
     """
     known = known_backlash(tables.job, index, fit)
-    return BacklashMember(tables.job, index, fit, known)
+    return BacklashPlan(tables.job, index, fit, known)
 
 
 @final
 @dataclasses.dataclass(frozen=True)
-class BacklashMember(AbstractMember):
+class BacklashPlan(AbstractPlan):
     """A backlash.
 
     Attributes:
@@ -42,6 +43,12 @@ class BacklashMember(AbstractMember):
 
     fit: Spec
     known: KnownBacklash
+
+    def alone(self, tables: Tables, left: Leftovers) -> BacklashDraft:
+        recording = read_recording(tables, self.fit)
+        found = recording.fit(self.fit.loss)
+        job, index = self.job, self.index
+        return BacklashDraft(job, index, self.fit, recording, found, self.known)
 
     @property
     def positions(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The backlash of one axis: fitted, judged, written into the axis list, read back."""
+"""The backlash of one axis, fitted: judged, written into the axis list, read back."""
 
 import dataclasses
 import functools
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from ....data.lists import Value
 from ....models import Backlash
 from ...fit import FitError
-from ...job._draft import AbstractDraft, Leftovers, Planned, Written
+from ...job._draft import AbstractDraft, Written
 from ...job._gating import spread_over
 from ...job.file._load import Job
 from ...job.result._result import staged
@@ -75,23 +75,6 @@ def known_backlash(job: Job, index: int, fit: Spec) -> KnownBacklash:
             " is given, expected machine_data = the file that was loaded",
         )
     return KnownBacklash(old, active)
-
-
-def plan(tables: Tables, index: int, fit: Spec) -> Planned:
-    """Plan a backlash fit; what it returns fits it.
-
-    Raises:
-        JobError: If existing lists do not suit.
-        FitError: Of what it returns: if the readings do not determine it.
-    """
-    known = known_backlash(tables.job, index, fit)
-
-    def draft(left: Leftovers) -> AbstractDraft:
-        recording = read_recording(tables, fit)
-        found = recording.fit(fit.loss)
-        return BacklashDraft(tables.job, index, fit, recording, found, known)
-
-    return draft
 
 
 @final

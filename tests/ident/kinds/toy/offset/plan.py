@@ -12,9 +12,9 @@ from axcomp.ident.exchange import Reading
 from axcomp.ident.job._draft import (
     AbstractDraft,
     Leftovers,
-    Planned,
     Written,
 )
+from axcomp.ident.job._fit_plan import AbstractPlan
 from axcomp.ident.job.result._result import AbstractResult, Remark, staged
 from axcomp.ident.proof import GateCheck, gate_check
 from axcomp.ident.readings import Tables, Wanted, read_joined
@@ -23,16 +23,22 @@ from .entries import ENTRIES, Constant
 from .keys import Spec
 
 
-def plan(tables: Tables, index: int, fit: Spec) -> Planned:
+def plan(tables: Tables, index: int, fit: Spec) -> "OffsetPlan":
     """Plan a fit."""
+    return OffsetPlan(tables.job, index, fit)
 
-    def draft(left: Leftovers) -> AbstractDraft:
-        wanted = Wanted((fit.axis,), "no", lengths=False)
-        return OffsetDraft(
-            tables.job, index, fit, read_joined(tables, fit, wanted).error
-        )
 
-    return draft
+@final
+@dataclasses.dataclass(frozen=True)
+class OffsetPlan(AbstractPlan):
+    """A planned offset."""
+
+    fit: Spec
+
+    def alone(self, tables: Tables, left: Leftovers) -> AbstractDraft:
+        wanted = Wanted((self.axis,), "no", lengths=False)
+        error = read_joined(tables, self.fit, wanted).error
+        return OffsetDraft(self.job, self.index, self.fit, error)
 
 
 @final

@@ -1,4 +1,4 @@
-"""The crosstalk of one axis: fitted, judged, written into its list, read back."""
+"""The crosstalk of one axis, fitted: judged, written into its list, read back."""
 
 import dataclasses
 import functools
@@ -10,15 +10,14 @@ from jaxtyping import Float
 from ....data.lists import Value
 from ....models import Crosstalk, LegacyCrosstalk
 from ...exchange import ExchangeError
-from ...job._draft import AbstractDraft, Leftovers, Planned, Written
+from ...job._draft import AbstractDraft, Written
 from ...job._gating import spread_over
 from ...job.file._load import Job
 from ...job.result._result import Remark, staged
 from ...job.table._plan import was_active
 from ...proof import GateCheck, error_figures
-from ...readings import Tables
 from ._events import events_under
-from ._identify import Identified, identify, read_crosstalk
+from ._identify import Identified
 from ._result import (
     CrosstalkResult,
     coverage_of,
@@ -92,25 +91,6 @@ def existing_crosstalk(job: Job, index: int, fit: Spec) -> Existing:
             reason = f"found {given:g}, expected {own:g} as in the list that was active"
             raise job.error((*where, key), reason)
     return dataclasses.replace(found, active=found.model)
-
-
-def plan(tables: Tables, index: int, fit: Spec) -> Planned:
-    """Plan a crosstalk fit; what it returns fits it.
-
-    Raises:
-        JobError: If existing lists do not suit.
-        FitError: Of what it returns: if the readings do not determine it.
-    """
-    job = tables.job
-    old = existing_crosstalk(job, index, fit)
-
-    def draft(left: Leftovers) -> AbstractDraft:
-        readings, words = read_crosstalk(tables, fit)
-        found = identify(readings, fit, old.active, job.conventions)
-        remarks = tuple(map(Remark.info, words))
-        return CrosstalkDraft(job, index, fit, remarks, found, old)
-
-    return draft
 
 
 @final

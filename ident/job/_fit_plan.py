@@ -1,25 +1,46 @@
-"""A fit of a group before its measurement is looked at: what all kinds have in common."""
+"""A fit before its measurement is looked at, alone or in a group: what all kinds have in common."""
 
 import abc
 import dataclasses
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
-from ...fit.joint import AbstractEffect, JointData, JointFit, Part, Temperature
-from ...readings import Tables
-from .._draft import AbstractDraft, AbstractOfFit
-from ._recording import GroupRecording
-from ._share import Share, lost
+from ..readings import Tables
+from ._draft import AbstractDraft, AbstractOfFit, Leftovers
 
-_MOST = 10_000
-"""Readings that are enough to see what goes together."""
+if TYPE_CHECKING:
+    from ..fit.joint import AbstractEffect, JointData, JointFit, Part
+    from .joint._recording import GroupRecording
+    from .joint._share import Share
+
+
+_ALONE = "found in a group, expected it alone"
 
 
 @dataclasses.dataclass(frozen=True)
-class AbstractMember(AbstractOfFit):
-    """One fit of a group."""
+class AbstractPlan(AbstractOfFit):
+    """A planned fit: its existing lists read, its keys understood.
+
+    What is asked of a fit in a group follows `alone`; a kind that has no part in one leaves
+    it as it is.
+    """
+
+    @abc.abstractmethod
+    def alone(self, tables: Tables, left: Leftovers) -> AbstractDraft:
+        """Fit it to its own measurements, as if there was no other.
+
+        Args:
+            tables: Measurements of the job.
+            left: What earlier fits leave of them.
+
+        Raises:
+            JobError: If the readings do not suit.
+            FitError: If they do not determine the fit.
+            ExchangeError: If the result fits no list.
+        """
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -56,16 +77,16 @@ class AbstractMember(AbstractOfFit):
         """Whether it shows what is its own only beside such a line."""
         return False
 
-    def unfit(self, recording: GroupRecording) -> str:
+    def unfit(self, recording: "GroupRecording") -> str:
         """Return why these readings tell nothing of it, whatever they are; else nothing."""
         return ""
 
-    def undetermined(self, data: JointData) -> str:
+    def undetermined(self, data: "JointData") -> str:
         """Return why the motion of its masters does not tell it; else nothing."""
         return ""
 
     def confused(
-        self, members: Sequence["AbstractMember"], recording: GroupRecording
+        self, members: Sequence["AbstractPlan"], recording: "GroupRecording"
     ) -> str:
         """Return with what that no fit stands for the readings confuse it; else nothing.
 
@@ -75,14 +96,15 @@ class AbstractMember(AbstractOfFit):
         """
         return ""
 
-    def may_be_written(self, part: Part, fit: JointFit) -> bool:
+    def may_be_written(self, part: "Part", fit: "JointFit") -> bool:
         """Return whether the readings tell its part of the joint fit."""
+        from .joint._share import lost  # takes long to load
+
         return bool(part.determined.any()) and not lost(part, fit)
 
-    @abc.abstractmethod
     def effect(
-        self, recording: GroupRecording, left: Float[np.ndarray, " t"] | None
-    ) -> AbstractEffect | None:
+        self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
+    ) -> "AbstractEffect | None":
         """Return the effect; None where its form needs what the other effects leave.
 
         Args:
@@ -92,40 +114,23 @@ class AbstractMember(AbstractOfFit):
         Raises:
             FitError: If the readings do not tell its form.
         """
+        raise self.refusal(_ALONE)
 
-    @abc.abstractmethod
-    def draft(self, share: Share) -> AbstractDraft:
+    def draft(self, share: "Share") -> AbstractDraft:
         """Return its draft.
 
         Raises:
             FitError: If the readings cannot carry it.
             ExchangeError: If it fits no list.
         """
+        raise self.refusal(_ALONE)
 
 
-def at_once(effect: AbstractEffect) -> AbstractEffect:
-    """Return an effect without the lag of what it follows: linear in its values."""
-    if isinstance(effect, Temperature):
-        return dataclasses.replace(effect, lag=0.0)
-    return effect
-
-
-def few(data: JointData) -> JointData:
-    """Return as many readings as are enough to see what goes together."""
-    step = -(-len(data) // _MOST)
-    return data.take(np.arange(0, len(data), step)) if step > 1 else data
-
-
-def members_of(tables: Tables, indices: Sequence[int]) -> tuple[AbstractMember, ...]:
-    """Return the fits of a group: existing lists read, keys understood.
+def plan_of(tables: Tables, index: int) -> AbstractPlan:
+    """Return the plan of a fit of the job.
 
     Raises:
         JobError: If keys, nodes, masters or existing lists do not suit.
-        MeasurementError: If the only sensor is to be taken and there is none.
     """
-
-    def member(index: int) -> AbstractMember:
-        fit = tables.job.spec.fits[index]
-        return fit.kind.group.member(tables, index, fit)
-
-    return tuple(map(member, indices))
+    fit = tables.job.spec.fits[index]
+    return fit.kind.planner.plan(tables, index, fit)

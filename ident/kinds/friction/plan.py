@@ -9,7 +9,8 @@ import numpy as np
 from ....data.lists import ListFile, Value
 from ....models import FrictionCompensation
 from ...friction import Knots, place_knots
-from ...job._draft import AbstractDraft, Leftovers, Planned, Written
+from ...job._draft import AbstractDraft, Leftovers, Written
+from ...job._fit_plan import AbstractPlan
 from ...job.result._result import Remark
 from ...proof import CircularTest, GateCheck, circular_test, gate_check
 from ...readings import Tables
@@ -23,15 +24,20 @@ from .keys import Spec
 _ENTRIES = 20
 
 
-def plan(tables: Tables, index: int, fit: Spec) -> Planned:
-    """Plan a friction fit; what it returns fits it.
+def plan(tables: Tables, index: int, fit: Spec) -> "FrictionPlan":
+    """Plan a friction fit."""
+    return FrictionPlan(tables.job, index, fit)
 
-    Raises:
-        FitError: Of what it returns: if the recording does not determine it.
-    """
-    job = tables.job
 
-    def draft(left: Leftovers) -> AbstractDraft:
+@final
+@dataclasses.dataclass(frozen=True)
+class FrictionPlan(AbstractPlan):
+    """A planned friction."""
+
+    fit: Spec
+
+    def alone(self, tables: Tables, left: Leftovers) -> "FrictionDraft":
+        job, fit = self.job, self.fit
         recording = read_drive(tables, fit)
         level = fit.level
         if level is None:
@@ -50,10 +56,8 @@ def plan(tables: Tables, index: int, fit: Spec) -> Planned:
             )
         view = view_of(recording, found, curve, knots, level)
         return FrictionDraft(
-            job, index, fit, recording, found, curve, unit, knots, view, level
+            job, self.index, fit, recording, found, curve, unit, knots, view, level
         )
-
-    return draft
 
 
 @final

@@ -1,6 +1,7 @@
-"""The thermal line of a group."""
+"""A planned thermal line: fitted alone, or in a group."""
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import final
 
@@ -11,13 +12,24 @@ from scipy.linalg import block_diag
 from ..._recording import JointData
 from ...fit import DriftNoise
 from ...fit.joint import Leadscrew, Temperature, examine_design
-from ...job.joint._member import AbstractMember, at_once, few
+from ...job._draft import Leftovers
+from ...job._fit_plan import AbstractPlan
+from ...job.joint._group import at_once, few
 from ...job.joint._recording import GroupRecording
 from ...job.joint._share import Share
+from ...job.table._plan import refuse_unstated
 from ...readings import Tables
-from ._identify import Identified, ThermalRecording, effects_of, line_of
+from . import KIND
+from ._draft import TemperatureDraft
+from ._identify import (
+    Identified,
+    ThermalRecording,
+    effects_of,
+    identify,
+    line_of,
+    read_thermal,
+)
 from .fit import LEAST_RANGE, Lag, Law, TemperatureFit
-from .job import TemperatureDraft, refuse_unstated_law
 from .keys import Spec
 
 _SURE = 3.0
@@ -27,29 +39,43 @@ _NODES = 11
 """Of the leadscrew that a thermal line is compared with."""
 
 
-def member(tables: Tables, index: int, fit: Spec) -> "TemperatureMember":
-    """Plan the thermal line of a group.
+def plan(tables: Tables, index: int, fit: Spec) -> "TemperaturePlan":
+    """Plan a thermal line.
 
     Raises:
         JobError: If a temperature compensation is switched on already and a measurement
             does not say whether it acted.
-        MeasurementError: If the only sensor is to be taken and there is none.
     """
-    refuse_unstated_law(tables.job, fit)
-    return TemperatureMember(tables.job, index, fit, effects_of(tables, fit))
+    job, machine = tables.job, tables.job.lists[fit.axis].machine
+    if machine is not None and machine.integer(KIND.prefix):
+        refuse_unstated(job, fit, machine.source, "measure again with COMP OFF TEMP")
+    return TemperaturePlan(job, index, fit, tables)
 
 
 @final
 @dataclasses.dataclass(frozen=True)
-class TemperatureMember(AbstractMember):
-    """A thermal line.
+class TemperaturePlan(AbstractPlan):
+    """A planned thermal line.
 
     Attributes:
-        effects: Sensor of each effect that is fitted.
+        tables: Measurements of the job.
     """
 
     fit: Spec
-    effects: dict[str, str]
+    tables: Tables
+
+    @functools.cached_property
+    def effects(self) -> dict[str, str]:
+        """Sensor of each effect that is fitted.
+
+        Raises:
+            MeasurementError: If the only sensor is to be taken and there is none.
+        """
+        return effects_of(self.tables, self.fit)
+
+    def alone(self, tables: Tables, left: Leftovers) -> TemperatureDraft:
+        found = identify(read_thermal(tables, self.fit), self.fit)
+        return TemperatureDraft(self.job, self.index, self.fit, found)
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -78,7 +104,7 @@ class TemperatureMember(AbstractMember):
         return bool(self.positions)
 
     def confused(
-        self, members: Sequence[AbstractMember], recording: GroupRecording
+        self, members: Sequence[AbstractPlan], recording: GroupRecording
     ) -> str:
         """Return that an error along the axis looks like its temperature, or nothing.
 
