@@ -1,22 +1,24 @@
 """A planned backlash: fitted alone, or in a group."""
 
 import dataclasses
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from jaxtyping import Float
 
 from ...fit import DriftNoise, FitError
-from ...fit.joint import Backlash
 from ...job._draft import Leftovers
 from ...job._fit_plan import AbstractPlan
-from ...job.joint._recording import GroupRecording
-from ...job.joint._share import Share
 from ...readings import Tables
 from ._draft import BacklashDraft, KnownBacklash, known_backlash
 from ._recording import Recording, read_recording
 from .effect import BacklashFit
 from .keys import Spec
+
+if TYPE_CHECKING:
+    from ...fit.joint import Backlash
+    from ...job.joint._recording import GroupRecording
+    from ...job.joint._share import Share
 
 _MOST = 5_000
 """Readings that are enough to see whether a backlash changes along the axis."""
@@ -59,11 +61,13 @@ class BacklashPlan(AbstractPlan):
         return (self.axis,)
 
     def effect(
-        self, recording: GroupRecording, left: Float[np.ndarray, " t"] | None
-    ) -> Backlash:
+        self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
+    ) -> "Backlash":
+        from ...fit.joint import Backlash  # takes long to load
+
         return Backlash(self.axis, reference=self.known.reference)
 
-    def draft(self, share: Share) -> BacklashDraft:
+    def draft(self, share: "Share") -> BacklashDraft:
         part = share.part
         way = share.column("direction", self.axis)
         width, deviation = float(part.values[0]), float(part.standard_deviation[0])

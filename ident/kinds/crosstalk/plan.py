@@ -1,17 +1,14 @@
 """A planned crosstalk: fitted alone, or in a group."""
 
 import dataclasses
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from jaxtyping import Float
 
 from ...fit import FitError
-from ...fit.joint import Crosstalk, JointFit, Part
 from ...job._draft import Leftovers
 from ...job._fit_plan import AbstractPlan
-from ...job.joint._recording import GroupRecording
-from ...job.joint._share import Share
 from ...job.result._result import Remark
 from ...readings import Tables
 from ._draft import CrosstalkDraft, Existing, existing_crosstalk
@@ -19,6 +16,11 @@ from ._events import cut_events, events_under, joined_logs
 from ._identify import Identified, identify, options_of, read_crosstalk
 from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings, fit_crosstalk
 from .keys import Spec
+
+if TYPE_CHECKING:
+    from ...fit.joint import Crosstalk, JointFit, Part
+    from ...job.joint._recording import GroupRecording
+    from ...job.joint._share import Share
 
 
 def plan(tables: Tables, index: int, fit: Spec) -> "CrosstalkPlan":
@@ -61,7 +63,7 @@ class CrosstalkPlan(AbstractPlan):
     def accelerating(self) -> tuple[str, ...]:
         return (self.fit.master, self.mover)
 
-    def unfit(self, recording: GroupRecording) -> str:
+    def unfit(self, recording: "GroupRecording") -> str:
         rate = recording.data.acceleration[self.fit.master]
         known = np.isfinite(recording.data.error[self.axis]) & np.isfinite(rate)
         missing = [
@@ -79,13 +81,15 @@ class CrosstalkPlan(AbstractPlan):
             " expected accelerations of both signs."
         )
 
-    def may_be_written(self, part: Part, fit: JointFit) -> bool:
+    def may_be_written(self, part: "Part", fit: "JointFit") -> bool:
         # Written test by test: those that are told.
         return bool(part.effect.table(part.determined.astype(float)).all(axis=0).any())
 
     def effect(
-        self, recording: GroupRecording, left: Float[np.ndarray, " t"] | None
-    ) -> Crosstalk | None:
+        self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
+    ) -> "Crosstalk | None":
+        from ...fit.joint import Crosstalk  # takes long to load
+
         options = options_of(self.fit, self.old.active, self.job.conventions)
         names, points, mode = self.fit.adapts_to, options["positions"], options["mode"]
         rates = options["acceleration"], options["deceleration"]
@@ -112,7 +116,7 @@ class CrosstalkPlan(AbstractPlan):
 
     def _log(
         self,
-        recording: GroupRecording,
+        recording: "GroupRecording",
         error: Float[np.ndarray, " t"],
         adaptation: tuple[str, ...],
     ) -> CrosstalkReadings:
@@ -131,8 +135,10 @@ class CrosstalkPlan(AbstractPlan):
         )
         return joined_logs([whole.take(rows) for rows in recording.slices.values()])
 
-    def draft(self, share: Share) -> CrosstalkDraft:
+    def draft(self, share: "Share") -> CrosstalkDraft:
         part, effect = share.part, share.part.effect
+        from ...fit.joint import Crosstalk
+
         assert isinstance(effect, Crosstalk)  # of `effect`
         names, rates = effect.adaptation, (effect.acceleration, effect.deceleration)
         used = np.full(len(share.rows), np.nan)

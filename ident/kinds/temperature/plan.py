@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from jaxtyping import Float
@@ -14,9 +14,6 @@ from ...fit import DriftNoise
 from ...fit.joint import Leadscrew, Temperature, examine_design
 from ...job._draft import Leftovers
 from ...job._fit_plan import AbstractPlan
-from ...job.joint._group import at_once, few
-from ...job.joint._recording import GroupRecording
-from ...job.joint._share import Share
 from ...job.table._plan import refuse_unstated
 from ...readings import Tables
 from . import KIND
@@ -31,6 +28,10 @@ from ._identify import (
 )
 from .fit import LEAST_RANGE, Lag, Law, TemperatureFit
 from .keys import Spec
+
+if TYPE_CHECKING:
+    from ...job.joint._recording import GroupRecording
+    from ...job.joint._share import Share
 
 _SURE = 3.0
 """Deviations up to which lines of all temperatures count as meeting in a point."""
@@ -85,7 +86,7 @@ class TemperaturePlan(AbstractPlan):
     def sensors(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(self.effects.values()))
 
-    def unfit(self, recording: GroupRecording) -> str:
+    def unfit(self, recording: "GroupRecording") -> str:
         known = np.isfinite(recording.data.error[self.axis])
         for name in self.sensors:
             warm = recording.data.temperature[name][known]
@@ -104,7 +105,7 @@ class TemperaturePlan(AbstractPlan):
         return bool(self.positions)
 
     def confused(
-        self, members: Sequence[AbstractPlan], recording: GroupRecording
+        self, members: Sequence[AbstractPlan], recording: "GroupRecording"
     ) -> str:
         """Return that an error along the axis looks like its temperature, or nothing.
 
@@ -117,6 +118,8 @@ class TemperaturePlan(AbstractPlan):
         low, high = float(np.nanmin(place)), float(np.nanmax(place))
         if not high > low:
             return ""
+        from ...job.joint._group import at_once, few  # takes long to load
+
         screw = Leadscrew(self.axis, np.linspace(low, high, _NODES))
         heat = at_once(self.effect(recording, None))
         told = examine_design(few(recording.data), [screw, heat])
@@ -124,7 +127,7 @@ class TemperaturePlan(AbstractPlan):
         return own[0].sentence if own else ""
 
     def effect(
-        self, recording: GroupRecording, left: Float[np.ndarray, " t"] | None
+        self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
     ) -> Temperature:
         warmth = {
             self.job.spec.measurements[name].reference_temperature
@@ -132,7 +135,7 @@ class TemperaturePlan(AbstractPlan):
         }
         return line_of(self.fit, self.effects, recording.data, warmth.pop())
 
-    def draft(self, share: Share) -> TemperatureDraft:
+    def draft(self, share: "Share") -> TemperatureDraft:
         effect = share.part.effect
         assert isinstance(effect, Temperature)  # of `effect`
         data = share.recording.data.take(share.rows)
@@ -154,7 +157,7 @@ class TemperaturePlan(AbstractPlan):
         found = Identified(recording, line, held_out=share.recording.held_out)
         return TemperatureDraft(self.job, self.index, self.fit, found)
 
-    def _line(self, share: Share, effect: Temperature) -> TemperatureFit:
+    def _line(self, share: "Share", effect: Temperature) -> TemperatureFit:
         """Return the part as the fit of a single line."""
         part, data, rows = share.part, share.recording.data, share.rows
         # A law is zero at one temperature: its values go up and down together.
@@ -195,7 +198,7 @@ class TemperaturePlan(AbstractPlan):
             fit = _turned(fit, 0.0)
         return fit
 
-    def _lags(self, share: Share) -> tuple[Lag, ...]:
+    def _lags(self, share: "Share") -> tuple[Lag, ...]:
         found = []
         for number, name in enumerate(self.sensors):
             constant, deviation = map(float, share.part.lags.get(name, (0.0, 0.0)))
