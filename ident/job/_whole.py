@@ -117,7 +117,7 @@ class _Axis:
         """Return an axis on which one fit acts alone: its gate is that of the axis."""
         jump = draft.jump
         where = f"{draft.compensation}, in all, where it comes or goes"
-        check = gate_check("max_jump", jump, self.job.limits.max_jump, self.unit, where)
+        check = self.job.limits.check("max_jump", jump, self.unit, where)
         names = (draft.compensation,)
         values = {each.name: each.value for each in self.files.gates[draft.index]}
         return self._whole(names, (check,), values, (), [])

@@ -17,7 +17,7 @@ from ...job.file._load import Job
 from ...job.result._result import staged
 from ...job.result._second import SecondMeasurement
 from ...job.table._plan import was_active
-from ...proof import GateCheck, gate_check, reversal_checks
+from ...proof import GateCheck, reversal_checks
 from ...proof.axis import check_switching
 from ...readings import Tables
 from .._keys import FitSpec
@@ -151,9 +151,7 @@ class BacklashDraft(AbstractDraft):
         if limits.max_change is not None and old is not None:
             change = abs(self.width - float(old.width))
             words = "against the axis list"
-            lines.append(
-                gate_check("max_change", change, limits.max_change, unit, words)
-            )
+            lines.append(limits.check("max_change", change, unit, words))
         return tuple(lines)
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:

@@ -12,7 +12,7 @@ from ...friction import Knots, place_knots
 from ...job._draft import AbstractDraft, Leftovers, Written
 from ...job._fit_plan import AbstractPlan
 from ...job.result._result import Remark
-from ...proof import CircularTest, GateCheck, circular_test, gate_check
+from ...proof import CircularTest, GateCheck, circular_test
 from ...readings import Tables
 from ._identify import Identified, identify
 from ._listing import FIRST_LEVEL, LawCurve, OutUnit, law_curve, numbers_of, out_unit
@@ -103,13 +103,12 @@ class FrictionDraft(AbstractDraft):
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         assert self.knots is not None  # it is written
         assert self.unit.share is not None  # else no entry could be
-        limit = self.job.limits.max_current
         largest = int(np.argmax(np.abs(self.knots.out)))
         value = float(abs(self.knots.out[largest]) * self.unit.share)
         speed = self.knots.velocity[largest] / 1000.0
         where = f"at {speed:g} {self.recording.samples.unit}/s"
         return (
-            gate_check("max_current", value, limit, "of rated", where),
+            self.job.limits.check("max_current", value, "of rated", where),
             self.view.gate(self.knots.unit, self.recording.unit),
         )
 

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._templates import templates
-from ...proof import GateCheck, GateLimits, gate_check
+from ...proof import GateCheck, GateLimits
 from .entries import COLUMNS
 from .fit import TemperatureFit
 from .keys import block_names, plain_name
@@ -128,10 +128,10 @@ def judge_law(
     added = 1e-6 * slope * limits.feed / 60.0
     follows = "while the PLC follows the temperature"
     return (
-        gate_check("max_correction", most, limits.max_correction, "mm", where),
-        gate_check("max_slope", 1e-3 * slope, limits.max_slope, "µm/mm", there),
-        gate_check("max_velocity", added, limits.max_velocity, "mm/s", there),
-        gate_check("max_velocity by the PLC", RATE, limits.max_velocity, "mm/s", follows),
+        limits.check("max_correction", most, "mm", where),
+        limits.check("max_slope", 1e-3 * slope, "µm/mm", there),
+        limits.check("max_velocity", added, "mm/s", there),
+        limits.check("max_velocity by the PLC", RATE, "mm/s", follows),
     )  # fmt: skip
 
 
