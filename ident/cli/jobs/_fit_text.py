@@ -130,6 +130,8 @@ def _print_member(
 def _print_fit(console: "Console", found: "AbstractResult", shared: set[str]) -> None:
     from rich.table import Table
 
+    from ...report._section import figures_of
+
     if found.left_out:
         print_remarks(console, found.remarks)
         return
@@ -141,27 +143,15 @@ def _print_fit(console: "Console", found: "AbstractResult", shared: set[str]) ->
         title_justify="left",
     )
     table.add_column("error")
-    order = ("before", "predicted", "from_file", "verified", "measured_again")
-    stages = {key: key.replace("_", " ") for key in order if key in found.error}
-    for words in stages.values():
-        table.add_column(words, justify="right")
-    rows: dict[str, list[float | None]] = {
-        "rms": [found.error[stage].sound.rms for stage in stages],
-        "max": [found.error[stage].sound.max for stage in stages],
-    }
-    if any(found.error[stage].rms_without_wild is not None for stage in stages):
-        rows["rms, wild kept"] = [found.error[stage].rms for stage in stages]
-        rows["max, wild kept"] = [found.error[stage].max for stage in stages]
-    for key in ("A", "R", "B", "E", "M"):
-        figures = [(found.error[stage].iso230 or {}).get(key) for stage in stages]
-        if any(value is not None for value in figures):
-            rows[key] = figures
+    stages, rows = figures_of(found.error)
+    for stage in stages:
+        table.add_column(stage.replace("_", " "), justify="right")
     for name, values in rows.items():
         digits = ".3g" if factor == 1.0 else ".1f"
         cells = [
             "–" if value is None else f"{factor * value:{digits}}" for value in values
         ]
-        table.add_row(name, *cells)
+        table.add_row(name.replace("all", "wild kept"), *cells)
     console.print(table)
     _print_gate(console, found)
     _print_verdict(console, found)
