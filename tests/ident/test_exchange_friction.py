@@ -126,12 +126,12 @@ def test_written_table_begins_at_1_and_ends_flat() -> None:
         position_delay=np.array(0.0004),
         delay_cycles=3,
     )
-    entries = entries_of_friction(model, fastest=500.0)
+    entries = entries_of_friction(model)
     columns = [
         [entries[f"frict_comp.table[{k}].{name}"] for k in range(5)]
         for name in ("in", "out")
     ]
-    assert columns[0] == [1, 500, 20_000, 300_000, 500_000]
+    assert columns[0] == [1, 500, 20_000, 300_000, 300_001]
     assert columns[1] == [100, 100, 60, 81, 81]
     assert entries["frict_comp.table_entries"] == 5
     assert entries["frict_comp.position_delay"] == 4

@@ -121,8 +121,6 @@ def friction_from_list(
 def entries_of_friction(
     friction: FrictionCompensation | FrictionNumbers,
     target: ListTarget = ANY_LIST,
-    *,
-    fastest: float = 0.0,
 ) -> dict[str, int | str]:
     """Return the list entries of a friction compensation, rounded to list units.
 
@@ -134,14 +132,13 @@ def entries_of_friction(
     Args:
         friction: Its law must be a table whose ends are held; or just its numbers.
         target: The list that they are written for.
-        fastest: Velocity in mm/s or °/s that the table must reach.
 
     Raises:
         ExchangeError: If something does not fit into a list.
     """
     if isinstance(friction, FrictionCompensation):
         friction = _numbers_of(friction)
-    speeds, currents = _with_ends(friction, fastest)
+    speeds, currents = _with_ends(friction)
     entries = target.max_points_entry(
         PREFIX, len(speeds) + 1, len(speeds) <= DEFAULT_COUNT
     )
@@ -198,7 +195,7 @@ def _numbers_of(friction: FrictionCompensation) -> FrictionNumbers:
 
 
 def _with_ends(
-    friction: FrictionNumbers, fastest: float
+    friction: FrictionNumbers,
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
     """Return velocities and currents in list units, from 1 µm/s to a flat end."""
     knots, level = friction.speeds, friction.currents
@@ -218,8 +215,8 @@ def _with_ends(
         keep = speeds > 1
         speeds = np.concatenate([[1], speeds[keep]])
         currents = np.concatenate([start, currents[keep]])
-    end = max(int(np.ceil(round(fastest * VELOCITY_UNITS, 6))), int(speeds[-1]) + 1)
-    flat = len(speeds) > 1 and currents[-1] == currents[-2] and end == speeds[-1] + 1
+    end = int(speeds[-1]) + 1
+    flat = len(speeds) > 1 and currents[-1] == currents[-2]
     if not flat:
         if end > _FASTEST_ENTRY:
             raise ExchangeError(
