@@ -6,14 +6,13 @@ import itertools
 import json
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from ...data.files import write_atomically
+from .._templates import templates
 from ..report._scale import scale_of
 from ._table import read_results
 
@@ -249,13 +248,12 @@ def write_page(
         summary: Its figures.
         errors: By compensation and unit, and stage: errors (rms) of all fits.
     """
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True)
-    source = resources.files("axcomp.ident.batch").joinpath("summary.html.jinja")
+    page = templates(__package__ or "", html=True).get_template("summary.html.jinja")
     pictures = [
         _picture(errors[spread.compensation, spread.unit], spread.unit)
         for spread in summary.spreads
     ]
-    text = environment.from_string(source.read_text("utf-8")).render(
+    text = page.render(
         summary=summary,
         pictures=pictures,
         scale_of=scale_of,

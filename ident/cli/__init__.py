@@ -1,11 +1,11 @@
 """The command line: parse, call the library, exit status.
 
 `_app` assembles the commands and turns errors into one line and an exit status. Each command is
-a module of its own name (`_fit`, `_batch`, `_check` …) that imports what it needs when it runs,
-so that `axcomp check` starts without JAX. What a command prints stands beside it: `_fit_text`,
-`_show_tables`, `_list_plots`; `_said` sets sentences for a
-terminal. `axcomp demo` is `_demo` over `_demo_run` (a machine measured at rest, and the
-mill at work).
+a module of its own name that imports what it needs when it runs, so that `axcomp check` starts
+without JAX: about `measurements`, `jobs`, `lists` and the `controller`. What a command prints
+stands beside it (`_fit_text`, `_show_tables`, `_list_plots`); `_said` sets sentences for a
+terminal. `axcomp demo` is `_demo` over `_demo_run` (a machine measured at rest, and the mill at
+work), its files lie in the folder ``demo``.
 """
 
 import gc

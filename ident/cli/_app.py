@@ -16,26 +16,11 @@ import typer
 from axcomp import __version__
 
 from ...data.errors import AxcompError, UsageError
-from . import (
-    _batch,
-    _check,
-    _convert,
-    _demo,
-    _diff,
-    _discover,
-    _doctor,
-    _export_external,
-    _fit,
-    _iso230,
-    _new,
-    _objects,
-    _probe,
-    _read,
-    _show,
-    _simulate,
-    _verify,
-)
 from ._examples import help_of
+from .controller import _doctor, _export_external, _probe, _simulate, _verify
+from .jobs import _batch, _demo, _fit
+from .lists import _check, _convert, _diff, _objects, _show
+from .measurements import _discover, _iso230, _new, _read
 
 app = typer.Typer(
     name="axcomp",

@@ -14,14 +14,15 @@ if TYPE_CHECKING:
 
     from ..job import Remark
 
-_LEVELS = ("error", "warning", "info")
 _SOON, _LONG = 2.0, 10.0
 """Seconds after which a terminal shows what goes on, and after which other places do."""
 
 
 def print_remarks(console: "Console", remarks: Iterable["Remark"]) -> None:
     """Print remarks, errors first."""
-    for remark in sorted(remarks, key=lambda one: _LEVELS.index(one.level)):
+    from ..job import by_level
+
+    for remark in by_level(remarks):
         tell(console, f"{remark.level}: {remark.message}")
 
 

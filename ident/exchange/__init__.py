@@ -1,12 +1,12 @@
 """List ↔ model, rounded to integers: the one place that converts list units.
 
 Read `_units`, `_identity` and `_nodes` (integers of a list), then `_machine_lists` (which
-compensations the lists of a machine switch on) and `_controller` (the controller that has
-them); what each compensation says of itself is in ``kinds/<name>/entries.py``.
-`_table`: what a table fit writes, with its nodes and its sign. `_simulate` runs a machine
-(`_events`: with what happens at the controller meanwhile), `_probe` asks it for
-plateaus; `load_model` (`_axis_models`) makes models of the lists of one axis, `write_lists`
-writes them back. `_conventions_file`: the rules of one machine.
+compensations the lists of a machine switch on) and the folder `controller` (the controller that
+has them, run along a motion); what each compensation says of itself is in
+``kinds/<name>/entries.py``.
+`_files`: the files of an axis. `_table`: what a table fit writes, with its nodes and its sign.
+The folder `probe` asks a machine for plateaus; `load_model` (`_axis_models`) makes models of the
+lists of one axis, `write_lists` writes them back. `_conventions_file`: the rules of one machine.
 """
 
 from ._axis_models import (
@@ -14,40 +14,26 @@ from ._axis_models import (
     load_model as load_model,
     write_lists as write_lists,
 )
-from ._capacity import build_number as build_number
-from ._controller import (
-    controller_from_lists as controller_from_lists,
-    model_of as model_of,
-)
+from ._capacity import ListTarget as ListTarget, build_number as build_number
 from ._conventions_file import (
     StoredConventions as StoredConventions,
     read_conventions as read_conventions,
 )
 from ._convert import (
+    FORMATS as FORMATS,
     ExchangedTable as ExchangedTable,
+    format_of as format_of,
     list_with as list_with,
     table_in as table_in,
-)
-from ._convert_text import (
-    FORMATS as FORMATS,
-    format_of as format_of,
     table_of_file as table_of_file,
     text_of as text_of,
 )
-from ._errors import ExchangeError as ExchangeError
 from ._evaluate import offset_at as offset_at
-from ._events import (
-    ControllerEvent as ControllerEvent,
-    parse_action as parse_action,
-)
-from ._external import (
-    EXTERNAL as EXTERNAL,
-    ExternalAxis as ExternalAxis,
-    entries_of_external_axis as entries_of_external_axis,
-    external_axis_from_list as external_axis_from_list,
-    external_from_lists as external_from_lists,
-    external_limits as external_limits,
-    from_interface as from_interface,
+from ._files import (
+    axis_file as axis_file,
+    compensation_file as compensation_file,
+    to_add as to_add,
+    with_tables as with_tables,
 )
 from ._identity import (
     MOST_REVERSAL_CYCLES as MOST_REVERSAL_CYCLES,
@@ -63,30 +49,14 @@ from ._machine_lists import (
     machine_lists as machine_lists,
     reversal_cycles as reversal_cycles,
 )
-from ._modulo import Ranges as Ranges
-from ._motion import Motion as Motion, direction_of_motion as direction_of_motion
 from ._nodes import (
     GridNodes as GridNodes,
     ListNodes as ListNodes,
     PointNodes as PointNodes,
+    Ranges as Ranges,
     grid_nodes as grid_nodes,
     point_nodes as point_nodes,
 )
-from ._probe import (
-    Outcome as Outcome,
-    Probe as Probe,
-    ProbeAxis as ProbeAxis,
-    Probed as Probed,
-    make_probe as make_probe,
-    probed_in as probed_in,
-    travel_in as travel_in,
-)
-from ._probe_text import (
-    probe_program as probe_program,
-    probe_steps as probe_steps,
-    probe_text as probe_text,
-)
-from ._simulate import AxisOffsets as AxisOffsets, simulate as simulate
 from ._table import (
     AbstractTable as AbstractTable,
     Model as Model,
@@ -99,4 +69,46 @@ from ._toml import (
     line_of as line_of,
     read_toml as read_toml,
 )
-from ._units import LIST_UNITS as LIST_UNITS, ModelUnit as ModelUnit
+from ._units import (
+    LIST_UNITS as LIST_UNITS,
+    ExchangeError as ExchangeError,
+    ModelUnit as ModelUnit,
+)
+from .controller._controller import (
+    controller_from_lists as controller_from_lists,
+    model_of as model_of,
+)
+from .controller._events import (
+    ControllerEvent as ControllerEvent,
+    parse_action as parse_action,
+)
+from .controller._external import (
+    EXTERNAL as EXTERNAL,
+    ExternalAxis as ExternalAxis,
+    entries_of_external_axis as entries_of_external_axis,
+    external_axis_from_list as external_axis_from_list,
+    external_from_lists as external_from_lists,
+    external_limits as external_limits,
+    from_interface as from_interface,
+)
+from .controller._motion import (
+    Motion as Motion,
+    direction_of_motion as direction_of_motion,
+)
+from .controller._simulate import AxisOffsets as AxisOffsets, simulate as simulate
+from .probe._probe import (
+    Masters as Masters,
+    Outcome as Outcome,
+    Outcomes as Outcomes,
+    Probe as Probe,
+    ProbeAxis as ProbeAxis,
+    Probed as Probed,
+    make_probe as make_probe,
+    probed_in as probed_in,
+    travel_in as travel_in,
+)
+from .probe._probe_text import (
+    probe_program as probe_program,
+    probe_steps as probe_steps,
+    probe_text as probe_text,
+)

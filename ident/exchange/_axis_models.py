@@ -9,12 +9,13 @@ from ...data.files import write_atomically
 from ...data.lists import ListFile, Value, new_list
 from ...models import Conventions
 from ..kinds import kind, kinds
-from ._controller import model_of
-from ._errors import ExchangeError
+from ._capacity import ListTarget
+from ._files import axis_file, compensation_file, to_add, with_tables
 from ._identity import Increments
 from ._machine_lists import Reading, entries_of_activation, machine_lists
-from ._modulo import Ranges
-from ._units import ModelUnit
+from ._nodes import Ranges
+from ._units import ExchangeError, ModelUnit
+from .controller._controller import model_of
 
 
 @final
@@ -79,8 +80,7 @@ class AxisModels(Mapping[str, Any]):
                 self._in_list_units(name, rules),
                 self.masters.get(name, ()),
                 rules,
-                existing=existing,
-                build=build,
+                ListTarget(existing, build=build),
             )
             (compensation if name in tables else machine).update(entries)
         return compensation, machine
@@ -197,15 +197,13 @@ def write_lists(
             conventions=conventions, existing=existing, build=build
         )
         if entries:
-            name = f"achskw{one.axis}.lis"
+            name = compensation_file(one.axis)
             drafts[name] = _with_entries(existing, one.axis, entries)
         if machine and one.axis in old.machine:
-            name = f"achsmds{one.axis}.lis"
-            drafts[name] = old.machine[one.axis].merge(machine)
+            drafts[axis_file(one.axis)] = old.machine[one.axis].merge(machine)
         elif machine:
-            what = f"Entries to set in achsmds{one.axis}.lis: no whole axis list"
-            name = f"achsmds{one.axis}.add.lis"
-            drafts[name] = new_list(machine, comment=(what,))
+            draft = to_add(one.axis, machine)
+            drafts[draft.source] = draft
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     for name, draft in drafts.items():
@@ -217,16 +215,14 @@ def _with_entries(
     existing: ListFile | None, axis: int, entries: Mapping[str, Value]
 ) -> ListFile:
     """Return a new list, or the existing one whose tables are replaced."""
-    head: dict[str, Value] = {"kopf.achs_nr": axis}
     if existing is None:
         what = f"Compensation list of axis {axis}, written by axcomp"
+        head: dict[str, Value] = {"kopf.achs_nr": axis}
         return new_list(head | dict(entries), comment=(what,))
-    begin = tuple(
+    begin = [
         f"{each.prefix}.{part}"
         for each in kinds()
         if any(name.startswith(f"{each.prefix}.") for name in entries)
         for part in each.entries.stale
-    )
-    there = [entry.name for entry in existing.entries if entry.name.startswith(begin)]
-    gone = [name for name in there if name not in entries] if begin else []
-    return existing.remove(gone).merge(head | dict(entries))
+    ]
+    return with_tables(existing, axis, entries, begin).listing

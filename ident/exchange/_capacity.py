@@ -1,9 +1,11 @@
 """How many entries a table may have, and from which build that can be changed."""
 
+import dataclasses
 import re
+from typing import final
 
 from ...data.lists import ListFile
-from ._errors import ExchangeError
+from ._units import ExchangeError
 
 FIRST_WITH_MAX_POINTS = (3, 1, 3079, 6)
 """Build V3.1.3079.06, from which the size of the tables can be set."""
@@ -25,50 +27,60 @@ def build_number(build: str) -> tuple[int, ...]:
     return tuple(int(part) for part in match[1].split("."))
 
 
-def max_points_entry(
-    needed: int,
-    *,
-    name: str,
-    fits_default: bool,
-    wanted: int | None,
-    existing: ListFile | None,
-    build: str | None,
-) -> dict[str, int | str]:
-    """Return the entry ``max_points`` to write; none where it stays as it is.
+@final
+@dataclasses.dataclass(frozen=True)
+class ListTarget:
+    """The list that entries are written for.
 
-    It is written only where it must be: its change asks for a restart.
-
-    Args:
-        needed: Smallest value that holds the table under every reading of the manuals.
-        name: Of the entry, for the message.
-        fits_default: Whether the table fits without the entry, in every build.
-        wanted: What the user asked for, or None.
-        existing: List that will be edited; 0 in it stands for the default.
+    Attributes:
+        existing: Compensation list that will be edited; 0 in it stands for the default.
+        max_points: Wanted size of the memory, or None to write it only where needed.
         build: Of the controller, or None for the newest.
-
-    Raises:
-        ExchangeError: If the build lacks the parameter but the table needs it, or the
-            user asks for less than the table needs.
     """
-    if wanted is not None and wanted < needed:
-        raise ExchangeError(
-            where=name, found=str(wanted), expected=f"at least {needed} for this table"
-        )
-    stated = None if existing is None else existing.integer(name)
-    if wanted is None:
-        if stated:
-            wanted = None if stated >= needed else needed
-        elif not fits_default:
-            wanted = needed
-    if wanted is None or wanted == stated:
-        return {}
-    if build is not None and build_number(build) < FIRST_WITH_MAX_POINTS:
-        raise ExchangeError(
-            where=name,
-            found=f"a table that needs {needed} on build {build}",
-            expected="a table within the fixed size (max_points: V3.1.3079.06 on)",
-        )
-    return {name: wanted}
+
+    existing: ListFile | None = None
+    max_points: int | None = None
+    build: str | None = None
+
+    def max_points_entry(
+        self, prefix: str, needed: int, fits_default: bool
+    ) -> dict[str, int | str]:
+        """Return the entry ``max_points`` to write; none where it stays as it is.
+
+        It is written only where it must be: its change asks for a restart.
+
+        Args:
+            prefix: Structure in the list.
+            needed: Smallest value that holds the table under every reading of the manuals.
+            fits_default: Whether the table fits without the entry, in every build.
+
+        Raises:
+            ExchangeError: If the build lacks the parameter but the table needs it, or the
+                user asks for less than the table needs.
+        """
+        name, wanted, build = f"{prefix}.max_points", self.max_points, self.build
+        if wanted is not None and wanted < needed:
+            expected = f"at least {needed} for this table"
+            raise ExchangeError(where=name, found=str(wanted), expected=expected)
+        stated = None if self.existing is None else self.existing.integer(name)
+        if wanted is None:
+            if stated:
+                wanted = None if stated >= needed else needed
+            elif not fits_default:
+                wanted = needed
+        if wanted is None or wanted == stated:
+            return {}
+        if build is not None and build_number(build) < FIRST_WITH_MAX_POINTS:
+            raise ExchangeError(
+                where=name,
+                found=f"a table that needs {needed} on build {build}",
+                expected="a table within the fixed size (max_points: V3.1.3079.06 on)",
+            )
+        return {name: wanted}
+
+
+ANY_LIST = ListTarget()
+"""A new list, for the newest build."""
 
 
 _MOST = 4_000_000

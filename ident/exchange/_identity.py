@@ -4,8 +4,7 @@ import re
 from collections.abc import Mapping
 
 from ...data.lists import ListFile
-from ._errors import ExchangeError
-from ._units import LIST_UNITS
+from ._units import LIST_UNITS, ExchangeError
 
 Increments = float | Mapping[int, float] | None
 """mm (or °) per encoder increment: one for all axes, by axis number, or not known."""

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from ...data.lists import ListFile
 from ...models import Conventions, TemperatureLine
 from ..kinds import Kind, kind, kinds
-from ._errors import ExchangeError
 from ._identity import Increments, axis_number, not_negative
-from ._modulo import Ranges
+from ._nodes import Ranges
+from ._units import ExchangeError
 
 REVERSAL_CYCLES = "lr_param.n_backlash_cyc"
 """Entry of the axis list: cycles of a reversal, of the backlash and of a leadscrew table."""

@@ -12,12 +12,12 @@ from ...data.lists import ListFile, Value
 from ...models import AbstractLookup, Conventions
 from ..fit import TableLayout
 from ..kinds import Kind
-from ._errors import ExchangeError
+from ._capacity import ANY_LIST, ListTarget
 from ._evaluate import offset_at, offsets_at
 from ._identity import Increments
 from ._machine_lists import Reading
 from ._nodes import ListNodes, nodes_of_model
-from ._units import LIST_UNITS, SGN32, from_list_units, round_to_list
+from ._units import LIST_UNITS, SGN32, ExchangeError, from_list_units, round_to_list
 
 if TYPE_CHECKING:
     from ..fit.joint import AbstractEffect
@@ -86,19 +86,11 @@ class AbstractTable(abc.ABC):
     def entries(
         self,
         integers: Int[np.ndarray, "..."],
-        *,
-        existing: ListFile | None = None,
-        max_points: int | None = None,
-        build: str | None = None,
+        target: ListTarget = ANY_LIST,
     ) -> Mapping[str, Value]:
         """Return the list entries for integer values shaped like `layout`."""
         return self.kind.entries.to_list(
-            self.model(integers),
-            self.masters,
-            self.conventions,
-            existing=existing,
-            max_points=max_points,
-            build=build,
+            self.model(integers), self.masters, self.conventions, target
         )
 
     def is_in(self, listing: ListFile) -> bool:

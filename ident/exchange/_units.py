@@ -1,4 +1,4 @@
-"""List units: integers of 0.1 µm or 0.0001°, and what fits into them."""
+"""List units: integers of 0.1 µm or 0.0001°, and what fits into them or does not."""
 
 import dataclasses
 from typing import final
@@ -6,7 +6,12 @@ from typing import final
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._errors import ExchangeError
+from ...data.errors import FoundError
+
+
+class ExchangeError(FoundError):
+    """A list that has no model, or a model that no list can hold."""
+
 
 LIST_UNITS = 10_000
 """List units per mm or per degree; dividing by it rounds once."""

@@ -10,6 +10,7 @@ from ..exchange import (
     LIST_UNITS,
     ExternalAxis,
     entries_of_external_axis,
+    to_add,
 )
 from ..kinds import kind
 from ._extremes import Extremes
@@ -78,7 +79,6 @@ def list_fragments(
         values: dict[str, Value] = dict(entries_of_external_axis(limit))
         off = {kind(name).activation: 0 for name in replaced.get(axis, ())}
         comment = [
-            f"Entries to set in achsmds{axis}.lis: no whole axis list",
             "P-AXIS-00743, 744, 745 of the external compensation. Where max_a is above"
             " P-AXIS-00008 (its default), a lower feed or smoother tables are needed.",
         ]
@@ -87,18 +87,13 @@ def list_fragments(
                 "What is 0 is now part of the external compensation: both together would"
                 " correct twice."
             )
-        name = f"achsmds{axis}.add.lis"
-        found[name] = _named(new_list(values | off, comment=comment), name)
+        listing = to_add(axis, values | off, *comment)
+        found[listing.source] = listing
     start: dict[str, Value] = {EXTERNAL: 1}
     comment = [
         "Entry to add to hochlauf.lis (P-STUP-00110): no whole start-up list."
         " Takes effect after a restart."
     ]
-    found["hochlauf.add.lis"] = _named(
-        new_list(start, comment=comment), "hochlauf.add.lis"
-    )
+    name = "hochlauf.add.lis"
+    found[name] = dataclasses.replace(new_list(start, comment=comment), source=name)
     return found
-
-
-def _named(listing: ListFile, name: str) -> ListFile:
-    return dataclasses.replace(listing, source=name)

@@ -1,26 +1,24 @@
 """From a job file to proven lists: plan, readings, fits, drafts, gate, files, result.
 
-The way of a job with one leadscrew table, function by function:
+Folders: `file` (what a job says), `table` (plane, cross, leadscrew), `joint` (fits of a group),
+`write` (lists and load sheet), `result` (what was found). The way of a job with one leadscrew
+table, function by function:
 
 1. `_run.begin_job` goes the whole way, as follows.
-2. `_load.load_job` reads the job file (`_schema`: its keys; `_checks`, `_faults`: what is wrong
-   with them) and gives a `Job`, which reads the lists that its axes have already.
+2. `file._load.load_job` reads the job file and gives a `Job`, which reads the lists that its
+   axes have already.
 3. `_fits.fit_all` plans all fits, then fits one after the other; `_acting.leftovers` are what
    acts beside a fit and did not while it was measured.
-4. `_fitting.plan` plans a table and fits it: `_plan.plan_fit` knows its nodes (`_layout`),
-   masters and old values,
-5. `_readings.read_fit` its `Readings` (a log too large for memory: `streamed`),
-6. and `_fitting.fit_plan` gives a `TableDraft`, fitted and held out; `_trend.refuse_unowned_trend`
-   asks whose a constant and a slope of it are.
-7. `_lists.files_of` makes the `AxisFiles` of each axis from its drafts, each with its gate
-   (`_gating`),
-8. `_lists.judge_files` checks them beside all other lists,
-9. and `_whole.judge_whole` judges all that will act on an axis, read back as the controller does.
-10. `_run._write` writes them into the `OutFolder`: into ``rejected/`` where the gate failed.
-11. `TableDraft.prove` reads the `Written` files back and gives a `TableResult` (`_result`, with
-    the sentences of `_remarks`, its verdict by `_verdict`).
-12. `JobRun.finish` adds the load sheet (`_loadsheet`) and what a second measurement says
-    (`_measure_again`), and writes the `JobResult`.
+4. `table._fitting.plan` plans a table and fits it: `_plan.plan_fit` knows its nodes, masters
+   and old values, `_readings.read_fit` its `Readings`, and `fit_plan` gives a `TableDraft`,
+   fitted and held out; `_trend.refuse_unowned_trend` asks whose a constant and a slope of it are.
+5. `write._lists.files_of` makes the `AxisFiles` of each axis from its drafts, each with its gate
+   (`_gating`), and `judge_files` checks them beside all other lists.
+6. `_whole.judge_whole` judges all that will act on an axis, read back as the controller does.
+7. `_run._write` writes them into the `OutFolder`: into ``rejected/`` where the gate failed.
+8. `TableDraft.prove` reads the `Written` files back and gives a `TableResult`.
+9. `JobRun.finish` adds the load sheet and what a second measurement says (`_measure_again`),
+   and writes the `JobResult`.
 
 Other compensations go the same way with drafts of their own, from `axcomp.ident.kinds`
 (`_protocol` says what a job asks of them); fits that are identified together get theirs from
@@ -35,8 +33,19 @@ from ...data.files import write_atomically as write_atomically
 from .._lazy import importer
 from ..proof import ErrorFigures as ErrorFigures, GateCheck as GateCheck
 from ._cache import use_compilation_cache as use_compilation_cache
-from ._faults import JobError as JobError
-from ._job_result import (
+from ._run import (
+    JobRun as JobRun,
+    begin_job as begin_job,
+    input_hashes as input_hashes,
+    run_job as run_job,
+)
+from .file._faults import JobError as JobError
+from .file._load import (
+    Job as Job,
+    load_conventions as load_conventions,
+    load_job as load_job,
+)
+from .result._job_result import (
     JobResult as JobResult,
     LoadStep as LoadStep,
     WholeAxis as WholeAxis,
@@ -44,38 +53,28 @@ from ._job_result import (
     result_json as result_json,
     tree_json as tree_json,
 )
-from ._load import (
-    Job as Job,
-    load_conventions as load_conventions,
-    load_job as load_job,
-)
-from ._output import OutputError as OutputError
-from ._result import (
+from .result._result import (
     AbstractResult as AbstractResult,
     ConventionState as ConventionState,
-    Expectation as Expectation,
     Remark as Remark,
     SampleView as SampleView,
     Streamed as Streamed,
     TableResult as TableResult,
+    by_level as by_level,
+    some_of as some_of,
 )
-from ._run import (
-    JobRun as JobRun,
-    begin_job as begin_job,
-    input_hashes as input_hashes,
-    run_job as run_job,
-)
-from ._second import (
+from .result._second import (
     MeasuredAgain as MeasuredAgain,
     SecondMeasurement as SecondMeasurement,
     SecondMeasurementError as SecondMeasurementError,
 )
-from ._verdict import (
+from .result._verdict import (
     Code as Code,
     Judgement as Judgement,
     Reason as Reason,
     Verdict as Verdict,
 )
+from .write._output import OutputError as OutputError
 
 if TYPE_CHECKING:
     from ..kinds.backlash._result import BacklashResult as BacklashResult
@@ -94,30 +93,30 @@ if TYPE_CHECKING:
         ThermalView as ThermalView,
     )
     from ._acting import reading_of as reading_of
-    from ._found_fits import (
+    from .file._found_fits import (
         found_keys as found_keys,
         job_with_fits as job_with_fits,
         nodes_for as nodes_for,
     )
-    from ._schema import Gate as Gate, JobFile as JobFile
-    from ._trend import (
-        Trend as Trend,
-        asks_for_owner as asks_for_owner,
-        trend_through as trend_through,
-        trend_words as trend_words,
-    )
+    from .file._schema import Gate as Gate, JobFile as JobFile
     from .joint import (
         AxisSum as AxisSum,
         EffectShare as EffectShare,
         GroupResult as GroupResult,
         LeftOutResult as LeftOutResult,
     )
+    from .table._trend import (
+        Trend as Trend,
+        asks_for_owner as asks_for_owner,
+        trend_through as trend_through,
+        trend_words as trend_words,
+    )
 
 _NAMES = {
     "_acting": "reading_of",
-    "_found_fits": "found_keys job_with_fits nodes_for",
-    "_schema": "Gate JobFile",
-    "_trend": "Trend asks_for_owner trend_through trend_words",
+    "file._found_fits": "found_keys job_with_fits nodes_for",
+    "file._schema": "Gate JobFile",
+    "table._trend": "Trend asks_for_owner trend_through trend_words",
     "joint": "AxisSum EffectShare GroupResult LeftOutResult",
     ".kinds.backlash._result": "BacklashResult",
     ".kinds.crosstalk._result": "CrosstalkResult",

@@ -16,8 +16,8 @@ from ..kinds._keys import FitSpec
 from ..proof.axis import Loaded
 from ..readings import Rows
 from ._draft import AbstractDraft, AxisLists, Leftovers
-from ._lists import AxisFiles
-from ._load import Job
+from .file._load import Job
+from .write._lists import AxisFiles
 
 
 def acting_before(job: Job, axis: str) -> Loaded:
@@ -39,7 +39,7 @@ def acting_after(job: Job, files: AxisFiles) -> Loaded:
     if lists.machine is None and machine is not None:
         machine = _with_all_on(machine, before)
     drafts = [one for one in files.drafts if one.written]
-    lines = [line for one in drafts if (line := one.line(job, machine))]
+    lines = [line for one in drafts if (line := one.line(machine))]
     return dataclasses.replace(
         before,
         lists=_lists(number, listing, machine),
@@ -49,10 +49,11 @@ def acting_after(job: Job, files: AxisFiles) -> Loaded:
     )
 
 
-def acting_alone(job: Job, draft: AbstractDraft) -> Loaded:
+def acting_alone(draft: AbstractDraft) -> Loaded:
     """Return what one fit adds, as if it were all that acts on its axis."""
-    number = job.spec.axes[draft.axis].number
-    entries = draft.entries(job)
+    job, number = draft.job, draft.job.spec.axes[draft.axis].number
+    with job.blaming(("fits", draft.index)):
+        entries = draft.entries()
     listing = new_list({"kopf.achs_nr": number} | entries) if entries else None
     return Loaded(number, _lists(number, _read_back(listing), None), reading_of(job))
 
@@ -124,14 +125,14 @@ def leftovers(job: Job) -> Leftovers:
     return left
 
 
-def hand_on(job: Job, draft: AbstractDraft, left: Leftovers) -> None:
+def hand_on(draft: AbstractDraft, left: Leftovers) -> None:
     """Hand a fitted table on to the later ones of its axis that may correct the same.
 
     Only to readings of other measurements: those of its own know of it already.
     """
     if not _is_coupled(draft.fit) or not draft.written:
         return
-    grouped = job.spec.grouped
+    job, grouped = draft.job, draft.job.spec.grouped
     for index, fit in enumerate(job.spec.fits):
         if index in grouped or fit.axis != draft.axis or not _is_coupled(fit):
             continue
@@ -140,7 +141,7 @@ def hand_on(job: Job, draft: AbstractDraft, left: Leftovers) -> None:
         for source in fit.sources:
             active = job.spec.measurements[source].active
             if source not in draft.fit.sources and draft.compensation not in active:
-                alone = acting_alone(job, draft)
+                alone = acting_alone(draft)
                 words = f"the {draft.compensation} that this job fits first"
                 beside = Acting(job, draft.axis, draft.compensation, alone, words)
                 left.add(index, source, beside)

@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,19 +12,21 @@ from jaxtyping import Float
 
 from ...data.lists import ListFile, Value
 from ...models import Conventions, TemperatureLine
+from ..exchange import ListTarget
 from ..kinds._keys import FitSpec
 from ..kinds._kind import Kind
 from ..proof import GateCheck
-from ._existing import AxisLists as AxisLists
-from ._load import Job
-from ._result import AbstractResult, ConventionState, Remark
-from ._second import SecondMeasurement
+from .file._existing import AxisLists as AxisLists
+from .file._faults import JobError
+from .file._load import Job
+from .result._result import AbstractResult, ConventionState, Remark
+from .result._second import SecondMeasurement
 
 if TYPE_CHECKING:
     from ..readings import Tables
     from ._acting import Acting
-    from ._lists import AxisFiles
-    from ._output import OutFolder
+    from .write._lists import AxisFiles
+    from .write._output import OutFolder
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,22 +57,16 @@ class Leftovers:
             )
 
 
-Planned = Callable[[Leftovers], "AbstractDraft"]
-"""A fit that was planned: its existing lists read, its keys understood."""
-
-
 @dataclasses.dataclass(frozen=True)
 class Written:
     """What became of a draft: its gate, and the files of its axis as they lie there.
 
     Attributes:
-        job: The job.
         folder: Where the files lie.
         files: The axis with its lists.
         gate: What the gate said.
     """
 
-    job: Job
     folder: "OutFolder"
     files: "AxisFiles"
     gate: tuple[GateCheck, ...]
@@ -108,14 +104,29 @@ class AbstractOfFit(abc.ABC):
     """What belongs to one fit of the job.
 
     Attributes:
-        index: Of the fit in the job.
+        job: The job.
+        index: Of the fit in it.
         fit: Its specification.
-        lists: What the axis has already.
     """
 
+    job: Job
     index: int
     fit: FitSpec
-    lists: AxisLists
+
+    @property
+    def lists(self) -> AxisLists:
+        """What the axis has already."""
+        return self.job.lists[self.axis]
+
+    @property
+    def target(self) -> ListTarget:
+        """The compensation list that its entries are written for."""
+        build = self.job.spec.controller.build
+        return ListTarget(self.lists.compensation, self.fit.max_points, build)
+
+    def refusal(self, reason: str) -> JobError:
+        """Return the error that the fit is, ready to raise."""
+        return self.job.error(("fits", self.index), reason)
 
     @property
     def axis(self) -> str:
@@ -162,32 +173,38 @@ class AbstractDraft(AbstractOfFit):
         """Beginnings of the list entries that are removed where they are not new."""
         return tuple(f"{self.kind.prefix}.{name}" for name in self.kind.entries.stale)
 
-    def entries(self, job: Job) -> dict[str, Value]:
+    def entries(self) -> dict[str, Value]:
         """Return the entries of the compensation list; empty where it needs none.
 
         Raises:
-            JobError: If it fits no list of the controller's build.
+            ExchangeError: If it fits no list of the controller's build.
         """
         return {}
 
-    def machine_entries(self, job: Job, cycles: int | None) -> dict[str, Value]:
-        """Return the entries of the axis list; ``cycles`` is P-AXIS-00243 of the axis."""
+    def machine_entries(self, cycles: int | None) -> dict[str, Value]:
+        """Return the entries of the axis list; ``cycles`` is P-AXIS-00243 of the axis.
+
+        Raises:
+            ExchangeError: If it fits none.
+        """
         return {self.kind.activation: 1}
 
     def machine_remarks(self) -> list[Remark]:
         """Return what the user must know of changes to the axis list."""
         return []
 
-    def extra_files(self, job: Job) -> Mapping[str, bytes]:
+    def extra_files(self) -> Mapping[str, bytes]:
         """Return further files by name, such as those for the PLC."""
         return {}
 
-    def cycles(self, job: Job) -> int | None:
-        """Return the cycles that its jump at reversal wants, or None."""
+    @property
+    def cycles(self) -> int | None:
+        """The cycles that its jump at reversal wants, or None."""
         return None
 
-    def jump(self, job: Job) -> float:
-        """Return by how much it moves the standing axis at most where it comes or goes.
+    @property
+    def jump(self) -> float:
+        """By how much it moves the standing axis at most where it comes or goes.
 
         In mm or °; 0 where nothing is added at standstill.
         """
@@ -208,11 +225,10 @@ class AbstractDraft(AbstractOfFit):
         """Temperature in °C of what its sensors stand for at its readings, lag included."""
         return {}
 
-    def line(self, job: Job, machine: ListFile | None) -> TemperatureLine | None:
+    def line(self, machine: ListFile | None) -> TemperatureLine | None:
         """Return the temperature line that a PLC makes of it, or None.
 
         Args:
-            job: The job.
             machine: The axis list that is written, or the entries to add to it.
         """
         return None
@@ -222,26 +238,24 @@ class AbstractDraft(AbstractOfFit):
         """Rms on readings that the fit did not see, about their middle; None: unknown."""
         return None
 
-    def gate(self, job: Job, cycles: int | None) -> tuple[GateCheck, ...]:
+    def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         """Return every line of the gate."""
         return ()
 
-    def refuse_misread(self, job: Job, listing: ListFile) -> None:
+    def refuse_misread(self, listing: ListFile) -> None:
         """Raise where the list, read back, does not hold what was fitted.
 
         Raises:
             JobError: Naming the list.
         """
         parsed = ListFile.parse(listing.dumps(), listing.source)
-        for name, value in self.entries(job).items():
+        for name, value in self.entries().items():
             text = isinstance(value, str)
             found = parsed.text(name) if text else parsed.integer(name)
             if found != value:
-                raise job.error(
-                    ("fits", self.index),
-                    f"found {found} for {name} in {listing.source} when it was read back,"
-                    f" expected {value}",
-                )
+                words = f"found {found} for {name} in {listing.source} when it was read"
+                words += f" back, expected {value}"
+                raise self.refusal(words)
 
     def restart(self, existing: ListFile, listing: ListFile) -> str | None:
         """Return why a restart is needed, or None where a reload is enough."""
@@ -277,15 +291,16 @@ class AbstractDraft(AbstractOfFit):
 
     def frame(self, done: Written) -> dict[str, Any]:
         """Return what every result says alike, as arguments of its class."""
-        axis, found = done.job.spec.axes[self.axis], done.files.findings
+        job, found = self.job, done.files.findings
+        axis = job.spec.axes[self.axis]
         return {
             "compensation": self.compensation,
             "axis": self.axis,
             "axis_number": axis.number,
-            "unit": "mm" if axis.kind == "linear" else "deg",
+            "unit": axis.plain_unit,
             "gate": done.gate,
             "conventions": _convention_states(
-                done.job.conventions, done.job.verified, self.kind.conventions
+                job.conventions, job.verified, self.kind.conventions
             ),
             "findings": tuple(dataclasses.asdict(item) for item in found),
         }

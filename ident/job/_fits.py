@@ -1,23 +1,22 @@
 """Every fit of a job: all of them planned, then fitted in the order that they need."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from ..core import FitError
-from ..exchange import ExchangeError
 from ..kinds._keys import FitSpec
 from ..readings import Tables
 from ._acting import hand_on, leftovers
 from ._draft import AbstractDraft
-from ._load import Job
+from ._fit_plan import AbstractPlan, plan_of
+from .file._load import Job
 
 if TYPE_CHECKING:
     from .joint import IdentifiedGroup
-    from .joint._member import AbstractMember
 
 
 def fit_all(
-    job: Job, tables: Tables, say: Callable[[str], None]
+    tables: Tables, say: Callable[[str], None]
 ) -> tuple[list[AbstractDraft], list["IdentifiedGroup"]]:
     """Plan all fits of a job, then fit one after the other; later ones take what is left.
 
@@ -26,8 +25,7 @@ def fit_all(
     one direction belongs.
 
     Args:
-        job: The job.
-        tables: Its measurements.
+        tables: Measurements of the job.
         say: Called with a short line before each fit.
 
     Returns:
@@ -38,32 +36,28 @@ def fit_all(
             determine none of the fits.
         MeasurementError: If a measurement cannot be used.
     """
-    fits, lists, grouped = job.spec.fits, job.lists, job.spec.grouped
+    job = tables.job
+    fits, grouped = job.spec.fits, job.spec.grouped
     _refuse_streams(job, grouped)
     drafts: dict[int, AbstractDraft] = {}
     found: list[IdentifiedGroup] = []
-    members: dict[str, tuple[AbstractMember, ...]] = {}
-    for name, indices in job.spec.groups.items():
-        from .joint import members_of  # takes long to load
-
-        members[name] = members_of(job, tables, indices)
-    single = {
-        k: fit.kind.single.plan(job, tables, k, fit, lists[fit.axis])
-        for k, fit in enumerate(fits)
-        if k not in grouped
+    members = {
+        name: [plan_of(tables, k) for k in indices]
+        for name, indices in job.spec.groups.items()
     }
+    single = {k: plan_of(tables, k) for k in range(len(fits)) if k not in grouped}
     left = leftovers(job)
     for name, every in members.items():
-        from .joint import fit_group
+        from .joint import fit_group  # takes long to load
 
         say(f"fitting group {name!r} together: {', '.join(one.name for one in every)}")
-        group, own = fit_group(job, tables, name, every)
+        group, own = fit_group(tables, name, every)
         found.append(group)
         drafts |= own
         for one in own.values():
-            hand_on(job, one, left)
+            hand_on(one, left)
     undetermined: dict[int, FitError] = {}
-    alone = _confounded_alone(job, tables, [*single])
+    alone = _confounded_alone(tables, single)
     order = sorted(single, key=lambda k: not fits[k].kind.fitted_first)
     for place, k in enumerate(order):
         if k in alone and not fits[k].kind.partial:
@@ -71,21 +65,20 @@ def fit_all(
             continue
         say(f"fitting {fits[k].compensation} of {fits[k].axis}")
         try:
-            drafts[k] = one = single[k](left)
+            with job.blaming(("fits", k), f"{_start(fits[k])}: "):
+                drafts[k] = one = single[k].alone(tables, left)
         except FitError as error:
             if k not in alone:
                 undetermined[k] = error
             drafts[k] = _left_out(job, k, alone.get(k, str(error)))
             continue
-        except ExchangeError as error:
-            raise job.error(("fits", k), f"{_start(fits[k])}: {error}") from None
         if k in alone and one.written and not one.partial:
             drafts[k] = _left_out(job, k, alone[k])
             continue
         later = [fits[k].axis for k in order[place + 1 :]]
         if one.written and one.axis in later:
             left.take(one.left_by())
-            hand_on(job, one, left)
+            hand_on(one, left)
     if len(undetermined) == len(fits):
         k = next(iter(undetermined))
         raise job.error(("fits", k), f"{_start(fits[k])}: {undetermined[k]}")
@@ -120,16 +113,17 @@ def _left_out(job: Job, k: int, why: str) -> AbstractDraft:
     """Return what stands for a fit that its readings do not tell: the rest is written."""
     from .joint import LeftOutDraft
 
-    spec = job.spec.fits[k]
-    return LeftOutDraft(k, spec, job.lists[spec.axis], why)
+    return LeftOutDraft(job, k, job.spec.fits[k], why)
 
 
-def _confounded_alone(job: Job, tables: Tables, single: list[int]) -> dict[int, str]:
+def _confounded_alone(
+    tables: Tables, single: Mapping[int, AbstractPlan]
+) -> dict[int, str]:
     """Return which fits of no group their readings do not tell apart, and why."""
-    fits = job.spec.fits
+    fits = tables.job.spec.fits
     several = len({fits[k].axis for k in single}) < len(single)
     if not several and not any(fits[k].kind.often_open for k in single):
         return {}
     from .joint import confounded
 
-    return confounded(job, tables, single)
+    return confounded(tables, single)

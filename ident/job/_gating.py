@@ -6,23 +6,16 @@ from ...data.lists import ListFile
 from ..exchange import by_branch
 from ..proof import (
     GateCheck,
-    GateLimits,
     GateTable,
     choose_cycles,
     judge,
 )
 from ..proof.axis import check_switching, largest_step, switching_cycles
-from ._load import Job
-from ._result import Remark
+from .file._load import Job
+from .result._result import Remark
 
 if TYPE_CHECKING:
-    from ._table_draft import AbstractTableDraft
-
-
-def limits_of(job: Job) -> GateLimits:
-    """Return the limits of a job, defaults where it names none."""
-    given = {name: value for name, value in job.spec.gate if value is not None}
-    return GateLimits(**given)
+    from .table._draft import AbstractTableDraft
 
 
 def spread_over(
@@ -37,7 +30,7 @@ def spread_over(
         entry: Of that list.
         switched: Whether `max_switching` counts as well.
     """
-    limits, cycle_time = limits_of(job), job.spec.controller.cycle_time
+    limits, cycle_time = job.limits, job.spec.controller.cycle_time
     fastest = limits.max_velocity
     if switched:
         fastest = min(fastest, limits.max_switching / cycle_time)
@@ -45,11 +38,9 @@ def spread_over(
     return choose_cycles(jump, cycle_time, fastest, limits.max_acceleration, stated)
 
 
-def pass_gate(
-    job: Job, one: "AbstractTableDraft", cycles: int | None
-) -> tuple[GateCheck, ...]:
+def pass_gate(one: "AbstractTableDraft", cycles: int | None) -> tuple[GateCheck, ...]:
     """Return every line of the gate for a fitted table."""
-    table, closed = one.plan.table, []
+    job, table, closed = one.job, one.plan.table, []
     for name, nodes in zip(one.fit.over, table.nodes, strict=True):
         limits = job.spec.axes[name].limits
         ends = nodes.positions[[0, -1]]
@@ -65,40 +56,41 @@ def pass_gate(
             change=None if change is None else tuple(by_branch(table, change).values()),
             closed=tuple(closed),
             periodic=table.periodic,
-            unit="mm" if job.spec.axes[one.axis].kind == "linear" else "deg",
+            unit=job.spec.axes[one.axis].plain_unit,
             cycles=cycles or 0,
             cycle_time=job.spec.controller.cycle_time,
         ),
-        limits_of(job),
+        job.limits,
     )
 
 
-def chosen_cycles(job: Job, one: "AbstractTableDraft") -> int | None:
+def chosen_cycles(one: "AbstractTableDraft") -> int | None:
     """Return the `n_cycles` to write, or None where that of the list stays.
 
     As the job says; else the smallest that keeps every step within `max_switching`.
     """
     if one.fit.n_cycles is not None or one.kind.cycles is None:
         return one.fit.n_cycles
-    limit = limits_of(job).max_switching
-    return switching_cycles(one.jump(job), limit, _existing(one))
+    limit = one.job.limits.max_switching
+    return switching_cycles(one.jump, limit, _existing(one))
 
 
-def switching_checks(job: Job, one: "AbstractTableDraft") -> list[GateCheck]:
+def switching_checks(one: "AbstractTableDraft") -> list[GateCheck]:
     """Return the line of the gate for switching a table, where it can be spread."""
     if one.kind.cycles is None:  # a leadscrew table
         return []
-    cycles, unit = _cycles(job, one), job.spec.axes[one.axis].unit
+    job, cycles = one.job, _cycles(one)
+    unit = job.spec.axes[one.axis].unit
     name = one.kind.cycles[0]
-    return [check_switching(one.jump(job), cycles, limits_of(job), unit, name)]
+    return [check_switching(one.jump, cycles, job.limits, unit, name)]
 
 
-def switching_remarks(job: Job, one: "AbstractTableDraft") -> list[Remark]:
+def switching_remarks(one: "AbstractTableDraft") -> list[Remark]:
     """Return what the user must know of switching a table; nothing where it is small."""
-    axis, jump, limit = one.axis, one.jump(job), limits_of(job).max_switching
+    axis, jump, limit = one.axis, one.jump, one.job.limits.max_switching
     if largest_step(jump, 0) <= limit:
         return []
-    table, unit = one.plan.table, job.spec.axes[axis].unit
+    table, unit = one.plan.table, one.job.spec.axes[axis].unit
     start = (
         f"Switching the {table.compensation} table of {axis} (COMP ON/OFF {table.keyword},"
         f" homing, reload) moves {axis} by up to {jump:.4g} {unit}"
@@ -109,7 +101,7 @@ def switching_remarks(job: Job, one: "AbstractTableDraft") -> list[Remark]:
             " only, without a tool in cut, best where the table is near 0."
         )
         return [Remark.info(words)]
-    name, cycles = one.kind.cycles[0], _cycles(job, one)
+    name, cycles = one.kind.cycles[0], _cycles(one)
     step = largest_step(jump, cycles)
     words = f"{start}: {name} {cycles} spreads it, {step:.3g} {unit} per cycle at most."
     if step <= limit:
@@ -125,9 +117,9 @@ def switching_remarks(job: Job, one: "AbstractTableDraft") -> list[Remark]:
     return [Remark.warning(words)]
 
 
-def _cycles(job: Job, one: "AbstractTableDraft") -> int:
+def _cycles(one: "AbstractTableDraft") -> int:
     """Return the `n_cycles` that the list will hold."""
-    chosen = chosen_cycles(job, one)
+    chosen = chosen_cycles(one)
     return (_existing(one) or 0) if chosen is None else chosen
 
 

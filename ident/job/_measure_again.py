@@ -8,7 +8,6 @@ import datetime
 import functools
 import hashlib
 import json
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,11 +20,11 @@ from ..proof import Diagnosis, diagnose, not_judged
 from ..readings import Tables, errors_in, read_outside
 from ._acting import reading_of
 from ._draft import AbstractDraft
-from ._job_result import JobResult
-from ._lists import AxisFiles
-from ._load import Job, load_job, sha256
-from ._result import AbstractResult, Remark
-from ._second import MeasuredAgain
+from .file._load import Job, load_job, sha256
+from .result._job_result import JobResult
+from .result._result import AbstractResult, Remark
+from .result._second import MeasuredAgain
+from .write._lists import AxisFiles
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +88,7 @@ def plan_second(
     path = job.file(stated.job) if asked is None and stated is not None else asked
     if path is not None:
         after = load_job(path, needs_fits=False)
-        name = os.path.relpath(path, job.path.parent)
+        name = job.relative(path)
         other = _other_list(job, after, root, files, lists)
         if other is not None and asked is not None:
             raise after.error((), other)
@@ -257,8 +256,7 @@ def _hashes(after: Job) -> dict[str, str]:
     # What this run writes and saves itself tells nothing of the measurement.
     if (rules := after.spec.machine.conventions) is not None:
         lists.add(after.file(rules))
-    files = [after.path, *(file for file in after.inputs if file not in lists)]
-    return {os.path.relpath(file, after.path.parent): sha256(file) for file in files}
+    return after.hashes(without=lists)
 
 
 def _today() -> str:
@@ -332,7 +330,7 @@ def save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[Re
         write_atomically(path, merged.dumps())
     words = ", ".join(f"{name} = {value}" for name, value in settled.items())
     if words:
-        own = os.path.relpath(path, job.path.parent)
+        own = job.relative(path)
         hint = "" if named else f' Name it in the job: [machine] conventions = "{own}".'
         remarks.append(Remark.info(f"Settled and saved in {path}: {words}.{hint}"))
     return remarks

@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 import importlib.metadata
-import os
 import platform
 import time
 from collections.abc import Callable, Sequence
@@ -11,19 +10,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..diagnosis import OBJECTS, SCOPE, objects_csv, observables, scope_configuration
+from ..exchange import axis_file, compensation_file
 from ..readings import Tables
 from ._draft import AbstractDraft, Written
-from ._first_run import first_run_programs, program_names
 from ._fits import fit_all
-from ._gating import limits_of
-from ._job_result import JobResult, result_json
-from ._lists import AxisFiles, files_of, judge_files, startup_fragment
-from ._load import Job, load_job, sha256
-from ._loadsheet import load_sheet
 from ._measure_again import Second, measure_again, plan_second
-from ._output import OutFolder
-from ._result import AbstractResult, Remark
 from ._whole import judge_whole
+from .file._load import Job, load_job
+from .result._job_result import JobResult, result_json
+from .result._result import AbstractResult, Remark
+from .write._first_run import first_run_programs, program_names
+from .write._lists import AxisFiles, files_of, judge_files, startup_fragment
+from .write._loadsheet import load_sheet
+from .write._output import OutFolder
 
 if TYPE_CHECKING:
     from .joint import GroupResult
@@ -81,7 +80,7 @@ def begin_job(
     try:
         folder.refuse_sources(_names(job))
         tables = Tables(job)
-        drafts, groups = fit_all(job, tables, say)
+        drafts, groups = fit_all(tables, say)
     except BaseException:
         folder.drop()
         raise
@@ -102,25 +101,25 @@ def begin_job(
     if groups:
         from .joint import prove_group
 
-        sums = [prove_group(job, group, drafts, by_axis) for group in groups]
+        sums = [prove_group(group, drafts, by_axis) for group in groups]
     together = {index: one.name for one in sums for index in one.fits}
     results: list[AbstractResult] = []
     for draft in drafts:
         own = by_axis[draft.axis]
-        proven = draft.prove(Written(job, folder, own, own.gates[draft.index]))
+        proven = draft.prove(Written(folder, own, own.gates[draft.index]))
         group = together.get(draft.index)
         results.append(dataclasses.replace(proven, group=group))
     result = JobResult(
         title=job.spec.title or job.path.stem,
         machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
         fits=tuple(results),
-        inputs=_hashes(job),
+        inputs=job.hashes(),
         versions=_versions(),
         load_sheet=(),
         remarks=(*remarks, *moved, *lost),
         files=(),
         wall_time=0.0,
-        job=job.spec.resolved() | {"gate": dict(vars(limits_of(job)))},
+        job=job.spec.resolved() | {"gate": dict(vars(job.limits))},
         clocks=tables.clocks,
         groups=tuple(sums),
         whole=whole,
@@ -183,11 +182,7 @@ def input_hashes(path: Path) -> dict[str, str]:
         AxcompError: If the job cannot run.
         OSError: If a file cannot be read.
     """
-    return _hashes(load_job(path))
-
-
-def _hashes(job: Job) -> dict[str, str]:
-    return {str(_relative(job, file)): sha256(file) for file in (job.path, *job.inputs)}
+    return load_job(path).hashes()
 
 
 def _names(job: Job) -> list[str]:
@@ -197,9 +192,8 @@ def _names(job: Job) -> list[str]:
     for fit in job.spec.fits:
         number = job.spec.axes[fit.axis].number
         names += [
-            f"achskw{number}.lis",
-            f"achsmds{number}.lis",
-            f"achsmds{number}.add.lis",
+            compensation_file(number),
+            *(axis_file(number, whole=whole) for whole in (True, False)),
             *fit.plc_files,
         ]
     return names
@@ -223,7 +217,7 @@ def _write(
                 names.append(folder.accept(name, content))
         found.append(dataclasses.replace(one, written=tuple(names)))
         # The other kind of axis list would contradict this one.
-        kinds = {f"achsmds{one.number}.lis", f"achsmds{one.number}.add.lis"}
+        kinds = {axis_file(one.number, whole=whole) for whole in (True, False)}
         kinds |= {name for draft in one.drafts for name in draft.fit.plc_files}
         stale = {one.compensation_name, *kinds} - set(contents) - set(one.extra)
         for name in sorted(stale):
@@ -261,15 +255,6 @@ def _diagnosis(job: Job, files: Sequence[AxisFiles]) -> dict[str, bytes]:
     cycle_time = controller.cycle_time if stated else None
     scope = scope_configuration(rows, cycle_time=cycle_time)
     return {OBJECTS: objects_csv(rows).encode(), SCOPE: scope}
-
-
-def _relative(job: Job, file: Path) -> Path:
-    if file.parent == job.path.parent:
-        return Path(file.name)
-    try:
-        return Path(os.path.relpath(file, job.path.parent))
-    except ValueError:  # another drive
-        return file
 
 
 @functools.cache

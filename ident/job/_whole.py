@@ -24,11 +24,10 @@ from ..proof.axis import (
 from ..readings import Tables, read_error
 from ._acting import acting_after, acting_before
 from ._draft import AbstractDraft
-from ._gating import limits_of
-from ._job_result import WholeAxis
-from ._lists import AxisFiles
-from ._load import Job
-from ._result import Remark
+from .file._load import Job
+from .result._job_result import WholeAxis
+from .result._result import Remark
+from .write._lists import AxisFiles
 
 _Read = tuple[Measured, Mapping[str, np.ndarray]]
 """The error of an axis in one measurement, and the temperatures in it."""
@@ -43,7 +42,7 @@ def judge_whole(tables: Tables, files: Sequence[AxisFiles]) -> tuple[WholeAxis, 
     """
     job, found = tables.job, []
     for own in files:
-        acting = tuple(d for d in own.drafts if d.written and d.jump(job) > 0)
+        acting = tuple(d for d in own.drafts if d.written and d.jump > 0)
         if not acting:
             continue
         axis = _Axis(tables, own, acting)
@@ -58,16 +57,16 @@ def judge_whole(tables: Tables, files: Sequence[AxisFiles]) -> tuple[WholeAxis, 
                 whole = axis.alone(next(d for d in acting if d.compensation in names))
         except ExchangeError as error:
             whole = axis.unread(error)
-        steps = {d.compensation: _step(job, d, own.gates[d.index]) for d in acting}
+        steps = {d.compensation: _step(d, own.gates[d.index]) for d in acting}
         whole = dataclasses.replace(whole, switching=steps)
         found.append(_with_partner(job, whole, files))
     return tuple(found)
 
 
-def _step(job: Job, draft: AbstractDraft, gate: Sequence[GateCheck]) -> float:
+def _step(draft: AbstractDraft, gate: Sequence[GateCheck]) -> float:
     """Return the largest step in one cycle: all of it where nothing spreads it."""
     spread = [check.value for check in gate if check.name == "max_switching"]
-    return max(spread, default=draft.jump(job))
+    return max(spread, default=draft.jump)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,11 +115,9 @@ class _Axis:
 
     def alone(self, draft: AbstractDraft) -> WholeAxis:
         """Return an axis on which one fit acts alone: its gate is that of the axis."""
-        jump = draft.jump(self.job)
+        jump = draft.jump
         where = f"{draft.compensation}, in all, where it comes or goes"
-        check = gate_check(
-            "max_jump", jump, limits_of(self.job).max_jump, self.unit, where
-        )
+        check = self.job.limits.check("max_jump", jump, self.unit, where)
         names = (draft.compensation,)
         values = {each.name: each.value for each in self.files.gates[draft.index]}
         return self._whole(names, (check,), values, (), [])
@@ -131,7 +128,7 @@ class _Axis:
         Raises:
             ExchangeError: If a list makes no table.
         """
-        lines, jumps = judge_workspace(loaded, self._travel(), limits_of(self.job))
+        lines, jumps = judge_workspace(loaded, self._travel(), self.job.limits)
         remarks = self._abrupt(loaded, jumps)
         readings = self._readings(loaded, names, remarks)
         values = {c.name.removeprefix("axis "): c.value for c in lines}
@@ -144,7 +141,7 @@ class _Axis:
 
         The job does not write them, and leaves them as they are.
         """
-        limit, found = limits_of(self.job).max_switching, []
+        limit, found = self.job.limits.max_switching, []
         fitted = {draft.compensation for draft in self.drafts}
         for name, jump in jumps.items():
             cycles = kind(name).cycles
@@ -178,7 +175,7 @@ class _Axis:
         readings: Sequence[Together],
         remarks: list[Remark],
     ) -> WholeAxis:
-        limits, name = limits_of(self.job), self.name
+        limits, name = self.job.limits, self.name
         jump = next((c for c in checks if c.name == "max_jump"), None)
         if jump is not None and not jump.passed:
             words = (
@@ -240,7 +237,7 @@ class _Axis:
         """Return how warm the sensors get that temperature laws follow."""
         found: dict[str, tuple[float, float]] = {}
         for draft in self.drafts:
-            line = draft.line(self.job, self.files.existing.machine)
+            line = draft.line(self.files.existing.machine)
             if line is None or not isinstance(line.offset_0, TemperatureCurve):
                 continue
             ends = np.asarray(line.offset_0.nodes.positions)[[0, -1]]

@@ -15,8 +15,8 @@ from ._kind import Kind
 
 if TYPE_CHECKING:
     from ..exchange import AbstractTable
-    from ..job._load import Job
-    from ..job._schema import Axis, JobFile
+    from ..job.file._load import Job
+    from ..job.file._schema import Axis, JobFile
 
 Positive = Annotated[float, Field(gt=0)]
 Count = Annotated[int, Field(ge=2)]

@@ -12,9 +12,8 @@ if TYPE_CHECKING:
     from ._protocol import (
         AbstractEntries,
         AbstractProbe,
-        GroupPart,
         PagePart,
-        SinglePart,
+        PlanPart,
     )
 
 
@@ -116,28 +115,19 @@ class Kind:
         return found
 
     @property
-    def single(self) -> "SinglePart":
-        """How a fit is planned that stands alone."""
+    def planner(self) -> "PlanPart":
+        """How a fit is planned."""
         if self.table:
-            from ..job import _fitting
+            from ..job.table import _plan
 
-            return _fitting
-        return cast("SinglePart", self.part("job"))
-
-    @property
-    def group(self) -> "GroupPart":
-        """How a fit of a group is planned."""
-        if self.table:
-            from ..job.joint import _table
-
-            return _table
-        return cast("GroupPart", self.part("group"))
+            return _plan
+        return cast("PlanPart", self.part("plan"))
 
     @property
     def page(self) -> "PagePart":
         """How the report shows it."""
         if self.table:
-            from ..report import _table_body
+            from ..report.table import _body
 
-            return _table_body
+            return _body
         return cast("PagePart", self.part("page"))

@@ -7,35 +7,32 @@ A colleague who adds a compensation writes its model in `axcomp.models` (or, as 
 * ``channel.py`` with ``CHANNEL``, a class that is a `proof.verify.AbstractChannel`;
 * ``probe.py`` with ``PROBE``, an `AbstractProbe`;
 * ``keys.py`` with ``Spec``, a `_keys.FitSpec`: light, it loads nothing that computes;
-* ``job.py``, a `SinglePart`: a fit that stands alone, from its plan to a draft;
-* ``group.py``, a `GroupPart`: a fit of a group, from its effect to the same draft;
+* ``plan.py``, a `PlanPart`: a fit from its plan to a draft, alone or in a group;
 * ``page.py``, a `PagePart`: what the report shows of its result.
 
 A draft (`AbstractDraft`) is what a job writes, judges and proves; it makes the result
 (`AbstractResult`) that stands in ``result.json`` and in the report. Tables (`Kind.table`) share
-theirs: they need no ``job.py``, no ``group.py`` and no ``page.py``.
+theirs: they need no ``plan.py`` and no ``page.py``.
 """
 
 import abc
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from ...data.lists import ListFile, Value
 from ...models import Conventions, Coupled
-from ..exchange._errors import ExchangeError
+from ..exchange._capacity import ANY_LIST, ListTarget
 from ..exchange._identity import Increments, axis_number, flag, not_negative
 from ..exchange._machine_lists import InUse, Reading
-from ..exchange._modulo import Ranges
-from ..exchange._motion import Motion
-from ..exchange._probe import Outcome, ProbeAxis, Probed
-from ..exchange._units import ModelUnit
+from ..exchange._nodes import Ranges
+from ..exchange._units import ExchangeError, ModelUnit
+from ..exchange.controller._motion import Motion
+from ..exchange.probe._probe import Masters, Outcomes, Places, ProbeAxis, Probed
 from ._kind import Kind
 
 if TYPE_CHECKING:
     from ..exchange._table import AbstractTable
-    from ..job._draft import AxisLists, Planned
-    from ..job._load import Job
-    from ..job.joint._member import AbstractMember
+    from ..job._fit_plan import AbstractPlan
     from ..readings import Tables
     from ..report._body import Body
     from ..report._scale import Scale
@@ -158,10 +155,7 @@ class AbstractEntries(abc.ABC):
         model: Any,
         masters: Axes,
         rules: Conventions,
-        *,
-        existing: ListFile | None = None,
-        max_points: int | None = None,
-        build: str | None = None,
+        target: ListTarget = ANY_LIST,
     ) -> Mapping[str, Value]:
         """Return the entries of the list that holds it, rounded to list units.
 
@@ -170,9 +164,7 @@ class AbstractEntries(abc.ABC):
                 accelerations) must be a multiple of one.
             masters: Logical numbers, in the order of the list.
             rules: Those of the controller; a sign is that of the model.
-            existing: Compensation list that will be edited.
-            max_points: Wanted size of the memory, or None to write it only where needed.
-            build: Of the controller, or None for the newest.
+            target: The list that they are written for.
 
         Raises:
             ExchangeError: If something does not fit.
@@ -283,9 +275,7 @@ class AbstractProbe(abc.ABC):
         """Return what only stands in the axis list; else it is switched on there."""
         return {}
 
-    def places(
-        self, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[dict[str, float], dict[str, float]]:
+    def places(self, axis: ProbeAxis, masters: Masters) -> tuple[Places, Places]:
         """Return where nothing is added and where the plateau is, by axis name."""
         middles = [0.5 * sum(between) for between in self.plateaus]
         there = zip(masters, middles or [10.0] * len(masters), strict=True)
@@ -293,44 +283,25 @@ class AbstractProbe(abc.ABC):
         return start, {one.name: one.at(middle) for one, middle in there}
 
     @abc.abstractmethod
-    def outcomes(
-        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[Outcome, ...]:
+    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         """Return what may be seen, and what follows from it."""
 
 
 @runtime_checkable
-class SinglePart(Protocol):
-    """The module ``job`` of a compensation; ``fit`` is of its own class of keys."""
+class PlanPart(Protocol):
+    """The module ``plan`` of a compensation; ``fit`` is of its own class of keys."""
 
-    def plan(
-        self, job: "Job", tables: "Tables", index: int, fit: Any, lists: "AxisLists"
-    ) -> "Planned":
-        """Plan a fit; what it returns fits it.
+    def plan(self, tables: "Tables", index: int, fit: Any) -> "AbstractPlan":
+        """Plan a fit.
 
         Args:
-            job: The job.
-            tables: Its measurement files.
+            tables: Measurement files of the job.
             index: Of the fit in the job.
             fit: Its keys.
-            lists: What the axis has already.
 
         Raises:
-            JobError: If keys or existing lists do not suit; of what it returns: likewise
-                for readings.
-            FitError: Of what it returns: if the readings do not determine the fit.
+            JobError: If keys or existing lists do not suit.
         """
-        ...
-
-
-@runtime_checkable
-class GroupPart(Protocol):
-    """The module ``group`` of a compensation."""
-
-    def member(
-        self, job: "Job", tables: "Tables", index: int, fit: Any, lists: "AxisLists"
-    ) -> "AbstractMember":
-        """Plan a fit of a group; arguments and errors as `SinglePart.plan`."""
         ...
 
 

@@ -71,6 +71,11 @@ class GateLimits:
     max_switching: float = 0.02
     max_jump: float = 0.5
 
+    def check(self, name: str, value: float, unit: str, where: str) -> GateCheck:
+        """Return a line of the gate; the first word of its name is that of its limit."""
+        limit = getattr(self, name.partition(" ")[0])
+        return gate_check(name, value, limit, unit, where)
+
 
 def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
     """Return every line of the gate for a table.
@@ -93,7 +98,7 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
         "max_acceleration": (f"{unit}/s²", acceleration(table, feed)),
     }
     lines = [
-        gate_check(name, value, getattr(limits, name), shown, where)
+        limits.check(name, value, shown, where)
         for name, (shown, (value, where)) in found.items()
     ]
     if len(table.offset) == 2:
@@ -104,7 +109,7 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
         )
     if table.change is not None and limits.max_change is not None:
         worst, where = _largest(table, table.change)
-        lines.append(gate_check("max_change", worst, limits.max_change, unit, where))
+        lines.append(limits.check("max_change", worst, unit, where))
     return tuple(lines)
 
 
@@ -129,17 +134,9 @@ def reversal_checks(
     fast, hard = reversal_dynamics(jump, cycles, cycle_time)
     at, spread = where
     return [
-        gate_check("max_reversal", jump, limits.max_reversal, unit, at),
-        gate_check(
-            "max_velocity at reversal", fast, limits.max_velocity, f"{unit}/s", spread
-        ),
-        gate_check(
-            "max_acceleration at reversal",
-            hard,
-            limits.max_acceleration,
-            f"{unit}/s²",
-            spread,
-        ),
+        limits.check("max_reversal", jump, unit, at),
+        limits.check("max_velocity at reversal", fast, f"{unit}/s", spread),
+        limits.check("max_acceleration at reversal", hard, f"{unit}/s²", spread),
     ]
 
 
@@ -173,7 +170,7 @@ def check_switching(
     how = f"{entry} {cycles}" if cycles > 1 else f"{entry} {cycles}: abrupt"
     step = largest_step(jump, cycles)
     where = f"at {moments}, {how}"
-    return gate_check("max_switching", step, limits.max_switching, unit, where)
+    return limits.check("max_switching", step, unit, where)
 
 
 def _largest(table: GateTable, branches: Sequence[np.ndarray]) -> tuple[float, str]:

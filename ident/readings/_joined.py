@@ -20,8 +20,8 @@ from ..core import FitError
 from ._clocks import ClockState, find_offset
 
 if TYPE_CHECKING:
-    from ..job._load import Job
-    from ..job._schema import MeasurementSpec
+    from ..job.file._load import Job
+    from ..job.file._schema import MeasurementSpec
 
 _PLACES = ("position", "encoder", "actual", "drive_position")
 """Kinds of role that show the motion of an axis."""

@@ -13,7 +13,7 @@ from ._rows import PLACES, POSITION_ORDER, Rows, first_motion, has_error
 from ._tables import Tables
 
 if TYPE_CHECKING:
-    from ..job._load import Job
+    from ..job.file._load import Job
 
 _FAR = 3.0
 """Mean of an error, in standard deviations, that is the zero of an instrument."""

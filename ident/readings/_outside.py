@@ -12,7 +12,7 @@ from ._rows import Rows, has_error
 from ._tables import Tables
 
 if TYPE_CHECKING:
-    from ..job._load import Job
+    from ..job.file._load import Job
 
 
 def read_outside(job: "Job") -> tuple[Measured, ...]:

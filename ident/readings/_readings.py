@@ -19,7 +19,7 @@ from ._zero import without_zero
 
 if TYPE_CHECKING:
     from ..exchange import AbstractTable
-    from ..job._load import Job
+    from ..job.file._load import Job
 
 
 _LEAST = 3

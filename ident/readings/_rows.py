@@ -23,8 +23,8 @@ from ...data.signals import Motion
 from ._zero import without_zero
 
 if TYPE_CHECKING:
-    from ..job._load import Job
-    from ..job._schema import MeasurementSpec
+    from ..job.file._load import Job
+    from ..job.file._schema import MeasurementSpec
 
 SENSOR = "temperature."
 """How the role of a temperature begins; the name of its sensor follows."""

@@ -16,7 +16,7 @@ from ._clocks import ClockState
 from ._joined import join_files
 
 if TYPE_CHECKING:
-    from ..job._load import Job
+    from ..job.file._load import Job
 
 PROFILE_FORMATS = ("Klipper bed mesh",)
 """Formats of which one file may hold several surfaces, by name."""

@@ -2,9 +2,9 @@
 
 Read in this order: `_write` (the page), `_verdict` (the headline of a fit), `_section` (one
 fit: words, tables, plots), `_body` (what differs by compensation: the part ``page`` of its
-folder in `axcomp.ident.kinds`, `_table_body` for tables), `_style` and `_scale` (how a picture
-looks and in which units). The pictures: `_overview`, `_maps`, `_lines`, `_residuals`, `_spread`,
-`_runs`, `_iso_chart`, and those of the folders.
+folder in `axcomp.ident.kinds`, the folder `table` for tables), `_style` and `_scale` (how a
+picture looks and in which units). The pictures: `_overview`, `_iso_chart`, `_group_plots`, and
+those of the folders.
 
 The public names are imported when they are first asked for: the report of a job needs JAX, the
 ISO 230-2 chart of this package does not, and `axcomp iso230` draws just that.

@@ -1,14 +1,9 @@
 """The part of a section that differs from one kind of compensation to the other."""
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from matplotlib.figure import Figure
-
-from ..job import Remark
-from ._words import WildRow
-
-_LEVELS = {"error": 0, "warning": 1, "info": 2}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,6 +24,16 @@ class Plot:
 
 
 @dataclasses.dataclass(frozen=True)
+class WildRow:
+    """One rejected reading, ready to print."""
+
+    row: str
+    where: str
+    run: str
+    error: str
+
+
+@dataclasses.dataclass(frozen=True)
 class Body:
     """Plots, most telling first, and sentences on how the result was found.
 
@@ -45,8 +50,3 @@ class Body:
     wild: Sequence[WildRow] = ()
     wild_count: int = 0
     wild_runs: bool = False
-
-
-def by_level(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
-    """Return remarks, errors first."""
-    return tuple(sorted(remarks, key=lambda remark: _LEVELS.get(remark.level, 3)))

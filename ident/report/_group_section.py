@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ..job import Code, Remark
-from ._body import Plot, by_level
+from ..job import Code, Remark, by_level
+from ._body import Plot
 from ._group_plots import share_plot, sum_plot
 from ._scale import Scale, count, number, scale_of
 from ._section import Section

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from ..job import AbstractResult, JobResult, TableResult
 from . import _style as style
 from ._body import Plot
-from ._maps import mean_by_cell
-from ._plane import bar, heat, label, plane_table, symmetric
-from ._readings import Readings, readings_of
 from ._scale import Scale, number, scale_of
+from .table._maps import mean_by_cell
+from .table._plane import bar, heat, label, plane_table, symmetric
+from .table._readings import Readings, readings_of
 
 _MOST = 6
 """Fits that are drawn; the picture is a summary."""

@@ -1,13 +1,14 @@
 """One fit of a job as a section of the page: words, tables and plots in their order."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..job import AbstractResult, ErrorFigures, Remark
+from ..job import AbstractResult, ErrorFigures, Remark, by_level, some_of
 from ..kinds import kind
-from ._body import Body, by_level
+from ._body import Body
 from ._scale import Scale, count, number, percent, scale_of
 from ._verdict import Headline, headline_of
 
@@ -17,25 +18,25 @@ if TYPE_CHECKING:
 _MOST = 8
 """Values that are not determined and named one by one."""
 
-_COLUMNS = (
-    ("before", "before", "measured"),
-    ("predicted", "predicted", "computed on readings left out of the fit"),
-    ("from_file", "from the file", "computed: the written file, read back"),
-    ("verified", "verified", "measured with the list active"),
-    ("measured_again", "measured again", "with the list active"),
-)
+_COLUMNS = {
+    "before": ("before", "measured"),
+    "predicted": ("predicted", "computed on readings left out of the fit"),
+    "from_file": ("from the file", "computed: the written file, read back"),
+    "verified": ("verified", "measured with the list active"),
+    "measured_again": ("measured again", "with the list active"),
+}
 
-_ROWS = (
-    ("rms", "root mean square"),
-    ("max", "largest magnitude"),
-    ("rms, all", "with wild readings"),
-    ("max, all", "with wild readings"),
-    ("A", "accuracy of positioning: everything, both directions"),
-    ("R", "repeatability: scatter, which no table can remove"),
-    ("B", "reversal value: largest difference of the directions"),
-    ("E", "systematic positional deviation: range of the means"),
-    ("M", "range of the mean of both directions"),
-)
+_ROWS = {
+    "rms": "root mean square",
+    "max": "largest magnitude",
+    "rms, all": "with wild readings",
+    "max, all": "with wild readings",
+    "A": "accuracy of positioning: everything, both directions",
+    "R": "repeatability: scatter, which no table can remove",
+    "B": "reversal value: largest difference of the directions",
+    "E": "systematic positional deviation: range of the means",
+    "M": "range of the mean of both directions",
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,25 +90,36 @@ def section_of(fit: AbstractResult, place: int) -> Section:
 
 def figures_table(fit: AbstractResult, scale: Scale) -> FiguresTable:
     """Return the table of error figures in display units."""
-    figures: dict[str, ErrorFigures] = dict(fit.error)
-    columns = [column for column in _COLUMNS if column[0] in figures]
-    wild = any(each.rms_without_wild is not None for each in figures.values())
-    rows = []
-    for name, meaning in _ROWS:
-        if name.endswith(", all") and not wild:
-            continue
-        values = [_figure(figures[key], name) for key, _, _ in columns]
-        if any(value is not None for value in values):
-            shown = tuple(
-                "–" if value is None else scale.figure(value) for value in values
-            )
-            rows.append((name, meaning, shown))
-    return FiguresTable(
-        columns=tuple((label, kind) for _, label, kind in columns),
-        rows=tuple(rows),
-        unit=scale.error,
-        iso=any(name in "AREBM" for name, _, _ in rows),
+    stages, found = figures_of(fit.error)
+    rows = tuple(
+        (
+            name,
+            _ROWS[name],
+            tuple("–" if v is None else scale.figure(v) for v in values),
+        )
+        for name, values in found.items()
     )
+    return FiguresTable(
+        columns=tuple(_COLUMNS[stage] for stage in stages),
+        rows=rows,
+        unit=scale.error,
+        iso=any(name in "AREBM" for name in found),
+    )
+
+
+def figures_of(
+    error: Mapping[str, ErrorFigures],
+) -> tuple[list[str], dict[str, list[float | None]]]:
+    """Return the stages of an error that are shown, and the figures of each by name."""
+    stages = [stage for stage in _COLUMNS if stage in error]
+    wild = any(each.rms_without_wild is not None for each in error.values())
+    rows = {
+        name: [_figure(error[stage], name) for stage in stages]
+        for name in _ROWS
+        if wild or not name.endswith(", all")
+    }
+    known = {name: own for name, own in rows.items() if set(own) != {None}}
+    return stages, known
 
 
 def _figure(figures: ErrorFigures, name: str) -> float | None:
@@ -169,8 +181,7 @@ def _left_out_body(fit: "LeftOutResult", scale: Scale) -> Body:
     ]
     lost = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
     if lost.size:
-        names = "; ".join(part.labels[int(k)] for k in lost[:_MOST])
-        more = f" and {lost.size - _MOST} more" if lost.size > _MOST else ""
-        facts.append(("Not determined", f"{names}{more}."))
+        names = some_of([part.labels[int(k)] for k in lost], _MOST)
+        facts.append(("Not determined", f"{names}."))
     facts.append(nothing)
     return Body(plots=[], facts=facts)

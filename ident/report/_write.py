@@ -1,24 +1,21 @@
 """Writes the report: one HTML page that needs nothing else, and its plots as files."""
 
 from collections.abc import Iterable, Mapping
-from importlib import resources
 from pathlib import Path
 
-import jinja2
 import markupsafe
 
 from ...data.files import write_atomically, write_together
 from .._job_text import job_text
-from ..job import JobResult
+from .._templates import templates
+from ..job import JobResult, by_level
 from . import _style as style
-from ._body import Plot, by_level
+from ._body import Plot
 from ._group_section import GroupSection, group_section
 from ._overview import overview_plot
 from ._scale import number, percent, scale_of
 from ._section import Section, section_of, summary_row
 from ._verdict import front_of
-
-_TEMPLATE = "report.html.jinja"
 
 
 def write_report(result: JobResult, out: Path) -> tuple[Path, ...]:
@@ -68,13 +65,8 @@ def _render(
     files: Mapping[str, str],
 ) -> str:
     # Everything that came from a user is escaped; only our own drawings are not.
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
-    )
-    source = (
-        resources.files("axcomp.ident.report").joinpath(_TEMPLATE).read_text("utf-8")
-    )
-    return environment.from_string(source).render(
+    page = templates(__package__ or "", html=True).get_template("report.html.jinja")
+    return page.render(
         job=result,
         front=front_of([(one.heading, one.fit) for one in sections], result.verdict),
         overview=overview,

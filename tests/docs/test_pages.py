@@ -14,8 +14,8 @@ from pydantic import TypeAdapter
 
 from axcomp.ident.cli import main
 from axcomp.ident.cli._app import app
-from axcomp.ident.job import _document
-from axcomp.ident.job._schema import JobFile
+from axcomp.ident.job.file import _document
+from axcomp.ident.job.file._schema import JobFile
 from axcomp.models import Conventions
 
 ROOT = Path(__file__).parents[2]
@@ -131,7 +131,7 @@ def test_the_commands_of_the_page_on_fleets_run(files: Path) -> None:
 
 
 def test_job_reference_and_its_schema_are_up_to_date() -> None:
-    # Renew with: python -m axcomp.ident.job._document docs
+    # Renew with: python -m axcomp.ident.job.file._document docs
     assert (DOCS / "job.md").read_text("utf-8") == _document.document()
     assert (DOCS / "job.schema.json").read_text("utf-8") == _document.schema()
 

@@ -11,6 +11,7 @@ from axcomp.data.lists import ListFile, Value, check, new_list
 from axcomp.ident.exchange import (
     ExchangeError,
     GridNodes,
+    ListTarget,
     PointNodes,
     axis_number,
     build_number,
@@ -331,7 +332,9 @@ def test_max_points_of_a_plane(
 ) -> None:
     nodes = (GridNodes(0, 10, count), GridNodes(0, 10, 2))
     table = PlaneTable(3, (1, 2), nodes, RULES)
-    entries = table.entries(np.zeros((2, count), dtype=np.int64), build=build)
+    entries = table.entries(
+        np.zeros((2, count), dtype=np.int64), ListTarget(build=build)
+    )
     assert entries.get("kw.crosscomp2.max_points") == expected
     assert faults(listed(entries)) == []
 
@@ -342,7 +345,7 @@ def test_table_beyond_the_default_is_refused_on_an_old_build() -> None:
     # One manual stops at index 999: under that reading 1001 need the parameter.
     assert table.entries(values)["kw.crosscomp.max_points"] == 1001
     with pytest.raises(ExchangeError, match=r"needs 1001 on build V3.1.3070.0"):
-        table.entries(values, build="V3.1.3070.0")
+        table.entries(values, ListTarget(build="V3.1.3070.0"))
 
 
 def test_larger_max_points_that_is_there_stays() -> None:
@@ -350,8 +353,8 @@ def test_larger_max_points_that_is_there_stays() -> None:
     values = np.zeros(1001, dtype=np.int64)
     there = parse("kopf.achs_nr 3\nkw.crosscomp.max_points 2000\n")
     small = parse("kopf.achs_nr 3\nkw.crosscomp.max_points 500\n")
-    assert "kw.crosscomp.max_points" not in table.entries(values, existing=there)
-    assert table.entries(values, existing=small)["kw.crosscomp.max_points"] == 1001
+    assert "kw.crosscomp.max_points" not in table.entries(values, ListTarget(there))
+    assert table.entries(values, ListTarget(small))["kw.crosscomp.max_points"] == 1001
 
 
 def test_builds_compare_by_number() -> None:
@@ -366,7 +369,7 @@ def test_builds_compare_by_number() -> None:
 def test_rectangular_list_keeps_its_kind_of_grid() -> None:
     there = parse("kopf.achs_nr 3\nkw.crosscomp2.grid RECTANGULAR\n")
     table = PlaneTable(3, (1, 2), (GridNodes(0, 10, 8), GridNodes(0, 10, 7)), RULES)
-    entries = table.entries(VALUES, existing=there)
+    entries = table.entries(VALUES, ListTarget(there))
     assert entries["kw.crosscomp2.interval1"] == 10
     assert "kw.crosscomp2.interval" not in entries
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, check, new_list
-from axcomp.ident.exchange import ExchangeError
+from axcomp.ident.exchange import ExchangeError, ListTarget
 from axcomp.ident.kinds.friction.entries import (
     FrictionNumbers,
     entries_of_friction,
@@ -126,12 +126,12 @@ def test_written_table_begins_at_1_and_ends_flat() -> None:
         position_delay=np.array(0.0004),
         delay_cycles=3,
     )
-    entries = entries_of_friction(model, fastest=500.0)
+    entries = entries_of_friction(model)
     columns = [
         [entries[f"frict_comp.table[{k}].{name}"] for k in range(5)]
         for name in ("in", "out")
     ]
-    assert columns[0] == [1, 500, 20_000, 300_000, 500_000]
+    assert columns[0] == [1, 500, 20_000, 300_000, 300_001]
     assert columns[1] == [100, 100, 60, 81, 81]
     assert entries["frict_comp.table_entries"] == 5
     assert entries["frict_comp.position_delay"] == 4
@@ -188,7 +188,7 @@ def test_larger_table_reserves_memory_where_the_build_can() -> None:
     model = FrictionCompensation(FrictionTable(Setpoints(speeds), np.ones(22)))
     assert entries_of_friction(model)["frict_comp.max_points"] == 23
     with pytest.raises(ExchangeError, match=r"max_points: found a table that needs 23"):
-        entries_of_friction(model, build="V3.1.3074.0")
+        entries_of_friction(model, ListTarget(build="V3.1.3074.0"))
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from axcomp.ident.fit import (
     fit_table,
     predict,
 )
-from axcomp.ident.job._table_draft import written_deviation
+from axcomp.ident.job.table._draft import written_deviation
 
 NOISE = 0.002  # mm
 NODES = np.linspace(0.0, 300.0, 31)

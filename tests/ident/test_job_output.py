@@ -155,7 +155,7 @@ def test_folder_below_a_file_is_refused(tmp_path: Path) -> None:
 WRITER = """
 import sys
 from pathlib import Path
-from axcomp.ident.job._output import write_atomically
+from axcomp.ident.job.write._output import write_atomically
 target = Path(sys.argv[1])
 contents = [letter * 200_000 + b"# Ende\\n" for letter in (b"a", b"b")]
 print("ready", flush=True)

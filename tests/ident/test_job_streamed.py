@@ -11,7 +11,7 @@ import pytest
 
 from axcomp.data.measurements import MeasurementError
 from axcomp.ident.job import JobError, JobResult, run_job
-from axcomp.ident.job.streamed import _readings
+from axcomp.ident.job.table import _log_readings
 from axcomp.ident.report import write_report
 
 COUNT = 12_000
@@ -188,7 +188,7 @@ def test_zero_datum_and_active_list_are_the_same_in_pieces(tmp_path: Path) -> No
 def test_a_log_that_scans_line_by_line_may_stand_still_for_a_whole_piece(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_readings, "_ROWS", 500)
+    monkeypatch.setattr(_log_readings, "_ROWS", 500)
     log(tmp_path / "log.parquet", y=np.repeat(np.linspace(0.0, 300.0, 12), 1_000))
     assert_same(tmp_path, both(tmp_path, PLANE, 'loss = "gauss"'))
 
@@ -200,9 +200,9 @@ def test_a_large_log_is_read_in_pieces_without_being_asked(
     path = job(tmp_path, PLANE, '"auto"', 'loss = "gauss"\nsmoothness = 1.0')
     assert run_job(path, tmp_path / "out").tables[0].streamed is None
     monkeypatch.setattr("axcomp.data.measurements._large._LEAST", 0)
-    monkeypatch.setattr(_readings, "LARGE", 3 * COUNT)
+    monkeypatch.setattr(_log_readings, "LARGE", 3 * COUNT)
     assert run_job(path, tmp_path / "out").tables[0].streamed is None
-    monkeypatch.setattr(_readings, "LARGE", 3 * COUNT - 1)
+    monkeypatch.setattr(_log_readings, "LARGE", 3 * COUNT - 1)
     assert run_job(path, tmp_path / "out").tables[0].streamed is not None
 
 
@@ -241,7 +241,7 @@ def test_a_large_log_that_only_memory_serves_is_read_into_it_and_said(
         text = text.replace("Z.error", "Z.actual")
     path.write_text(text)
     monkeypatch.setattr("axcomp.data.measurements._large._LEAST", 0)
-    monkeypatch.setattr(_readings, "LARGE", 1)
+    monkeypatch.setattr(_log_readings, "LARGE", 1)
     asked = path.read_text().replace('"auto"', "true")
     path.with_name("asked.toml").write_text(asked)
     if more == "runs":

@@ -14,16 +14,16 @@ from matplotlib.patches import PathPatch
 
 from axcomp.ident.job import TableResult
 from axcomp.ident.report._body import Plot
-from axcomp.ident.report._lines import change_plot, curve_plot
-from axcomp.ident.report._maps import cell_means, coverage_maps, error_map
-from axcomp.ident.report._plane import _rectangles, plane_table
-from axcomp.ident.report._readings import bin_means, readings_of
-from axcomp.ident.report._residuals import residual_plot, runs_plot
 from axcomp.ident.report._scale import number, percent, place, scale_of
 from axcomp.ident.report._section import section_of
-from axcomp.ident.report._spread import spread_of, spread_plot
 from axcomp.ident.report._style import house_style, to_svg
-from axcomp.ident.report._words import damped_wavelengths
+from axcomp.ident.report.table._lines import change_plot, curve_plot
+from axcomp.ident.report.table._maps import cell_means, coverage_maps, error_map
+from axcomp.ident.report.table._plane import _rectangles, plane_table
+from axcomp.ident.report.table._readings import bin_means, readings_of
+from axcomp.ident.report.table._residuals import residual_plot, runs_plot
+from axcomp.ident.report.table._spread import spread_of, spread_plot
+from axcomp.ident.report.table._words import damped_wavelengths
 
 Make = Callable[..., TableResult]
 MM = scale_of("mm")

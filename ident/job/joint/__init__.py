@@ -5,7 +5,6 @@ from ._group import (
     confounded as confounded,
     fit_group as fit_group,
 )
-from ._member import members_of as members_of
 from ._proof import (
     AxisSum as AxisSum,
     EffectShare as EffectShare,

@@ -11,24 +11,29 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.errors import AxcompError
-from ...exchange import ExchangeError
 from ...fit import FitError
 from ...fit.joint import (
     AbstractEffect,
     Delay,
+    JointData,
     JointFit,
     Leadscrew,
     Part,
+    Temperature,
     examine_design,
     fit_joint,
     held_out_errors,
 )
+from ...kinds._keys import FitSpec
 from ...readings import Tables
 from .._draft import AbstractDraft
-from .._load import Job
-from ._member import AbstractMember, at_once, few, members_of
+from .._fit_plan import AbstractPlan
+from ..file._load import Job
 from ._recording import GroupRecording, read_group
 from ._share import LeftOutDraft, Share
+
+_MOST = 10_000
+"""Readings that are enough to see what goes together."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,14 +49,20 @@ class IdentifiedGroup:
     """
 
     name: str
-    members: tuple[AbstractMember, ...]
+    members: tuple[AbstractPlan, ...]
     recording: GroupRecording
     fit: JointFit
     held_out: Mapping[str, Float[np.ndarray, " t"]]
 
-    def indices(self, job: Job) -> tuple[int, ...]:
-        """Return the fits of the group, those included that its readings do not show."""
-        return job.spec.groups[self.name]
+    @property
+    def job(self) -> Job:
+        """The job."""
+        return self.members[0].job
+
+    @property
+    def indices(self) -> tuple[int, ...]:
+        """The fits of the group, those included that its readings do not show."""
+        return self.job.spec.groups[self.name]
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -85,13 +96,12 @@ class IdentifiedGroup:
 
 
 def fit_group(
-    job: Job, tables: Tables, name: str, every: Sequence[AbstractMember]
+    tables: Tables, name: str, every: Sequence[AbstractPlan]
 ) -> tuple[IdentifiedGroup, dict[int, AbstractDraft]]:
     """Read the measurements of a group and fit all its members together.
 
     Args:
-        job: The job.
-        tables: Its measurements.
+        tables: Measurements of the job.
         name: Of the group.
         every: Its fits.
 
@@ -105,7 +115,7 @@ def fit_group(
     recording = read_group(tables, every)
     unfit = {}
     for one in every:
-        why = one.unfit(recording) or one.confused(job, every, recording)
+        why = one.unfit(recording) or one.confused(every, recording)
         if len(every) == 1:
             why = why or one.undetermined(recording.data)
         if why:
@@ -117,39 +127,40 @@ def fit_group(
                 "; ".join(f"{one.name}: {unfit[one.index]}" for one in every)
             )
         helpers = [*_helpers(members, recording)]
-        fit = _fit(members, recording, [*_effects(job, members, recording), *helpers])
+        fit = _fit(members, recording, [*_effects(members, recording), *helpers])
     except FitError as error:
-        start = f"group {name!r} from {', '.join(every[0].fit.sources)}"
-        raise job.error(("fits", every[0].index), f"{start}: {error}") from None
+        words = f"group {name!r} from {', '.join(every[0].fit.sources)}: {error}"
+        raise every[0].refusal(words) from None
     left = held_out_errors(fit, recording.data, recording.fold, runs=recording.drifting)
     found = IdentifiedGroup(name, members, recording, fit, left)
     drafts: dict[int, AbstractDraft] = {
-        one.index: _draft(job, one, Share(found, k)) for k, one in enumerate(members)
+        one.index: _draft(one, Share(found, k)) for k, one in enumerate(members)
     }
     for one in every:
         if one.index in unfit:
-            drafts[one.index] = LeftOutDraft(
-                one.index, one.fit, one.lists, unfit[one.index]
-            )
+            drafts[one.index] = _left_out(one, unfit[one.index])
     return found, drafts
 
 
-def _draft(job: Job, one: AbstractMember, share: Share) -> AbstractDraft:
+def _draft(one: AbstractPlan, share: Share) -> AbstractDraft:
     if not share.group.written[share.number]:
-        return LeftOutDraft(one.index, one.fit, one.lists, "", share)
+        return _left_out(one, "", share)
     try:
-        return one.draft(job, share)
+        with one.job.blaming(("fits", one.index), f"{one.name}: "):
+            return one.draft(share)
     except FitError as error:
-        return LeftOutDraft(one.index, one.fit, one.lists, str(error), share)
-    except ExchangeError as error:
-        raise job.error(("fits", one.index), f"{one.name}: {error}") from None
+        return _left_out(one, str(error), share)
+
+
+def _left_out(one: AbstractPlan, why: str, share: Share | None = None) -> AbstractDraft:
+    return LeftOutDraft(one.job, one.index, one.fit, why, share)
 
 
 def _effects(
-    job: Job, members: Sequence[AbstractMember], recording: GroupRecording
+    members: Sequence[AbstractPlan], recording: GroupRecording
 ) -> list[AbstractEffect]:
     """Return the effect of each member; some show their form behind the others."""
-    found = [one.effect(job, recording, None) for one in members]
+    found = [one.effect(recording, None) for one in members]
     if all(effect is not None for effect in found):
         return [effect for effect in found if effect is not None]
     known = [effect for effect in found if effect is not None]
@@ -165,7 +176,7 @@ def _effects(
         chosen = effect
         if chosen is None:
             try:
-                chosen = one.effect(job, recording, left[one.axis])
+                chosen = one.effect(recording, left[one.axis])
             except FitError as error:
                 msg = f"{one.name}: {error}"
                 raise FitError(msg) from None
@@ -175,7 +186,7 @@ def _effects(
 
 
 def _helpers(
-    members: Sequence[AbstractMember], recording: GroupRecording
+    members: Sequence[AbstractPlan], recording: GroupRecording
 ) -> Iterator[AbstractEffect]:
     """Return what must stand beside the members, so that they show what is theirs.
 
@@ -196,7 +207,7 @@ def _helpers(
 
 
 def _fit(
-    members: Sequence[AbstractMember],
+    members: Sequence[AbstractPlan],
     recording: GroupRecording,
     effects: Sequence[AbstractEffect],
 ) -> JointFit:
@@ -210,11 +221,7 @@ def _fit(
     )
 
 
-def confounded(
-    job: Job,
-    tables: Tables,
-    indices: Sequence[int],
-) -> dict[int, str]:
+def confounded(tables: Tables, plans: Mapping[int, AbstractPlan]) -> dict[int, str]:
     """Return which fits that stand alone cannot be told, and why.
 
     Each of them is fitted as if there was no other. Those of one axis and measurement
@@ -222,62 +229,62 @@ def confounded(
     take the whole.
 
     Args:
-        job: The job.
-        tables: Its measurements.
-        indices: Fits of no group.
+        tables: Measurements of the job.
+        plans: Fits of no group, by index.
     """
     found: dict[int, str] = {}
-    for own in _together(job, tables, indices):
+    for own in _together(tables, [*plans]):
         try:
-            members = members_of(job, tables, own)
+            members = [plans[k] for k in own]
             recording = read_group(tables, members)
-            for one, sentence in _confused(job, members, recording):
+            for one, sentence in _confused(members, recording):
                 found.setdefault(one.index, sentence)
         except AxcompError:
             continue  # What is wrong each fit says in its own words.
     return found
 
 
-def _together(job: Job, tables: Tables, indices: Sequence[int]) -> list[list[int]]:
+def _together(tables: Tables, indices: Sequence[int]) -> list[list[int]]:
     """Return fits of one axis and the same measurements; friction has its own.
 
     A table alone on a log that is read in pieces stays aside: whatever shares the log has it
     read into memory.
     """
     known: dict[tuple[str, tuple[str, ...]], list[int]] = {}
+    fits = tables.job.spec.fits
     for k in indices:
-        fit = job.spec.fits[k]
+        fit = fits[k]
         if not fit.kind.adds_current:
             known.setdefault((fit.axis, tuple(sorted(fit.sources))), []).append(k)
     return [
         own
         for own in known.values()
         if len(own) > 1
-        or not job.spec.fits[own[0]].kind.table
-        or not _is_large(job, tables, own[0])
+        or not fits[own[0]].kind.table
+        or not _is_large(tables, fits[own[0]])
     ]
 
 
-def _is_large(job: Job, tables: Tables, k: int) -> bool:
+def _is_large(tables: Tables, fit: FitSpec) -> bool:
     return any(
-        job.spec.measurements[name].stream is not False
+        tables.job.spec.measurements[name].stream is not False
         and tables.large(name) is not None
-        for name in job.spec.fits[k].sources
+        for name in fit.sources
     )
 
 
 def _confused(
-    job: Job, members: Sequence[AbstractMember], recording: GroupRecording
-) -> list[tuple[AbstractMember, str]]:
+    members: Sequence[AbstractPlan], recording: GroupRecording
+) -> list[tuple[AbstractPlan, str]]:
     found = []
     data = few(recording.data)
     for one in members:
-        why = one.undetermined(data) or one.confused(job, members, recording)
+        why = one.undetermined(data) or one.confused(members, recording)
         if why:
             found.append((one, why))
     if len(members) < 2 or found:
         return found
-    pairs = [(one, _effect(job, one, recording)) for one in members]
+    pairs = [(one, _effect(one, recording)) for one in members]
     effects = [at_once(effect) for _, effect in pairs if effect is not None]
     if len(effects) < 2:
         return found
@@ -293,11 +300,22 @@ def _confused(
     return found
 
 
-def _effect(
-    job: Job, one: AbstractMember, recording: GroupRecording
-) -> AbstractEffect | None:
+def _effect(one: AbstractPlan, recording: GroupRecording) -> AbstractEffect | None:
     """Return the effect; one whose form is open has that of a fit to the whole error."""
-    found = one.effect(job, recording, None)
+    found = one.effect(recording, None)
     if found is None:
-        found = one.effect(job, recording, recording.data.error[one.axis])
+        found = one.effect(recording, recording.data.error[one.axis])
     return found
+
+
+def at_once(effect: AbstractEffect) -> AbstractEffect:
+    """Return an effect without the lag of what it follows: linear in its values."""
+    if isinstance(effect, Temperature):
+        return dataclasses.replace(effect, lag=0.0)
+    return effect
+
+
+def few(data: JointData) -> JointData:
+    """Return as many readings as are enough to see what goes together."""
+    step = -(-len(data) // _MOST)
+    return data.take(np.arange(0, len(data), step)) if step > 1 else data

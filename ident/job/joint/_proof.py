@@ -14,12 +14,12 @@ from ...proof import ErrorFigures
 from ...proof.axis import added_beyond
 from .._acting import acting_after, acting_before
 from .._draft import AbstractDraft
-from .._lists import AxisFiles
-from .._load import Job
-from .._result import Remark, staged
+from ..file._load import Job
+from ..result._result import Remark, some_of, staged
+from ..write._lists import AxisFiles
 from ._group import IdentifiedGroup
 from ._recording import GroupRecording
-from ._share import LeftOutDraft, Share, in_words, lost
+from ._share import MOST, LeftOutDraft, Share, lost
 
 
 @dataclasses.dataclass(frozen=True)
@@ -158,7 +158,6 @@ class GroupResult:
 
 
 def prove_group(
-    job: Job,
     found: IdentifiedGroup,
     drafts: Sequence[AbstractDraft],
     files: Mapping[str, AxisFiles],
@@ -166,7 +165,6 @@ def prove_group(
     """Return a group with what all files of its axes leave together.
 
     Args:
-        job: The job.
         found: The joint fit and what it held out.
         drafts: All fits of the job.
         files: Lists by axis.
@@ -174,13 +172,13 @@ def prove_group(
     fit, recording = found.fit, found.recording
     return GroupResult(
         name=found.name,
-        fits=found.indices(job),
-        effects=tuple(_effects(job, found, drafts)),
+        fits=found.indices,
+        effects=tuple(_effects(found, drafts)),
         freedoms=tuple(
             dataclasses.replace(each, rule=_rule(found, each)) for each in fit.gauges
         ),
         lost=fit.confusions,
-        axes=tuple(_sum(job, found, drafts, files[axis]) for axis in fit.axes),
+        axes=tuple(_sum(found, drafts, files[axis]) for axis in fit.axes),
         order=recording.order,
         timed=recording.timed,
         held_out=recording.held_out,
@@ -200,15 +198,15 @@ def _rule(found: IdentifiedGroup, gauge: Gauge) -> str:
 
 
 def _effects(
-    job: Job, found: IdentifiedGroup, drafts: Sequence[AbstractDraft]
+    found: IdentifiedGroup, drafts: Sequence[AbstractDraft]
 ) -> Iterator[EffectShare]:
     members = [one.index for one in found.members]
     for index, part in zip(members, found.parts, strict=True):
         missing = lost(part, found.fit)
         yield EffectShare.of(
-            index, part, not missing, drafts[index].written, in_words(missing)
+            index, part, not missing, drafts[index].written, some_of(missing, MOST)
         )
-    for index in found.indices(job):
+    for index in found.indices:
         one = drafts[index]
         if index not in members:
             assert isinstance(one, LeftOutDraft)  # it was not fitted
@@ -227,10 +225,7 @@ def _effects(
 
 
 def _sum(
-    job: Job,
-    found: IdentifiedGroup,
-    drafts: Sequence[AbstractDraft],
-    files: AxisFiles,
+    found: IdentifiedGroup, drafts: Sequence[AbstractDraft], files: AxisFiles
 ) -> AxisSum:
     axis, fit, recording = files.axis, found.fit, found.recording
     data = recording.data
@@ -252,7 +247,7 @@ def _sum(
             unwritten.append(part)
     for part in unwritten:
         predicted += part.contribution[rows]
-    from_file = error + _added_by_files(job, files, [*own.values()], recording, rows)
+    from_file = error + _added_by_files(files, [*own.values()], recording, rows)
     wild = np.asarray(fit.wild[axis][rows])
     constant, left = found.datum
     if not any(constant[k] for k in mine):
@@ -260,10 +255,9 @@ def _sum(
         error, predicted, from_file = (
             each - float(np.median(each)) for each in (error, predicted, from_file)
         )
-    linear = job.spec.axes[axis].kind == "linear"
     return AxisSum(
         axis=axis,
-        unit="mm" if linear else "deg",
+        unit=found.job.spec.axes[axis].plain_unit,
         noise=float(fit.noise[axis]),
         datum=left[axis],
         error=staged(error, predicted, from_file, wild),
@@ -315,7 +309,6 @@ def _remarks(
 
 
 def _added_by_files(
-    job: Job,
     files: AxisFiles,
     drafts: Sequence[AbstractDraft],
     recording: GroupRecording,
@@ -327,12 +320,12 @@ def _added_by_files(
     others move, or switches another off, does so here too.
 
     Args:
-        job: The job.
         files: The lists of the axis.
         drafts: The fits of the group on this axis.
         recording: What was measured.
         rows: Readings of it that count.
     """
+    job = drafts[0].job
     before = acting_before(job, files.axis)
     after = acting_after(job, files)
     active = job.spec.measurements[drafts[0].fit.sources[0]].active

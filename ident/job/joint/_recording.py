@@ -22,10 +22,10 @@ from ...readings import (
     reference_words,
     rows_of,
 )
-from .._result import Remark
+from ..result._result import Remark
 
 if TYPE_CHECKING:
-    from ._member import AbstractMember
+    from .._fit_plan import AbstractPlan
 
 _FOLDS, _BLOCKS = 5, 20
 """In how many turns readings are held out, and stretches of the recording."""
@@ -69,7 +69,7 @@ class GroupRecording:
         return "run" if self.by_run else "block"
 
 
-def read_group(tables: Tables, members: Sequence["AbstractMember"]) -> GroupRecording:
+def read_group(tables: Tables, members: Sequence["AbstractPlan"]) -> GroupRecording:
     """Return the readings of a group: every column that its members use.
 
     Raises:
@@ -128,7 +128,7 @@ def _unique(names: Iterable[Sequence[str]]) -> tuple[str, ...]:
 
 
 def _columns(
-    rows: Rows, members: Sequence["AbstractMember"], axes: Sequence[str]
+    rows: Rows, members: Sequence["AbstractPlan"], axes: Sequence[str]
 ) -> JointData:
     """Return every column of a measurement that the effects of a group need."""
     fits = [one.fit for one in members]

@@ -4,7 +4,6 @@ A fit that its readings do not tell is left out: named, and not written.
 """
 
 import dataclasses
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -13,13 +12,15 @@ from jaxtyping import Bool, Float
 from ...fit.joint import JointFit, Part
 from ...proof import ErrorFigures, error_figures
 from .._draft import AbstractDraft, Written
-from .._result import AbstractResult, Remark
+from ..result._result import AbstractResult, Remark, some_of
 from ._recording import GroupRecording
 
 if TYPE_CHECKING:
     from ._group import IdentifiedGroup
 
 
+MOST = 4
+"""Values that are named one by one."""
 TOGETHER = "Identified "
 """How the remark begins that says with what a fit was identified."""
 
@@ -169,13 +170,6 @@ def lost(part: Part, fit: JointFit) -> tuple[str, ...]:
     return tuple(part.labels[int(k)] for k in missing)
 
 
-def in_words(labels: Sequence[str], most: int = 4) -> str:
-    """Return a few of many labels, and how many more there are."""
-    shown = "; ".join(labels[:most])
-    more = len(labels) - most
-    return shown + (f" and {more} more" if more > 0 else "")
-
-
 @final
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LeftOutResult(AbstractResult):
@@ -278,5 +272,5 @@ class LeftOutDraft(AbstractDraft):
             return f"The {part.name} is left out: no reading reaches any of its values."
         return (
             f"The {part.name} is left out: these readings do not tell"
-            f" {in_words(missing)}."
+            f" {some_of(missing, MOST)}."
         )

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from ....data.measurements import MeasurementError, wrap_degrees
 from ....data.signals import aligned_error, encoder_spline, estimate_instrument
-from ...job._result import Remark
+from ...job.result._result import Remark
 from ...readings import Tables, Wanted, read_joined
 from ._trace import fit_backlash_trace
 from .effect import BacklashFit, fit_backlash

@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float
 
-from ...job._result import AbstractResult, Expectation, Remark
+from ...job.result._result import AbstractResult, Expectation, Remark
 from ._recording import Recording, Sides
 from .effect import BacklashFit
 

@@ -4,9 +4,8 @@ from typing import final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
 
-from ...proof.verify import AbstractChannel, Change, Parts
+from ...proof.verify import AbstractChannel, Change, LogRows, Parts, Shift
 
 
 @final
@@ -19,12 +18,7 @@ class BacklashChannel(AbstractChannel):
         if self.told_by_actual():
             self.relevant = (*self.relevant, "direction_source")
 
-    def parts(
-        self,
-        change: Change,
-        rows: Int[np.ndarray, " r"] | slice,
-        shift: Float[np.ndarray, "r k"] | None = None,
-    ) -> Parts:
+    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
         del shift
         count = len(self.motion.position(self.axis, "for its backlash")[rows])
         law = self.law(change.conventions)

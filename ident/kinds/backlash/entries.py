@@ -1,17 +1,17 @@
 """Backlash compensation: its entries in an axis list ↔ `Backlash`."""
 
-from typing import Any, Literal, final
+from typing import Literal, final
 
 import numpy as np
 
 from ....data.lists import ListFile
 from ....models import Backlash, Conventions
-from ...exchange._errors import ExchangeError
+from ...exchange._capacity import ANY_LIST, ListTarget
 from ...exchange._identity import not_negative, optional, refuse_many
 from ...exchange._machine_lists import REVERSAL_CYCLES, InUse, Reading
-from ...exchange._motion import Motion
 from ...exchange._nodes import as_array
-from ...exchange._units import LIST_UNITS, SGN16, round_to_list
+from ...exchange._units import LIST_UNITS, SGN16, ExchangeError, round_to_list
+from ...exchange.controller._motion import Motion
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
@@ -61,7 +61,7 @@ class BacklashEntries(AbstractEntries):
         model: Backlash,
         masters: Axes = (),
         rules: Conventions = DEFAULT_RULES,
-        **options: Any,
+        target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
         same = model.reference == rules.backlash_reference
         width = round_to_list(np.asarray(model.width), WIDTH, SGN16)

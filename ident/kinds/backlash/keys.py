@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 from .._keys import Fault, FitSpec, KeyPath
 
 if TYPE_CHECKING:
-    from ...job._schema import JobFile
+    from ...job.file._schema import JobFile
 
 
 class Spec(FitSpec, frozen=True):

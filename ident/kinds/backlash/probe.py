@@ -1,11 +1,18 @@
 """The step of a probe for the backlash."""
 
-from collections.abc import Sequence
 from typing import final
 
 from ...exchange._machine_lists import REVERSAL_CYCLES
-from ...exchange._probe import HEIGHT, Outcome, ProbeAxis, Probed
 from ...exchange._units import LIST_UNITS
+from ...exchange.probe._probe import (
+    HEIGHT,
+    Masters,
+    Outcome,
+    Outcomes,
+    Places,
+    ProbeAxis,
+    Probed,
+)
 from .._protocol import AbstractProbe
 from . import KIND
 from .entries import WIDTH
@@ -19,15 +26,11 @@ class BacklashProbe(AbstractProbe):
         width = round(HEIGHT * LIST_UNITS)
         return {KIND.activation: 1, WIDTH: width, REVERSAL_CYCLES: 10}
 
-    def places(
-        self, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[dict[str, float], dict[str, float]]:
+    def places(self, axis: ProbeAxis, masters: Masters) -> tuple[Places, Places]:
         # Down, against the direction in which nothing is added.
         return {axis.name: axis.at(6.0)}, {axis.name: axis.at(5.0)}
 
-    def outcomes(
-        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[Outcome, ...]:
+    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         return (
             Outcome(
                 f"−{axis.height_text}, and nothing when it is done coming from below",

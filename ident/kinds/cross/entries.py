@@ -8,7 +8,7 @@ from jaxtyping import Int
 
 from ....data.lists import ListFile
 from ....models import Conventions, Cross, Setpoints
-from ...exchange._capacity import max_points_entry, refuse_huge
+from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._identity import (
     axis_number,
     column,
@@ -17,8 +17,14 @@ from ...exchange._identity import (
     unit_size,
 )
 from ...exchange._machine_lists import Reading
-from ...exchange._modulo import refuse_jump, wrapped
-from ...exchange._nodes import PointNodes, as_array, nodes_of_model, refuse_unordered
+from ...exchange._nodes import (
+    PointNodes,
+    as_array,
+    nodes_of_model,
+    refuse_jump,
+    refuse_unordered,
+    wrapped,
+)
 from ...exchange._table import AbstractTable
 from ...exchange._units import from_list_units, round_to_list
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
@@ -117,21 +123,13 @@ class CrossEntries(AbstractEntries):
         model: Cross,
         masters: Axes = (),
         rules: Conventions = DEFAULT_RULES,
-        *,
-        existing: ListFile | None = None,
-        max_points: int | None = None,
-        build: str | None = None,
+        target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
         (master,) = self.exactly(masters, 1)
         points = nodes_of_model(model.nodes, PREFIX).integers
         entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
-        entries |= max_points_entry(
-            len(points),
-            name=f"{PREFIX}.max_points",
-            fits_default=len(points) <= DEFAULT_COUNT,
-            wanted=max_points,
-            existing=existing,
-            build=build,
+        entries |= target.max_points_entry(
+            PREFIX, len(points), len(points) <= DEFAULT_COUNT
         )
         entries[f"{PREFIX}.last_index"] = len(points) - 1
         entries[f"{PREFIX}.master_ax_nr"] = master

@@ -7,8 +7,8 @@ from .._keys import Fault, KeyPath, LineSpec, master_faults
 
 if TYPE_CHECKING:
     from ...exchange import AbstractTable
-    from ...job._load import Job
-    from ...job._schema import Axis, JobFile
+    from ...job.file._load import Job
+    from ...job.file._schema import Axis, JobFile
 
 
 class Spec(LineSpec, frozen=True):

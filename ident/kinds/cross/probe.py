@@ -1,13 +1,15 @@
 """The step of a probe for a cross table."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import final
 
 from ....models import Conventions, Cross
 from ...exchange._nodes import PointNodes, as_array
-from ...exchange._probe import (
+from ...exchange.probe._probe import (
     SECOND,
+    Masters,
     Outcome,
+    Outcomes,
     ProbeAxis,
     Probed,
     both_signs,
@@ -31,9 +33,7 @@ class CrossProbe(AbstractProbe):
         cross = Cross(nodes=points.model(), values=as_array(plateau(SECOND)))
         return entries_of_cross(cross, one.masters)
 
-    def outcomes(
-        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[Outcome, ...]:
+    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         (master,) = masters
         between = [master.at(float(tenths)) for tenths in SECOND]
         there = f"{number_text(between[0])} to {number_text(between[1])}"

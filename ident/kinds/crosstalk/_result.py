@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....models import Crosstalk
-from ...job._result import AbstractResult, Remark
-from ...proof import GateCheck, GateLimits, gate_check, reversal_dynamics
+from ...job.result._result import AbstractResult, Remark
+from ...proof import GateCheck, GateLimits, reversal_dynamics
 from . import SAFE_TESTS
 from ._identify import Identified
 from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings, full_offsets
@@ -84,32 +84,26 @@ def judge_crosstalk(
     full = full_offsets(model, model)
     row, test = divmod(int(np.argmax(np.abs(full))), full.shape[1])
     where = f"{SHORT[row]}{_at(names, points[test])}"
-    checks = [
-        gate_check(
-            "max_correction", abs(full[row, test]), limits.max_correction, "mm", where
-        )
-    ]
+    checks = [limits.check("max_correction", abs(full[row, test]), "mm", where)]
     turns = reversal_jumps(full, model.by_speed)
     test = int(np.argmax(turns.max(axis=0)))
     where = f"where the master turns under full acceleration{_at(names, points[test])}"
-    checks.append(
-        gate_check("max_reversal", turns.max(), limits.max_reversal, "mm", where)
-    )
+    checks.append(limits.check("max_reversal", turns.max(), "mm", where))
     jump = largest_jump(full, model.by_speed)
     fast, hard = reversal_dynamics(jump, model.cycles, cycle_time)
     where = (
         f"if the acceleration of the master steps, spread over {model.cycles} cycles"
     )
     checks += [
-        gate_check("max_velocity", fast, limits.max_velocity, "mm/s", where),
-        gate_check("max_acceleration", hard, limits.max_acceleration, "mm/s²", where),
+        limits.check("max_velocity", fast, "mm/s", where),
+        limits.check("max_acceleration", hard, "mm/s²", where),
     ]
     if names:
         checks += _along(model, names, points, limits)
     if change is not None and limits.max_change is not None:
         value = float(np.max(np.abs(change)))
         words = "against the list that was there"
-        checks.append(gate_check("max_change", value, limits.max_change, "mm", words))
+        checks.append(limits.check("max_change", value, "mm", words))
     return tuple(checks)
 
 
@@ -133,10 +127,8 @@ def _along(
     where = f"along {along} under full acceleration"
     added = steepest * limits.feed / 60.0
     return [
-        gate_check("max_slope", 1e3 * steepest, limits.max_slope, "µm/mm", where),
-        gate_check(
-            "max_velocity by position", added, limits.max_velocity, "mm/s", where
-        ),
+        limits.check("max_slope", 1e3 * steepest, "µm/mm", where),
+        limits.check("max_velocity by position", added, "mm/s", where),
     ]
 
 

@@ -3,10 +3,10 @@
 from typing import final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ....models import Crosstalk
-from ...proof.verify import AbstractChannel, Change, Parts, Way
+from ...proof.verify import AbstractChannel, Change, LogRows, Parts, Shift, Way
 
 
 @final
@@ -42,12 +42,7 @@ class CrosstalkChannel(AbstractChannel):
         self.swaps = tuple(swaps)
         _ = self.parts(self.plain, slice(0, 1))  # a log without a master is refused
 
-    def parts(
-        self,
-        change: Change,
-        rows: Int[np.ndarray, " r"] | slice,
-        shift: Float[np.ndarray, "r k"] | None = None,
-    ) -> Parts:
+    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
         why = f"for the crosstalk of A{self.axis}"
         dynamic, *places = change.masters or self.masters
         actual = change.conventions.crosstalk_input == "actual"

@@ -1,6 +1,6 @@
 """Crosstalk compensation: ``kw.crosstalk`` in a list ↔ `Crosstalk`, old form read."""
 
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Float
@@ -16,19 +16,19 @@ from ....models import (
     ThinPlateSurface,
     surface_through,
 )
-from ...exchange._capacity import refuse_huge
-from ...exchange._errors import ExchangeError
+from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._identity import column, flag, not_negative, optional, required
 from ...exchange._machine_lists import InUse, Reading
-from ...exchange._motion import Motion
 from ...exchange._nodes import as_array
 from ...exchange._units import (
     SGN32,
     SGN64,
+    ExchangeError,
     exact_in_list,
     from_list_units,
     round_to_list,
 )
+from ...exchange.controller._motion import Motion
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND, SAFE_TESTS
 
@@ -203,7 +203,7 @@ class CrosstalkEntries(AbstractEntries):
         model: Crosstalk | LegacyCrosstalk,
         masters: Axes = (),
         rules: Conventions = DEFAULT_RULES,
-        **options: Any,
+        target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
         # Always with ``velocity_dependent 1``: what is the same for both directions, or for
         # acceleration and deceleration, is written twice (S-35).

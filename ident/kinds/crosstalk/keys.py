@@ -10,7 +10,7 @@ from . import SAFE_TESTS
 
 if TYPE_CHECKING:
     from ....models import Conventions
-    from ...job._schema import JobFile
+    from ...job.file._schema import JobFile
 
 _Place = Annotated[list[float], Field(min_length=1, max_length=2)]
 

@@ -1,7 +1,7 @@
 """The step of a probe for crosstalk."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
@@ -10,7 +10,7 @@ from ....models import BilinearGrid, Conventions, Crosstalk
 from ...exchange._identity import optional
 from ...exchange._machine_lists import InUse
 from ...exchange._nodes import as_array
-from ...exchange._probe import Outcome, ProbeAxis, Probed
+from ...exchange.probe._probe import Masters, Outcome, Outcomes, ProbeAxis, Probed
 from .._protocol import AbstractProbe
 from .entries import PREFIX, entries_of_crosstalk
 
@@ -41,9 +41,7 @@ class CrosstalkProbe(AbstractProbe):
         )
         return entries_of_crosstalk(crosstalk, one.masters)
 
-    def outcomes(
-        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[Outcome, ...]:
+    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         first, second, third, fourth = (f"{1000 * value:g}" for value in QUADRANTS)
         name = masters[0].name
         return (

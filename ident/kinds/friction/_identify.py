@@ -17,7 +17,7 @@ from ...friction import (
     fit_reversal,
     laws_held_out,
 )
-from ...job._result import Remark
+from ...job.result._result import Remark
 from ._recording import DriveRecording
 from .keys import Spec
 

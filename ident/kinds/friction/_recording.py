@@ -14,7 +14,7 @@ from ....data.measurements import (
 )
 from ....data.signals import Motion, SignalError, examine, filtered_motion
 from ...friction import DriveSamples
-from ...job._result import Remark
+from ...job.result._result import Remark
 from ...readings import Tables
 from .keys import Spec
 

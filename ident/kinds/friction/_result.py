@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from ....data.signals import median
 from ....models import linear_weights
 from ...friction import Choice, DriveSamples, FrictionFit, Knots, Stribeck
-from ...job._result import AbstractResult, Expectation
+from ...job.result._result import AbstractResult, Expectation
 from ...proof import CircularTest, ErrorFigures, GateCheck, error_figures, gate_check
 from ._identify import Identified
 from ._listing import LawCurve

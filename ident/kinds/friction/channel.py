@@ -3,9 +3,8 @@
 from typing import final
 
 import numpy as np
-from jaxtyping import Float, Int
 
-from ...proof.verify import AbstractChannel, Change, Parts
+from ...proof.verify import AbstractChannel, Change, LogRows, Parts, Shift
 
 
 @final
@@ -26,12 +25,7 @@ class FrictionChannel(AbstractChannel):
             self.relevant = (*self.relevant, "friction_delay")
         _ = self.motion.rates(self.axis, "for its friction compensation")
 
-    def parts(
-        self,
-        change: Change,
-        rows: Int[np.ndarray, " r"] | slice,
-        shift: Float[np.ndarray, "r k"] | None = None,
-    ) -> Parts:
+    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
         del shift
         why = "for its friction compensation"
         velocity, _ = self.motion.rates(self.axis, why)

@@ -1,7 +1,7 @@
 """Friction compensation: ``frict_comp`` in a list ↔ `FrictionCompensation`."""
 
 import dataclasses
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import numpy as np
@@ -9,12 +9,17 @@ from jaxtyping import Float, Int
 
 from ....data.lists import ListFile
 from ....models import Conventions, FrictionCompensation, FrictionTable, Setpoints
-from ...exchange._capacity import max_points_entry, refuse_huge
-from ...exchange._errors import ExchangeError
+from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._identity import column, not_negative, optional, required
 from ...exchange._machine_lists import InUse, Reading
-from ...exchange._motion import Motion
-from ...exchange._units import LIST_UNITS, SGN32, ModelUnit, round_to_list
+from ...exchange._units import (
+    LIST_UNITS,
+    SGN32,
+    ExchangeError,
+    ModelUnit,
+    round_to_list,
+)
+from ...exchange.controller._motion import Motion
 from .._protocol import AbstractEntries, Axes
 from . import KIND
 
@@ -115,11 +120,7 @@ def friction_from_list(
 
 def entries_of_friction(
     friction: FrictionCompensation | FrictionNumbers,
-    *,
-    fastest: float = 0.0,
-    existing: ListFile | None = None,
-    max_points: int | None = None,
-    build: str | None = None,
+    target: ListTarget = ANY_LIST,
 ) -> dict[str, int | str]:
     """Return the list entries of a friction compensation, rounded to list units.
 
@@ -130,24 +131,16 @@ def entries_of_friction(
 
     Args:
         friction: Its law must be a table whose ends are held; or just its numbers.
-        fastest: Velocity in mm/s or °/s that the table must reach.
-        existing: List that will be edited.
-        max_points: Wanted size of the memory, or None to write it only where needed.
-        build: Of the controller, or None for the newest.
+        target: The list that they are written for.
 
     Raises:
         ExchangeError: If something does not fit into a list.
     """
     if isinstance(friction, FrictionCompensation):
         friction = _numbers_of(friction)
-    speeds, currents = _with_ends(friction, fastest)
-    entries = max_points_entry(
-        len(speeds) + 1,
-        name=f"{PREFIX}.max_points",
-        fits_default=len(speeds) <= DEFAULT_COUNT,
-        wanted=max_points,
-        existing=existing,
-        build=build,
+    speeds, currents = _with_ends(friction)
+    entries = target.max_points_entry(
+        PREFIX, len(speeds) + 1, len(speeds) <= DEFAULT_COUNT
     )
     delay = round_to_list(
         np.asarray(friction.position_delay), f"{PREFIX}.position_delay", (0, 10)
@@ -202,7 +195,7 @@ def _numbers_of(friction: FrictionCompensation) -> FrictionNumbers:
 
 
 def _with_ends(
-    friction: FrictionNumbers, fastest: float
+    friction: FrictionNumbers,
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
     """Return velocities and currents in list units, from 1 µm/s to a flat end."""
     knots, level = friction.speeds, friction.currents
@@ -222,8 +215,8 @@ def _with_ends(
         keep = speeds > 1
         speeds = np.concatenate([[1], speeds[keep]])
         currents = np.concatenate([start, currents[keep]])
-    end = max(int(np.ceil(round(fastest * VELOCITY_UNITS, 6))), int(speeds[-1]) + 1)
-    flat = len(speeds) > 1 and currents[-1] == currents[-2] and end == speeds[-1] + 1
+    end = int(speeds[-1]) + 1
+    flat = len(speeds) > 1 and currents[-1] == currents[-2]
     if not flat:
         if end > _FASTEST_ENTRY:
             raise ExchangeError(
@@ -274,9 +267,9 @@ class FrictionEntries(AbstractEntries):
         model: FrictionCompensation,
         masters: Axes,
         rules: Conventions,
-        **options: Any,
+        target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
-        return entries_of_friction(model, **options)
+        return entries_of_friction(model, target)
 
     def in_list_units(
         self, model: FrictionCompensation, unit: ModelUnit | None

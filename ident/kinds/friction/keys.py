@@ -8,7 +8,7 @@ from pydantic import Field
 from .._keys import Count, Fault, FitSpec, KeyPath, Positive
 
 if TYPE_CHECKING:
-    from ...job._schema import JobFile
+    from ...job.file._schema import JobFile
 
 
 class Spec(FitSpec, frozen=True):

@@ -1,13 +1,13 @@
 """The step of a probe for friction: the table that is loaded, at a low level."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import final
 
 from ....data.lists import Value
 from ....models import Conventions
-from ...exchange._errors import ExchangeError
 from ...exchange._machine_lists import InUse
-from ...exchange._probe import Outcome, ProbeAxis, Probed
+from ...exchange._units import ExchangeError
+from ...exchange.probe._probe import Masters, Outcome, Outcomes, ProbeAxis, Probed
 from .._protocol import AbstractProbe
 from .entries import PREFIX
 
@@ -54,9 +54,7 @@ class FrictionProbe(AbstractProbe):
     ) -> Mapping[str, Value]:
         return one.kept
 
-    def outcomes(
-        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[Outcome, ...]:
+    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         return (
             Outcome(
                 f"a current of the sign of the entries while {axis.name} moves positive",

@@ -11,8 +11,7 @@ from jaxtyping import Float, Int
 
 from ....data.lists import ListFile
 from ....models import Conventions, EquidistantNodes, Leadscrew, Setpoints
-from ...exchange._capacity import max_points_entry, refuse_huge
-from ...exchange._errors import ExchangeError
+from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._identity import (
     Increments,
     axis_number,
@@ -29,10 +28,11 @@ from ...exchange._nodes import (
     as_array,
     equidistant,
     nodes_of_model,
+    refuse_unequal_ends,
     refuse_unordered,
 )
 from ...exchange._table import AbstractTable, Model
-from ...exchange._units import SGN16, from_list_units, round_to_list
+from ...exchange._units import SGN16, ExchangeError, from_list_units, round_to_list
 from .. import kind
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
@@ -222,10 +222,7 @@ class LeadscrewEntries(AbstractEntries):
         model: Leadscrew,
         masters: Axes = (),
         rules: Conventions = DEFAULT_RULES,
-        *,
-        existing: ListFile | None = None,
-        max_points: int | None = None,
-        build: str | None = None,
+        target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
         # A bilateral table carries set_pos_without_comp 1: the values of others cannot
         # then turn its direction (S-23). Values fit SGN16: one manual says so (S-22).
@@ -237,14 +234,7 @@ class LeadscrewEntries(AbstractEntries):
         nodes, modulo = nodes_of_model(model.nodes, PREFIX), model.modulo is not None
         count = len(nodes.integers)
         entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
-        entries |= max_points_entry(
-            count + 1,
-            name=f"{PREFIX}.max_points",
-            fits_default=count <= DEFAULT_COUNT,
-            wanted=max_points,
-            existing=existing,
-            build=build,
-        )
+        entries |= target.max_points_entry(PREFIX, count + 1, count <= DEFAULT_COUNT)
         entries |= {
             f"{PREFIX}.interval": nodes.interval if isinstance(nodes, GridNodes) else 0,
             f"{PREFIX}.kw_startpos": nodes.integers[0],
@@ -258,12 +248,8 @@ class LeadscrewEntries(AbstractEntries):
             for k, point in enumerate(nodes.integers):
                 entries[f"{PREFIX}.table[{k}].setpoint"] = point
         for name, values in branches.items():
-            if modulo and values[0] != values[-1]:
-                raise ExchangeError(
-                    where=f"{PREFIX}.table[].{name}",
-                    found=f"{values[0]} at the start and {values[-1]} at the end",
-                    expected="equal values at both ends of a modulo table",
-                )
+            if modulo:
+                refuse_unequal_ends(values, f"{PREFIX}.table[].{name}")
             for k, value in enumerate(values.tolist()):
                 entries[f"{PREFIX}.table[{k}].{name}"] = value
         return entries

@@ -1,13 +1,14 @@
 """The step of a probe for a leadscrew table."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import final
 
 from ....models import Conventions, Leadscrew
 from ...exchange._nodes import as_array
-from ...exchange._probe import (
+from ...exchange.probe._probe import (
     FIRST,
-    Outcome,
+    Masters,
+    Outcomes,
     ProbeAxis,
     Probed,
     both_signs,
@@ -35,9 +36,7 @@ class LeadscrewProbe(AbstractProbe):
         # The input without other offsets: the plateau stays where it is (S-23).
         return entries_of_leadscrew(screw) | {f"{PREFIX}.set_pos_without_comp": 1}
 
-    def outcomes(
-        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[Outcome, ...]:
+    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         return both_signs(axis, "leadscrew_sign", entry="error")
 
 

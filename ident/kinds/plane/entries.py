@@ -8,8 +8,7 @@ from jaxtyping import Int
 
 from ....data.lists import ListFile
 from ....models import Conventions, EquidistantNodes, Plane
-from ...exchange._capacity import max_points_entry, refuse_huge
-from ...exchange._errors import ExchangeError
+from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._identity import (
     axis_number,
     optional,
@@ -19,10 +18,9 @@ from ...exchange._identity import (
     values_of,
 )
 from ...exchange._machine_lists import Reading
-from ...exchange._modulo import refuse_jump, wrapped
-from ...exchange._nodes import GridNodes, as_array, nodes_of_model
+from ...exchange._nodes import GridNodes, as_array, nodes_of_model, refuse_jump, wrapped
 from ...exchange._table import AbstractTable
-from ...exchange._units import from_list_units, round_to_list
+from ...exchange._units import ExchangeError, from_list_units, round_to_list
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
@@ -120,10 +118,7 @@ class PlaneEntries(AbstractEntries):
         model: Plane,
         masters: Axes = (),
         rules: Conventions = DEFAULT_RULES,
-        *,
-        existing: ListFile | None = None,
-        max_points: int | None = None,
-        build: str | None = None,
+        target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
         first, second = self.exactly(masters, 2)
         grids: list[GridNodes] = []
@@ -137,6 +132,7 @@ class PlaneEntries(AbstractEntries):
                 )
             grids.append(grid)
         g1, g2 = grids
+        existing = target.existing
         kept = None if existing is None else existing.text(f"{PREFIX}.grid")
         entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
         if g1.interval == g2.interval and (kept or "").upper() != "RECTANGULAR":
@@ -145,13 +141,10 @@ class PlaneEntries(AbstractEntries):
             entries[f"{PREFIX}.grid"] = "RECTANGULAR"
             entries[f"{PREFIX}.interval1"] = g1.interval
             entries[f"{PREFIX}.interval2"] = g2.interval
-        entries |= max_points_entry(
+        entries |= target.max_points_entry(
+            PREFIX,
             g1.count * g2.count,
-            name=f"{PREFIX}.max_points",
-            fits_default=max(g1.count, g2.count) <= DEFAULT_LAST_INDEX + 1,
-            wanted=max_points,
-            existing=existing,
-            build=build,
+            max(g1.count, g2.count) <= DEFAULT_LAST_INDEX + 1,
         )
         entries |= {
             f"{PREFIX}.last_index_master1": g1.count - 1,

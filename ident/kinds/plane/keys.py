@@ -16,7 +16,7 @@ from .._keys import (
 )
 
 if TYPE_CHECKING:
-    from ...job._schema import JobFile
+    from ...job.file._schema import JobFile
 
 _Two = Field(min_length=2, max_length=2)
 

@@ -1,17 +1,19 @@
 """The step of a probe for a plane."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
 
 from ....models import Conventions, Plane
 from ...exchange._nodes import as_array
-from ...exchange._probe import (
+from ...exchange.probe._probe import (
     FIRST,
     HEIGHT,
     SECOND,
+    Masters,
     Outcome,
+    Outcomes,
     ProbeAxis,
     Probed,
     both_signs,
@@ -36,9 +38,7 @@ class PlaneProbe(AbstractProbe):
         plane = Plane(nodes1, nodes2, as_array(values))
         return entries_of_plane(plane, one.masters, conventions)
 
-    def outcomes(
-        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[Outcome, ...]:
+    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         first, second = masters
         swapped = (
             f"{first.name} at {number_text(first.at(0.5 * sum(SECOND)))} and {second.name} at"

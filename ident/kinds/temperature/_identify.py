@@ -12,7 +12,7 @@ from ..._recording import JointData, stacked
 from ...discover import AgainstDrift, against_drift
 from ...fit import FitError
 from ...fit.joint import Temperature
-from ...job._result import Remark
+from ...job.result._result import Remark
 from ...readings import Rows, Tables, sensor_name
 from .fit import TemperatureFit, fit_temperature
 from .keys import Spec

@@ -10,14 +10,14 @@ import dataclasses
 import functools
 import uuid
 from collections.abc import Mapping
-from importlib import resources
 from typing import Any
 
 import jinja2
 import numpy as np
 from jaxtyping import Float
 
-from ...proof import GateCheck, GateLimits, gate_check
+from ..._templates import templates
+from ...proof import GateCheck, GateLimits
 from .entries import COLUMNS
 from .fit import TemperatureFit
 from .keys import block_names, plain_name
@@ -128,10 +128,10 @@ def judge_law(
     added = 1e-6 * slope * limits.feed / 60.0
     follows = "while the PLC follows the temperature"
     return (
-        gate_check("max_correction", most, limits.max_correction, "mm", where),
-        gate_check("max_slope", 1e-3 * slope, limits.max_slope, "µm/mm", there),
-        gate_check("max_velocity", added, limits.max_velocity, "mm/s", there),
-        gate_check("max_velocity by the PLC", RATE, limits.max_velocity, "mm/s", follows),
+        limits.check("max_correction", most, "mm", where),
+        limits.check("max_slope", 1e-3 * slope, "µm/mm", there),
+        limits.check("max_velocity", added, "mm/s", there),
+        limits.check("max_velocity by the PLC", RATE, "mm/s", follows),
     )  # fmt: skip
 
 
@@ -208,16 +208,8 @@ def plc_objects(program: PlcProgram) -> dict[str, str]:
 
 @functools.cache
 def _templates() -> jinja2.Environment:
-    folder = resources.files("axcomp.ident.kinds.temperature")
-    environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(
-            lambda name: folder.joinpath(name).read_text("utf-8")
-        ),
-        autoescape=False,  # no HTML; the comments are made safe, CDATA is closed by no text
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        keep_trailing_newline=True,
-    )
+    # The comments are made safe, CDATA is closed by no text.
+    environment = templates(__package__ or "")
     environment.filters |= {"ascii": _ascii, "declare": _declare}
     return environment
 

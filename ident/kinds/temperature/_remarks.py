@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from ...discover import heat_or_drift
-from ...job._result import Remark
+from ...job.result._result import Remark
 from ._identify import Identified
 from .fit import Effect, Lag, Meeting, TemperatureFit
 

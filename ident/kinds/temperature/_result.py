@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....models import TemperatureLine
-from ...job._result import AbstractResult, Expectation
+from ...job.result._result import AbstractResult, Expectation
 from ._identify import Identified
 from ._law import RATE, ThermalLaw
 from .fit import Law, TemperatureFit

@@ -4,10 +4,10 @@ from typing import final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ....models import Conventions, TemperatureLine
-from ...proof.verify import AbstractChannel, Change, Parts
+from ...proof.verify import AbstractChannel, Change, LogRows, Parts, Shift
 from .entries import temperature_from_list
 
 
@@ -30,12 +30,7 @@ class TemperatureChannel(AbstractChannel):
     def cycles_under(self, conventions: Conventions) -> int:
         return self.listed if conventions.temperature_filter == "values" else 0
 
-    def parts(
-        self,
-        change: Change,
-        rows: Int[np.ndarray, " r"] | slice,
-        shift: Float[np.ndarray, "r k"] | None = None,
-    ) -> Parts:
+    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
         del shift
         place = self.motion.position(self.axis, "for its temperature compensation")
         line = self.law(change.conventions)

@@ -5,7 +5,7 @@ The table that a PLC follows (``temperature_<axis>.csv``) makes such a line, too
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Float
@@ -17,10 +17,10 @@ from ....models import (
     TemperatureCurve,
     TemperatureLine,
 )
-from ...exchange._errors import ExchangeError
+from ...exchange._capacity import ANY_LIST, ListTarget
 from ...exchange._identity import flag, not_negative, optional, real, refuse_many
 from ...exchange._machine_lists import Reading
-from ...exchange._units import LIST_UNITS, SGN32, round_to_list
+from ...exchange._units import LIST_UNITS, SGN32, ExchangeError, round_to_list
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
@@ -168,7 +168,7 @@ class TemperatureEntries(AbstractEntries):
         model: TemperatureLine,
         masters: Axes = (),
         rules: Conventions = DEFAULT_RULES,
-        **options: Any,
+        target: ListTarget = ANY_LIST,
     ) -> dict[str, int | float | str]:
         values = {}
         for name in ("position_0", "offset_0", "coefficient"):

@@ -10,7 +10,7 @@ from .._keys import Fault, FitSpec, JobPart, KeyPath, Positive
 from . import KIND
 
 if TYPE_CHECKING:
-    from ...job._schema import JobFile
+    from ...job.file._schema import JobFile
 
 Effect = Literal["offset", "coefficient"]
 _Nodes = Annotated[int, Field(ge=2, le=20)]

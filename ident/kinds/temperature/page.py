@@ -10,9 +10,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from ...report import _style as style
-from ...report._body import Body, Plot
+from ...report._body import Body, Plot, WildRow
 from ...report._scale import Scale, count, grouped, number, place
-from ...report._words import WildRow
 from .._drawing import left_out_words, marks, side_by_side
 from ._law import RATE, ThermalLaw
 from ._remarks import lag_words, meeting_words

@@ -1,10 +1,16 @@
 """The step of a probe for the temperature."""
 
-from collections.abc import Sequence
 from typing import final
 
-from ...exchange._probe import HEIGHT, Outcome, ProbeAxis, Probed
 from ...exchange._units import LIST_UNITS
+from ...exchange.probe._probe import (
+    HEIGHT,
+    Masters,
+    Outcome,
+    Outcomes,
+    ProbeAxis,
+    Probed,
+)
 from .._protocol import AbstractProbe
 from . import KIND
 
@@ -23,9 +29,7 @@ class TemperatureProbe(AbstractProbe):
         stated = {f"{KIND.prefix}_{name}": value for name, value in line.items()}
         return {KIND.activation: 1, **stated}
 
-    def outcomes(
-        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[Outcome, ...]:
+    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         rise = 1e-3 * _slope(axis) * (axis.at(10.0) - axis.at(0.0))
         return (
             Outcome(

@@ -70,7 +70,7 @@ def judge_workspace(
             value = math.hypot(*(check.value for check in lines))
         line = gate_check(f"axis {name}", value, top.limit, top.unit, place)
         together.append(line)
-    jump = gate_check("max_jump", total, limits.max_jump, unit, f"{where}, at once")
+    jump = limits.check("max_jump", total, unit, f"{where}, at once")
     return (*together, jump), {k: v for part in parts for k, v in part.jumps.items()}
 
 

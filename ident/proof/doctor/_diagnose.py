@@ -9,6 +9,7 @@ import numpy as np
 from ....data.lists import ListFile
 from ....models import Conventions
 from ...exchange import ExchangeError, InUse, Reading, machine_lists
+from ..verify import fault_words
 from ._cases import Case, Scene, cases_of
 from ._measured import Difference, Measured, difference
 
@@ -200,33 +201,23 @@ def _sentence(
         axis: Name of the axis.
         other: Name of the axis on which it acts instead, if it does.
     """
-    value = best.value
-    match verdict:
-        case "right":
-            return "right: the list adds what it says"
-        case "sign":
-            if value is not None and value != -1.0:
-                return f"added with opposite sign and {-value:g} times as large"
-            return "added with opposite sign"
-        case "unit":
-            assert value is not None
-            way = "larger" if value > 1.0 else "smaller"
-            return f"unit is ten times {way}"
-        case "twice":
-            return "applied twice"
-        case "shift":
-            assert value is not None
-            way = "further" if value > 0 else "back"
-            return f"table applied {abs(value):.1f} {unit} {way}"
-        case "wrong axis":
-            if best.note == "axis":
-                return f"acts on {other} instead of {axis}"
-            if best.note == "master":
-                return "follows another master: masters swapped"
-            return (
-                f"does nothing to {axis}: it acts on another axis, follows another"
-                " master, or is not active"
-            )
+    value = best.value or 0.0
+    if verdict == "right":
+        return "right: the list adds what it says"
+    if verdict in ("sign", "unit", "twice", "shift"):
+        words = fault_words(verdict, value, unit)
+        if verdict == "sign" and value != -1.0:
+            words += f" and {-value:g} times as large"
+        return words
+    if verdict == "wrong axis":
+        if best.note == "axis":
+            return f"acts on {other} instead of {axis}"
+        if best.note == "master":
+            return "follows another master: masters swapped"
+        return (
+            f"does nothing to {axis}: it acts on another axis, follows another master, or"
+            " is not active"
+        )
     if blind is not None:
         return (
             f"cannot tell: right, or shifted by up to {blind:.1f} {unit}: these readings"

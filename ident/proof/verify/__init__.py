@@ -13,10 +13,13 @@ explained), `_channel` and `_tables` (the channels; each compensation has its ow
 from ._channel import (
     AbstractChannel as AbstractChannel,
     Change as Change,
+    LogRows as LogRows,
     Parts as Parts,
+    Shift as Shift,
     Way as Way,
 )
 from ._judge import Verdict as Verdict
 from ._motion import LogMotion as LogMotion
 from ._tables import TableChannel as TableChannel, ways_of as ways_of
 from ._verify import Verification as Verification, verify_log as verify_log
+from ._words import fault_words as fault_words

@@ -19,6 +19,11 @@ Edge = Literal["held", "zero", "line"]
 EDGES: tuple[Edge, ...] = ("held", "zero", "line")
 """All of them."""
 
+LogRows = Int[np.ndarray, " r"] | slice
+"""Rows of a log, each as often as it is wanted."""
+Shift = Float[np.ndarray, "r k"] | None
+"""By how much a table lies further in each row, instead of the shift of the change."""
+
 _AT_ONCE = 1 << 17
 """Rows that are evaluated at once."""
 
@@ -138,19 +143,13 @@ class AbstractChannel(abc.ABC):
         """
 
     @abc.abstractmethod
-    def parts(
-        self,
-        change: Change,
-        rows: Int[np.ndarray, " r"] | slice,
-        shift: Float[np.ndarray, "r k"] | None = None,
-    ) -> Parts:
+    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
         """Return what is added at some rows, before any filter.
 
         Args:
             change: How it is applied.
-            rows: Of the log, each as often as it is wanted.
-            shift: By how much the table lies further at each of them, instead of the
-                shift of the change.
+            rows: Of the log.
+            shift: Of the table.
         """
 
     def law(self, conventions: Conventions) -> Any:

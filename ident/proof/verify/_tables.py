@@ -4,11 +4,11 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ....models import Conventions
 from ...exchange import Model, offset_at
-from ._channel import AbstractChannel, Change, Edge, Parts, Way
+from ._channel import AbstractChannel, Change, Edge, LogRows, Parts, Shift, Way
 
 
 def ways_of(model: Model, ends: bool = True) -> tuple[Way, ...]:
@@ -38,12 +38,7 @@ class TableChannel(AbstractChannel):
         """Return the positions that are looked up, in mm or °."""
         return self.places(change.masters or self.masters)
 
-    def parts(
-        self,
-        change: Change,
-        rows: Int[np.ndarray, " r"] | slice,
-        shift: Float[np.ndarray, "r k"] | None = None,
-    ) -> Parts:
+    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
         places = self.positions(change)[rows]
         if shift is not None:
             places = places - shift

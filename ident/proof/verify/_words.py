@@ -34,14 +34,27 @@ def phrases(hypothesis: Hypothesis, channel: AbstractChannel) -> list[Phrase]:
     ]
 
 
+def fault_words(word: str, value: float, unit: str = "mm") -> str:
+    """Return what a list does instead: ``sign``, ``twice``, ``unit`` or ``shift``.
+
+    Args:
+        word: The fault.
+        value: Factor, or shift in mm or °.
+        unit: Of a shift.
+    """
+    if word == "sign":
+        return "added with opposite sign"
+    if word == "twice":
+        return "applied twice"
+    if word == "unit":
+        return f"unit is {_times(value)}"
+    return f"table applied {_moved(value, unit)}"
+
+
 def _text(word: str, value: float, change: Change, channel: AbstractChannel) -> str:
     match word:
-        case "sign":
-            return "added with opposite sign"
-        case "twice":
-            return "applied twice"
-        case "unit":
-            return f"unit is {_times(value)}"
+        case "sign" | "twice" | "unit":
+            return fault_words(word, value)
         case "shift":
             return _shift(change.shift, channel)
         case "swapped":
@@ -100,11 +113,14 @@ def _shift(shift: tuple[float, ...], channel: AbstractChannel) -> str:
     masters = channel.masters[-len(shift) :]
     for master, value in zip(masters, shift, strict=True):
         if value:
-            way = "further" if value > 0 else "back"
             along = f" along A{master}" if len(shift) > 1 else ""
             unit = "°" if master in channel.motion.ranges else "mm"
-            parts.append(f"{abs(value):.1f} {unit} {way}{along}")
+            parts.append(f"{_moved(value, unit)}{along}")
     return f"table applied {' and '.join(parts)}"
+
+
+def _moved(value: float, unit: str) -> str:
+    return f"{abs(value):.1f} {unit} {'further' if value > 0 else 'back'}"
 
 
 def _swapped(masters: tuple[int, ...] | None, channel: AbstractChannel) -> str:

@@ -259,7 +259,7 @@ def test_a_disk_without_room_is_no_fault_of_the_job(
 ) -> None:
     import errno
 
-    from axcomp.ident.job import _output
+    from axcomp.ident.job.write import _output
 
     def full(path: Path, content: bytes, **options: bool) -> None:
         raise OSError(errno.ENOSPC, "No space left on device", str(path))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from axcomp.ident.job._layout import grid_over, grids_for
+from axcomp.ident.job.table._layout import grid_over, grids_for
 
 
 def test_targets_become_nodes() -> None:

@@ -100,7 +100,7 @@ def test_fit_loads_no_fit_of_another_compensation(done: tuple[Path, Any]) -> Non
         if name.startswith(start)
     ]
     others = {(one[0], one[-1]) for one in parts if one[0] != "offset"}
-    heavy = {"job", "group", "page", "effect", "_fit"}
+    heavy = {"plan", "_draft", "page", "effect", "_fit"}
     assert not {part for _, part in others} & heavy
 
 

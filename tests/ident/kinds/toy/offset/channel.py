@@ -3,9 +3,8 @@
 from typing import final
 
 import numpy as np
-from jaxtyping import Float, Int
 
-from axcomp.ident.proof.verify import AbstractChannel, Change, Parts
+from axcomp.ident.proof.verify import AbstractChannel, Change, LogRows, Parts, Shift
 
 
 @final
@@ -15,12 +14,7 @@ class OffsetChannel(AbstractChannel):
     def prepare(self) -> None:
         self.law(self.conventions)
 
-    def parts(
-        self,
-        change: Change,
-        rows: Int[np.ndarray, " r"] | slice,
-        shift: Float[np.ndarray, "r k"] | None = None,
-    ) -> Parts:
+    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
         count = len(np.arange(self.motion.rows)[rows])
         return Parts(np.full(count, float(self.law(change.conventions).value)))
 

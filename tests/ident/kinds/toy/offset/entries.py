@@ -1,6 +1,6 @@
 """``kw.offset`` ↔ `Constant`."""
 
-from typing import Any, final
+from typing import final
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from axcomp.data.lists import ListFile
 from axcomp.ident.exchange import LIST_UNITS, Reading
+from axcomp.ident.exchange._capacity import ANY_LIST, ListTarget
 from axcomp.ident.kinds._protocol import AbstractEntries, Axes
 from axcomp.models import AbstractOffset, Conventions, Rows
 
@@ -41,7 +42,11 @@ class OffsetEntries(AbstractEntries):
         return Constant(jnp.asarray((listing.integer(VALUE) or 0) / LIST_UNITS))
 
     def to_list(
-        self, model: Constant, masters: Axes, rules: Conventions, **options: Any
+        self,
+        model: Constant,
+        masters: Axes,
+        rules: Conventions,
+        target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
         return {VALUE: round(float(np.asarray(model.value)) * LIST_UNITS)}
 

@@ -3,7 +3,7 @@
 from axcomp.ident.report._body import Body
 from axcomp.ident.report._scale import Scale
 
-from .job import OffsetResult
+from .plan import OffsetResult
 
 
 def body(fit: OffsetResult, scale: Scale) -> Body:

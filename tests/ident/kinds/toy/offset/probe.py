@@ -1,9 +1,9 @@
 """The step of a probe for the offset."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import final
 
-from axcomp.ident.exchange import Outcome, ProbeAxis, Probed
+from axcomp.ident.exchange import Masters, Outcome, Outcomes, ProbeAxis, Probed
 from axcomp.ident.kinds._protocol import AbstractProbe
 from axcomp.models import Conventions
 
@@ -19,9 +19,7 @@ class OffsetProbe(AbstractProbe):
     ) -> dict[str, int | str]:
         return {VALUE: 100}
 
-    def outcomes(
-        self, one: Probed, axis: ProbeAxis, masters: Sequence[ProbeAxis]
-    ) -> tuple[Outcome, ...]:
+    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         return (Outcome(f"+{axis.height_text}", "the value is added as it stands"),)
 
 

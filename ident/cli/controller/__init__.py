@@ -1,0 +1,1 @@
+"""Commands about a controller: probe, simulate, verify, doctor, export-external."""

@@ -1,0 +1,161 @@
+"""The command ``probe``: lists that settle what the manuals leave open."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ....data.errors import UsageError
+from .._options import AsJson, Increment, axis_ranges, by_axis, read_lists
+from .._said import print_json
+
+if TYPE_CHECKING:
+    from ....data.lists import ListFile
+    from ....models import Conventions
+    from ...exchange import ProbeAxis, Probed
+
+
+def probe(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE …",
+            help="A job file, or the lists that are loaded now: the same compensations"
+            " are probed, over the same axes.",
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(help="Folder for the probe lists, the text and the program.")
+    ] = Path("axcomp-probe"),
+    travel: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A1=0:500",
+            help="Positions in mm or ° between which an axis may move, where neither"
+            " job nor lists say it; may be given several times.",
+        ),
+    ] = None,
+    word: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A1=X",
+            help="Word of an axis in NC programs, for lists without a job (which says"
+            " nc_name); left out: A1. May be given several times.",
+        ),
+    ] = None,
+    increment: Increment = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make lists with one plateau of 10 µm per compensation, and say what to read.
+
+    One short log, or one reading of a dial gauge per axis, then settles sign, unit,
+    order and owner of every table of this controller.
+    """
+    from ...exchange import make_probe, probe_program, probe_steps, probe_text
+    from ...job import write_atomically
+
+    own = axis_ranges(travel, "--travel", "its travel as in A1=0:500", 1e5)
+    pattern, example = "(?P<word>[A-Za-z][A-Za-z0-9_]*)", "its word as in A1=X"
+    words = by_axis(word, "--word", pattern, example)
+    given = _inputs(files, own, {k: m["word"] for k, m in words.items()}, increment)
+    found = make_probe(given.axes, given.tables, given.conventions, given.existing)
+    contents = {
+        listing.source: listing.dumps()
+        for group in (found.lists, found.additions)
+        for listing in group.values()
+    }
+    contents["probe.txt"] = probe_text(found).encode()
+    contents["probe.nc"] = probe_program(found).encode()
+    out.mkdir(parents=True, exist_ok=True)
+    taken = {file.resolve() for file in (*files, *given.files)}
+    for name in contents:
+        if (out / name).resolve() in taken:
+            message = (
+                f"{out / name} is what the probe is made from and is never written"
+                " onto, expected another folder (--out)"
+            )
+            raise UsageError(message)
+    for name, content in contents.items():
+        write_atomically(out / name, content)
+    if as_json:
+        steps = [
+            {**dataclasses.asdict(step), "sentence": step.sentence}
+            for step in probe_steps(found)
+        ]
+        print_json({"files": list(contents), "steps": steps})
+    else:
+        typer.echo(probe_text(found), nl=False)
+    typer.echo(f"{', '.join(contents)} in {out}", err=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Given:
+    """What the files of the command line say."""
+
+    axes: "Mapping[int, ProbeAxis]"
+    tables: "Sequence[Probed]"
+    existing: "Mapping[int, ListFile]"
+    conventions: "Conventions"
+    files: Sequence[Path]
+
+
+def _inputs(
+    files: Sequence[Path],
+    travel: Mapping[int, tuple[float, float]],
+    words: Mapping[int, str],
+    increment: float | None,
+) -> _Given:
+    """Return what is to be probed, from a job file or from lists."""
+    from ....models import Conventions
+    from ...exchange import ProbeAxis, machine_lists, probed_in, travel_in
+
+    if len(files) == 1 and files[0].suffix.lower() == ".toml":
+        return _of_job(files[0], travel)
+    conventions = Conventions()
+    lists = read_lists(files)
+    known = {**travel_in(lists, conventions, increment), **travel}
+    axes = {
+        number: ProbeAxis(number, words.get(number, f"A{number}"), between)
+        for number, between in known.items()
+    }
+    tables = probed_in(lists, conventions)
+    return _Given(axes, tables, machine_lists(lists).compensation, conventions, ())
+
+
+def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
+    """Return what a job fits, or what its lists hold where it fits nothing."""
+    from ...exchange import ProbeAxis, Probed, machine_lists, probed_in
+    from ...job import load_job
+    from ...kinds import kind
+
+    job = load_job(file)
+    spec = job.spec
+    axes, paths = {}, []
+    for name, axis in spec.axes.items():
+        between = travel.get(axis.number) or axis.modulo or axis.limits
+        paths += [p for p in (axis.listing, axis.machine_data) if p is not None]
+        if between is not None:
+            axes[axis.number] = ProbeAxis(
+                axis.number,
+                spec.nc_word(name),
+                (float(between[0]), float(between[1])),
+                rotary=axis.kind != "linear",
+                modulo=axis.modulo is not None and axis.number not in travel,
+            )
+    lists = read_lists([job.file(path) for path in paths])
+    found = {(one.axis, one.name): one for one in probed_in(lists, job.conventions)}
+    for fit in spec.fits:
+        number = spec.axes[fit.axis].number
+        named = getattr(fit, "masters", None) or [getattr(fit, "master", fit.axis)]
+        masters = tuple(spec.axes[master].number for master in named)
+        if not kind(fit.compensation).adds_current:
+            found[number, fit.compensation] = Probed(number, fit.compensation, masters)
+    return _Given(
+        axes,
+        [found[key] for key in sorted(found)],
+        machine_lists(lists).compensation,
+        job.conventions,
+        [job.file(path) for path in paths],
+    )

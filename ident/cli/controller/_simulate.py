@@ -1,0 +1,213 @@
+"""The command ``simulate``: what the controller would add along a motion."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .._options import (
+    AsJson,
+    CycleTime,
+    Increment,
+    Lists,
+    Modulo,
+    Rules,
+    axis_ranges,
+    by_axis,
+    read_lists,
+    rules_of,
+)
+from .._said import print_json, working
+from ._motion_file import read_events, read_motion
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ....data.lists import ListFile
+    from ....models import Conventions, TemperatureLine
+    from ...exchange import AxisOffsets, Motion, StoredConventions
+
+
+def simulate(
+    files: Lists,
+    motion: Annotated[
+        Path,
+        typer.Option(
+            metavar="M.csv",
+            help="Columns A1.position, A2.position, … in mm or °, named after the"
+            " logical axis numbers; time in s where the rows are cycles;"
+            " A1.direction (±1) where they are not.",
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="O.csv",
+            help="Where to write the offsets (.csv or .parquet); left out: as CSV on"
+            " standard output.",
+        ),
+    ] = None,
+    increment: Increment = None,
+    conventions: Rules = None,
+    cycle_time: CycleTime = None,
+    modulo: Modulo = None,
+    temperature: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A1=T.csv",
+            help="Temperature table of an axis as the PLC follows it (temperature_X.csv"
+            " of a job), for the column temperature.<sensor> of the motion;"
+            " A1=T.csv:frame where there are several sensors.",
+        ),
+    ] = None,
+    events: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="E.csv",
+            help="What happens meanwhile: columns time, axis (empty: all) and event, which"
+            " is COMP ON CROSS, COMP OFF LEAD TEMP, COMP OFF_ALL, HOMED, NOT HOMED,"
+            " PROGRAM END or RELOAD FILE.lis. Left out: the column event of the motion,"
+            " if it has one.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compute what the controller would add, per row of a motion and compensation.
+
+    Without an axis list everything in a list is active, from the first row on. With
+    events, what waits for COMP ON waits for it, and an axis that an event homes was not
+    homed before.
+
+    Columns: time, then per axis each compensation and their sum: A3.cross … A3.offset,
+    and A3.friction in drive units.
+    """
+    from ...exchange import Reading, simulate as follow
+    from ...job import use_compilation_cache, write_atomically
+
+    ranges = axis_ranges(modulo, "--modulo")
+    use_compilation_cache()
+    rules = rules_of(conventions)
+    lists = read_lists(files)
+    with working("reading the motion") as step:
+        path = read_motion(motion)
+        source = motion if events is None else events
+        happened = read_events(source, path, events is None)
+        step("following the controller")
+        found = follow(
+            lists,
+            path,
+            Reading(
+                rules.conventions,
+                increment,
+                ranges,
+                _lines(temperature or (), lists, path, rules.conventions),
+            ),
+            cycle_time=cycle_time,
+            events=happened,
+        )
+    columns = _columns(path, found)
+    for remark in dict.fromkeys(text for axis in found for text in axis.remarks):
+        typer.echo(f"axcomp: {remark}", err=True)
+    if out is not None:
+        encoded = _parquet if out.suffix.lower() == ".parquet" else _csv
+        write_atomically(out, encoded(columns))
+    if as_json:
+        print_json(_summary(columns, found, rules))
+    elif out is None:
+        typer.echo(_csv(columns).decode("ascii"), nl=False)
+    else:
+        rows = len(next(iter(columns.values()))) if columns else 0
+        typer.echo(f"{rows} rows, {', '.join(columns)} in {out}", err=True)
+
+
+def _lines(
+    texts: Sequence[str],
+    lists: "Sequence[ListFile]",
+    motion: "Motion",
+    conventions: "Conventions",
+) -> "dict[int, TemperatureLine]":
+    """Return the temperature lines that a PLC would follow, by axis."""
+    from ...exchange import machine_lists
+    from ...kinds.temperature.entries import read_temperature_table
+
+    machines = machine_lists(lists).machine if texts else {}
+    value = r"(?P<file>.+?)(?::(?P<sensor>[A-Za-z_][\w-]*))?"
+    tables = by_axis(texts, "--temperature", value, "its file as in A1=T.csv")
+    return {
+        axis: read_temperature_table(
+            Path(match["file"]),
+            list(motion.temperatures),
+            match["sensor"],
+            conventions,
+            machines.get(axis),
+        )
+        for axis, match in tables.items()
+    }
+
+
+def _columns(
+    motion: "Motion", found: "tuple[AxisOffsets, ...]"
+) -> "dict[str, np.ndarray]":
+    import numpy as np
+
+    columns: dict[str, np.ndarray] = {}
+    if motion.time is not None:
+        columns["time"] = motion.time
+    for axis in found:
+        parts = {**axis.parts, "offset": axis.total}
+        if axis.current is not None:
+            parts["friction"] = axis.current
+        for name, values in parts.items():
+            # 1 pm: what stands behind it is the noise of floating point.
+            columns[f"A{axis.axis}.{name}"] = np.round(values, 9)
+    return columns
+
+
+def _summary(
+    columns: "dict[str, np.ndarray]",
+    found: "tuple[AxisOffsets, ...]",
+    rules: "StoredConventions",
+) -> dict[str, object]:
+    import numpy as np
+
+    return {
+        "columns": list(columns),
+        "rows": len(next(iter(columns.values()))) if columns else 0,
+        "largest": {
+            name: float(np.max(np.abs(values), initial=0.0))
+            for name, values in columns.items()
+            if name != "time"
+        },
+        "conventions": {
+            rule.name: {
+                "value": rule.value,
+                "state": "verified" if rule.name in rules.verified else "assumed",
+            }
+            for rule in rules.conventions.listing()
+        },
+        "remarks": [text for axis in found for text in axis.remarks],
+    }
+
+
+def _csv(columns: "dict[str, np.ndarray]") -> bytes:
+    import io
+
+    import pyarrow as pa
+    from pyarrow import csv
+
+    sink = io.BytesIO()
+    sink.write((",".join(columns) + "\n").encode("ascii"))
+    csv.write_csv(pa.table(columns), sink, csv.WriteOptions(include_header=False))
+    return sink.getvalue()
+
+
+def _parquet(columns: "dict[str, np.ndarray]") -> bytes:
+    import io
+
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    sink = io.BytesIO()
+    parquet.write_table(pa.table(columns), sink)
+    return sink.getvalue()

@@ -1,0 +1,1 @@
+"""Commands that run jobs: fit, batch and its results, demo."""

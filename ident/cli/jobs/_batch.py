@@ -1,0 +1,155 @@
+"""The commands ``batch``, many jobs here or on a cluster, and ``results``, its table."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .._said import working
+
+if TYPE_CHECKING:
+    from ...batch import BatchResult
+
+_EVERY = 10.0
+"""Seconds between plain lines where nobody sees a status line."""
+_SHOWN = 20
+"""Reasons that are printed; all of them stand in results.parquet."""
+_SELECT = (
+    "job, machine_id, axis, compensation, state, passed, verdict, before_rms, predicted_rms,"
+    " from_file_rms, reason"
+)
+
+
+def batch(
+    jobs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="JOBS…",
+            help="Job files, patterns in quotes, or tables (.csv, .parquet) with one job"
+            " per row.",
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(help="Folder for lists, table of results and summary.")
+    ] = Path("axcomp-batch"),
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="A running dask scheduler (tcp://host:8786); without it, workers here.",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Workers here; one per core by default.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the batch in the folder.")
+    ] = False,
+    reports: Annotated[
+        bool,
+        typer.Option(
+            "--reports", help="Draw every report, not only where a job failed."
+        ),
+    ] = False,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(min=0.1, help="Seconds after which a job is given up."),
+    ] = 600.0,
+    history: Annotated[
+        list[Path] | None,
+        typer.Option(help="Folder of an earlier batch, for trends; may be repeated."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the summary on standard output.")
+    ] = False,
+) -> None:
+    """Run many jobs: lists for each, one table of all results, one summary.
+
+    A job that fails is a row with its reason. Exit status 1 where any failed or was
+    rejected. Lists of machines whose conventions are only assumed go to unverified/.
+    """
+    with working("starting the workers", every=_EVERY) as step:
+        from ...batch import run_batch
+
+        result = run_batch(
+            jobs,
+            out,
+            scheduler=scheduler,
+            workers=workers,
+            resume=resume,
+            reports=reports,
+            time_limit=time_limit,
+            history=history or (),
+            progress=lambda stand: step(str(stand)),
+        )
+    _print(result, out)
+    if as_json:
+        typer.echo((out / "summary.json").read_text(), nl=False)
+    if not result.passed:
+        raise typer.Exit(1)
+
+
+def _print(result: "BatchResult", out: Path) -> None:
+    def say(line: str) -> None:
+        typer.echo(line, err=True)
+
+    for name, reason in list(result.reasons.items())[:_SHOWN]:
+        say(f"failed: {name}: {reason}")
+    if len(result.reasons) > _SHOWN:
+        say(f"… and {len(result.reasons) - _SHOWN} more failed, see results.parquet")
+    summary = result.summary
+    for name, count in summary.gate.items():
+        say(f"gate: {name} failed in {_count(count, 'fit')}")
+    if summary.unverified:
+        say(
+            f"{_count(summary.unverified, 'list')} lie{'s' * (summary.unverified == 1)}"
+            " in unverified/: computed; sign unproven. The conventions of their machines"
+            " are only assumed. Verify them before loading."
+        )
+    say(
+        f"{_count(result.jobs, 'job')}, {result.failed} failed, {result.rejected} did not pass"
+        f" ({result.seconds:.1f} s). Table: {out / 'results.parquet'}, summary:"
+        f" {out / 'summary.html'}"
+    )
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def results(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a batch.")],
+    where: Annotated[
+        str | None,
+        typer.Option(help="SQL condition, e.g. \"not passed and machine_id = 'm7'\"."),
+    ] = None,
+    select: Annotated[
+        str, typer.Option(help="SQL list of columns; * for all.")
+    ] = _SELECT,
+    order: Annotated[str | None, typer.Option(help="SQL list to sort by.")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="Rows at most.")] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print a JSON list, one object per row.")
+    ] = False,
+) -> None:
+    """Show rows of the table of a batch as CSV; `docs/batch.md` names the columns."""
+    import csv
+    import json
+    import sys
+
+    from ...batch import query_results
+
+    table = query_results(folder, where, select, order, limit)
+    rows = table.to_pylist()
+    if as_json:
+        typer.echo(json.dumps(rows, default=str))
+        return
+    writer = csv.DictWriter(sys.stdout, table.column_names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(
+        # With the digits that people read; JSON has them all.
+        {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()}
+        for row in rows
+    )
+    if not rows:
+        typer.echo("No row answers that.", err=True)

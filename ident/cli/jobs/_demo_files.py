@@ -1,0 +1,122 @@
+"""The files of `axcomp demo`: what the virtual machine leaves for a user to read.
+
+The jobs and the text for the user stand in the folder ``demo``.
+"""
+
+import hashlib
+import json
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from ....data.errors import FoundError
+from ...machine import (
+    LASER,
+    PROBE,
+    STRAIGHTEDGE,
+    TRAVEL,
+    VirtualMachine,
+    measure_length,
+    measure_straightness,
+    measure_surface,
+    write_laser_table,
+    write_straightness,
+    write_surface,
+)
+
+_MANIFEST = ".axcomp-demo.json"
+_OWN = (
+    "an empty folder or an unchanged one of an earlier demo; move it away, or name another"
+    " folder with --out"
+)
+_MADE = ("result/", "second/", "work/result/", "work/second/")
+
+
+def text_of(name: str) -> bytes:
+    """Return one of the files in the folder ``demo`` beside this module."""
+    return resources.files("axcomp.ident.cli").joinpath("demo", name).read_bytes()
+
+
+class FolderError(FoundError):
+    """The demo would overwrite something that is not its own."""
+
+    def __init__(self, where: str, found: str, expected: str = _OWN) -> None:
+        super().__init__(where, found, expected)
+
+
+def claim_folder(out: Path) -> None:
+    """Make the folder, or make sure that everything in it is the demo's own.
+
+    Raises:
+        FolderError: If it holds files that no demo made, or that were changed since.
+    """
+    if out.exists() and not out.is_dir():
+        raise FolderError(str(out), "a file of that name")
+    out.mkdir(parents=True, exist_ok=True)
+    if not any(out.iterdir()):
+        return
+    manifest = out / _MANIFEST
+    try:
+        hashes = json.loads(manifest.read_text("utf-8"))
+    except (OSError, ValueError):
+        raise FolderError(str(out), "files that no demo made") from None
+    for path in sorted(out.rglob("*")):
+        name = path.relative_to(out).as_posix()
+        # What a run makes from the rest may be made again.
+        if path.is_dir() or path == manifest or name.startswith(_MADE):
+            continue
+        if name not in hashes:
+            raise FolderError(str(out), f"{name}, which no demo made")
+        if _hash(path) != hashes[name]:
+            raise FolderError(str(out), f"{name} changed since the demo made it")
+
+
+def seal_folder(out: Path) -> None:
+    """Note what the demo wrote, so that a later one knows its own files."""
+    hashes = {
+        path.relative_to(out).as_posix(): _hash(path)
+        for path in sorted(out.rglob("*"))
+        if path.is_file() and path.name != _MANIFEST
+    }
+    text = json.dumps(hashes, indent=1)
+    (out / _MANIFEST).write_text(text, encoding="utf-8")
+
+
+def write_measurements(folder: Path, machine: VirtualMachine, seed: int) -> None:
+    """Measure the machine, with another seed at other positions, and write three files."""
+    length, width = TRAVEL
+    rng = np.random.default_rng(seed)
+    # Off the round numbers: equal steps would always meet the same spot of the screw.
+    targets = np.linspace(0.0, length, 81)
+    targets[1:-1] += np.round(rng.uniform(-2.5, 2.5, targets.size - 2), 3)
+    along = np.linspace(0.0, length, 41)
+    points = _probe_points(length, width, rng)
+    laser = measure_length(machine, "X", targets, 5, LASER, seed + 1)
+    beam = measure_straightness(machine, "Y", "X", along, 3, STRAIGHTEDGE, seed + 2)
+    surface = measure_surface(machine, "Z", ("X", "Y"), points, PROBE, seed + 3)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_laser_table(folder / "laser_x.csv", laser)
+    write_straightness(folder / "straightness_y.csv", "X", beam)
+    write_surface(folder / "surface_z.csv", ("X", "Y"), surface)
+
+
+def _probe_points(
+    length: float, width: float, rng: np.random.Generator
+) -> Float[np.ndarray, "t 2"]:
+    """Return probed points, row by row, to and fro; a clamp hides the far corner."""
+    across = np.linspace(0.0, length, 81)
+    rows = [
+        np.stack([across[:: 1 - 2 * (k % 2)], np.full(across.size, y)], axis=1)
+        for k, y in enumerate(np.linspace(0.0, width, 41))
+    ]
+    points = np.concatenate(rows)
+    points += np.round(rng.uniform(-4.0, 4.0, points.shape), 3)
+    points = np.clip(points, 0.0, [length, width])
+    hidden = (points[:, 0] > 0.8 * length) & (points[:, 1] > 0.7 * width)
+    return np.asarray(points[~hidden])
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,1 @@
+"""Commands about lists: check, show, diff, convert, objects."""

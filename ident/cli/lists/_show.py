@@ -1,0 +1,37 @@
+"""The command ``show``."""
+
+import pathlib
+from typing import Annotated
+
+import typer
+
+from .._options import Plots, read_shown_list
+
+
+def show(
+    file: Annotated[
+        pathlib.Path, typer.Argument(metavar="FILE.lis", help="List of any kind.")
+    ],
+    out: Plots = None,
+) -> None:
+    """Show a list: its parameters with their meaning, its tables in mm and µm."""
+    import sys
+
+    from rich.console import Console
+
+    from ....data.lists import offset_curves
+    from ._show_tables import list_views
+
+    shown = read_shown_list(file)
+    width = None if sys.stderr.isatty() else 120
+    console = Console(stderr=True, width=width, highlight=False, soft_wrap=False)
+    for view in list_views(shown):
+        console.print(view)
+    if out is not None:
+        from ._list_plots import draw_tables
+
+        paths = draw_tables(offset_curves(shown), out)
+        for path in paths:
+            typer.echo(f"wrote {path}", err=True)
+        if not paths:
+            typer.echo("no cross, plane or leadscrew table to draw", err=True)

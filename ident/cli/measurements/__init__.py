@@ -1,0 +1,1 @@
+"""Commands about measurements: read, new, discover, iso230."""

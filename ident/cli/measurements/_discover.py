@@ -1,0 +1,178 @@
+"""The command ``discover``: which compensations the measurements ask for."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ....data.errors import UsageError
+from ...kinds import kind
+from .._said import print_json, tell, working
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ...discover import Discovery
+    from ...job import Job
+    from ...readings import Observation
+
+
+def discover(
+    job: Annotated[
+        Path,
+        typer.Argument(
+            metavar="JOB.toml", help="Job with the measurements; needs no [\\[fits]]."
+        ),
+    ],
+    write: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="NEW.toml",
+            help="Write the job that fits what was found, beside JOB.toml, for"
+            " `axcomp fit`.",
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print what was found as JSON.")
+    ] = False,
+) -> None:
+    """Find which compensations the measurements ask for, and from which masters.
+
+    Looks for terms of every compensation and for what the controller has none for.
+    Exit status 1 where the data show an effect and cannot tell which of several it is.
+    """
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False)
+    if write is not None:
+        _refuse_place(job, write)
+    with working("reading the job") as progress:
+        from ...discover import discover as look
+        from ...job import load_job
+        from ...readings import observe
+
+        loaded = load_job(job, needs_fits=False)
+        progress("reading the measurements")
+        seen = observe(loaded)
+        found = look(
+            seen.data, tuple(loaded.spec.axes), source=str(job), progress=progress
+        )
+    for remark in seen.remarks:
+        tell(console, f"info: {remark}")
+    if as_json:
+        print_json(_json(found, seen.names))
+    else:
+        _print(Console(highlight=False), found)
+    if write is not None and found.found:
+        _write(console, write, loaded, seen, found)
+    elif write is not None:
+        tell(console, f"Nothing to fit was found: {write} was not written.")
+    if not found.told:
+        raise typer.Exit(1)
+
+
+def _write(
+    console: "Console",
+    write: Path,
+    job: "Job",
+    seen: "Observation",
+    found: "Discovery",
+) -> None:
+    """Write the job that fits what was found, and say what else it states."""
+    from ...job import found_keys, job_with_fits, write_atomically
+
+    write_atomically(write, job_with_fits(job, seen, found).encode())
+    count = len(found.found)
+    tell(console, f"Job with {'one fit' if count == 1 else f'{count} fits'}: {write}")
+    for name, keys in found_keys(job, seen, found).items():
+        for key, value in keys.items():
+            does = f"states {key} = {json.dumps(value)}"
+            if value is None:
+                does = f"leaves out {key}"
+            why = _WHY["datum" if "datum" in keys and key == "remove" else key]
+            tell(console, f"It {does} of measurement {name}: {why}")
+
+
+_WHY = {
+    "drift": "the error wanders in time, which no compensation is made of.",
+    "remove": "the error is far from zero everywhere, as an instrument in motion shows it"
+    " whose zero is arbitrary.",
+    "datum": "of fits that are identified together, none is zero at a place by itself.",
+}
+
+
+def _refuse_place(job: Path, write: Path) -> None:
+    """Raise where a new job would not find its files, or would replace another."""
+    if write.resolve().parent != job.resolve().parent:
+        message = (
+            f"--write: found {write}, expected a file beside {job}: paths in a job are"
+            " relative to it"
+        )
+        raise UsageError(message)
+    if write.exists():
+        message = f"--write: found {write}, which exists, expected a new file"
+        raise UsageError(message)
+
+
+def _json(found: "Discovery", names: tuple[str, ...]) -> dict[str, object]:
+    tree = dataclasses.asdict(found)
+    for drift in tree["drifts"]:
+        drift["measurement"] = names[drift.pop("source")]
+    return tree
+
+
+def _print(console: "Console", found: "Discovery") -> None:
+    """Print what a person wants to know: what to compensate, by how much, what stays."""
+    from rich.table import Table
+
+    for axis in found.axes:
+        mine = [
+            one
+            for one in found.found
+            if one.axis == axis.axis
+            and kind(one.compensation).adds_current == (axis.channel == "current")
+        ]
+        title = (
+            f"{axis.channel} of {axis.axis}: {_amount(axis.rms, axis.unit)} rms in"
+            f" {axis.rows} readings, {_amount(axis.noise, axis.unit)} of it scatter"
+        )
+        tell(console, title if mine else f"{title}: no compensation found")
+        table = Table("compensation", "over", "sensor")
+        for words in ("rms", "share", "stability"):
+            table.add_column(words, justify="right")
+        for one in mine:
+            table.add_row(
+                one.compensation,
+                ", ".join(one.masters) or "–",
+                ", ".join(one.sensors) or "–",
+                _amount(one.rms, one.unit),
+                f"{one.share:.1%}",
+                f"{one.stability:.0%}",
+            )
+        if mine:
+            console.print(table)
+        for one in mine:
+            tell(console, one.sentence)
+        for drift in found.drifts:
+            if drift.axis == axis.axis and axis.channel == "error":
+                tell(console, drift.sentence)
+        console.print()
+    if found.unexplained:
+        tell(console, "Unexplained:")
+    for rest in found.unexplained:
+        verdict = f"{rest.verdict[0].upper()}{rest.verdict[1:]}: "
+        tell(console, f"  {rest.verdict}: {rest.sentence.removeprefix(verdict)}")
+    if found.rejected:
+        tell(console, "Looked for and not taken:")
+    for no in found.rejected:
+        by = [*no.masters, *([no.sensor] if no.sensor else [])]
+        over = f" ({', '.join(by)})" if by else ""
+        tell(console, f"  {no.compensation} of {no.axis}{over}: {no.reason}")
+
+
+def _amount(value: float, unit: str) -> str:
+    if unit == "mm":
+        return f"{1e3 * value:.3g} µm"
+    return f"{1e3 * value:.3g} m°" if unit == "°" else f"{value:.3g}"

@@ -1,0 +1,337 @@
+"""The command ``iso230``: accuracy and repeatability of positioning."""
+
+import dataclasses
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ....data.errors import UsageError
+from .._options import AsJson
+from .._said import print_json, wide_console
+
+if TYPE_CHECKING:
+    from ....data.measurements import ColumnSpec, Iso230, Table
+
+
+def iso230(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Runs of the test.")],
+    after: Annotated[
+        Path | None,
+        typer.Argument(metavar="[AFTER]", help="Runs after the compensation."),
+    ] = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(metavar="T", help="Largest A that passes, in mm, or as 20um."),
+    ] = None,
+    axis: Annotated[
+        str | None, typer.Option(help="Axis, where the file holds several.")
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ROLE=COLUMN[:UNIT]",
+            help="Column of target, actual or error, run, direction, where the file does"
+            " not say: --column error=dx:um. Once per role.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the chart (SVG and PNG).")
+    ] = None,
+) -> None:
+    """Evaluate a positioning test by ISO 230-2: A, R, B, mean B, E and M.
+
+    With a second file: before and after.
+
+    With a tolerance: a verdict on A of the last file; exit status 1 where it fails.
+    """
+    from ....data.measurements import MeasurementError
+
+    files = {"before": file, "after": after} if after else {"": file}
+    limit, limit_unit = (None, None) if tolerance is None else _tolerance(tolerance)
+    columns = _columns(column or (), axis)
+    found = {name: _evaluate(path, axis, columns) for name, path in files.items()}
+    tests = {name: one.figures for name, one in found.items()}
+    last = next(reversed(files))
+    unit = next(iter(found.values())).unit
+    if found[last].unit != unit:
+        reason = f"found {found[last].unit}, expected {unit} as in {file}"
+        raise MeasurementError(str(after), reason)
+    if limit_unit not in (None, unit):
+        msg = f"--tolerance: found '{tolerance}', expected {unit} as in {files[last]}"
+        raise UsageError(msg)
+    if _targets(tests[last]) != _targets(next(iter(tests.values()))):
+        remark = "Its targets are not those of the first file: compare with care."
+        remarks = (remark, *tests[last].remarks)
+        tests[last] = dataclasses.replace(tests[last], remarks=remarks)
+    verdict = None
+    if limit is not None:
+        verdict = _verdict(found[last], limit, files[last])
+    charts: tuple[Path, ...] = ()
+    if out is not None:
+        from ...report._iso_chart import draw_iso_chart, write_chart
+
+        figure = draw_iso_chart(
+            tests, axis=found[last].axis, unit=unit, tolerance=limit
+        )
+        stem = re.sub(r"[^A-Za-z0-9_-]+", "_", file.stem)
+        charts = write_chart(figure, out, f"iso230_{stem}")
+    if as_json:
+        print_json(_as_dict(tests, unit, verdict, charts))
+    else:
+        _print(files, tests, unit, found[last].axis)
+    if verdict is not None:
+        typer.echo(verdict["sentence"], err=True)
+    for path in charts:
+        typer.echo(f"wrote {path}", err=True)
+    if verdict is not None and not verdict["passed"]:
+        raise typer.Exit(1)
+
+
+def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
+    """Return the column of each role that was named; empty: as the file says.
+
+    Raises:
+        UsageError: If one is no ``ROLE=COLUMN`` with a role of a positioning test.
+    """
+    from ....data.measurements import ColumnSpec, find_unit
+
+    found: dict[str, ColumnSpec] = {}
+    for text in texts:
+        role, equals, name = text.partition("=")
+        role = {"target": "position"}.get(role, role)
+        if not equals or not name or role not in _ROLES:
+            msg = (
+                f"--column: found '{text}', expected ROLE=COLUMN with role target, actual,"
+                " error, run or direction, such as error=dx:um"
+            )
+            raise UsageError(msg)
+        head, colon, unit = name.rpartition(":")
+        stated = bool(colon and head) and find_unit(unit) is not None
+        key = role if role == "run" else f"{axis or 'axis'}.{role}"
+        found[key] = ColumnSpec(head, unit) if stated else ColumnSpec(name)
+    return found
+
+
+@dataclasses.dataclass(frozen=True)
+class _Test:
+    """One file: its figures, their unit, its axis, and readings that it lacks."""
+
+    figures: "Iso230"
+    unit: str
+    axis: str
+    missing: int
+
+
+def _evaluate(
+    path: Path, axis: str | None, columns: "Mapping[str, ColumnSpec]"
+) -> _Test:
+    """Return what a file holds, with all remarks on it."""
+    from ....data.measurements import (
+        derive_error,
+        explain_direction,
+        iso230 as evaluate,
+        measurement,
+        read_table,
+    )
+
+    table = read_table(path)
+    if not columns:
+        axis = axis or _only_axis(table)
+    data = measurement(table, columns, axis=axis or "axis")
+    name = axis or "axis"
+    position = data.require(f"{name}.position", "for an ISO 230-2 evaluation")
+    error = derive_error(data, name)
+    direction = explain_direction(data, name)
+    figures = evaluate(position, error, data.get("run"), direction.values)
+    remarks = [*data.remarks, *direction.remarks]
+    remarks += [
+        f"Skipped line {s.line}: {s.reason}."
+        for s in table.skipped
+        if s.reason != "comment"
+    ]
+    figures = dataclasses.replace(figures, remarks=(*remarks, *figures.remarks))
+    unit = data.units[f"{name}.position"]
+    return _Test(figures, unit, axis or "", table.missing)
+
+
+def _only_axis(table: "Table") -> str | None:
+    """Return the one axis with a position and an error or actual; None for bare roles.
+
+    Raises:
+        MeasurementError: If there are several, or none.
+    """
+    from ....data.measurements import MeasurementError, find_role
+
+    roles = [column.role for column in table.columns if column.role]
+    if "position" in roles:
+        return None
+    known = [role for text in roles if (role := find_role(text)) and role.axis]
+    axes = sorted(
+        {
+            role.axis or ""
+            for role in known
+            if role.kind in ("error", "actual") and f"{role.axis}.position" in roles
+        }
+    )
+    if len(axes) == 1:
+        return axes[0]
+    columns = ", ".join(column.name for column in table.columns[:12])
+    found = f"axes {', '.join(axes)}" if axes else f"columns {columns}"
+    expected = (
+        "--axis with one of them"
+        if axes
+        else "target, error (or actual), run, direction; or X.position, X.error …;"
+        " --column ROLE=COLUMN tells which is which"
+    )
+    raise MeasurementError(str(table.path), f"found {found}, expected {expected}")
+
+
+def _targets(test: "Iso230") -> tuple[float, ...]:
+    """Return the targets of a test, to the µm."""
+    return tuple(round(item.target, 3) for item in test.positions)
+
+
+def _tolerance(text: str) -> tuple[float, str | None]:
+    """Return a tolerance in mm or °, and which of both where the text says so."""
+    from ....data.measurements import find_unit
+
+    match = re.fullmatch(r"\s*([0-9]*[.,]?[0-9]+(?:[eE][+-]?[0-9]+)?)\s*(\D.*)?", text)
+    unit = find_unit(match[2]) if match and match[2] else find_unit("mm")
+    if match is None or unit is None or unit.dimension not in ("length", "angle"):
+        msg = f"--tolerance: found '{text}', expected mm such as 0.02, or 20um"
+        raise UsageError(msg)
+    import numpy as np
+
+    value = float(unit.to_library(np.array([float(match[1].replace(",", "."))]))[0])
+    if value <= 0.0:
+        msg = f"--tolerance: found '{text}', expected more than 0"
+        raise UsageError(msg)
+    if not match[2] and value >= _PLAIN_TOLERANCE:
+        # 20 is meant as µm, and 20 mm would pass every machine.
+        msg = (
+            f"--tolerance: found '{text}' without a unit, expected {text}um or {text}mm"
+        )
+        raise UsageError(msg)
+    stated = {"length": "mm", "angle": "deg"}[unit.dimension]
+    return value, stated if match[2] else None
+
+
+def _verdict(found: _Test, limit: float, file: Path) -> dict[str, Any]:
+    """Return the verdict: A against the tolerance, the figure named.
+
+    A test with missing readings does not pass: the figures of the whole one are larger.
+
+    Raises:
+        MeasurementError: If the data give no accuracy to judge.
+    """
+    from ....data.measurements import MeasurementError, amount, with_arrows
+
+    test, unit, missing = found.figures, found.unit, found.missing
+    name, value = test.judged()
+    if value is None:
+        reason = "found one run only, expected at least two: no accuracy A to judge"
+        raise MeasurementError(str(file), reason)
+    within = value <= limit
+    single = test.single_targets()
+    passed = within and not missing and not single
+    shown = with_arrows(name)
+    sentence = (
+        f"{'PASS' if passed else 'NOT JUDGED' if within else 'FAIL'}: {shown} = "
+        f"{amount(value, unit)} {'≤' if within else '>'} tolerance "
+        f"{amount(limit, unit)} ({file.name})"
+    )
+    if within and missing:
+        sentence += f", but {missing} readings that the file announces are missing"
+    elif within and single:
+        places = ", ".join(f"{target:g}" for target in single[:8])
+        sentence += f", but it leaves out targets with a single approach: {places}"
+    return {
+        "passed": passed,
+        "figure": name,
+        "value": value,
+        "tolerance": limit,
+        "sentence": sentence,
+    }
+
+
+def _as_dict(
+    tests: "dict[str, Iso230]", unit: str, verdict: dict[str, Any] | None, charts: Any
+) -> dict[str, Any]:
+    first, *others = tests.values()
+    result: dict[str, Any] = _figures(first)
+    result["unit"] = unit
+    if others:
+        result["after"] = _figures(others[0])
+    if verdict is not None:
+        result["verdict"] = verdict
+    if charts:
+        result["charts"] = [str(path) for path in charts]
+    return result
+
+
+def _figures(test: "Iso230") -> dict[str, Any]:
+    return {
+        **test.figures(),
+        "positions": [dataclasses.asdict(item) for item in test.positions],
+        "run_offsets": {str(run): value for run, value in test.run_offsets.items()},
+        "remarks": list(test.remarks),
+    }
+
+
+_ROLES = ("position", "actual", "error", "run", "direction")
+"""What a positioning test is made of."""
+
+_PLAIN_TOLERANCE = 1.0
+"""Tolerance in mm or ° from which on its unit must be stated."""
+
+_MEANING = {
+    "A": "accuracy, both directions",
+    "R": "repeatability, both directions",
+    "B": "largest reversal",
+    "B_mean": "mean reversal",
+    "E": "systematic deviation, both directions",
+    "M": "range of the mean deviation",
+    "R_up": "repeatability ↑",
+    "R_down": "repeatability ↓",
+    "A_up": "accuracy ↑",
+    "A_down": "accuracy ↓",
+    "E_up": "systematic deviation ↑",
+    "E_down": "systematic deviation ↓",
+}
+
+
+def _print(
+    files: dict[str, Path], tests: "dict[str, Iso230]", unit: str, axis: str
+) -> None:
+    from rich.markup import escape
+    from rich.table import Table as Grid
+
+    from ....data.measurements import EDITION, describe_drift
+
+    console = wide_console()
+    small = "0.001°" if unit == "deg" else "µm"
+    grid = Grid(
+        "figure", "meaning", title=f"{EDITION}{f', axis {axis}' if axis else ''}"
+    )
+    for name, path in files.items():
+        label = f"{name}: {path.name}" if name else path.name
+        grid.add_column(escape(f"{label} [{small}]"), justify="right")
+    for key, meaning in _MEANING.items():
+        values = [getattr(test, key) for test in tests.values()]
+        if any(value is not None for value in values):
+            cells = ["–" if value is None else f"{value * 1e3:.1f}" for value in values]
+            shown = (
+                key.replace("_up", "↑")
+                .replace("_down", "↓")
+                .replace("B_mean", "mean B")
+            )
+            grid.add_row(shown, meaning, *cells)
+    console.print(grid)
+    for name, test in tests.items():
+        drift = describe_drift(test, unit=unit)
+        for remark in (*test.remarks, *([drift] if drift else ())):
+            console.print(escape(f"{name}: {remark}" if name else remark))

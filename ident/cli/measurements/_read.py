@@ -1,0 +1,215 @@
+"""The command ``read``: what a measurement file holds."""
+
+import dataclasses
+import math
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ....data.errors import UsageError
+from .._options import AsJson
+from .._said import print_json, wide_console, working
+
+if TYPE_CHECKING:
+    from ....data.measurements import CellError, Column, Table, TextForm
+
+
+def read(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Measurement file.")],
+    profile: Annotated[
+        str | None,
+        typer.Option(help="Profile of a Klipper file that holds several bed meshes."),
+    ] = None,
+    skip: Annotated[
+        str,
+        typer.Option(
+            metavar="N",
+            help="Lines left out: so many at the top, or which, as in '[7]' or '7,9'.",
+        ),
+    ] = "0",
+    header: Annotated[
+        list[int] | None,
+        typer.Option(metavar="LINE", help="Line with the names of the columns."),
+    ] = None,
+    rows: Annotated[
+        tuple[int, int] | None,
+        typer.Option(metavar="FIRST LAST", help="First and last line of the rows."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what a measurement file holds: format, columns, units, rows, skipped lines.
+
+    Where channels have several sample times, first and last are those of each channel.
+    Ends with exit status 1 where a column of numbers holds a cell that is none, or a row
+    stands there twice.
+    """
+    from ....data.measurements import Lines, read_table, repeated_row
+
+    lines = Lines.of(_lines(skip), header or None, rows)
+    with working("reading the file"):
+        table = read_table(file, profile=profile, lines=lines)
+    problems = [
+        table.cell_error(column, column.bad, "a finite number")
+        for column in table.columns
+        if column.bad is not None and not (column.run and not column.bad.found.strip())
+    ]
+    if (again := repeated_row(table)) is not None:
+        problems.append(again)
+    if as_json:
+        print_json(_as_dict(table, problems))
+    else:
+        _print(table)
+        typer.echo(f"A job for it: axcomp new {shlex.quote(str(file))}", err=True)
+    for problem in problems:
+        typer.echo(f"axcomp: {problem}", err=True)
+    if problems:
+        raise typer.Exit(1)
+
+
+def _lines(text: str) -> int | list[int]:
+    """Return a number of lines, or which ones.
+
+    Raises:
+        UsageError: If the text is neither.
+    """
+    parts = [part.strip() for part in text.strip("[] ").split(",")]
+    if not all(part.isdigit() for part in parts):
+        msg = (
+            f"--skip: found '{text}', expected a number such as 3, or lines such as [7]"
+        )
+        raise UsageError(msg)
+    numbers = [int(part) for part in parts]
+    return numbers if len(numbers) > 1 or "[" in text else numbers[0]
+
+
+def _as_dict(table: "Table", problems: "list[CellError]") -> dict[str, Any]:
+    return {
+        "file": str(table.path),
+        "format": table.format,
+        "form": None if table.form is None else dataclasses.asdict(table.form),
+        "axis": table.axis,
+        "columns": [_heading(column) for column in table.columns],
+        "scalars": [{"name": name, "value": value} for name, value in table.scalars],
+        "rows": table.rows,
+        "first": [_cell(column, 0) for column in table.columns],
+        "last": [_cell(column, -1) for column in table.columns],
+        "skipped": [
+            {"line": item.line, "reason": item.reason} for item in table.skipped
+        ],
+        "remarks": list(table.remarks),
+        "problems": [
+            {
+                "line": problem.line,
+                "column": problem.column,
+                "found": problem.found,
+                "expected": problem.expected,
+            }
+            for problem in problems
+        ],
+    }
+
+
+def _heading(column: "Column") -> dict[str, Any]:
+    """Return what a column is; where the file has several clocks, also of which."""
+    named: dict[str, Any] = {
+        "name": column.name,
+        "role": column.role,
+        "unit": column.unit,
+    }
+    if column.run is not None:
+        named |= {"run": column.run, "direction": column.direction}
+    if column.sample_time is None:
+        return named
+    return {**named, "samples": column.samples, "sample_time": column.sample_time}
+
+
+def _cell(column: "Column", row: int) -> float | str | None:
+    if column.text is not None:
+        return column.text[row]
+    values = column.values if column.present is None else column.values[column.present]
+    value = float(values[row])
+    return value if math.isfinite(value) else None
+
+
+def _print(table: "Table") -> None:
+    from rich.markup import escape
+    from rich.table import Table as Grid
+
+    console = wide_console()
+    console.print(f"{escape(str(table.path))}: {table.format}, {table.rows} rows")
+    if table.form is not None:
+        console.print(escape(_form_words(table.form, several=len(table.columns) > 1)))
+    clocked = any(column.sample_time is not None for column in table.columns)
+    titles = ["column", "role", "unit", "first row", "last row", "smallest", "largest"]
+    grid = Grid(*titles, *(["samples", "every"] if clocked else []))
+    for column in table.columns:
+        ends = [_shown(_cell(column, row)) for row in (0, -1)]
+        finite = [v for v in (_extreme(column, "min"), _extreme(column, "max")) if v]
+        role = column.role or ""
+        if role and "." not in role and role not in ("time", "run"):
+            role = f"<axis>.{role}"
+        if column.run is not None:
+            side = {1: " +", -1: " -"}.get(column.direction or 0, "")
+            role = f"{role}, run {column.run}{side}"
+        every = "" if column.sample_time is None else f"{1e3 * column.sample_time:g} ms"
+        grid.add_row(
+            escape(column.name),
+            escape(role),
+            "text" if column.text is not None else column.unit or "",
+            *map(escape, ends),
+            *(finite or ["", ""]),
+            *([str(column.samples), every] if clocked else []),
+        )
+    console.print(grid)
+    for name, number in table.scalars:
+        console.print(escape(f"scalar {name} = {number:.10g}"))
+    for remark in table.remarks:
+        console.print(escape(remark))
+    if not table.skipped:
+        console.print("Nothing was skipped.")
+    for item in table.skipped[:20]:
+        place = f"line {item.line}: " if item.line else ""
+        console.print(escape(f"skipped {place}{item.reason}"))
+    if len(table.skipped) > 20:
+        console.print(f"… and {len(table.skipped) - 20} more (all of them with --json)")
+
+
+def _form_words(form: "TextForm", *, several: bool) -> str:
+    """Return how a text table was found to be written, in a sentence."""
+    from ....data.measurements import SEPARATORS
+
+    mark = {".": "point", ",": "comma"}[form.decimal]
+    cells = f"Cells separated by {SEPARATORS.get(form.separator, repr(form.separator))}"
+    words = [cells if several else "One column", f"decimal {mark}"]
+    if form.thousands:
+        words.append(f"digits in groups by '{form.thousands}'")
+    words.append(
+        f"header in line {_numbers(form.header)}" if form.header else "no header"
+    )
+    if form.units is not None:
+        words.append(f"units in line {form.units}")
+    if form.titles:
+        words.append(f"titles in line {_numbers(form.titles)}")
+    words += [f"rows from line {form.first}", form.encoding]
+    return ", ".join(words) + "."
+
+
+def _numbers(lines: "tuple[int, ...]") -> str:
+    first, last = min(lines), max(lines)
+    whole = len(lines) > 2 and last - first == len(lines) - 1
+    return f"{first} to {last}" if whole else ", ".join(map(str, lines))
+
+
+def _shown(value: float | str | None) -> str:
+    if value is None:
+        return "no number"
+    return value if isinstance(value, str) else f"{value:.10g}"
+
+
+def _extreme(column: "Column", which: str) -> str:
+    import numpy as np
+
+    finite = column.values[np.isfinite(column.values)]
+    return f"{getattr(finite, which)():.10g}" if finite.size else ""

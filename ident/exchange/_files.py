@@ -1,0 +1,78 @@
+"""The list files of an axis: their names, new tables in them, entries to add to them."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+from ...data.lists import ListFile, Value, new_list
+
+
+def compensation_file(number: int) -> str:
+    """Return the name of the compensation list of an axis."""
+    return f"achskw{number}.lis"
+
+
+def axis_file(number: int, *, whole: bool = True) -> str:
+    """Return the name of the axis list of an axis, or of the entries to add to it."""
+    return f"achsmds{number}{'' if whole else '.add'}.lis"
+
+
+def to_add(
+    number: int, values: Mapping[str, Value], *more: str, of: str = ""
+) -> ListFile:
+    """Return entries to add to an axis list, under comments that say so."""
+    name = f" of axis {of}" if of else ""
+    words = f"Entries to set in {axis_file(number)}{name}: no whole axis list"
+    listing = new_list(values, comment=(words, *more))
+    return dataclasses.replace(listing, source=axis_file(number, whole=False))
+
+
+@dataclasses.dataclass(frozen=True)
+class Edited:
+    """A compensation list whose tables were replaced.
+
+    Attributes:
+        listing: The list.
+        added: Names of the entries that it lacked before.
+        removed: Names of those that went.
+    """
+
+    listing: ListFile
+    added: Sequence[str]
+    removed: Sequence[str]
+
+
+def with_tables(
+    existing: ListFile,
+    number: int,
+    entries: Mapping[str, Value],
+    prefixes: Sequence[str],
+) -> Edited:
+    """Return a list with new entries in place of those that begin with the prefixes.
+
+    Args:
+        existing: The list; all else in it stays.
+        number: Of its axis, which is added where the list does not say it.
+        entries: What it is to hold.
+        prefixes: Beginnings of the entries that go where they are not new.
+    """
+    there = _names(existing)
+    begin = tuple(prefixes)
+    stale = [name for name in there if name.startswith(begin) and name not in entries]
+    wanted = dict(entries)
+    if "kopf.achs_nr" not in there:
+        wanted = {"kopf.achs_nr": number} | wanted
+    added = [name for name in wanted if name not in there]
+    return Edited(existing.remove(stale).merge(wanted), added, stale)
+
+
+def _names(listing: ListFile) -> dict[str, None]:
+    """Return the canonical names of all entries, in order of their keys."""
+    found: dict[str, None] = {}
+    for key, rows in listing.columns.items():
+        parts = key.split("[]")
+        for indices in rows.last:
+            name = parts[0]
+            for index, part in zip(indices, parts[1:], strict=True):
+                name += f"[{index}]{part}"
+            found[name] = None
+    return found

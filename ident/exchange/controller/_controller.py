@@ -1,0 +1,121 @@
+"""All lists of a machine → its `PositionController`."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ....data.lists import ListFile
+from ....models import (
+    AxisCompensations,
+    PositionController,
+)
+from .._machine_lists import (
+    InUse,
+    MachineLists,
+    Reading,
+    axes_in_use,
+    machine_lists,
+    reversal_cycles,
+)
+from .._units import ExchangeError
+
+
+def controller_from_lists(
+    lists: Sequence[ListFile],
+    reading: Reading,
+    *,
+    axes: Sequence[int] | None = None,
+) -> PositionController:
+    """Return the position controller of a machine with these lists loaded.
+
+    Args:
+        lists: Compensation and axis lists in any order.
+        reading: How they are read.
+        axes: Logical numbers of the machine's axes, one per column of the motion; all
+            that the lists name, ascending, where it is left out.
+
+    Raises:
+        ExchangeError: If a list makes no table, an axis has two lists, or a list names
+            an axis that the machine lacks.
+    """
+    machine = machine_lists(lists)
+    used = machine.in_use(reading.conventions, reading.lines)
+    numbers = axes_in_use(used, machine) if axes is None else tuple(axes)
+    return controller_of(used, machine, numbers, reading)
+
+
+def controller_of(
+    used: Sequence[InUse],
+    lists: MachineLists,
+    numbers: Sequence[int],
+    reading: Reading,
+) -> PositionController:
+    """Return the position controller that has these compensations, and no others.
+
+    Raises:
+        ExchangeError: As `controller_from_lists`.
+    """
+    columns = columns_of(used, numbers)
+    return PositionController(
+        axes=tuple(
+            _axis(
+                [one for one in used if one.axis == number],
+                columns,
+                lists.machine.get(number),
+                reading,
+            )
+            for number in numbers
+        ),
+        conventions=reading.conventions,
+    )
+
+
+def columns_of(used: Sequence[InUse], numbers: Sequence[int]) -> dict[int, int]:
+    """Return the column of each axis.
+
+    Raises:
+        ExchangeError: If a compensation names an axis that has none.
+    """
+    for one in used:
+        for axis in (one.axis, *one.masters):
+            if axis not in numbers:
+                role = "axis" if axis == one.axis else "master axis"
+                known = ", ".join(map(str, numbers))
+                raise ExchangeError(
+                    where=f"{one.listing.source}: {one.name}",
+                    found=f"{role} {axis}, which the machine lacks",
+                    expected=f"one of its axes, {known}",
+                )
+    return {number: k for k, number in enumerate(numbers)}
+
+
+def model_of(one: InUse, reading: Reading) -> Any:
+    """Return the model of a compensation that lists hold; its masters left out.
+
+    Raises:
+        ExchangeError: If its entries make none.
+    """
+    return one.kind.entries.model(one.listing, one.axis, reading)
+
+
+def _axis(
+    used: Sequence[InUse],
+    columns: Mapping[int, int],
+    machine: ListFile | None,
+    reading: Reading,
+) -> AxisCompensations:
+    """Return the compensations of one axis, masters by their columns."""
+    parts: dict[str, Any] = {}
+    for one in used:
+        masters = tuple(columns[master] for master in one.masters)
+        model = model_of(one, reading)
+        parts |= one.kind.entries.installed(model, masters, one.listing)
+    own = {field.name for field in dataclasses.fields(AxisCompensations)}
+    further = {name: parts.pop(name) for name in parts.keys() - own}
+    manual = () if reading.commanded else tuple(o.name for o in used if o.manual)
+    return AxisCompensations(
+        **parts,
+        further=further,
+        reversal_cycles=reversal_cycles(machine),
+        manual=manual,
+    )

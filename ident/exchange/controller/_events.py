@@ -1,0 +1,188 @@
+"""Events at a controller beside its motion: COMP commands, homing, program end, reload."""
+
+import dataclasses
+import re
+from collections.abc import Mapping, Sequence
+from typing import Literal, final
+
+import numpy as np
+from jaxtyping import Bool
+
+from ....data.lists import ListFile
+from ....models import (
+    COMPENSATIONS,
+    CompCommand,
+    PositionController,
+    ProgramEnd,
+    commanded,
+)
+from ...kinds import kinds
+from .._identity import axis_number
+from .._units import ExchangeError
+
+Action = Literal["on", "off", "homed", "not homed", "end", "reload"]
+Windows = Mapping[tuple[int, str], tuple[int, int]]
+"""First row in which a list is loaded, and the first in which it is not, by axis and name."""
+
+_WORDS: dict[str, Action] = {
+    "HOMED": "homed",
+    "NOT HOMED": "not homed",
+    "PROGRAM END": "end",
+    "M30": "end",
+    "RESET": "end",
+}
+_COMP = re.compile(r"COMP (ON|OFF|OFF_ALL)((?: [A-Z]+)*)")
+EVENT_FORMS = (
+    "COMP ON CROSS, COMP OFF LEAD TEMP, COMP OFF_ALL, HOMED, NOT HOMED, PROGRAM END or"
+    " RELOAD FILE.lis"
+)
+"""What an event may be, for messages."""
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class ControllerEvent:
+    """Something that happens at the controller.
+
+    Attributes:
+        row: First row of the motion in which it acts.
+        action: What happens.
+        axis: Logical number; None: all axes.
+        names: Of the compensations that are switched; none: all.
+        listing: The compensation list that is loaded from then on.
+        where: Where it stands, for messages.
+    """
+
+    row: int
+    action: Action
+    axis: int | None = None
+    names: tuple[str, ...] = ()
+    listing: ListFile | None = None
+    where: str = "events"
+
+
+def parse_action(text: str, where: str) -> tuple[Action, tuple[str, ...]]:
+    """Return what the text of an event says, and which compensations it names.
+
+    A reload is no part of this: it names a file.
+
+    Raises:
+        ExchangeError: If it is none.
+    """
+    plain = " ".join(text.upper().replace("[", " ").replace("]", " ").split())
+    if plain in _WORDS:
+        return _WORDS[plain], ()
+    match = _COMP.fullmatch(plain)
+    keywords = {kind.keyword: kind.name for kind in kinds()}
+    words = match[2].split() if match else []
+    unknown = [word for word in words if word not in keywords]
+    if match is None or unknown or (match[1] == "OFF_ALL" and words):
+        raise ExchangeError(
+            where=where,
+            found=repr(text),
+            expected=f"{EVENT_FORMS}; compensations are {', '.join(keywords)}",
+        )
+    return ("on" if match[1] == "ON" else "off"), tuple(keywords[w] for w in words)
+
+
+def homed_rows(
+    events: Sequence[ControllerEvent], numbers: Sequence[int], rows: int
+) -> Bool[np.ndarray, "t a"] | None:
+    """Return which axes are homed per row; None: all, and have been for long.
+
+    An axis that is homed by an event was not before, and the reverse.
+
+    Raises:
+        ExchangeError: If an event names an axis that the machine lacks.
+    """
+    homing = [one for one in events if one.action in ("homed", "not homed")]
+    if not homing:
+        return None
+    found = np.ones((rows, len(numbers)), dtype=bool)
+    seen: set[int] = set()
+    for one in homing:
+        is_homed = one.action == "homed"
+        for column in _columns(one, numbers):
+            if column not in seen:
+                found[: one.row, column] = not is_homed
+            seen.add(column)
+            found[one.row :, column] = is_homed
+    return found
+
+
+def selected_rows(
+    controller: PositionController,
+    events: Sequence[ControllerEvent],
+    numbers: Sequence[int],
+    rows: int,
+    windows: Windows,
+) -> Bool[np.ndarray, "t a c"]:
+    """Return which of `COMPENSATIONS` are selected per row: commanded, and loaded.
+
+    Raises:
+        ExchangeError: If an event names an axis that the machine lacks.
+    """
+    commands: list[CompCommand | ProgramEnd] = []
+    for one in events:
+        columns = _columns(one, numbers)
+        if one.action == "end":
+            commands.append(ProgramEnd(one.row, tuple(columns)))
+        elif one.action in ("on", "off"):
+            is_on = one.action == "on"
+            commands += [
+                CompCommand(one.row, axis, is_on, one.names) for axis in columns
+            ]
+    found = commanded(controller, rows, commands)
+    for (axis, name), (start, end) in windows.items():
+        own = found[:, numbers.index(axis), COMPENSATIONS.index(name)]
+        own[:start] = False
+        own[end:] = False
+    return found
+
+
+def _columns(one: ControllerEvent, numbers: Sequence[int]) -> list[int]:
+    if one.axis is None:
+        return list(range(len(numbers)))
+    if one.axis not in numbers:
+        raise ExchangeError(
+            where=one.where,
+            found=f"axis {one.axis}",
+            expected="one of those that the lists name,"
+            f" {', '.join(f'A{number}' for number in numbers)}",
+        )
+    return [list(numbers).index(one.axis)]
+
+
+def loaded_versions(
+    lists: Sequence[ListFile], events: Sequence[ControllerEvent], rows: int
+) -> tuple[list[list[ListFile]], dict[int, tuple[int, int]]]:
+    """Return the lists after each reload, and in which rows each list is loaded."""
+    versions = [list(lists)]
+    spans = {id(one): (0, rows) for one in lists}
+    for event in events:
+        if event.listing is None:
+            continue
+        place = _replaced(versions[-1], event)
+        old = versions[-1][place]
+        spans[id(old)] = (spans[id(old)][0], event.row)
+        # A copy: the same list may be loaded several times.
+        new = dataclasses.replace(event.listing)
+        spans[id(new)] = (event.row, rows)
+        versions.append([*versions[-1][:place], new, *versions[-1][place + 1 :]])
+    return versions, spans
+
+
+def _replaced(version: Sequence[ListFile], event: ControllerEvent) -> int:
+    """Return the place of the list that an event loads again."""
+    listing = event.listing
+    assert listing is not None
+    for place, one in enumerate(version):
+        same_kind = one.kind == listing.kind == "compensation"
+        if same_kind and axis_number(one) == axis_number(listing):
+            return place
+    raise ExchangeError(
+        where=event.where,
+        found=f"{listing.source}, a list of axis {axis_number(listing)}",
+        expected="a compensation list of an axis that has one; axis lists are not"
+        " updated at run time",
+    )

@@ -1,0 +1,262 @@
+"""Commanded motion of a machine by axis number, and what follows from it."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ....data.measurements import Measurement
+from .._units import ExchangeError
+
+_COLUMNS = {
+    "position": "positions",
+    "direction": "directions",
+    "velocity": "velocities",
+    "acceleration": "accelerations",
+    "actual": "actuals",
+}
+"""Attribute of a motion by role."""
+_EVEN = 0.01
+"""Share by which time steps may differ and still be cycles of one length."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """Commanded motion of a machine, one row per cycle or independent position.
+
+    Attributes:
+        positions: By logical axis number, in mm or °.
+        directions: ±1 by axis, where the user gives them.
+        time: In s; None where the rows are independent positions.
+        velocities: By axis in mm/s or °/s; derived where they are missing.
+        accelerations: By axis in mm/s² or °/s²; derived where they are missing.
+        temperatures: By sensor, in °C.
+        actuals: Actual positions by axis, for conventions that take them.
+        source: Where it comes from, for messages.
+    """
+
+    positions: Mapping[int, Float[np.ndarray, " t"]]
+    directions: Mapping[int, Int[np.ndarray, " t"]]
+    time: Float[np.ndarray, " t"] | None
+    velocities: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+    accelerations: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+    temperatures: Mapping[str, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+    actuals: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+    source: str = "motion"
+
+    @classmethod
+    def of(cls, measured: Measurement, number: Callable[[str], int]) -> "Motion":
+        """Return the motion that a measurement holds.
+
+        Args:
+            measured: With roles such as ``A1.position``.
+            number: From the name of an axis to its logical number; it may raise.
+
+        Raises:
+            CellError: If a column holds a cell that cannot be used.
+        """
+        columns: dict[str, dict[int, np.ndarray]] = {}
+        temperatures: dict[str, np.ndarray] = {}
+        for role in measured.values:
+            name, _, quantity = role.partition(".")
+            if name == "temperature":
+                temperatures[quantity] = np.asarray(measured.values[role], float)
+                continue
+            axis = number(name) if quantity else 0
+            if quantity in _COLUMNS:
+                kind = np.int64 if quantity == "direction" else float
+                values = np.asarray(measured.values[role], kind)
+                columns.setdefault(_COLUMNS[quantity], {})[axis] = values
+        time = measured.get("time")
+        return cls(
+            **{"positions": {}, "directions": {}, **columns},
+            time=None if time is None else np.asarray(time, float),
+            temperatures=temperatures,
+            source=str(measured.source),
+        )
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        columns = (*self.positions.values(), *self.velocities.values())
+        return len(next(iter((*columns, *self.accelerations.values())), np.zeros(0)))
+
+    def position(self, axis: int, why: str) -> Float[np.ndarray, " t"]:
+        """Return the commanded position of an axis.
+
+        Raises:
+            ExchangeError: If the motion does not have it.
+        """
+        if axis not in self.positions:
+            known = ", ".join(f"A{number}.position" for number in self.positions)
+            raise ExchangeError(
+                where=self.source, found=known or "no position",
+                expected=f"A{axis}.position {why}",
+            )  # fmt: skip
+        return self.positions[axis]
+
+    def check(self, cycle_time: float | None = None) -> None:
+        """Refuse what no controller commands.
+
+        Args:
+            cycle_time: Of the controller in s, where it is known.
+
+        Raises:
+            ExchangeError: If a value is not finite, times do not ascend or columns
+                differ in length, or the time step is not the cycle time.
+        """
+        columns = {
+            f"A{number}.{role}": values
+            for role, attribute in _COLUMNS.items()
+            if role != "direction"
+            for number, values in getattr(self, attribute).items()
+        }
+        columns |= {f"temperature.{name}": v for name, v in self.temperatures.items()}
+        if self.time is not None:
+            columns["time"] = self.time
+        for name, values in columns.items():
+            if len(values) != self.rows:
+                raise ExchangeError(
+                    where=f"{self.source}: {name}",
+                    found=f"{len(values)} rows",
+                    expected=f"{self.rows}, as in the other columns",
+                )
+            if not np.isfinite(values).all():
+                at = int(np.argmin(np.isfinite(values)))
+                raise ExchangeError(
+                    where=f"{self.source}: {name}",
+                    found=f"{values[at]} in row {at + 1}",
+                    expected="a finite number",
+                )
+        if self.time is not None:
+            self._check_time(self.time, cycle_time)
+
+    def _check_time(
+        self, time: Float[np.ndarray, " t"], cycle_time: float | None
+    ) -> None:
+        steps = np.diff(time)
+        if (steps <= 0).any():
+            at = int(np.argmax(steps <= 0))
+            raise ExchangeError(
+                where=f"{self.source}: time",
+                found=f"{time[at + 1]:g} s after {time[at]:g} s in row {at + 2}",
+                expected="ascending times",
+            )
+        if cycle_time is None or not steps.size:
+            return
+        step = float(np.median(steps))
+        if abs(step - cycle_time) > _EVEN * cycle_time:
+            raise ExchangeError(
+                where=f"{self.source}: time",
+                found=f"a time step of {1e3 * step:g} ms",
+                expected=f"the cycle time of the controller, {1e3 * cycle_time:g} ms",
+            )
+
+    @property
+    def is_even(self) -> bool:
+        """Whether the rows are cycles of one length, none left out."""
+        if self.time is None or len(self.time) < 2:
+            return True
+        steps = np.diff(self.time)
+        step = np.median(steps)
+        return bool(np.max(np.abs(steps - step)) <= _EVEN * step)
+
+    def velocity(self, axis: int, span: float | None) -> Float[np.ndarray, " t"] | None:
+        """Return the velocity in mm/s or °/s: given, else the backward difference.
+
+        None where neither can be had. Before the first row the axis stood there.
+
+        Args:
+            axis: Logical number.
+            span: Length of the modulo range of the axis, or None.
+        """
+        if axis in self.velocities:
+            return self.velocities[axis]
+        if self.time is None or axis not in self.positions:
+            return None
+        return self._rate(unwrapped(self.positions[axis], span))
+
+    def acceleration(
+        self, axis: int, span: float | None
+    ) -> Float[np.ndarray, " t"] | None:
+        """Return the acceleration in mm/s² or °/s², likewise.
+
+        How an axis that moves from the first row on came to its velocity is not known:
+        the first rows have the first acceleration that can be told.
+        """
+        if axis in self.accelerations:
+            return self.accelerations[axis]
+        velocity = self.velocity(axis, span)
+        if self.time is None or velocity is None:
+            return None
+        return self._change(velocity, given=axis in self.velocities)
+
+    def lacks(self, axis: int, quantity: str) -> str:
+        """Return in words what a ``velocity`` or ``acceleration`` cannot be had from."""
+        if self.time is None:
+            return f"there is neither A{axis}.{quantity} nor time"
+        return f"there is neither A{axis}.{quantity} nor A{axis}.position"
+
+    def actual_rates(
+        self, axis: int, span: float | None
+    ) -> tuple[Float[np.ndarray, " t"] | None, Float[np.ndarray, " t"] | None]:
+        """Return velocity and acceleration as they were: of the actual positions.
+
+        An axis without its own moves as it is commanded.
+
+        Args:
+            axis: Logical number.
+            span: Length of the modulo range of the axis, or None.
+        """
+        if self.time is None or axis not in self.actuals:
+            return self.velocity(axis, span), self.acceleration(axis, span)
+        velocity = self._rate(unwrapped(self.actuals[axis], span))
+        return velocity, self._change(velocity, given=False)
+
+    def _change(
+        self, velocity: Float[np.ndarray, " t"], *, given: bool
+    ) -> Float[np.ndarray, " t"]:
+        """Return the acceleration to a velocity, one that is derived from row 1 on."""
+        first = 1 if given else 2
+        found = self._rate(velocity)
+        moving = found.size > first and velocity[first - 1] != 0.0
+        found[:first] = found[first] if moving else 0.0
+        return found
+
+    def _rate(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+        assert self.time is not None
+        steps = np.diff(self.time)
+        if self.is_even and steps.size:
+            # Times are rounded in files: one step for all is nearer to the truth.
+            steps = np.full_like(steps, (self.time[-1] - self.time[0]) / steps.size)
+        return np.concatenate([np.zeros(min(1, values.size)), np.diff(values) / steps])
+
+
+def unwrapped(
+    position: Float[np.ndarray, " t"], span: float | None
+) -> Float[np.ndarray, " t"]:
+    """Return the position of an axis that turns as one that goes on."""
+    return position if span is None else np.unwrap(position, period=span)
+
+
+def direction_of_motion(
+    position: Float[np.ndarray, " t"], start: int = 1
+) -> Int[np.ndarray, " t"]:
+    """Return the direction of motion per cycle: that of the last step that was one.
+
+    Args:
+        position: Commanded, in mm or °.
+        start: Direction before the first motion (S-21).
+    """
+    step = np.sign(np.diff(position, prepend=position[:1])).astype(np.int64)
+    last = np.maximum.accumulate(np.where(step != 0, np.arange(len(step)), -1))
+    return np.where(last < 0, start, step[np.maximum(last, 0)])

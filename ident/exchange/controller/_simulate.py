@@ -1,0 +1,358 @@
+"""What the lists of a machine add along a motion: each compensation, and the sum."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ....data.lists import ListFile
+from ....models import (
+    Conventions,
+    Motion as ControllerMotion,
+    Offsets,
+    PositionController,
+)
+from ...kinds import NAMES, kind, kinds
+from .._machine_lists import InUse, Reading, axes_in_use, machine_lists
+from .._nodes import as_array
+from .._units import ExchangeError
+from ._controller import controller_of
+from ._events import (
+    ControllerEvent,
+    Windows,
+    homed_rows,
+    loaded_versions,
+    selected_rows,
+)
+from ._motion import Motion, direction_of_motion, unwrapped
+
+_SMALLEST = 256
+"""Motions are padded to powers of two from here on: few shapes to compile."""
+
+
+@dataclasses.dataclass(frozen=True)
+class AxisOffsets:
+    """What an axis's lists add, per row.
+
+    Attributes:
+        axis: Logical number.
+        parts: Position offsets by compensation in mm or °, those that are active.
+        total: Their sum.
+        left_out: Compensations that are active and could not be computed.
+        current: Current of the friction compensation in drive units; None: it has none.
+        remarks: What the user should know: why something was left out, or that it waits
+            for a command.
+    """
+
+    axis: int
+    parts: Mapping[str, Float[np.ndarray, " t"]]
+    total: Float[np.ndarray, " t"]
+    left_out: tuple[str, ...]
+    current: Float[np.ndarray, " t"] | None = None
+    remarks: tuple[str, ...] = ()
+
+
+def simulate(
+    lists: Sequence[ListFile],
+    motion: Motion,
+    reading: Reading,
+    *,
+    cycle_time: float | None = None,
+    only: Callable[[InUse], bool] | None = None,
+    events: Sequence[ControllerEvent] | None = None,
+) -> tuple[AxisOffsets, ...]:
+    """Return what the controller adds to each axis along a motion.
+
+    Without an axis list everything in a list is active; with one, what its activation
+    bits say, what waits for COMP ON included unless there are events. Without time the rows
+    stand for themselves: neither filters nor delays.
+
+    Where lists are loaded again, the old table goes and the new one comes as at COMP OFF and
+    ON: over the cycles of each, both at the same time (S-06).
+
+    Args:
+        lists: Compensation and axis lists in any order, as they are loaded in the first row.
+        motion: Commanded motion.
+        reading: How the lists are read.
+        cycle_time: Of the controller in s, to hold the time step of the motion against.
+        only: Which compensations are computed; None: all. Axes that have none of them are
+            left out.
+        events: In the order of their rows; None: everything has been on and homed for
+            long, also what waits for COMP ON.
+
+    Raises:
+        ExchangeError: If a list makes no table, an axis has two lists, or the motion
+            lacks an axis, has bad values, or no time for events; if a list that is loaded
+            again replaces none.
+    """
+    if events is None:
+        return _simulated(lists, motion, reading, cycle_time, only)
+    if motion.time is None:
+        raise ExchangeError(
+            where=motion.source, found="no time", expected="time, for events"
+        )
+    others = [one for one in events if one.action != "reload"]
+    versions, spans = loaded_versions(lists, events, motion.rows)
+    found: tuple[AxisOffsets, ...] = ()
+    known: set[int] = set()
+    for version in versions:
+        used = machine_lists(version).in_use(reading.conventions, reading.lines)
+        windows = {
+            (one.axis, one.name): spans[id(one.listing)]
+            for one in used
+            if id(one.listing) in spans
+        }
+        offsets = _simulated(
+            version, motion, reading, cycle_time, only, others, windows
+        )
+        new = {id(one) for one in version} - known
+        known |= new
+        fresh = {(one.axis, one.name) for one in used if id(one.listing) in new}
+        found = _joined(found, offsets, fresh) if found else offsets
+    return found
+
+
+def _simulated(
+    lists: Sequence[ListFile],
+    motion: Motion,
+    reading: Reading,
+    cycle_time: float | None,
+    only: Callable[[InUse], bool] | None,
+    events: Sequence[ControllerEvent] | None = None,
+    windows: Windows | None = None,
+) -> tuple[AxisOffsets, ...]:
+    """Return what lists add that are loaded in some rows, the windows, or in all."""
+    motion.check(cycle_time)
+    machine = machine_lists(lists)
+    used = machine.in_use(reading.conventions, reading.lines)
+    if only is not None:
+        used = tuple(one for one in used if only(one))
+    own = {one.axis for one in used if one.kind.holder == "axis"}
+    if not machine.compensation and not own:
+        names = ", ".join(one.source for one in lists)
+        raise ExchangeError(
+            where=names or "lists",
+            found="no compensation list",
+            expected="at least one (kopf.*, kw.*)",
+        )
+    reading = dataclasses.replace(reading, commanded=events is None)
+    why = {one: one.kind.entries.lacks(one, motion, reading) for one in used}
+    computed = [one for one in used if why[one] is None]
+    for one in computed:
+        for axis in one.kind.entries.looks_at(one, motion):
+            motion.position(axis, f"for {one.kind.noun} of A{one.axis}")
+    numbers = axes_in_use(used, machine)
+    controller = controller_of(computed, machine, numbers, reading)
+    whole = _controller_motion(motion, numbers, reading)
+    if events is not None:
+        rows = whole.cycles
+        whole = dataclasses.replace(
+            whole,
+            homed=homed_rows(events, numbers, rows),
+            active=selected_rows(controller, events, numbers, rows, windows or {}),
+        )
+    found = _run(controller, whole, settled=motion.time is None)
+    listed = set(machine.compensation) if only is None else set[int]()
+    shown = sorted({one.axis for one in used} | listed)
+    return tuple(
+        _axis(
+            axis,
+            numbers.index(axis),
+            found,
+            {one: reason for one, reason in why.items() if one.axis == axis},
+            motion,
+            waiting=events is not None,
+        )
+        for axis in shown
+    )
+
+
+def _controller_motion(
+    motion: Motion, numbers: Sequence[int], reading: Reading
+) -> ControllerMotion:
+    """Return the motion as the controller takes it, a column per axis.
+
+    What no compensation needs and the motion does not have is 0.
+
+    Raises:
+        ExchangeError: If the conventions take actual positions and there are none.
+    """
+    none = np.zeros(motion.rows)
+
+    def table(
+        columns: Sequence[Float[np.ndarray, " t"] | None],
+    ) -> Float[Array, "t a"]:
+        return as_array(np.stack([none if c is None else c for c in columns], axis=1))
+
+    conventions = reading.conventions
+    pairs = [(n, reading.span(n)) for n in numbers]
+    actual = _actuals(motion, numbers, conventions)
+    velocities: Float[Array, "t a"] | None = None
+    accelerations: Float[Array, "t a"] | None = None
+    if conventions.crosstalk_input == "actual":
+        rates = [motion.actual_rates(n, span) for n, span in pairs]
+        velocities = table([one[0] for one in rates])
+        accelerations = table([one[1] for one in rates])
+    return ControllerMotion(
+        position=table([motion.positions.get(n) for n in numbers]),
+        velocity=table([motion.velocity(n, span) for n, span in pairs]),
+        acceleration=table([motion.acceleration(n, span) for n, span in pairs]),
+        temperature=(
+            table(list(motion.temperatures.values())) if motion.temperatures else None
+        ),
+        direction=_directions(motion, numbers, reading),
+        actual=actual,
+        actual_velocity=velocities,
+        actual_acceleration=accelerations,
+    )
+
+
+def _directions(
+    motion: Motion, numbers: Sequence[int], reading: Reading
+) -> Float[Array, "t a"] | None:
+    """Return the directions where the controller cannot tell them by positions."""
+    if not motion.directions and not reading.modulo:
+        return None
+    places = motion.positions
+    if reading.conventions.direction_source == "actual":
+        places = motion.actuals
+    columns = []
+    for axis in numbers:
+        found = motion.directions.get(axis)
+        if found is None and motion.time is not None and axis in places:
+            found = direction_of_motion(unwrapped(places[axis], reading.span(axis)), 0)
+        columns.append(np.zeros(motion.rows) if found is None else found.astype(float))
+    return as_array(np.stack(columns, axis=1))
+
+
+def _actuals(
+    motion: Motion, numbers: Sequence[int], conventions: Conventions
+) -> Float[Array, "t a"] | None:
+    asking = {
+        name
+        for name in ("plane_input", "direction_source", "crosstalk_input")
+        if getattr(conventions, name) == "actual"
+    }
+    if motion.actuals:
+        # An axis without its own is where it is commanded.
+        either = {**motion.positions, **motion.actuals}
+        none = np.zeros(motion.rows)
+        return as_array(np.stack([either.get(n, none) for n in numbers], axis=1))
+    if asking:
+        raise ExchangeError(
+            where=motion.source,
+            found="no actual positions",
+            expected=f"columns such as A{numbers[0]}.actual, as the convention"
+            f" {sorted(asking)[0]} takes them",
+        )
+    return None
+
+
+def _run(
+    controller: PositionController, motion: ControllerMotion, *, settled: bool
+) -> dict[str, np.ndarray]:
+    """Return each compensation of all axes, shape ``(t, a)``."""
+    rows = motion.cycles
+    if rows == 0:
+        none = np.zeros(motion.position.shape)
+        return {name: none for name in controller.installed}
+    whole = _padded(motion)
+    offsets: Offsets
+    if settled:
+        offsets = controller.settled(whole)
+    else:
+        offsets, _ = controller.run(controller.start(), whole)
+    return {
+        name: np.asarray(offsets.part(name))[:rows] for name in controller.installed
+    }
+
+
+def _padded(motion: ControllerMotion) -> ControllerMotion:
+    """Return the motion with its last row repeated: the axes stand, as they would."""
+    size = max(_SMALLEST, 1 << max(motion.cycles - 1, 0).bit_length())
+    more = ((0, size - motion.cycles), (0, 0), (0, 0))
+    longer: ControllerMotion = jax.tree.map(
+        lambda rows: jnp.pad(rows, more[: rows.ndim], mode="edge"), motion
+    )
+    still = jnp.pad(motion.velocity, more[:2]), jnp.pad(motion.acceleration, more[:2])
+    return dataclasses.replace(longer, velocity=still[0], acceleration=still[1])
+
+
+def _axis(
+    axis: int,
+    column: int,
+    found: Mapping[str, np.ndarray],
+    why: Mapping[InUse, str | None],
+    motion: Motion,
+    *,
+    waiting: bool,
+) -> AxisOffsets:
+    here = {one.name for one, reason in why.items() if reason is None}
+    parts, currents = {}, []
+    for each in kinds():
+        if each.name in here:
+            rows = np.ascontiguousarray(found[each.name][:, column])
+            if each.adds_current:
+                currents.append(rows)
+            else:
+                parts[each.name] = rows
+    remarks = [
+        f"A{axis}: {one.name} stands in the list and is not computed: {reason}"
+        for one, reason in why.items()
+        if reason is not None
+    ]
+    remarks += [
+        f"A{axis}: {one.name} waits for COMP ON in the NC program"
+        " (manual_activation 1); it is computed as switched on"
+        for one, reason in why.items()
+        if one.manual and reason is None and not waiting
+    ]
+    if here and not motion.is_even:
+        remarks.append(
+            f"A{axis}: the time steps of {motion.source} differ: filters and delays"
+            " take each row as one cycle"
+        )
+    return AxisOffsets(
+        axis=axis,
+        parts=parts,
+        total=sum(parts.values(), np.zeros(motion.rows)),
+        left_out=tuple(one.name for one, reason in why.items() if reason is not None),
+        current=sum(currents[1:], currents[0]) if currents else None,
+        remarks=tuple(remarks),
+    )
+
+
+def _joined(
+    before: tuple[AxisOffsets, ...],
+    after: tuple[AxisOffsets, ...],
+    fresh: set[tuple[int, str]],
+) -> tuple[AxisOffsets, ...]:
+    """Add what the new tables of a version add to what is known."""
+    joined = {one.axis: one for one in (*after, *before)}
+    for one in after:
+        old = joined[one.axis]
+        if old is one:
+            continue
+        new = {n: v for n, v in one.parts.items() if (one.axis, n) in fresh}
+        none = np.zeros_like(old.total)
+        pushes = any(
+            kind(name).adds_current for axis, name in fresh if axis == one.axis
+        )
+        currents = [old.current, one.current if pushes else None]
+        pushed = [current for current in currents if current is not None]
+        joined[one.axis] = dataclasses.replace(
+            old,
+            parts={
+                name: old.parts.get(name, none) + new.get(name, none)
+                for name in NAMES
+                if name in old.parts or name in new
+            },
+            total=old.total + sum(new.values(), none),
+            current=sum(pushed[1:], pushed[0]) if pushed else None,
+            left_out=tuple(dict.fromkeys((*old.left_out, *one.left_out))),
+            remarks=tuple(dict.fromkeys((*old.remarks, *one.remarks))),
+        )
+    return tuple(joined[axis] for axis in sorted(joined))

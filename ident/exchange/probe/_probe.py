@@ -1,0 +1,277 @@
+"""Probe lists: one plateau of 10 µm per compensation, where it can be told apart.
+
+A list that somebody fitted says little about the controller's own rules: its values are
+small and all over the place. A plateau is either there or not, up or down, and stands
+at one place.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from ....data.lists import ListFile, Value, new_list
+from ....models import Conventions
+from ...kinds import kind
+from .._files import axis_file, compensation_file
+from .._identity import Increments
+from .._machine_lists import Reading, machine_lists
+from .._nodes import GridNodes
+from .._units import LIST_UNITS, ExchangeError
+from ..controller._controller import model_of
+
+HEIGHT = 0.01
+"""Height of a plateau: 10 µm, or 0.01° of a rotary axis."""
+FIRST, SECOND = (2, 4), (6, 8)
+"""Tenths of the travel where a plateau begins and ends: two places, told apart."""
+DEFAULT_ACCELERATION = 1000
+"""mm/s² at which a crosstalk table reaches its values, where no list says it."""
+
+_TENTHS = 10
+_SHORTEST = 10.0
+"""mm or °: the ramps of a shorter travel would be steep."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ProbeAxis:
+    """An axis of the machine to be probed.
+
+    Attributes:
+        number: Logical number.
+        name: For people and for the header of the list.
+        travel: Positions in mm or ° between which it may move.
+        rotary: Positions are in °.
+        modulo: The travel is one turn.
+    """
+
+    number: int
+    name: str
+    travel: tuple[float, float]
+    rotary: bool = False
+    modulo: bool = False
+
+    @property
+    def grid(self) -> GridNodes:
+        """Eleven nodes over the travel, a tenth of it apart, on whole mm or 0.1 mm."""
+        low, high = self.travel
+        if not high - low >= _SHORTEST:
+            raise ExchangeError(
+                where=f"travel of axis {self.number}",
+                found=f"{low:g} to {high:g}",
+                expected=f"{_SHORTEST:g} mm or ° or more, for gentle slopes",
+            )
+        # Whole units of 1 mm where the travel is long enough to lose none of it.
+        unit = LIST_UNITS if high - low >= 100 else LIST_UNITS // 100
+        if self.modulo:
+            unit = 1
+        start = int(np.ceil(round(low * LIST_UNITS / unit, 6))) * unit
+        step = int((high * LIST_UNITS - start) / _TENTHS / unit + 1e-9) * unit
+        return GridNodes(start, step, _TENTHS + 1)
+
+    @property
+    def height_text(self) -> str:
+        """The height of a plateau, for people."""
+        return "0.01°" if self.rotary else "10 µm"
+
+    def at(self, tenths: float) -> float:
+        """Return a position in mm or °, counted in tenths of the travel."""
+        grid = self.grid
+        return (grid.start + tenths * grid.interval) / LIST_UNITS
+
+
+@dataclasses.dataclass(frozen=True)
+class Probed:
+    """One compensation that is probed.
+
+    Attributes:
+        axis: Logical number of the axis that it acts on.
+        name: Of the compensation.
+        masters: Logical numbers of the axes that it looks at.
+        acceleration: Of a crosstalk table in mm/s², where the values are reached.
+        kept: Entries of the list that is loaded now, where they are probed at a low level.
+    """
+
+    axis: int
+    name: str
+    masters: tuple[int, ...]
+    acceleration: int = DEFAULT_ACCELERATION
+    kept: Mapping[str, Value] = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """One thing that may be seen, and what follows from it.
+
+    Attributes:
+        seen: In words, with units.
+        means: In words.
+        conventions: What it settles, by name of the convention.
+    """
+
+    seen: str
+    means: str
+    conventions: Mapping[str, int | str] = dataclasses.field(default_factory=dict)
+
+
+Masters = Sequence[ProbeAxis]
+"""Axes that a compensation looks at, in the order of its list."""
+Outcomes = tuple[Outcome, ...]
+"""What may be seen, the expected one first."""
+Places = dict[str, float]
+"""Positions in mm or ° by axis name."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Probe:
+    """What is to be loaded for a probe.
+
+    Attributes:
+        axes: By logical number.
+        tables: What is probed.
+        lists: Compensation list by axis.
+        additions: By axis what its axis list needs, as a list of just these entries.
+    """
+
+    axes: Mapping[int, ProbeAxis]
+    tables: tuple[Probed, ...]
+    lists: Mapping[int, ListFile]
+    additions: Mapping[int, ListFile]
+
+
+def probed_in(lists: Sequence[ListFile], conventions: Conventions) -> list[Probed]:
+    """Return what lists hold and can be probed; tables whether active or not.
+
+    Friction is probed where a list holds it, at a low level of it: a current that nobody
+    measured must not be put on a drive.
+
+    Raises:
+        ExchangeError: If an axis has two lists, or a table does not name its master.
+    """
+    machine = machine_lists(lists)
+    tables = dataclasses.replace(machine, machine={}).in_use(conventions)
+    lines = dataclasses.replace(machine, compensation={}).in_use(conventions)
+    return [one.kind.probe.probed(one) for one in (*tables, *lines)]
+
+
+def travel_in(
+    lists: Sequence[ListFile], conventions: Conventions, increment: Increments = None
+) -> dict[int, tuple[float, float]]:
+    """Return over which positions in mm or ° the tables of the lists go, by axis.
+
+    Raises:
+        ExchangeError: If a list makes no table.
+    """
+    machine = dataclasses.replace(machine_lists(lists), machine={})
+    found: dict[int, list[float]] = {}
+    for one in machine.in_use(conventions):
+        if not one.kind.table:
+            continue
+        ways = model_of(one, Reading(conventions, increment)).ways
+        for axis, nodes in zip(one.masters, ways, strict=True):
+            places = np.asarray(nodes.positions, dtype=float)
+            found.setdefault(axis, []).extend((places[0], places[-1]))
+    return {axis: (float(min(p)), float(max(p))) for axis, p in found.items()}
+
+
+def make_probe(
+    axes: Mapping[int, ProbeAxis],
+    tables: Sequence[Probed],
+    conventions: Conventions,
+    existing: Mapping[int, ListFile] | None = None,
+) -> Probe:
+    """Return the probe lists of a machine.
+
+    Args:
+        axes: All axes that are probed or looked at, by logical number.
+        tables: What is to be probed.
+        conventions: Order of the indices of a plane.
+        existing: Lists that are loaded now: the memory that they reserve stays, so that
+            no restart is needed.
+
+    Raises:
+        ExchangeError: If an axis is not known, or its travel is too short.
+    """
+    for one in tables:
+        for axis in (one.axis, *one.masters):
+            if axis not in axes:
+                known = ", ".join(map(str, sorted(axes)))
+                raise ExchangeError(
+                    where=f"{one.name} of axis {one.axis}",
+                    found=f"axis {axis}, whose travel is not known",
+                    expected=(f"one of {known}, or " if known else "")
+                    + f"its limits in the job, or --travel A{axis}=0:500",
+                )
+    names = [axis.name.upper() for axis in axes.values()]
+    twice = {name for name in names if names.count(name) > 1}
+    if twice:
+        raise ExchangeError(
+            where="names of axes",
+            found=f"{', '.join(sorted(twice))} twice",
+            expected="a word of its own for each (nc_name in the job)",
+        )
+    lists, additions = {}, {}
+    for number in sorted({one.axis for one in tables}):
+        mine = [one for one in tables if one.axis == number]
+        old = (existing or {}).get(number)
+        entries: dict[str, Value] = {}
+        for one in mine:
+            facts = kind(one.name)
+            entries |= facts.probe.entries(one, axes, conventions)
+            size = f"{facts.prefix}.max_points"
+            if old is not None and facts.probe.plateaus and old.integer(size):
+                entries[size] = old.integer(size) or 0
+        head: dict[str, Value] = {"kopf.achs_nr": number}
+        head["kopf.log_achs_name"] = axes[number].name
+        title = f"Probe list of {axes[number].name}: 10 um plateaus, not for machining."
+        if entries:
+            lists[number] = dataclasses.replace(
+                new_list(head | entries, comment=(title,)),
+                source=compensation_file(number),
+            )
+        added: dict[str, Value] = {"kopf.achs_nr": number}
+        for one in mine:
+            found = kind(one.name)
+            own = found.probe.additions(axes[number])
+            added |= own or found.entries.activation()
+        additions[number] = dataclasses.replace(
+            new_list(added, comment=("Add these entries to the axis list.",)),
+            source=axis_file(number, whole=False),
+        )
+    return Probe(dict(axes), tuple(tables), lists, additions)
+
+
+def plateau(between: tuple[int, int]) -> Float[np.ndarray, " n"]:
+    """Return a plateau at the nodes of an axis, in mm or °.
+
+    Args:
+        between: Tenths of the travel where it begins and ends.
+    """
+    tenths = np.arange(_TENTHS + 1)
+    return np.where((tenths >= between[0]) & (tenths <= between[1]), HEIGHT, 0.0)
+
+
+def both_signs(axis: ProbeAxis, convention: str, entry: str) -> tuple[Outcome, Outcome]:
+    """Return what either sign of a table looks like, the expected one first.
+
+    Args:
+        axis: The one that moves.
+        convention: Name of the rule.
+        entry: What an entry of its table is by default, ``offset`` or ``error``.
+    """
+    kept = f"entries are offsets: {axis.name} moves by what stands in the list"
+    turned = f"entries are errors: the controller subtracts them from {axis.name}"
+    plus = Outcome(f"+{axis.height_text}", kept, {convention: 1})
+    minus = Outcome(f"−{axis.height_text}", turned, {convention: -1})
+    assert getattr(Conventions, convention) == (1 if entry == "offset" else -1)
+    return (plus, minus) if entry == "offset" else (minus, plus)
+
+
+def number_text(value: float) -> str:
+    """Return a position without needless digits."""
+    return f"{value:.10g}"
+
+
+def places_text(places: Mapping[str, float]) -> str:
+    """Return positions by axis as they are read aloud."""
+    return ", ".join(f"{name} {number_text(value)}" for name, value in places.items())

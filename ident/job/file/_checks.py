@@ -1,0 +1,247 @@
+"""What a job must fulfil beyond the types of its keys, checked before any work."""
+
+from collections.abc import Iterator
+
+from ....data.measurements import find_role
+from ...exchange import ExchangeError, build_number
+from ...kinds._keys import Fault, FitSpec, KeyPath, unknown
+from ._schema import ColumnOfRun, JobFile, MeasurementSpec
+
+
+def find_fault(job: JobFile) -> Fault | None:
+    """Return the first thing that is wrong, or None."""
+    for faults in (_controller(job), _axes(job), _measurements(job), _fits(job)):
+        for fault in faults:
+            return fault
+    return None
+
+
+def _controller(job: JobFile) -> Iterator[Fault]:
+    if job.controller.build is not None:
+        try:
+            build_number(job.controller.build)
+        except ExchangeError as error:
+            reason = f"found {error.found}, expected {error.expected}"
+            yield ("controller", "build"), reason
+
+
+def _axes(job: JobFile) -> Iterator[Fault]:
+    owners: dict[int, str] = {}
+    words: dict[tuple[int, str], str] = {}
+    for name, axis in job.axes.items():
+        word = (axis.channel, job.nc_word(name).upper())
+        if word in words:
+            yield (
+                ("axes", name, "nc_name"),
+                f"found {word[1]!r}, the word of axis {words[word]!r} in channel {word[0]},"
+                " expected a word of its own, or another channel",
+            )
+        words[word] = name
+        if axis.number in owners:
+            yield (
+                ("axes", name, "number"),
+                f"found {axis.number}, which axis {owners[axis.number]!r} has already,"
+                " expected a number of its own",
+            )
+        owners[axis.number] = name
+        for key, span in (("limits", axis.limits), ("modulo", axis.modulo)):
+            if span is not None and not span[0] < span[1]:
+                reason = f"found {span}, expected the smaller value first"
+                yield ("axes", name, key), reason
+        if axis.gantry is not None and axis.gantry not in job.axes:
+            yield ("axes", name, "gantry"), unknown(axis.gantry, job.axes, "an axis")
+
+
+def _measurements(job: JobFile) -> Iterator[Fault]:
+    for name, measured in job.measurements.items():
+        where: KeyPath = ("measurements", name)
+        yield from _files(measured, where)
+        if measured.axis is not None and measured.axis not in job.axes:
+            yield (*where, "axis"), unknown(measured.axis, job.axes, "an axis")
+        for text in measured.columns:
+            role = find_role(text)
+            if role is not None and role.axis not in (None, *job.axes):
+                reason = unknown(role.axis or "", job.axes, "an axis")
+                yield (*where, "columns", text), reason
+        if measured.expansion is None and measured.material_temperature is not None:
+            yield (
+                (*where, "material_temperature"),
+                "found no expansion, expected it in µm/m/K beside the temperature",
+            )
+        if (
+            measured.expansion is not None
+            and measured.material_temperature is None
+            and not measured.already_compensated
+        ):
+            yield (
+                (*where, "expansion"),
+                "found no material_temperature, expected it in °C or as a role"
+                " temperature.<sensor>",
+            )
+
+
+def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
+    files = measured.files
+    if files is None:
+        if measured.file is None:
+            yield (*where, "file"), "found nothing, expected this key"
+        if measured.offsets is not None:
+            reason = "found without files, expected it beside several files"
+            yield (*where, "offsets"), reason
+    else:
+        if measured.file is not None:
+            yield (*where, "files"), "found beside file, expected one of them"
+        if len(set(files)) < len(files):
+            yield (*where, "files"), f"found {files}, expected each once"
+        if measured.profile is not None:
+            reason = "found beside files, expected a single file"
+            yield (*where, "profile"), reason
+        offsets = measured.offsets
+        if offsets is not None and len(offsets) != len(files) - 1:
+            yield (
+                (*where, "offsets"),
+                f"found {len(offsets)} for {len(files)} files, expected one for each"
+                " file after the first",
+            )
+    if measured.rows is not None and measured.rows[0] > measured.rows[1]:
+        yield (*where, "rows"), f"found {list(measured.rows)}, expected first ≤ last"
+    for role, column in measured.columns.items():
+        key = (*where, "columns", role)
+        if isinstance(column, str):
+            continue
+        if isinstance(column, list):
+            yield from _columns_of_runs(column, files, key)
+            continue
+        if (column.column is None) == (column.value is None):
+            found = "both" if column.column is not None else "neither"
+            yield key, f"found {found}, expected one of column and value"
+        if column.value is not None and files is not None:
+            yield key, "found a value beside several files, expected a column"
+        if column.file is None:
+            continue
+        if column.file not in (files or ()):
+            reason = unknown(column.file, files or (), "one of files")
+            yield (*where, "columns", role, "file"), reason
+
+
+def _columns_of_runs(
+    columns: list[ColumnOfRun], files: list[str] | None, where: KeyPath
+) -> Iterator[Fault]:
+    """Yield what is wrong with the columns of a role in a wide table."""
+    if files is not None:
+        yield where, "found columns per run beside several files, expected one file"
+    for name in ("run", "direction"):
+        given = sum(getattr(one, name) is not None for one in columns)
+        if 0 < given < len(columns):
+            reason = f"found {name} in {given} of {len(columns)} columns"
+            yield where, f"{reason}, expected it in all of them or in none"
+
+
+def _fits(job: JobFile) -> Iterator[Fault]:
+    seen: dict[tuple[str, str], int] = {}
+    for k, fit in enumerate(job.fits):
+        where: KeyPath = ("fits", k)
+        yield from _references(job, fit, where)
+        twin = seen.setdefault((fit.compensation, fit.axis), k)
+        if twin != k:
+            yield (
+                (*where, "axis"),
+                f"found a second {fit.compensation} fit of {fit.axis} (the first is"
+                f" fits[{twin}]), expected one: an axis has one of each kind",
+            )
+        for key in fit.lacking:
+            if key in fit.model_fields_set:
+                reason = f"{fit.compensation} has no such entry, expected it for tables"
+                yield (*where, key), reason
+        yield from fit.faults(job, where)
+    yield from _groups(job)
+
+
+def _references(job: JobFile, fit: FitSpec, where: KeyPath) -> Iterator[Fault]:
+    if fit.axis not in job.axes:
+        yield (*where, "axis"), unknown(fit.axis, job.axes, "an axis")
+    if (fit.measurement is None) == (fit.measurements is None):
+        found = "nothing" if fit.measurement is None else "both"
+        reason = f"found {found}, expected measurement or measurements"
+        yield (*where, "measurement"), reason
+    key = "measurement" if fit.measurement is not None else "measurements"
+    for name in fit.sources:
+        if name not in job.measurements:
+            reason = unknown(name, job.measurements, "a measurement")
+            yield (*where, key), reason
+    if len(set(fit.sources)) < len(fit.sources):
+        yield (*where, key), f"found {list(fit.sources)}, expected each once"
+
+
+def _groups(job: JobFile) -> Iterator[Fault]:
+    """Yield what is wrong, each with its key."""
+    for k, fit in enumerate(job.fits):
+        if fit.group is not None and fit.kind.adds_current:
+            yield (
+                ("fits", k, "group"),
+                f"found {fit.compensation} in group {fit.group!r}: it works on the current of the"
+                " drive and not on the position, expected no group",
+            )
+    groups = job.groups
+    together = {
+        name for own in groups.values() for k in own for name in job.fits[k].sources
+    }
+    for name, measured in job.measurements.items():
+        if measured.drift and job.fits and name not in together:
+            yield (
+                ("measurements", name, "drift"),
+                "found for a measurement of no group, expected it where fits name a group",
+            )
+    for name, members in groups.items():
+        yield from _unlike(job, name, members)
+        yield from _beside(job, name, members)
+
+
+def _unlike(job: JobFile, name: str, members: tuple[int, ...]) -> Iterator[Fault]:
+    first = job.fits[members[0]]
+    for key in ("loss", "smoothness"):
+        own = [k for k in members if key not in job.fits[k].lacking]
+        for k in own[1:]:
+            mine, theirs = getattr(job.fits[k], key), getattr(job.fits[own[0]], key)
+            if mine != theirs:
+                yield (
+                    ("fits", k, key),
+                    f"found {mine!r} in group {name!r}, of which fits[{own[0]}] has"
+                    f" {theirs!r}, expected one for all: they are one fit",
+                )
+    for k in members[1:]:
+        fit, where = job.fits[k], ("fits", k)
+        if set(fit.sources) != set(first.sources):
+            yield (
+                (*where, "measurement"),
+                f"found {', '.join(fit.sources)} in group {name!r}, whose first fit"
+                f" (fits[{members[0]}]) has {', '.join(first.sources)}, expected the"
+                " same measurements for all",
+            )
+    for k in members:
+        yield from job.fits[k].faults_in_group(("fits", k))
+    for source in first.sources:
+        measured = job.measurements.get(source)
+        if measured is not None and measured.datum is not None:
+            yield (
+                ("measurements", source, "datum"),
+                f"found for group {name!r}, of which no single effect is zero there,"
+                ' expected remove = "offset" or nothing',
+            )
+
+
+def _beside(job: JobFile, name: str, members: tuple[int, ...]) -> Iterator[Fault]:
+    own: list[FitSpec] = [job.fits[k] for k in members]
+    axes = {fit.axis for fit in own}
+    sources = set(own[0].sources)
+    for k, fit in enumerate(job.fits):
+        if k in members or fit.kind.adds_current or fit.axis not in axes:
+            continue
+        shared = sources & set(fit.sources)
+        if shared:
+            yield (
+                ("fits", k, "measurement"),
+                f"found {', '.join(sorted(shared))}, from which group {name!r} explains"
+                f" the whole error of {fit.axis}, expected this fit in the group as"
+                " well, or a measurement of its own",
+            )

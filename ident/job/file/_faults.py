@@ -1,0 +1,179 @@
+"""What pydantic finds in a job file, in our words and with the line."""
+
+import datetime
+import difflib
+import re
+from pathlib import Path
+from typing import Any
+
+import pydantic
+
+from ...exchange import TomlError, line_of
+from ...kinds import NAMES, kind
+from ...kinds._keys import JobPart, KeyPath
+from ._schema import (
+    Axis,
+    ColumnChoice,
+    ColumnOfRun,
+    Controller,
+    Datum,
+    Gate,
+    JobFile,
+    Machine,
+    MeasurementSpec,
+)
+
+
+class JobError(TomlError):
+    """A job that cannot be run: where in the job file, what was found and expected."""
+
+
+def error_at(path: Path, text: str, where: KeyPath, reason: str) -> JobError:
+    """Return the error that a key is, ready to raise.
+
+    Args:
+        path: Of the job file.
+        text: What stands in it.
+        where: The key; empty: the job as a whole.
+        reason: What was found and what was expected.
+    """
+    words = f"{_key_words(where)}: {reason}" if where else reason
+    return JobError(str(path), line_of(text, where), words)
+
+
+def _key_words(where: KeyPath) -> str:
+    """Return a key as it would be written: ``fits[0].start``."""
+    text = ""
+    for part in where:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}"
+    return text.removeprefix(".")
+
+
+def _part(where: KeyPath, values: Any) -> type[JobPart] | None:
+    """Return the class that describes a table of the job file."""
+    match where:
+        case ():
+            return JobFile
+        case ("machine",):
+            return Machine
+        case ("controller",):
+            return Controller
+        case ("gate",):
+            return Gate
+        case ("axes", _):
+            return Axis
+        case ("measurements", _):
+            return MeasurementSpec
+        case ("measurements", _, "datum"):
+            return Datum
+        case ("measurements", _, "columns", _):
+            return ColumnChoice
+        case ("measurements", _, "columns", _, int()):
+            return ColumnOfRun
+        case ("fits", int(k)):
+            name = values["fits"][k].get("compensation")
+            return kind(name).keys if name in NAMES else None
+        case ("fits", int(k), str(key)):
+            return kind(values["fits"][k]["compensation"]).keys.parts.get(key)
+    return None
+
+
+def first_fault(
+    path: Path,
+    error: pydantic.ValidationError,
+    values: dict[str, Any],
+    text: str,
+) -> JobError:
+    """Return the first thing that pydantic found, in our words."""
+    found = error.errors(include_url=False)
+    # A column may be a name or a table: pydantic reports both attempts. The one that
+    # went further into the value is the one that was meant.
+    first = max(found, key=lambda item: (item["type"] == "extra_forbidden", 0))
+    if first["type"] != "extra_forbidden":
+        top = _clean(found[0]["loc"], values)
+        below = [
+            item for item in found if _clean(item["loc"], values)[: len(top)] == top
+        ]
+        first = max(below, key=lambda item: len(_clean(item["loc"], values)))
+    where = _clean(first["loc"], values)
+    kind, context = first["type"], first.get("ctx", {})
+    given = _quoted(first.get("input"))
+    if kind == "extra_forbidden":
+        part = _part(where[:-1], values)
+        known = [
+            field.alias or name
+            for name, field in (part.model_fields.items() if part else ())
+        ]
+        reason = "unknown key"
+        if close := difflib.get_close_matches(str(where[-1]), known, 1, cutoff=0.0):
+            reason += f" (nearest: {close[0]!r})"
+    elif kind == "missing":
+        reason = "found nothing, expected this key"
+    elif kind in ("union_tag_invalid", "union_tag_not_found"):
+        where = (*where, "compensation")
+        tag = str(context.get("tag", ""))
+        close = difflib.get_close_matches(tag, NAMES, 1, cutoff=0.0)
+        reason = f"found {tag!r}" if tag else "found nothing"
+        reason += f", expected one of {', '.join(NAMES)}"
+        reason += f" (nearest: {close[0]!r})" if tag and close else ""
+    elif kind == "value_error":
+        reason = f"found {given}, {first['msg'].removeprefix('Value error, ')}"
+    elif (
+        kind == "literal_error"
+        and sum(_clean(item["loc"], values) == where for item in found) == 1
+    ):
+        reason = f"found {given}, expected {context['expected']}"
+        choices = re.findall(r"'([^']*)'", str(context["expected"]))
+        close = difflib.get_close_matches(str(first.get("input")), choices, 1)
+        reason += f" (nearest: {close[0]!r})" if close else ""
+    elif kind in ("too_short", "too_long"):
+        limit = context.get("min_length", context.get("max_length"))
+        reason = f"found {context.get('actual_length')} values, expected {limit}"
+    else:
+        # A union reports every branch that it tried.
+        wishes = [
+            _wish(item["msg"]) for item in found if _clean(item["loc"], values) == where
+        ]
+        reason = f"found {given}, expected {' or '.join(dict.fromkeys(wishes))}"
+    return error_at(path, text, where, reason)
+
+
+def _clean(loc: tuple[int | str, ...], values: dict[str, Any]) -> KeyPath:
+    """Return a location without what is no key: tags of unions and names of types."""
+    where: list[int | str] = []
+    at: Any = values
+    for part in loc:
+        if isinstance(at, dict) and not isinstance(part, int):
+            if part in at:
+                at = at[part]
+            elif part != loc[-1] or (where and where[0] == "fits" and part in NAMES):
+                continue
+            elif _is_type_name(part):
+                continue
+            where.append(part)
+        elif isinstance(at, list) and isinstance(part, int) and part < len(at):
+            at = at[part]
+            where.append(part)
+    return tuple(where)
+
+
+def _is_type_name(part: str) -> bool:
+    # Branches of a union: "str", "float", "ColumnChoice", "constrained-float", ...
+    return bool(re.match(r"(str|int|float|bool|list|constrained|literal|Column)", part))
+
+
+def _wish(message: str) -> str:
+    """Return what pydantic expected, in the words of TOML."""
+    wish = message.removeprefix("Input should be ").replace("a valid ", "")
+    return "a table" if wish.startswith("dictionary or instance") else wish
+
+
+def _quoted(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, datetime.date | datetime.time):
+        return str(value)
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}…"

@@ -1,0 +1,156 @@
+"""A job with the fits that were found: the old one, its ``[[fits]]`` replaced."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..._job_text import edited_job
+from ...discover import Discovery, Found
+from ...kinds import kind
+from ...readings import Observation
+from ..table._layout import grid_over, grids_for
+from ._load import Job
+
+
+def job_with_fits(job: Job, observation: Observation, found: Discovery) -> str:
+    """Return the text of a job that fits what was found.
+
+    All but the fits and `found_keys` stays as it is.
+
+    Args:
+        job: In which was looked.
+        observation: Its measurements.
+        found: What they ask for.
+    """
+    fits = [
+        _keys_of(job, observation, one, sources)
+        for one in found.found
+        if (sources := _sources(observation, found, one))
+    ]
+    return edited_job(job.text, found_keys(job, observation, found), fits)
+
+
+def found_keys(
+    job: Job, observation: Observation, found: Discovery
+) -> dict[str, dict[str, Any]]:
+    """Return the keys of each measurement to change, None for one to remove.
+
+    Its drift and an arbitrary zero, where the job says nothing of them. Where fits are
+    identified together, a datum gives way to ``remove = "offset"``, unless `remove` is
+    stated: none of these fits is zero there alone, only their sum.
+
+    Args:
+        job: In which was looked.
+        observation: Its measurements.
+        found: What they ask for.
+    """
+    result: dict[str, dict[str, Any]] = {}
+    for number, name in enumerate(observation.names):
+        spec, keys = job.spec.measurements[name], dict[str, Any]()
+        stated = spec.model_fields_set
+        axes = {
+            one.axis
+            for one in found.found
+            if one.group is not None and name in _sources(observation, found, one)
+        }
+        pieces = [
+            each.pieces
+            for each in found.drifts
+            if each.source == number and each.axis in axes
+        ]
+        if pieces and "drift" not in stated:
+            keys["drift"] = max(pieces)
+        if axes and "datum" in stated:
+            keys["datum"] = None
+        if axes and "remove" not in stated:
+            if "datum" in stated or name in observation.unzeroed:
+                keys["remove"] = "offset"
+        if keys:
+            result[name] = keys
+    return result
+
+
+def _sources(observation: Observation, found: Discovery, one: Found) -> tuple[str, ...]:
+    """Return the measurements that hold all that a fit, or its group, needs."""
+    data = observation.data
+    if kind(one.compensation).adds_current:
+        known = np.isfinite(data.current[one.axis])
+        counts = np.bincount(data.source[known], minlength=len(observation.names))
+        return (observation.names[int(np.argmax(counts))],)
+    own = [one]
+    if one.group is not None:
+        own = [each for each in found.found if each.group == one.group]
+    known = np.isfinite(data.error[one.axis])
+    for each in own:
+        axes = {*each.masters, each.axis} & set(data.position)
+        for axis in axes:
+            known = known & np.isfinite(data.position[axis])
+        for sensor in each.sensors:
+            known = known & np.isfinite(data.temperature[sensor])
+    return tuple(
+        name
+        for number, name in enumerate(observation.names)
+        if known[data.source == number].any()
+    )
+
+
+def _keys_of(
+    job: Job, observation: Observation, one: Found, sources: tuple[str, ...]
+) -> dict[str, Any]:
+    """Return the keys of a fit."""
+    keys: dict[str, Any] = {"compensation": one.compensation, "axis": one.axis}
+    if len(sources) == 1:
+        keys["measurement"] = sources[0]
+    else:
+        keys["measurements"] = list(sources)
+    over = (one.masters or (one.axis,)) if kind(one.compensation).table else ()
+    nodes = nodes_for(job, observation, one.axis, over, sources)
+    keys |= dict(one.keys) | nodes
+    if one.group is not None:
+        keys["group"] = one.group
+    return keys
+
+
+def nodes_for(
+    job: Job,
+    observation: Observation,
+    axis: str,
+    over: Sequence[str],
+    sources: Sequence[str],
+) -> dict[str, Any]:
+    """Return the keys that give the nodes of a table; none without a position.
+
+    Args:
+        job: The job.
+        observation: Its measurements.
+        axis: Whose error the table holds.
+        over: Axes over whose positions it lies: its own, or its masters.
+        sources: Names of the measurements.
+    """
+    if not over:
+        return {}
+    data = observation.data
+    rows = np.isin(data.source, [observation.names.index(name) for name in sources])
+    rows &= np.isfinite(data.error[axis])
+    places = [data.position[master][rows] for master in over]
+    if len(over) == 2:
+        first, second = grids_for(places[0], places[1])
+        start, interval, points = (
+            list(pair) for pair in zip(first, second, strict=True)
+        )
+        return {"start": start, "interval": interval, "points": points}
+    spec, own = job.spec.axes[over[0]], over[0] == axis
+    if spec.modulo is not None:
+        low, high = spec.modulo
+        grid = (low, (high - low) / 72.0, 73)
+    else:
+        # What a cross table does beyond its ends is not documented (S-12).
+        reach = None
+        if not own and spec.limits is not None:
+            reach = (spec.limits[0], spec.limits[1])
+        grid = grid_over(places[0], reach)
+    keys: dict[str, Any] = dict(zip(("start", "interval", "points"), grid, strict=True))
+    if own and spec.modulo is not None:
+        keys["modulo"] = True
+    return keys

@@ -1,0 +1,199 @@
+"""A job file, read and checked as far as it can be before any work starts."""
+
+import contextlib
+import dataclasses
+import functools
+import hashlib
+import os
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pydantic
+
+from ....models import Conventions
+from ...exchange import ExchangeError, TomlError, read_conventions, read_toml
+from ...kinds._keys import KeyPath
+from ...proof import GateLimits
+from ._checks import find_fault
+from ._existing import AxisLists, existing_lists
+from ._faults import JobError, error_at, first_fault
+from ._schema import JobFile
+
+_PART = 1 << 16
+"""Bytes of a file that are hashed at a time: most files are no longer."""
+_ASSUMED = Conventions()
+"""Rules of a controller of which nothing was measured."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Job:
+    """A job that can be run.
+
+    Attributes:
+        path: The job file, as given.
+        spec: What it says.
+        conventions: Rules of the controller.
+        verified: Names of those that a log or a second measurement has settled.
+        text: What stands in the file.
+        inputs: Every file that the job names, existing.
+    """
+
+    path: Path
+    spec: JobFile
+    conventions: Conventions
+    verified: frozenset[str]
+    text: str
+    inputs: tuple[Path, ...]
+
+    @functools.cached_property
+    def lists(self) -> Mapping[str, AxisLists]:
+        """The lists that the axes have already, by axis.
+
+        Raises:
+            JobError: If a file is another kind of list, or that of another axis.
+        """
+        return existing_lists(self)
+
+    @property
+    def increments(self) -> dict[int, float]:
+        """Worth of an encoder increment in mm or °, by logical number of the axis."""
+        axes = self.spec.axes.values()
+        return {a.number: a.increment for a in axes if a.increment is not None}
+
+    @property
+    def ranges(self) -> dict[int, tuple[float, float]]:
+        """Range in ° of the axes that turn, by logical number."""
+        axes = self.spec.axes.values()
+        return {a.number: (a.modulo[0], a.modulo[1]) for a in axes if a.modulo}
+
+    @functools.cached_property
+    def limits(self) -> GateLimits:
+        """Limits of the gate, defaults where the job names none."""
+        given = {name: value for name, value in self.spec.gate if value is not None}
+        return GateLimits(**given)
+
+    @contextlib.contextmanager
+    def blaming(self, where: KeyPath, start: str = "") -> Iterator[None]:
+        """Turn what fits no list into the error that a key is."""
+        try:
+            yield
+        except ExchangeError as error:
+            raise self.error(where, f"{start}{error}") from None
+
+    def hashes(self, without: Collection[Path] = ()) -> dict[str, str]:
+        """Return the hash of the job and of each file that it names, by relative name."""
+        files = [self.path, *(file for file in self.inputs if file not in without)]
+        return {self.relative(file): sha256(file) for file in files}
+
+    def relative(self, file: Path) -> str:
+        """Return the path of a file, seen from the job file."""
+        try:
+            return os.path.relpath(file, self.path.parent)
+        except ValueError:  # another drive
+            return str(file)
+
+    def file(self, name: str) -> Path:
+        """Return a path of the job, which is relative to the job file."""
+        return self.path.parent / name
+
+    def error(self, where: KeyPath, reason: str) -> JobError:
+        """Return the error that a key is, ready to raise."""
+        return error_at(self.path, self.text, where, reason)
+
+
+def load_job(path: Path, *, needs_fits: bool = True) -> Job:
+    """Read a job file and check everything that can be checked without measurements.
+
+    Args:
+        path: The job file.
+        needs_fits: A job without ``[[fits]]`` is refused.
+
+    Raises:
+        JobError: Naming file, line, what was found and what was expected.
+        OSError: If the job file cannot be read.
+    """
+    text, values = _parsed(path)
+    try:
+        spec = JobFile.model_validate(values)
+    except pydantic.ValidationError as error:
+        raise first_fault(path, error, values, text) from None
+    job = Job(path, spec, _ASSUMED, frozenset(), text, ())
+    if needs_fits and not spec.fits:
+        found = "found 0 values, expected 1"
+        missing = "found nothing, expected this key"
+        raise job.error(("fits",), found if "fits" in values else missing)
+    if (fault := find_fault(spec)) is not None:
+        raise job.error(*fault)
+    inputs: list[Path] = []
+    for where, name in _files(spec):
+        file = job.file(name)
+        if not file.is_file():
+            kind = "a folder" if file.is_dir() else "no such file"
+            raise job.error(where, f"found {name!r}: {kind}, expected a file")
+        inputs.append(file)
+    conventions, verified = job.conventions, job.verified
+    if spec.machine.conventions is not None:
+        conventions, verified = load_conventions(
+            job.file(spec.machine.conventions), spec.machine.id
+        )
+    return dataclasses.replace(
+        job,
+        conventions=conventions,
+        verified=verified,
+        inputs=tuple(dict.fromkeys(inputs)),
+    )
+
+
+def load_conventions(
+    path: Path, machine: str | None = None
+) -> tuple[Conventions, frozenset[str]]:
+    """Return the conventions that a file states, and which of them are settled.
+
+    Args:
+        path: The file, as `axcomp verify` saves it.
+        machine: Id of the machine that it must belong to, or None.
+
+    Raises:
+        JobError: If it is no such file, a name is unknown, a value cannot be taken, or
+            it belongs to another machine.
+    """
+    try:
+        found = read_conventions(path, machine)
+    except TomlError as error:
+        raise JobError(error.source, error.line, error.reason) from None
+    return found.conventions, found.verified
+
+
+def sha256(path: Path) -> str:
+    """Return the hash of a file, for the record."""
+    digest = hashlib.sha256()
+    with path.open("rb", buffering=0) as file:
+        while part := file.read(_PART):
+            digest.update(part)
+    return digest.hexdigest()
+
+
+def _parsed(path: Path) -> tuple[str, dict[str, Any]]:
+    try:
+        return read_toml(path)
+    except TomlError as error:
+        raise JobError(error.source, error.line, error.reason) from None
+
+
+def _files(spec: JobFile) -> Iterable[tuple[KeyPath, str]]:
+    """Yield every file that a job names, with its key."""
+    if spec.machine.conventions is not None:
+        yield ("machine", "conventions"), spec.machine.conventions
+    if spec.verify is not None:
+        yield ("verify", "job"), spec.verify.job
+    for name, axis in spec.axes.items():
+        if axis.listing is not None:
+            yield ("axes", name, "list"), axis.listing
+        if axis.machine_data is not None:
+            yield ("axes", name, "machine_data"), axis.machine_data
+    for name, measured in spec.measurements.items():
+        if measured.file is not None:
+            yield ("measurements", name, "file"), measured.file
+        for file in measured.files or ():
+            yield ("measurements", name, "files"), file

@@ -1,0 +1,335 @@
+"""The job file as data: every key, its type and its default (interface.md)."""
+
+import datetime
+import functools
+import operator
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field
+
+from ....data.measurements import ColumnSpec, Lines
+from ...kinds import NAMES, kind
+from ...kinds._keys import FitSpec, JobPart
+
+if TYPE_CHECKING:  # both follow from the table of kinds
+    Compensation = str
+    AnyFit = FitSpec
+else:
+    Compensation = Literal[NAMES]
+    AnyFit = Annotated[
+        functools.reduce(operator.or_, (kind(name).keys for name in NAMES)),
+        Field(discriminator="compensation"),
+    ]
+Number = Annotated[int, Field(ge=1, le=65535)]
+Range = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+def _plain(name: str) -> str:
+    # An axis name stands in a list: what would start a comment or needs another
+    # encoding there is refused here, not written and misread.
+    if not name.isascii() or not name.isprintable() or set(name) & set("#();\"'/*{}"):
+        msg = "expected a name of plain ASCII letters, digits, blanks, '_' and '-'"
+        raise ValueError(msg)
+    return name
+
+
+class Machine(JobPart, frozen=True):
+    """Identity of the machine, for trends and stored conventions."""
+
+    id: str | None = None
+    """Name of the machine, for trends. Example: `"mill-7"`."""
+    measured_at: datetime.date | datetime.datetime | str | None = None
+    """When it was measured. Example: `2026-11-20`."""
+    conventions: str | None = None
+    """File with the rules that a measurement has settled (`axcomp verify --save`); left
+    out: the defaults, marked *assumed*. Example: `"mill-7.conventions.toml"`."""
+
+
+class Controller(JobPart, frozen=True):
+    """The controller that will load the lists."""
+
+    build: str | None = None
+    """Build of the controller; it decides which parameters exist. Left out: the newest.
+    Example: `"V3.1.3108.4"`."""
+    cycle_time: Annotated[float, Field(gt=0)] = 0.001
+    """Cycle of the controller in s. Example: `0.002`."""
+
+
+class Axis(JobPart, frozen=True):
+    """One axis; lengths in mm or °."""
+
+    number: Number
+    """Logical number of the axis (`kopf.achs_nr`). Example: `3`."""
+    name: Annotated[str, Field(min_length=1), AfterValidator(_plain)] | None = None
+    """Name of the axis in its list (`kopf.log_achs_name`), for people only; left out:
+    the key. Example: `"Z_ACHSE"`."""
+    nc_name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")] | None = None
+    """Word of the axis in NC programs; left out: the key. Example: `"X1"`."""
+    channel: Annotated[int, Field(ge=1)] = 1
+    """Channel of the controller whose NC programs move the axis. Example: `2`."""
+    kind: Literal["linear", "rotary", "spindle"] = Field("linear", alias="type")
+    """What moves: mm or °. Example: `"rotary"`."""
+    limits: Range | None = None
+    """Software limits in mm or °: the range over which a list is judged. Example:
+    `[-10.0, 410.0]`."""
+    listing: str | None = Field(None, alias="list")
+    """Compensation list that the axis has now: it is edited, all else in it stays.
+    Example: `"achskw3.lis"`."""
+    machine_data: str | None = None
+    """Axis list that it has now, likewise. Example: `"achsmds3.lis"`."""
+    increment: Annotated[float, Field(gt=0)] | None = None
+    """mm or ° per encoder increment, for lists and logs in increments. Example:
+    `1.0e-6`."""
+    modulo: Range | None = None
+    """Range in ° of an axis that turns. Example: `[0.0, 360.0]`."""
+    gantry: str | None = None
+    """The other axis of a gantry: both need the same lists. Example: `"Y2"`."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of its positions: mm or °."""
+        return "mm" if self.kind == "linear" else "°"
+
+    @property
+    def plain_unit(self) -> str:
+        """``mm`` or ``deg``, as results name it."""
+        return "mm" if self.kind == "linear" else "deg"
+
+    @property
+    def small_unit(self) -> str:
+        """Thousandths of it, in which errors are read."""
+        return "µm" if self.kind == "linear" else "0.001°"
+
+
+class ColumnChoice(JobPart, frozen=True):
+    """A column of a measurement file and its unit, or one value for all rows.
+
+    `file` says which file, where there are several.
+    """
+
+    column: str | None = None
+    """Name of the column in the file. Example: `"dz"`."""
+    unit: str | None = None
+    """Unit of its numbers: m, mm, um, 0.1um, deg, rad, s, ms, degC, K, A, Nm, %, inc …;
+    left out: mm, °, s, °C, A. Example: `"um"`."""
+    file: str | None = None
+    """File that holds it, where the measurement has several. Example:
+    `"logger.csv"`."""
+    value: float | None = None
+    """One value for all rows, in the unit. Example: `1`."""
+
+
+class ColumnOfRun(JobPart, frozen=True):
+    """One of the columns of a role in a table with a column per run and direction."""
+
+    column: str
+    """Name of the column in the file. Example: `"dz"`."""
+    unit: str | None = None
+    """Unit of its numbers. Example: `"um"`."""
+    run: Annotated[int, Field(ge=0)] | None = None
+    """Number of the run that it holds. Example: `1`."""
+    direction: Literal[1, -1] | None = None
+    """Direction of its motion. Example: `-1`."""
+
+
+Line = Annotated[int, Field(ge=1)]
+
+
+class Datum(JobPart, frozen=True):
+    """Where the error is zero: one position per master, mm or °."""
+
+    at: float | Annotated[list[float], Field(min_length=1, max_length=2)]
+    """Position in mm or ° where the error is zero; one per master. Example: `0.0`."""
+
+
+class MeasurementSpec(JobPart, frozen=True):
+    """One measurement: its file, columns and what was done while measuring."""
+
+    file: str | None = None
+    """File of the measurement, relative to the job. Example: `"laser.csv"`."""
+    profile: str | None = None
+    """Name of the mesh, where a Klipper file holds several. Example: `"default"`."""
+    skip: Annotated[int, Field(ge=0)] | list[Line] = 0
+    """Lines that are left out: so many at the top, or which. Example: `[17, 40]`."""
+    header: Line | list[Line] | None = None
+    """Lines with the names of the columns; `[]`: there are none, and columns are called
+    1, 2, 3 …; left out: found. Example: `[5, 6]`."""
+    rows: Annotated[list[Line], Field(min_length=2, max_length=2)] | None = None
+    """First and last line of the numbers; left out: found. Example: `[8, 28]`."""
+    files: Annotated[list[str], Field(min_length=2)] | None = None
+    """Several files of one measurement, put onto one clock. Example: `["gauge.csv",
+    "logger.csv"]`."""
+    offsets: list[float] | None = None
+    """What is added to the clock of each further file, in s; left out: fitted. Example:
+    `[0.35]`."""
+    axis: str | None = None
+    """Axis of the columns that name none, such as `target, error, run`. Example:
+    `"X"`."""
+    active: list[Compensation] = Field(default_factory=list)
+    """Compensations that were on while measuring; `[]`: all were off. Example:
+    `["leadscrew"]`."""
+    columns: dict[
+        str, str | ColumnChoice | Annotated[list[ColumnOfRun], Field(min_length=1)]
+    ] = Field(default_factory=dict)
+    """Role by column: which column is which quantity of which axis. Example: `{
+    "X.position" = "x", "X.error" = { column = "dx", unit = "um" } }`."""
+    datum: Datum | None = None
+    """Where the error is zero: the zero of the instrument is arbitrary. Example: `{ at
+    = 0.0 }`."""
+    remove: Literal["none", "offset", "line"] = "none"
+    """What of the readings is the instrument's: nothing, a constant, or a constant and
+    a slope. Example: `"offset"`."""
+    drift: Annotated[int, Field(ge=0, le=100)] = 0
+    """Pieces of the slow drift of an instrument that are fitted per run; 0: none.
+    Example: `4`."""
+    expansion: float | None = None
+    """Expansion of the axis in µm/m per K, to refer lengths to the reference
+    temperature. Example: `11.5`."""
+    material_temperature: float | str | None = None
+    """Temperature of the axis in °C while measuring, or the column that holds it.
+    Example: `22.4`."""
+    reference_temperature: float = 20.0
+    """Temperature in °C to which lengths refer. Example: `20.0`."""
+    already_compensated: bool = False
+    """Whether the instrument has referred its lengths to the reference temperature
+    itself. Example: `true`."""
+    stream: Literal["auto"] | bool = "auto"
+    """Whether a log is read in pieces, for logs larger than memory; `"auto"`: above 2 ×
+    10⁷ cells. Example: `true`."""
+
+    @property
+    def column_specs(self) -> dict[str, ColumnSpec]:
+        """Where the values of each role are; empty: as the file says."""
+        return {role: _column_spec(one) for role, one in self.columns.items()}
+
+    @property
+    def lines(self) -> Lines | None:
+        """Which lines of its files count, or None where the job says nothing of them."""
+        rows = None if self.rows is None else (self.rows[0], self.rows[1])
+        return Lines.of(self.skip, self.header, rows)
+
+    def file_of(self, role: str) -> str | None:
+        """Return the file that holds a role, where the job names it."""
+        choice = self.columns[role]
+        return choice.file if isinstance(choice, ColumnChoice) else None
+
+
+def _column_spec(choice: str | ColumnChoice | list[ColumnOfRun]) -> ColumnSpec:
+    if isinstance(choice, str):
+        return ColumnSpec(choice)
+    if isinstance(choice, ColumnChoice):
+        return ColumnSpec(choice.column or "", choice.unit, choice.value)
+    parts = (
+        ColumnSpec(one.column, one.unit, run=one.run, direction=one.direction)
+        for one in choice
+    )
+    return ColumnSpec("", parts=tuple(parts))
+
+
+Limit = Annotated[float, Field(gt=0)]
+
+
+class Gate(JobPart, frozen=True):
+    """Limits of the gate; the defaults stand in `axcomp.ident.proof.GateLimits`."""
+
+    max_correction: Limit | None = None
+    """Largest entry in mm or °; default 1. Example: `0.2`."""
+    max_slope: Limit | None = None
+    """Largest slope in µm per mm; default 20. Example: `5.0`."""
+    max_step: Limit | None = None
+    """Largest step between neighbouring nodes in mm or °; default 0.2. Example:
+    `0.05`."""
+    max_reversal: Limit | None = None
+    """Largest jump at a reversal in mm or °; default 0.1. Example: `0.05`."""
+    feed: Limit | None = None
+    """Feed in mm/min (°/min) at which the next three are judged; default 30000.
+    Example: `15000`."""
+    max_velocity: Limit | None = None
+    """Largest velocity that is added, in mm/s or °/s; default 20. Example: `10.0`."""
+    max_kink: Limit | None = None
+    """Largest change of that velocity at a node, in mm/s or °/s; default 20. Example:
+    `10.0`."""
+    max_acceleration: Limit | None = None
+    """Largest acceleration that is added, smoothed over 10 ms, in mm/s² or °/s²;
+    default 5000. Example: `2000`."""
+    max_change: Limit | None = None
+    """Largest change against the existing list in mm or °; default: any. Example:
+    `0.1`."""
+    max_current: Limit | None = None
+    """Friction: largest share of the rated current or torque; default 0.5. Example:
+    `0.3`."""
+    max_switching: Annotated[
+        Limit | None,
+        Field(description="mm (°) in one cycle where a compensation comes or goes"),
+    ] = None
+    """Largest step in one cycle where a compensation comes or goes, in mm or °; default
+    0.02. Example: `0.01`."""
+    max_jump: Annotated[
+        Limit | None,
+        Field(description="mm (°) by which the axis moves by itself then, in all"),
+    ] = None
+    """Largest way that the axis moves by itself then, in mm or °; default 0.5. Example:
+    `0.2`."""
+
+
+class Verify(JobPart, frozen=True):
+    """The job of a measurement that was made with the lists of this one loaded."""
+
+    job: str
+    """Job of a measurement made with the lists of this one loaded. Example:
+    `"after.toml"`."""
+
+
+class JobFile(JobPart, frozen=True):
+    """A whole job."""
+
+    title: str = ""
+    """Stands at the top of the report. Example: `"Portal mill 7"`."""
+    machine: Machine = Machine()
+    """Which machine it is."""
+    controller: Controller = Controller()
+    """The controller that will load the lists."""
+    axes: Annotated[dict[str, Axis], Field(min_length=1)]
+    """The axes, by the name that the job uses for them."""
+    measurements: Annotated[dict[str, MeasurementSpec], Field(min_length=1)]
+    """The measurements, by a name of your choice."""
+    fits: list[AnyFit] = Field(default_factory=list)
+    """The compensations to fit, in the order of the report; `discover` and `doctor`
+    need none."""
+    gate: Gate = Gate()
+    """Limits that a list must keep to be written."""
+    verify: Verify | None = None
+    """The second measurement."""
+
+    def nc_word(self, axis: str) -> str:
+        """Return the word of an axis in NC programs: ``nc_name``, or its key."""
+        return self.axes[axis].nc_name or axis
+
+    @property
+    def groups(self) -> dict[str, tuple[int, ...]]:
+        """The fits of each group, by its name.
+
+        A group of one is that fit alone, unless its measurement drifts: that is allowed
+        for in groups.
+        """
+        found: dict[str, tuple[int, ...]] = {}
+        for k, fit in enumerate(self.fits):
+            if fit.group is not None:
+                found[fit.group] = (*found.get(fit.group, ()), k)
+        known = self.measurements
+        drifting = {name for name, measured in known.items() if measured.drift > 0}
+        return {
+            name: own
+            for name, own in found.items()
+            if len(own) > 1
+            or any(drifting.intersection(self.fits[k].sources) for k in own)
+        }
+
+    @property
+    def grouped(self) -> frozenset[int]:
+        """The fits that are identified together with others."""
+        return frozenset(k for own in self.groups.values() for k in own)
+
+    def resolved(self) -> dict[str, Any]:
+        """Return the job with its defaults filled in, for the record."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)

@@ -1,0 +1,237 @@
+"""What a job found: the structure behind ``result.json`` (interface.md), report and exit status."""
+
+import dataclasses
+import datetime
+import functools
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...proof import GateCheck
+from ...readings import ClockState
+from ._result import AbstractResult, Remark, TableResult
+from ._verdict import Verdict
+
+if TYPE_CHECKING:
+    from ..joint import GroupResult
+
+
+@dataclasses.dataclass(frozen=True)
+class WholeAxis:
+    """All that will act on one axis, read from the files and judged together.
+
+    NaN where it was not judged. Lengths in mm (or °).
+
+    Attributes:
+        axis: Name in the job.
+        compensations: What acts on its position.
+        largest_offset: Of the sum.
+        slope: Of the sum, in mm per mm.
+        kink: Change of the velocity at a node, in mm/s at the feed of the gate.
+        velocity: That is added at this feed, in mm/s.
+        acceleration: Likewise, in mm/s².
+        jump: By which the axis moves by itself at most where all comes or goes.
+        switching: Largest step in one cycle where a fitted compensation comes or goes.
+        error: rms by measurement and fit: ``before``, by this list ``alone``, by all
+            ``together``; empty where one list acts alone, as its own figures stand.
+        gate: Lines of the gate for the axis.
+        remarks: What the user must know.
+    """
+
+    axis: str
+    compensations: tuple[str, ...]
+    largest_offset: float
+    slope: float
+    kink: float
+    velocity: float
+    acceleration: float
+    jump: float
+    error: Mapping[str, Mapping[str, float]]
+    gate: tuple[GateCheck, ...]
+    remarks: tuple[Remark, ...]
+    switching: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+    def as_tree(self) -> dict[str, Any]:
+        """Return what result.json says of the axis; its remarks stand with its fits."""
+        return {name: value for name, value in vars(self).items() if name != "remarks"}
+
+
+@dataclasses.dataclass(frozen=True)
+class LoadStep:
+    """One line of the load sheet: what to do, with which file or entry, and why."""
+
+    action: str
+    detail: str
+
+
+@dataclasses.dataclass(frozen=True)
+class JobResult:
+    """Everything a job did.
+
+    Attributes:
+        title: Of the job; ``machine`` its identity (id, measured_at) as given.
+        fits: One entry per ``[[fits]]``, in order.
+        inputs: SHA-256 by file name, relative to the job.
+        versions: Of axcomp, Python and the numerical libraries.
+        load_sheet: Which file goes where, reload or restart, activation, the way back.
+        remarks: What concerns the job as a whole.
+        files: All files written, relative to the output folder.
+        wall_time: Seconds.
+        job: The job as resolved (defaults filled in), for the record.
+        clocks: How files of one measurement were put onto one clock.
+        groups: Fits that were identified together.
+        second: The second measurement, where there is one: ``file``, ``sha256``,
+            ``date``, hashes of its ``inputs`` and of the ``lists`` that it is about.
+        whole: All that will act on each axis, judged together.
+    """
+
+    title: str
+    machine: Mapping[str, Any]
+    fits: tuple[AbstractResult, ...]
+    inputs: Mapping[str, str]
+    versions: Mapping[str, str]
+    load_sheet: tuple[LoadStep, ...]
+    remarks: tuple[Remark, ...]
+    files: tuple[Path, ...]
+    wall_time: float
+    job: Mapping[str, Any]
+    clocks: tuple[ClockState, ...] = ()
+    groups: tuple["GroupResult", ...] = ()
+    second: Mapping[str, Any] | None = None
+    whole: tuple[WholeAxis, ...] = ()
+
+    @functools.cached_property
+    def tree(self) -> dict[str, Any]:
+        """What ``result.json`` says, as nested dictionaries and lists."""
+        return as_tree(self)
+
+    @property
+    def tables(self) -> tuple[TableResult, ...]:
+        """The fits that are tables, in order."""
+        return tuple(fit for fit in self.fits if isinstance(fit, TableResult))
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst verdict of its fits."""
+        order = list(Verdict)
+        found = [fit.judgement.verdict for fit in self.fits]
+        return max(found, key=order.index, default=Verdict.GOOD)
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether a second measurement, where there is one, confirms all that it shows."""
+        return all(fit.confirmed for fit in self.fits if fit.again is not None)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every list passed its gate and nothing requested is missing."""
+        if any(f.judgement.verdict is Verdict.REJECTED for f in self.fits):
+            return False
+        return all(fit.passed for fit in self.fits) and not any(
+            remark.level == "error"
+            for remark in (
+                *self.remarks,
+                *(r for fit in self.fits for r in fit.remarks),
+                *(r for group in self.groups for r in group.remarks),
+            )
+        )
+
+
+_DEPTH = 3
+"""Down to the entries of a fit."""
+_text = json.JSONEncoder(allow_nan=False).encode
+
+
+def result_json(result: JobResult) -> str:
+    """Return ``result.json`` as text; it holds no NaN and no infinity."""
+    return tree_json(result.tree)
+
+
+def tree_json(tree: Mapping[str, Any]) -> str:
+    """Return the tree of ``result.json``, all of it `plain`, as text."""
+    return _lines(dict(tree), _DEPTH) + "\n"
+
+
+def _lines(value: Any, depth: int) -> str:
+    """Return JSON with an entry per line down to a depth; tables stay on one line."""
+    if depth and value and isinstance(value, dict):
+        below = [f"{_text(key)}: {_lines(v, depth - 1)}" for key, v in value.items()]
+        return "{\n" + ",\n".join(below) + "\n}"
+    if depth and value and isinstance(value, list):
+        return "[\n" + ",\n".join([_lines(v, depth - 1) for v in value]) + "\n]"
+    return _text(value)
+
+
+def as_tree(result: JobResult) -> dict[str, Any]:
+    """Return a job's result as nested dictionaries and lists that JSON can hold."""
+    tree = {
+        "title": result.title,
+        "machine": result.machine,
+        "passed": result.passed,
+        "verdict": str(result.verdict),
+        "fits": [_fit(fit) for fit in result.fits],
+        "whole": {one.axis: one.as_tree() for one in result.whole},
+        "groups": [group.as_tree() for group in result.groups],
+        "remarks": result.remarks,
+        "load_sheet": result.load_sheet,
+        "files": result.files,
+        "second_measurement": result.second,
+        "clocks": result.clocks,
+        "inputs": result.inputs,
+        "versions": result.versions,
+        "wall_time": result.wall_time,
+        "job": result.job,
+    }
+    return {key: plain(value) for key, value in tree.items()}
+
+
+def _fit(fit: AbstractResult) -> dict[str, Any]:
+    judged, again = fit.judgement, fit.again
+    diagnosis = None if again is None else again.diagnosis
+    return {
+        "compensation": fit.compensation,
+        "axis": fit.axis,
+        "axis_number": fit.axis_number,
+        "unit": fit.unit,
+        "group": fit.group,
+        # Tables alone have a prior; the key is there for all.
+        "smoothness": None,
+        **fit.details(),
+        "error": {name: error.as_tree() for name, error in fit.error.items()},
+        "held_out": fit.held_out,
+        "passed": fit.passed,
+        "verdict": str(judged.verdict),
+        "reasons": [reason.as_tree() for reason in judged.reasons],
+        "gate": fit.gate,
+        "findings": fit.findings,
+        "remarks": fit.remarks,
+        "conventions": fit.conventions,
+        "files": fit.files,
+        "verified_by": again.source if again and fit.confirmed else None,
+        "diagnosis": None if diagnosis is None else diagnosis.as_tree(),
+    }
+
+
+def plain(value: Any) -> Any:
+    """Return a value that JSON can hold: NaN and infinity null, a record its fields."""
+    if value is None or type(value) in (str, int, bool):
+        return value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        whole = value.dtype.kind != "f" or bool(np.isfinite(value).all())
+        return value.tolist() if whole else plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if dataclasses.is_dataclass(value):
+        names = [field.name for field in dataclasses.fields(value)]
+        return {name: plain(getattr(value, name)) for name in names}
+    return str(value) if isinstance(value, Path | datetime.date) else value

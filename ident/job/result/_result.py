@@ -1,0 +1,334 @@
+"""What a job found of one fit: the structure behind its part of result.json and report."""
+
+import abc
+import dataclasses
+import functools
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ...fit import TableFit
+from ...proof import ErrorFigures, GateCheck, RunTable, error_figures
+from ._second import MeasuredAgain, SecondMeasurement
+from ._verdict import Judgement, Verdict, judgement_of
+
+Array = np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Remark:
+    """Something that the user must know: ``level`` is error, warning or info."""
+
+    level: str
+    message: str
+
+    @classmethod
+    def error(cls, message: str) -> "Remark":
+        """Return what must be seen to before anything is loaded."""
+        return cls("error", message)
+
+    @classmethod
+    def warning(cls, message: str) -> "Remark":
+        """Return what must be known before anything is loaded."""
+        return cls("warning", message)
+
+    @classmethod
+    def info(cls, message: str) -> "Remark":
+        """Return how the result came about."""
+        return cls("info", message)
+
+
+def by_level(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
+    """Return remarks, errors first."""
+    levels = ("error", "warning", "info")
+    return tuple(sorted(remarks, key=lambda remark: levels.index(remark.level)))
+
+
+def some_of(names: Sequence[str], most: int) -> str:
+    """Return a few of many names, and how many more there are."""
+    more = len(names) - most
+    return "; ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def staged(
+    before: Float[Array, " t"],
+    predicted: Float[Array, " t"],
+    from_file: Float[Array, " t"],
+    wild: Bool[Array, " t"],
+    runs: RunTable | None = None,
+) -> dict[str, ErrorFigures]:
+    """Return the figures of an error by stage; arguments as `error_figures`."""
+    stages = {"before": before, "predicted": predicted, "from_file": from_file}
+    return {name: error_figures(each, runs, wild) for name, each in stages.items()}
+
+
+@dataclasses.dataclass(frozen=True)
+class ConventionState:
+    """A rule of the controller that was used.
+
+    Attributes:
+        name: Of the convention.
+        value: The value taken.
+        state: ``assumed`` or ``verified``.
+        meaning: One line.
+        decides: ``sign``, ``owner`` or ``zero`` where a list is unproven without it, else
+            empty.
+    """
+
+    name: str
+    value: str
+    state: str
+    meaning: str = ""
+    decides: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Expectation:
+    """What a person sees on the machine where a sign is as the list takes it.
+
+    Attributes:
+        places: Positions of axes in mm or °, by name.
+        direction: ±1 from which the axis comes, or None where it does not matter.
+        value: What the list adds there, in mm, ° or the unit of the current.
+        unit: ``mm``, ``deg`` or the unit of the current.
+        temperatures: Of sensors in °C, by name.
+        speed: In mm/s or °/s, for what acts in motion.
+        reversal: The value is what a reversal no longer loses.
+    """
+
+    places: Mapping[str, float]
+    direction: int | None
+    value: float
+    unit: str
+    temperatures: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    speed: float | None = None
+    reversal: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class SampleView:
+    """The readings of a fit with what became of them, one row per reading, mm or °.
+
+    Attributes:
+        positions: Input positions, shape ``(t, d)``, columns as in `TableResult.masters`.
+        direction: ±1 per reading, or None where the table does not ask for it.
+        run: Run per reading, or None.
+        order: Time of each reading in s, or its row number where no time was given.
+        before: Error as measured (after `remove`, `datum`, reduction to the reference
+            temperature).
+        predicted: Error left under the list fitted *without* this reading's run or
+            block.
+        from_file: Error left when the written file, read back, is evaluated by the
+            controller's rules.
+        predicted_sd: Standard deviation predicted for a held-out reading.
+        share: Weight that the loss left the reading, 0 (wild) to 1.
+        timed: Whether `order` is a time.
+    """
+
+    positions: Float[Array, "t d"]
+    direction: Int[Array, " t"] | None
+    run: Int[Array, " t"] | None
+    order: Float[Array, " t"]
+    before: Float[Array, " t"]
+    predicted: Float[Array, " t"]
+    from_file: Float[Array, " t"]
+    predicted_sd: Float[Array, " t"]
+    share: Float[Array, " t"]
+    timed: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Streamed:
+    """A fit whose readings were read in pieces; its `SampleView` shows every n-th one.
+
+    Attributes:
+        readings: How many there are.
+        wild: How many of them are wild.
+        every: n.
+    """
+
+    readings: int
+    wild: int
+    every: int
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class AbstractResult(abc.ABC):
+    """One compensation of one axis: error before and after, gate, files.
+
+    Attributes:
+        compensation: As in the job: ``plane``, ``friction``, …
+        axis: Name of the compensated axis in the job.
+        axis_number: Its logical number.
+        unit: Of the error: ``mm``, ``deg``, or the unit of the current.
+        error: Keys ``before``, ``predicted``, ``from_file``.
+        gate: All checks; ``passed`` is true when every one passed.
+        remarks: What the user must know.
+        conventions: Rules used.
+        files: Files written for this fit, relative to the output folder; those of a
+            failed gate lie in ``rejected/``.
+        findings: What `axcomp check` says of the files, in its JSON shape.
+        held_out: What the prediction left out together: ``run``, ``block``, …
+        again: What a second measurement with the list active says of it, or None.
+        group: Fits that it was identified together with, by the name of their group:
+            the error before is then what these leave; None = alone.
+    """
+
+    compensation: str
+    axis: str
+    axis_number: int
+    unit: str
+    error: Mapping[str, ErrorFigures]
+    gate: tuple[GateCheck, ...]
+    remarks: tuple[Remark, ...]
+    conventions: tuple[ConventionState, ...]
+    files: tuple[Path, ...]
+    findings: tuple[Mapping[str, Any], ...] = ()
+    held_out: str = "block"
+    again: MeasuredAgain | None = None
+    group: str | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check of the gate passed."""
+        return all(check.passed for check in self.gate)
+
+    @functools.cached_property
+    def judgement(self) -> Judgement:
+        """The verdict on it and its reasons."""
+        return judgement_of(self)
+
+    @property
+    def measured(self) -> SecondMeasurement | None:
+        """The readings with the list active, or None."""
+        return None if self.again is None else self.again.readings
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether a second measurement shows that the list does what it says."""
+        if self.again is None or self.judgement.verdict is Verdict.REJECTED:
+            return False
+        return self.again.acts or self.judgement.verdict is Verdict.GOOD
+
+    @property
+    def measured_as(self) -> str:
+        """What these readings may be called: ``verified`` only where they show it."""
+        return "verified" if self.confirmed else "measured again"
+
+    @property
+    def expectation(self) -> Expectation | None:
+        """What settles its sign at the machine; None where nothing written is seen there."""
+        return None
+
+    @property
+    def over(self) -> tuple[str, ...]:
+        """Axes over whose positions it acts, where these are others than its own."""
+        return ()
+
+    @property
+    def left_out(self) -> bool:
+        """Whether the readings do not tell it, so that nothing of it is written."""
+        return False
+
+    @abc.abstractmethod
+    def details(self) -> dict[str, Any]:
+        """Return what result.json says of this kind: parameters, deviations, support."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TableResult(AbstractResult):
+    """A plane, cross or leadscrew table with its uncertainty.
+
+    Attributes:
+        masters: Axes whose positions enter the table (leadscrew: the axis itself),
+            master 1 first.
+        nodes: Node positions per master in ``unit``.
+        table: Written table by branch name in ``unit`` and with the sign of the list
+            entries: ``{"": …}`` for plane (shape ``[j, i]``) and cross,
+            ``{"pos": …, "neg": …}`` for a bilateral leadscrew, ``{"pos": …}`` for a
+            unilateral one.
+        old_table: Entries of the list that was there, at the same nodes, or None.
+        standard_deviation: Like ``table``.
+        support: Samples per node, like ``table``; 0 = not measured.
+        fit: The estimate behind it (sign of the error).
+        samples: The readings with before / predicted / from file.
+        rounding: Largest effect of rounding to list units, in ``unit``.
+        cycles: Value chosen for P-AXIS-00243, None where the table has one branch.
+        streamed: What was read in pieces; None: all readings were in memory.
+    """
+
+    masters: tuple[str, ...]
+    nodes: tuple[Float[Array, " _n"], ...]
+    table: Mapping[str, Float[Array, "..."]]
+    old_table: Mapping[str, Float[Array, "..."]] | None
+    standard_deviation: Mapping[str, Float[Array, "..."]]
+    support: Mapping[str, Int[Array, "..."]]
+    fit: TableFit
+    samples: SampleView
+    rounding: float
+    cycles: int | None = None
+    streamed: Streamed | None = None
+
+    @property
+    def readings(self) -> int:
+        """Number of readings of the fit."""
+        return self.streamed.readings if self.streamed else len(self.fit.residual)
+
+    @property
+    def over(self) -> tuple[str, ...]:
+        """Axes over whose positions it acts, where these are others than its own."""
+        return () if self.masters == (self.axis,) else self.masters
+
+    @property
+    def expectation(self) -> Expectation | None:
+        """The largest offset of the written list at a node that was measured."""
+        sign = next(
+            (int(r.value) for r in self.conventions if r.name.endswith("_sign")), 1
+        )
+        best: Expectation | None = None
+        for branch, entries in self.table.items():
+            reached = np.where(self.support[branch] > 0, np.abs(entries), -1.0)
+            index = np.unravel_index(int(np.argmax(reached)), reached.shape)
+            value = sign * float(entries[index])
+            if best is None or abs(value) > abs(best.value):
+                places = zip(self.masters, self.nodes, reversed(index), strict=True)
+                best = Expectation(
+                    {name: float(nodes[int(k)]) for name, nodes, k in places},
+                    {"pos": 1, "neg": -1}.get(branch) if len(self.table) > 1 else None,
+                    value,
+                    self.unit,
+                )
+        return best
+
+    def details(self) -> dict[str, Any]:
+        """Return parameters, deviations and support for result.json."""
+        parameters: dict[str, Any] = {
+            "table": _values(self.table),
+            "nodes": self.nodes,
+        }
+        if self.cycles is not None:
+            parameters["n_backlash_cyc"] = self.cycles
+        return {
+            "masters": self.masters,
+            "parameters": parameters,
+            "standard_deviations": {"table": _values(self.standard_deviation)},
+            "support": _values(self.support),
+            "noise": self.fit.noise,
+            "line_offset": self.fit.line_offset,
+            "smoothness": self.fit.smoothness,
+            "loss": self.fit.loss,
+            "runs": self.fit.runs,
+            "message": self.fit.message,
+            "rounding": self.rounding,
+            "route": "in memory" if self.streamed is None else "stream",
+            "readings": self.readings,
+        }
+
+
+def _values(branches: Mapping[str, np.ndarray]) -> Any:
+    """Return a table as an array, or as ``{pos, neg}`` where it has named branches."""
+    return branches[""] if "" in branches else dict(branches)

@@ -1,0 +1,142 @@
+"""A second measurement, with the new list active: all that may be called verified."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ....data.errors import AxcompError
+from ....data.measurements import Iso230, iso230
+from ...proof import Diagnosis, ErrorFigures, RunTable, error_figures, wild_readings
+
+LESS = 1.5
+"""Ratio of the measured to the predicted error, from which on less came of a list."""
+SHOWN = 0.5
+"""Share of what a list adds that may be left where the figures alone show its sign."""
+
+
+class SecondMeasurementError(AxcompError):
+    """A second measurement cannot stand beside the first."""
+
+    def __init__(self, name: str, found: str, expected: str) -> None:
+        super().__init__(name, found, expected)
+        self.name, self.found, self.expected = name, found, expected
+
+    def __str__(self) -> str:
+        return f"{self.name}: found {self.found}, expected {self.expected}"
+
+
+@dataclasses.dataclass(frozen=True)
+class SecondMeasurement:
+    """Readings taken with the list of one fit active.
+
+    Attributes:
+        name: What the user calls it, as a rule the file.
+        positions: Commanded positions in mm or °, shape ``(t, d)``, master 1 first.
+        error: Error seen in mm or ° (the instrument's arbitrary offset or line removed
+            as in the first measurement), shape ``(t,)``.
+        direction: ±1 per reading, or None.
+        run: Run per reading, or None.
+        wild: Readings that are the instrument's fault, or None: rms and largest error
+            are given without them as well, as for the first measurement.
+        added: What the list adds at these readings, standard deviation in mm or °; None
+            where only a diagnosis can tell that it acts.
+    """
+
+    name: str
+    positions: Float[np.ndarray, "t d"]
+    error: Float[np.ndarray, " t"]
+    direction: Int[np.ndarray, " t"] | None = None
+    run: Int[np.ndarray, " t"] | None = None
+    wild: Bool[np.ndarray, " t"] | None = None
+    added: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.error.size == 0 or not np.isfinite(self.error).all():
+            found = f"{self.error.size} readings, {int(np.isfinite(self.error).sum())}"
+            raise SecondMeasurementError(
+                self.name, f"{found} of them numbers", "one number or more, and no gaps"
+            )
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        positions: Float[np.ndarray, "t d"],
+        error: Float[np.ndarray, " t"],
+        direction: Int[np.ndarray, " t"] | None = None,
+        run: Int[np.ndarray, " t"] | None = None,
+        added: float | None = None,
+    ) -> "SecondMeasurement":
+        """Return readings with the wild ones among them marked."""
+        wild = wild_readings(error)
+        return cls(name, positions, error, direction, run, wild, added)
+
+    @property
+    def sound(self) -> Bool[np.ndarray, " t"]:
+        """Readings that are not wild."""
+        everything = np.ones(len(self.error), dtype=bool)
+        return everything if self.wild is None else np.asarray(~self.wild)
+
+    @property
+    def figures(self) -> ErrorFigures:
+        """Rms and largest error, and ISO 230-2 for a run table, in mm or °."""
+        runs = None
+        if self.iso230 is not None and self.run is not None:
+            assert self.direction is not None  # else there is no evaluation
+            runs = RunTable(self.positions[:, 0], self.run, self.direction)
+        return error_figures(self.error, runs, self.wild)
+
+    @property
+    def iso230(self) -> Iso230 | None:
+        """Evaluation by ISO 230-2, or None where the readings are no run table."""
+        if self.run is None or self.direction is None or self.positions.shape[1] != 1:
+            return None
+        return iso230(self.positions[:, 0], self.error, self.run, self.direction)
+
+
+@dataclasses.dataclass(frozen=True)
+class MeasuredAgain:
+    """What a second measurement says of one fit.
+
+    Attributes:
+        source: ``file``, the job of the second measurement relative to the first one,
+            its ``sha256``, and the ``date`` on which it was first evaluated, as
+            ``2026-11-22``.
+        readings: The error with the list active; None where it shows none of this fit.
+        diagnosis: What the list does, by what changed between the measurements; None
+            where no such measurement tells it.
+        before: Error in the first measurement, rms without wild readings; of the whole
+            axis for a fit of a group.
+        predicted: Likewise, as predicted with the list active.
+    """
+
+    source: Mapping[str, str]
+    readings: SecondMeasurement | None
+    diagnosis: Diagnosis | None
+    before: float
+    predicted: float
+
+    @property
+    def rms(self) -> float | None:
+        """Error with the list active, rms without wild readings; None: not measured."""
+        return None if self.readings is None else self.readings.figures.sound.rms
+
+    @property
+    def shown(self) -> bool:
+        """Whether the figures alone show that the list does what it says.
+
+        What is left is as predicted, and far less than the list adds at these very
+        readings: with another sign, size or place that much would be left.
+        """
+        if self.readings is None or self.readings.added is None or self.rms is None:
+            return False
+        small = self.rms <= LESS * self.predicted
+        return small and self.rms <= SHOWN * self.readings.added
+
+    @property
+    def acts(self) -> bool:
+        """Whether the list surely does what it says."""
+        found = self.diagnosis
+        return self.shown or (found is not None and found.verdict == "right")

@@ -1,0 +1,240 @@
+"""Where the nodes of a fit lie: whether they suit axis and list, and which suit readings."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from ....data.measurements import MESH_FORMATS, MeasurementError
+from ...exchange import (
+    LIST_UNITS,
+    AbstractTable,
+    ExchangeError,
+    GridNodes,
+    ListNodes,
+    Model,
+    grid_nodes,
+    nodes_in,
+    point_nodes,
+)
+from ...kinds._keys import TableSpec
+from ...readings import Tables
+from ..file._load import Job
+
+
+def table_of(
+    tables: Tables, index: int, fit: TableSpec, old: Model | None
+) -> AbstractTable:
+    """Return the table that a fit writes.
+
+    Its nodes are those that the job gives, else those of the old table, else the points
+    of a mesh.
+
+    Raises:
+        JobError: If there are no nodes, or they do not go round a modulo axis.
+        ExchangeError: If a list cannot hold them.
+    """
+    job, nodes = tables.job, _nodes(tables, index, fit, old)
+    periodic = _full_turn(job, index, fit, nodes[0])
+    return dataclasses.replace(empty_table(job, fit), nodes=nodes, periodic=periodic)
+
+
+def empty_table(job: Job, fit: TableSpec) -> AbstractTable:
+    """Return the kind of table that a fit writes, its nodes not yet known."""
+    axes, own = job.spec.axes, fit.kind.entries.table
+    assert own is not None  # the keys of a table
+    masters = tuple(axes[name].number for name in fit.over)
+    return own(axes[fit.axis].number, masters, (), job.conventions, **fit.form)
+
+
+def _nodes(
+    tables: Tables, index: int, fit: TableSpec, old: Model | None
+) -> tuple[ListNodes, ...]:
+    name = f"fits[{index}]"
+    if fit.nodes:
+        return tuple(
+            point_nodes(np.array(each, dtype=float), name)
+            if isinstance(each, list)
+            else grid_nodes(*each, name)
+            for each in fit.nodes
+        )
+    if old is not None:
+        return nodes_in(old, name)
+    # No mesh is that large.
+    if len(fit.over) == 2 and tables.large(fit.sources[0]) is None:
+        read = tables.table(fit.sources[0])
+        columns = tables.job.spec.measurements[fit.sources[0]].columns
+        if read.format in MESH_FORMATS and not columns:
+            return tuple(_mesh_nodes(read.column(axis).values, name) for axis in "xy")
+    suited = _suited_nodes(tables, fit)
+    hint = f"; these suit the readings: {suited}" if suited else ""
+    reason = f"no nodes, expected {fit.nodes_wanted}{hint}"
+    raise tables.job.error(("fits", index), reason)
+
+
+def _suited_nodes(tables: Tables, fit: TableSpec) -> str:
+    """Return nodes that suit the readings of a fit as keys; empty where that is unknown."""
+    masters = fit.over
+    turning = any(tables.job.spec.axes[name].modulo is not None for name in masters)
+    if turning or any(tables.large(name) is not None for name in fit.sources):
+        return ""
+    try:
+        measured = [tables.measured(name, fit.axis, masters) for name in fit.sources]
+        places = [
+            np.concatenate([one.require(f"{axis}.position") for one in measured])
+            for axis in masters
+        ]
+    except MeasurementError:
+        return ""
+    return grid_words(places) if all(np.ptp(one) > 0 for one in places) else ""
+
+
+def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> GridNodes:
+    """Return the grid lines of a mesh, to the nearest list unit.
+
+    Raises:
+        ExchangeError: If there are fewer than two.
+    """
+    lines = np.unique(places)
+    if len(lines) < 2:
+        raise ExchangeError(
+            where=name, found="one line of points", expected="a surface"
+        )
+    start = round(float(lines[0]) * LIST_UNITS) / LIST_UNITS
+    # A line without any reading leaves a gap: the smallest distance is that of the grid.
+    count = round(float(lines[-1] - lines[0]) / float(np.diff(lines).min())) + 1
+    interval = float(lines[-1] - lines[0]) / (count - 1)
+    return grid_nodes(start, round(interval * LIST_UNITS) / LIST_UNITS, count, name)
+
+
+def _full_turn(job: Job, index: int, fit: TableSpec, nodes: ListNodes) -> bool:
+    """Return whether the table goes round, refusing one that goes round in part."""
+    span = job.spec.axes[fit.over[0]].modulo
+    if not fit.turns(job.spec.axes) or span is None:
+        return fit.turns(job.spec.axes)
+    ends = nodes.positions[[0, -1]]
+    if np.max(np.abs(ends - np.array(span))) > 1e-9:
+        raise job.error(
+            ("fits", index),
+            f"found nodes from {ends[0]:g} to {ends[1]:g}, expected the modulo range of"
+            f" {fit.over[0]} from {span[0]:g} to {span[1]:g}, both ends included",
+        )
+    return True
+
+
+Grid = tuple[float, float, int]
+"""Start, interval and number of nodes, in mm or °."""
+
+_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+_LINE, _SURFACE = 80, 20
+"""Intervals of a table over one position, and over each of two."""
+_EACH = 10
+"""Readings per node, at least, where there are no targets."""
+_TARGETS = 250
+"""Different places up to which they are taken for targets."""
+_HOLES = 0.05
+"""Share of the nodes of a plane that may lack a reading: targets that were left out."""
+
+
+def grid_over(
+    places: Float[np.ndarray, " t"],
+    reach: tuple[float, float] | None = None,
+    *,
+    surface: bool = False,
+) -> Grid:
+    """Return nodes that suit readings.
+
+    Evenly spaced targets become the nodes; else round numbers that cover the readings.
+
+    Args:
+        places: Positions of the readings.
+        reach: Ends that the table must reach, or None.
+        surface: It is one of two positions of a plane.
+    """
+    known = np.unique(np.round(places[np.isfinite(places)], 4))
+    low, high = float(known[0]), float(known[-1])
+    if reach is not None:
+        low, high = min(low, reach[0]), max(high, reach[1])
+    steps = np.diff(known)
+    if 2 <= len(known) <= _TARGETS and np.ptp(steps) < 1e-3 * steps[0]:
+        interval = round(float(steps.mean()), 4)
+        if abs(known[0] + interval * (len(known) - 1) - known[-1]) < 1e-3:
+            before = int(np.ceil((known[0] - low) / interval - 1e-6))
+            after = int(np.ceil((high - known[-1]) / interval - 1e-6))
+            start = float(known[0]) - before * interval
+            return start, interval, len(known) + before + after
+    count = len(places) // _EACH
+    most = min(_SURFACE, int(np.sqrt(count))) if surface else min(_LINE, count)
+    interval = _round_up((high - low) / max(2, min(most, len(known) - 1)))
+    start = np.floor(low / interval + 1e-6) * interval
+    points = int(np.ceil((high - start) / interval - 1e-6)) + 1
+    return round(float(start), 4), interval, max(points, 2)
+
+
+def grids_for(
+    first: Float[np.ndarray, " t"], second: Float[np.ndarray, " t"]
+) -> tuple[Grid, Grid]:
+    """Return nodes of a plane that suit readings: hardly more than different places.
+
+    Where the targets of the two masters were not measured in all their combinations,
+    every second one of the more numerous is left out until the readings suffice.
+
+    Args:
+        first: Positions of the first master.
+        second: Positions of the second one.
+    """
+    grids = [grid_over(first, surface=True), grid_over(second, surface=True)]
+    places = np.stack([first, second], axis=1)
+    known = np.unique(np.round(places[np.isfinite(places).all(axis=1)], 4), axis=0)
+    while (1.0 - _HOLES) * grids[0][2] * grids[1][2] > len(known):
+        k = int(grids[1][2] > grids[0][2])
+        start, interval, points = grids[k]
+        if points == 2:
+            break
+        grids[k] = start, round(2.0 * interval, 4), points // 2 + 1
+    return grids[0], grids[1]
+
+
+def grid_words(places: Sequence[Float[np.ndarray, " t"]]) -> str:
+    """Return the keys of nodes that suit readings, as they stand in a job.
+
+    Args:
+        places: Positions of the readings, per master.
+    """
+    if len(places) == 1:
+        ((start, interval, points),) = _grids(places)
+        return f"start = {start:g}, interval = {interval:g}, points = {points}"
+    first, second = _grids(places)
+    keys = zip(("start", "interval", "points"), first, second, strict=True)
+    return ", ".join(f"{key} = [{one:g}, {two:g}]" for key, one, two in keys)
+
+
+def suit(
+    nodes: Sequence[Float[np.ndarray, " _"]], places: Sequence[Float[np.ndarray, " t"]]
+) -> bool:
+    """Return whether nodes are those that suit readings.
+
+    Args:
+        nodes: Of a table, per master, in mm or °.
+        places: Positions of the readings, per master.
+    """
+    return all(
+        len(own) == points
+        and bool(np.allclose(own, start + interval * np.arange(points)))
+        for own, (start, interval, points) in zip(nodes, _grids(places), strict=True)
+    )
+
+
+def _grids(places: Sequence[Float[np.ndarray, " t"]]) -> tuple[Grid, ...]:
+    if len(places) == 1:
+        return (grid_over(places[0]),)
+    return grids_for(places[0], places[1])
+
+
+def _round_up(width: float) -> float:
+    """Return the next larger of 1, 2, 2.5, 5, 10, … at every power of ten."""
+    power = 10.0 ** np.floor(np.log10(width))
+    share = width / power
+    step = next(each for each in _STEPS if each >= share - 1e-9)
+    return round(float(step * power), 4)

@@ -1,0 +1,296 @@
+"""A log in pieces, as readings of one fit, where it is too large for memory."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from functools import cached_property, partial
+from typing import final
+
+import numpy as np
+from jaxtyping import Float
+
+from ....data.measurements import ColumnSpec, LargeFile, Table, TablePart, own_roles
+from ...exchange import AbstractTable
+from ...fit import Ahead, Samples
+from ...kinds._keys import TableSpec
+from ...readings import (
+    Readings,
+    Tables,
+    Wanted,
+    Zero,
+    measured_from,
+    read_rows,
+    reference_words,
+    sensor_name,
+    step_of,
+    wanted_by,
+    zero_of,
+)
+from ..file._load import Job
+from ..result._result import Remark
+
+_PARTS = 32
+"""Parts of a log: enough to read one ahead, few enough to keep their sums."""
+_ROWS = 1 << 19
+"""Rows of a piece."""
+_MANY = 1 << 32
+"""Runs of one measurement are numbered below this."""
+LARGE = 20_000_000
+"""Cells (rows × columns used) above which a log is read in pieces."""
+_SHORT = 5_000
+"""Rows up to which a log is not worth being read in pieces."""
+_HUGE = 10 * LARGE
+"""Cells above which it is even where runs then keep no effects of their own."""
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class LogSource:
+    """A log, and the columns that a fit takes from it.
+
+    Attributes:
+        name: Of the measurement.
+        file: The file.
+        columns: Column of each role that is used.
+        roles: Every role that the file has.
+    """
+
+    name: str
+    file: LargeFile
+    columns: Mapping[str, ColumnSpec]
+    roles: frozenset[str]
+
+    @classmethod
+    def of(
+        cls, tables: Tables, name: str, file: LargeFile, fit: TableSpec, wanted: Wanted
+    ) -> "LogSource":
+        """Return a log as a fit uses it.
+
+        Raises:
+            MeasurementError: If the file does not tell what its columns are.
+        """
+        spec = tables.job.spec.measurements[name]
+        columns = tables.columns(name) or own_roles(
+            file.head, spec.axis or fit.axis, wanted.masters
+        )
+        roles = ["run", *(f"{axis}.position" for axis in wanted.masters)]
+        kinds = ["error"] if f"{fit.axis}.error" in columns else ["actual", "position"]
+        roles += [f"{fit.axis}.{kind}" for kind in kinds]
+        if wanted.direction == "needed":
+            roles.append(f"{fit.axis}.direction")
+        if isinstance(spec.material_temperature, str):
+            roles.append(f"temperature.{sensor_name(spec.material_temperature)}")
+        used = {role: columns[role] for role in roles if role in columns}
+        return cls(name, file, used, frozenset(columns))
+
+    @cached_property
+    def headers(self) -> tuple[str, ...]:
+        """The columns that are used, as the file names them.
+
+        Raises:
+            ColumnError: If one does not exist.
+        """
+        head = self.file.head
+        found = [head.column(one.column) for one in self.columns.values()]
+        return tuple(dict.fromkeys(one.header or one.name for one in found))
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class LogReadings:
+    """The readings of a fit, piece by piece.
+
+    Attributes:
+        job: The job.
+        fit: Its specification.
+        table: What will be written.
+        wanted: What it takes from its measurements.
+        sources: The logs, one after the other.
+    """
+
+    job: Job
+    fit: TableSpec
+    table: AbstractTable
+    wanted: Wanted
+    sources: tuple[LogSource, ...]
+    _said: dict[str, None] = dataclasses.field(default_factory=dict)
+    _changes: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def has_runs(self) -> bool:
+        """Whether some readings belong to another run than others, as far as is known."""
+        return len(self.sources) > 1 or any(
+            "run" in one.columns for one in self.sources
+        )
+
+    @cached_property
+    def parts(self) -> list[Ahead]:
+        """The readings, for a `Stream` on this machine."""
+        return [
+            Ahead(part.tables, partial(self._samples, k))
+            for k, source in enumerate(self.sources)
+            for part in self._parts_of(source)
+        ]
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What was taken for granted, once the log has been read."""
+        found = list(self._said)
+        for name in (source.name for source in self.sources):
+            found += reference_words(
+                name,
+                self.job.spec.measurements[name],
+                self.fit.axis,
+                self.wanted.lengths,
+                self._changes.get(name),
+            )
+        return tuple(Remark.info(words) for words in found)
+
+    def _parts_of(self, source: LogSource) -> list[TablePart]:
+        return source.file.parts(source.headers, _PARTS, _ROWS)
+
+    def _samples(self, number: int, table: Table) -> Samples:
+        """Return the readings of a piece."""
+        part = self._rows(self.sources[number], table)
+        zero = self._zeros.get(number)
+        error = part.error if zero is None else zero.off(part.error, part.positions)
+        branch = None
+        if self.table.branches == 2:
+            assert part.direction is not None  # `read_rows` refuses it otherwise
+            branch = (part.direction < 0).astype(np.int64)
+        run = None
+        if self.has_runs:
+            run = np.full(len(error), number * _MANY, dtype=np.int64)
+            if part.run is not None:
+                run += part.run
+        return Samples(part.positions, error, branch, run=run)
+
+    def _rows(self, source: LogSource, table: Table) -> Readings:
+        measured = measured_from(
+            self.job, source.name, table, source.columns,
+            self.fit.axis, self.wanted.masters,
+        )  # fmt: skip
+        part = read_rows(self.job, source.name, measured, self.fit, self.wanted)
+        self._said.update(dict.fromkeys(part.remarks))
+        for change in part.rows[source.name].change.values():
+            self._changes[source.name] = max(
+                change, self._changes.get(source.name, 0.0)
+            )
+        return part
+
+    @cached_property
+    def _zeros(self) -> dict[int, Zero]:
+        """What is to be removed from each log, judged by every n-th reading of it."""
+        found = {}
+        for number, source in enumerate(self.sources):
+            kind = self.job.spec.measurements[source.name].remove
+            if kind == "none":
+                continue
+            count = sum(len(one.error) for one in self._all_rows(source))
+            step, row = step_of(count), 0
+            errors: list[Float[np.ndarray, " t"]] = []
+            places: list[Float[np.ndarray, "t d"]] = []
+            for part in self._all_rows(source):
+                every = slice(-row % step, None, step)
+                errors.append(part.error[every])
+                places.append(part.positions[every])
+                row += len(part.error)
+            found[number] = zero_of(
+                np.concatenate(errors), np.concatenate(places), kind
+            )
+        return found
+
+    def _all_rows(self, source: LogSource) -> Iterator[Readings]:
+        for part in self._parts_of(source):
+            for table in part.tables():
+                yield self._rows(source, table)
+
+
+def in_pieces(
+    tables: Tables, fit: TableSpec, table: AbstractTable
+) -> tuple[LogReadings | None, tuple[Remark, ...]]:
+    """Return the readings of a fit in pieces, None where they belong into memory.
+
+    Beside it stands what must be said of a large log that was read into memory.
+
+    Args:
+        tables: Files of the job.
+        fit: Its specification.
+        table: What will be written.
+
+    Raises:
+        JobError: If the job asks for it and it cannot be done.
+        MeasurementError: If a file is damaged or a column is missing.
+    """
+    job = tables.job
+    specs = {name: job.spec.measurements[name] for name in fit.sources}
+    asked = [name for name, spec in specs.items() if spec.stream is True]
+    if any(spec.stream is False for spec in specs.values()):
+        return None, ()
+    found = {name: tables.large(name) for name in fit.sources}
+    for name, file in found.items():
+        if file is None and asked:
+            raise job.error(
+                ("measurements", asked[0], "stream"),
+                f"found true, but {specs[name].file or specs[name].files} cannot be read"
+                " in pieces, expected a Parquet or CSV file",
+            )
+    large = {name: file for name, file in found.items() if file is not None}
+    if len(large) < len(found):
+        return None, ()
+    wanted = wanted_by(fit, table)
+    sources = tuple(
+        LogSource.of(tables, name, file, fit, wanted) for name, file in large.items()
+    )
+    cells = sum(one.file.rows * len(one.headers) for one in sources)
+    if not asked and cells <= LARGE:
+        return None, ()
+    if sum(one.file.rows for one in sources) <= _SHORT:
+        words = (
+            f"{', '.join(map(repr, fit.sources))} is so short that it was read at once."
+        )
+        return None, (Remark.info(words),)
+    readings = LogReadings(job, fit, table, wanted, sources)
+    for reason, possible in _obstacles(job, fit, readings):
+        if possible and (asked or cells > _HUGE):
+            continue
+        if asked:
+            raise job.error(
+                ("measurements", asked[0], "stream"),
+                f"found true, but {reason}",
+            )
+        words = (
+            f"{', '.join(map(repr, fit.sources))} ({cells:.3g} cells) was read into"
+            f" memory and not in pieces: {reason}."
+        )
+        return None, (Remark.info(words),)
+    return readings, ()
+
+
+def _obstacles(
+    job: Job, fit: TableSpec, readings: LogReadings
+) -> Iterator[tuple[str, bool]]:
+    """Yield what stands in the way, the worst first, and whether it can be done all the same."""
+    for other in job.spec.fits:
+        if other is fit or other.axis != fit.axis:
+            continue
+        if set(other.sources) & set(fit.sources):
+            yield f"the {other.compensation} fit of {fit.axis} shares it", False
+    for one in readings.sources:
+        if f"{fit.axis}.error" not in one.roles and "time" in one.roles:
+            words = (
+                f"the error of {fit.axis} in {one.name!r} is not a column but rests on"
+                " what its instrument lags behind, which the whole log tells"
+            )
+            yield words, False
+        needs_way = readings.wanted.direction == "needed"
+        if needs_way and f"{fit.axis}.direction" not in one.roles:
+            words = (
+                f"{one.name!r} has no column for '{fit.axis}.direction', so that the"
+                " whole log tells it"
+            )
+            yield words, False
+        run = one.columns.get("run")
+        if run is not None and one.file.head.column(run.column).text is not None:
+            yield f"the runs of {one.name!r} have names and not numbers", False
+    if readings.has_runs:
+        yield "each of its runs is then allowed an offset of its own", True

@@ -1,0 +1,321 @@
+"""Which table each fit writes: nodes, masters and the list that is there already."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ....data.lists import ListFile
+from ...exchange import (
+    AbstractTable,
+    ExchangeError,
+    Model,
+    refuse_lost_nodes,
+)
+from ...fit import TableFit, predict, zeroed
+from ...kinds import kinds
+from ...kinds._keys import FitSpec, TableSpec
+from ...readings import Tables
+from .._draft import AbstractDraft, Leftovers
+from .._fit_plan import AbstractPlan
+from ..file._load import Job
+from ..result._result import Remark
+from ._layout import empty_table, table_of
+from ._readings import datum_of
+
+if TYPE_CHECKING:
+    from ...fit.joint import AbstractEffect, JointData
+    from ..joint._recording import GroupRecording
+    from ..joint._share import Share
+
+_TOGETHER = 0.99
+"""Correlation of two masters from which on a table over them is told on a line only."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan(AbstractPlan):
+    """One table before its measurement is looked at.
+
+    Attributes:
+        table: What will be written.
+        old: Table of this compensation in the existing list, or None.
+        active: Whether it was active while measuring: the new table is then old +
+            residual, else it replaces the old one.
+        datum: Where the error is zero, per master, or None.
+        remarks: What the user must know.
+    """
+
+    fit: TableSpec
+    table: AbstractTable
+    old: Model | None
+    active: bool
+    datum: tuple[float, ...] | None
+    remarks: tuple[Remark, ...]
+
+    def alone(self, tables: Tables, left: Leftovers) -> AbstractDraft:
+        from ._fitting import fit_alone
+
+        return fit_alone(self, tables, left)
+
+    @property
+    def positions(self) -> tuple[str, ...]:
+        return self.fit.over
+
+    @property
+    def turning(self) -> tuple[str, ...]:
+        return (self.axis,) if self.table.branches == 2 else ()
+
+    @property
+    def takes_line(self) -> bool:
+        return self.fit.lengths
+
+    def undetermined(self, data: "JointData") -> str:
+        if len(self.fit.over) < 2:
+            return ""
+        first, second = (data.position[name] for name in self.fit.over)
+        known = np.isfinite(first) & np.isfinite(second)
+        known &= np.isfinite(data.error[self.axis])
+        x, y = first[known], second[known]
+        if len(x) < 3 or not np.ptp(x) > 0 or not np.ptp(y) > 0:
+            return ""
+        alike = float(np.corrcoef(x, y)[0, 1])
+        if abs(alike) < _TOGETHER:
+            return ""
+        names = " and ".join(self.fit.over)
+        return (
+            f"{names} moved together (correlation {alike:.4f}): beside the line on which"
+            " they went nothing was measured. Move each of them while the other stands"
+            " still."
+        )
+
+    def effect(
+        self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
+    ) -> "AbstractEffect":
+        return self.table.effect(self.axis, self.fit.over)
+
+    def draft(self, share: "Share") -> AbstractDraft:
+        from ..joint._table import table_draft  # takes long to load
+
+        return table_draft(self, share)
+
+    @property
+    def old_offset(self) -> Float[np.ndarray, "..."] | None:
+        """Offset of the old table at the new nodes in mm or °, or None."""
+        return None if self.old is None else self.table.at_nodes(self.old)
+
+    def zeroed(self, estimate: TableFit) -> tuple[float, TableFit]:
+        """Return what a table says at the datum, the mean of both directions, and it less that.
+
+        Raises:
+            JobError: If the datum lies outside the table.
+        """
+        at = self._at_datum()
+        return (0.0, estimate) if at is None else zeroed(estimate, *at)
+
+    def _zero(self, estimate: TableFit) -> float:
+        at = self._at_datum()
+        return 0.0 if at is None else float(np.mean(predict(estimate, *at)[0]))
+
+    def _at_datum(
+        self,
+    ) -> tuple[Float[np.ndarray, "b d"], Int[np.ndarray, " b"] | None] | None:
+        """Return the datum in every direction, and the direction."""
+        if self.datum is None:
+            return None
+        for place, nodes in zip(self.datum, self.table.nodes, strict=True):
+            ends = nodes.positions[[0, -1]]
+            if not ends[0] <= place <= ends[1]:
+                raise self.job.error(
+                    ("measurements", self.fit.sources[0], "datum", "at"),
+                    f"found {place:g}, expected a position within the table of"
+                    f" fits[{self.index}], {ends[0]:g} to {ends[1]:g}",
+                )
+        count = self.table.branches
+        where = np.tile(np.array([self.datum]), (count, 1))
+        return where, np.arange(count) if count == 2 else None
+
+    def offset(self, residual: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        """Return the offset at the nodes that a residual there asks for, in mm or °."""
+        old = self.old_offset if self.active else None
+        return -residual if old is None else old - residual
+
+    def integers(self, estimates: Sequence[TableFit]) -> Int[np.ndarray, "k ..."]:
+        """Return the entries of the lists of several estimates."""
+        wanted = [self.offset(one.values - self._zero(one)) for one in estimates]
+        return self.table.to_integers(np.stack(wanted))
+
+    def branch(
+        self, direction: Int[np.ndarray, " t"] | None
+    ) -> Int[np.ndarray, " t"] | None:
+        """Return which branch of the table holds at each reading; None: it has one."""
+        if self.table.branches == 1:
+            return None
+        assert direction is not None  # the reader refuses it otherwise
+        return (direction < 0).astype(np.int64)
+
+    def acted(
+        self,
+        positions: Float[np.ndarray, "t d"],
+        branch: Int[np.ndarray, " t"] | None,
+    ) -> Float[np.ndarray, " t"]:
+        """Return what the old table added at readings while measuring, in mm or °."""
+        if not self.active or self.old is None:
+            return np.zeros(len(positions))
+        return self.table.offset(self.old, positions, branch)
+
+
+def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
+    """Return what a table fit writes.
+
+    Raises:
+        JobError: If nodes, masters or existing lists do not suit.
+    """
+    job, lists = tables.job, tables.job.lists[fit.axis]
+    existing, axis_list = lists.compensation, lists.machine
+    where = ("fits", index)
+    active = was_active(job, index, fit, _holder(fit, existing))
+    with job.blaming(where):
+        old, unread = _old_table(job, fit, existing, active)
+        table = table_of(tables, index, fit, old)
+        if active:
+            if existing is None or old is None:
+                raise job.error(
+                    ("axes", fit.axis, "list"),
+                    f"{fit.compensation} was active while measuring, but no list with"
+                    " its table is given, expected list = the file that was loaded",
+                )
+            old_masters = table.masters_in(existing)
+            if old_masters != table.masters:
+                raise job.error(
+                    where,
+                    f"found masters {list(table.masters)}, expected"
+                    f" {list(old_masters)} as in the active table of {existing.source}",
+                )
+            refuse_lost_nodes(table, old, existing.source)
+    fit.refuse(job, index, table)
+    return Plan(
+        job=job,
+        index=index,
+        fit=fit,
+        table=table,
+        old=old,
+        active=active,
+        datum=datum_of(job, index, fit),
+        remarks=(*unread, *_remarks(job, fit, existing, axis_list, old, active)),
+    )
+
+
+def _holder(fit: TableSpec, existing: ListFile | None) -> str | None:
+    """Return the list that holds this table already, or None."""
+    if existing is None or fit.kind.entries.adds_nothing(existing):
+        return None
+    return existing.source
+
+
+def _old_table(
+    job: Job, fit: TableSpec, existing: ListFile | None, active: bool
+) -> tuple[Model | None, list[Remark]]:
+    """Return the table that the existing list holds, or None, and what to say of it.
+
+    Raises:
+        ExchangeError: If it cannot be read and something rests on it: it was active, its
+            nodes are taken over, or the gate limits the change.
+    """
+    probe = empty_table(job, fit)
+    if existing is None or not probe.is_in(existing):
+        return None, []
+    try:
+        return probe.read(existing, job.increments), []
+    except ExchangeError as error:
+        if active or not fit.nodes or job.spec.gate.max_change is not None:
+            raise
+        words = f"The new table replaces one that cannot be compared with it: {error}"
+        return None, [Remark.warning(words)]
+
+
+def _remarks(
+    job: Job,
+    fit: TableSpec,
+    existing: ListFile | None,
+    axis_list: ListFile | None,
+    old: Model | None,
+    active: bool,
+) -> Iterator[Remark]:
+    if active:
+        yield Remark.info(
+            "The old table was active while measuring: the new one is old + residual."
+        )
+    elif old is not None:
+        yield Remark.info(
+            "The old table was off while measuring: the new one replaces it."
+        )
+    yield from (Remark.warning(words) for words in fit.warnings(job))
+    if existing is None:
+        return
+    others = {spec.compensation for spec in job.spec.fits if spec.axis == fit.axis}
+    on = set().union(*(job.spec.measurements[name].active for name in fit.sources))
+    for kind in kinds():
+        if not kind.table or kind.name in on | others:
+            continue
+        if axis_list is not None and kind.entries.is_activated(axis_list):
+            continue  # the axis is judged with it
+        if not kind.entries.adds_nothing(existing):
+            yield Remark.warning(
+                f"The list also holds a {kind.name} table that was off while measuring:"
+                " what it corrects is part of the new table as well. Leave it off,"
+                f" or measure with {kind.name} active."
+            )
+
+
+def refuse_unstated(job: Job, fit: FitSpec, holder: str | None, on: str) -> None:
+    """Raise where a list has the compensation already and a measurement does not say more.
+
+    What was measured is then either the whole error or what that list leaves of it.
+
+    Args:
+        job: The job.
+        fit: The fit.
+        holder: The list of the axis that holds its compensation, or None.
+        on: What follows where it acted while measuring.
+
+    Raises:
+        JobError: Naming the measurement and the answers.
+    """
+    for name in fit.sources:
+        if holder is None or "active" in job.spec.measurements[name].model_fields_set:
+            continue
+        kind = fit.compensation
+        raise job.error(
+            ("measurements", name),
+            f"found no active, and {Path(holder).name} holds {kind} of {fit.axis} already, expected"
+            f' active = ["{kind}"] if it was on while measuring ({on}), or active = [] if'
+            " it was off (the new values replace the old)",
+        )
+
+
+def was_active(job: Job, index: int, fit: FitSpec, holder: str | None) -> bool:
+    """Return whether the compensation of a fit was on in all its measurements.
+
+    Args:
+        job: The job.
+        index: Of the fit.
+        fit: Its specification.
+        holder: The list of the axis that holds this compensation already, or None.
+
+    Raises:
+        JobError: If it was on in some of them only, or there is a list with it and a
+            measurement does not say.
+    """
+    refuse_unstated(job, fit, holder, "the new values are old + measured")
+    kind = fit.compensation
+    states = {kind in job.spec.measurements[name].active for name in fit.sources}
+    if len(states) > 1:
+        raise job.error(
+            ("fits", index),
+            f"found measurements with {kind} on and off (active), expected one state"
+            " for all that are joined",
+        )
+    return states == {True}

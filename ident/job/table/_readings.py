@@ -1,0 +1,125 @@
+"""Readings of a table: what other lists add taken into account; their zero, their runs."""
+
+import dataclasses
+
+import numpy as np
+
+from ...exchange import AbstractTable
+from ...kinds._keys import TableSpec
+from ...proof import RunTable
+from ...readings import Readings, Tables, read_joined, wanted_by
+from .._draft import Leftovers
+from ..file._load import Job
+from ..result._result import Remark
+
+
+def read_fit(
+    tables: Tables, index: int, fit: TableSpec, table: AbstractTable, left: Leftovers
+) -> tuple[Readings, list[Remark]]:
+    """Return the readings of a fit, all its measurements joined, and what to say of them.
+
+    Args:
+        tables: Files of the job.
+        index: Of the fit in the job.
+        fit: Its specification.
+        table: What will be written.
+        left: What earlier fits of this axis add, and what will act on it as well and was
+            off while measuring: the fit takes what they leave.
+
+    Raises:
+        MeasurementError: If a role is missing or a value cannot be used.
+        JobError: If the measurement does not suit the fit.
+    """
+    found = read_joined(tables, fit, wanted_by(fit, table))
+    error = found.error.copy()
+    remarks = [*map(Remark.info, found.remarks)]
+    for name, rows in found.rows.items():
+        own = found.slices[name]
+        if (fit.axis, name) in left.earlier:
+            error[own] += left.earlier[fit.axis, name]
+            remarks.append(
+                Remark.info(
+                    f"Measurement {name!r} serves an earlier fit of {fit.axis} as well:"
+                    " this one corrects what that list leaves."
+                )
+            )
+        for one in left.beside.get((index, name), ()):
+            error[own] += one.at(rows)
+            remarks.append(
+                Remark.info(
+                    f"Beside this table acts {one.words}, which was off while {name!r} was"
+                    " measured: this table corrects what it leaves."
+                )
+            )
+    # All its columns are not kept any longer than that.
+    return dataclasses.replace(found, error=error, rows={}), remarks
+
+
+def zero_at(
+    readings: Readings, datum: tuple[float, ...] | None, table: AbstractTable
+) -> float:
+    """Return the error where it is to be zero: median of the readings nearest to it.
+
+    Both directions count alike; 0 without a datum.
+    """
+    if datum is None:
+        return 0.0
+    reach = [0.5 * np.diff(each.positions).min() for each in table.nodes]
+    away = np.max(np.abs(readings.positions - datum) / reach, axis=1)
+    near = away <= max(1.0, float(away.min()))
+    if readings.direction is None or table.branches == 1:
+        return float(np.median(readings.error[near]))
+    ways = [near & (readings.direction == way) for way in (1, -1)]
+    return float(np.mean([np.median(readings.error[w]) for w in ways if w.any()]))
+
+
+def run_table(readings: Readings, table: AbstractTable) -> RunTable | None:
+    """Return how the readings lie in a run table of ISO 230-2, or None.
+
+    Only errors along the axis itself, at targets that come back, make one.
+    """
+    if table.masters != (table.axis,) or readings.run is None:
+        return None
+    target = readings.positions[:, 0]
+    if 2 * len(np.unique(target)) > len(target):
+        return None
+    direction = readings.direction
+    if direction is None:
+        direction = np.ones(len(target), dtype=np.int64)
+    return RunTable(target, readings.run, direction)
+
+
+def datum_of(job: Job, index: int, fit: TableSpec) -> tuple[float, ...] | None:
+    """Return where the error of a fit is zero, per master, or None.
+
+    Raises:
+        JobError: If its measurements differ, or it has not one position per master.
+    """
+    found = {
+        name: spec.datum.at
+        for name in fit.sources
+        if (spec := job.spec.measurements[name]).datum is not None
+        and spec.datum is not None
+    }
+    if not found:
+        return None
+    places = {
+        name: tuple(map(float, at if isinstance(at, list) else [at]))
+        for name, at in found.items()
+    }
+    name, place = next(iter(places.items()))
+    if len(set(places.values())) > 1 or len(places) < len(fit.sources):
+        raise job.error(
+            ("fits", index),
+            "found measurements with different datums, expected the same one for all"
+            " that are joined",
+        )
+    count = len(fit.over)
+    if len(place) != count:
+        raise job.error(
+            ("measurements", name, "datum", "at"),
+            f"found {len(place)} position{'s' * (len(place) > 1)}, expected {count} for"
+            " the"
+            f" {fit.compensation} fit of {fit.axis}",
+        )
+    return place

@@ -1,0 +1,159 @@
+"""What a fit has to say for itself, in sentences."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ...exchange import AbstractTable
+from ...proof import ErrorFigures
+from ...readings import Readings
+from ..result._result import Remark, some_of
+
+if TYPE_CHECKING:
+    from ._draft import AbstractTableDraft, Proof
+
+_MANY = 0.05
+"""Share of wild readings from which on the instrument deserves a look."""
+
+_SPARSE = 1.5
+"""Readings per node up to which no place was measured twice to speak of."""
+
+_MOST, _MOST_WILD = 6, 20
+"""Nodes, and wild readings, that are named one by one."""
+
+
+def fit_remarks(one: "AbstractTableDraft", proof: "Proof") -> Iterator[Remark]:
+    """Return gaps, suspicious nodes and runs, and what each run was allowed.
+
+    Args:
+        one: The fit.
+        proof: Its readings under the written file.
+    """
+    fit, unit = one.estimate, one.job.spec.axes[one.axis].small_unit
+    empty = int(np.sum(fit.support == 0))
+    if empty:
+        why = "were not measured"
+        if proof.wild:
+            why = "rest on no reading (not measured, or only wild ones)"
+        yield Remark.warning(
+            f"{empty} of {fit.support.size} node values {why}; they are"
+            " filled by the prior and marked with support 0."
+        )
+    if proof.outside:
+        yield Remark.info(
+            f"{proof.outside} readings lie outside the table, where its edge is held."
+        )
+    if wild := proof.wild:
+        yield Remark(
+            "warning" if wild > _MANY * proof.readings else "info",
+            f"{wild} of {proof.readings} readings are wild: the fit leaves them out."
+            " rms and max are given with and without them.",
+        )
+    if proof.places:
+        words = f"Wild readings lie at {some_of(proof.places, _MOST_WILD)}."
+        yield Remark.info(words)
+    if fit.suspect_nodes:
+        words = some_of([_node(one, k) for k in fit.suspect_nodes], _MOST)
+        yield Remark.warning(f"Readings contradict their surroundings at {words}.")
+    if fit.suspect_runs:
+        runs = ", ".join(str(run) for run in fit.suspect_runs)
+        yield Remark.warning(
+            f"Contradicts the other runs, and does not count in their mean: run {runs}."
+        )
+    if fit.runs:
+        largest = 1e3 * max(abs(run.offset) for run in fit.runs)
+        own = "offset and drift" if one.run_effects == "drift" else "offset"
+        yield Remark.info(
+            f"Each of the {len(fit.runs)} runs was allowed an {own} of its own"
+            f" (offsets up to {largest:.1f} {unit}); the table keeps their"
+            " mean."
+        )
+    elif not one.run_effects or one.run_effects == "none":
+        if proof.readings <= _SPARSE * fit.support.size:
+            known = "is not in the standard deviations"
+            if fit.line_offset:
+                known = (
+                    "stands in the standard deviations only as an assumed offset of every"
+                    f" line of readings, {1e3 * fit.line_offset:.1f} {unit} (1 sd)"
+                )
+            yield Remark.info(
+                "Nothing was measured twice: what changes from one measurement to the"
+                f" next {known}. A second measurement, given together with the first,"
+                " brings it in."
+            )
+    if not fit.converged or fit.loss != one.fit.loss:
+        yield Remark.warning(fit.message)
+
+
+def use_remarks(error: Mapping[str, ErrorFigures], by_run: bool) -> list[Remark]:
+    """Return a warning where the list would not have helped on data it has not seen."""
+    if error["predicted"].sound.rms < error["before"].sound.rms:
+        return []
+    if by_run:
+        why = (
+            "what was measured is scatter or drift, which no table takes away. Measure"
+            " again before loading it."
+        )
+    else:
+        # A block that is left out takes all readings of its nodes with it: that shows
+        # what the surroundings tell of a place, not whether the place would repeat.
+        why = (
+            "its surroundings do not tell the error of a place. That is scatter, or an"
+            " error that changes from node to node: repeated runs would tell which."
+        )
+    return [
+        Remark.warning(
+            "On readings that the fit did not see, this list leaves no less error than"
+            f" there is without it: {why}"
+        )
+    ]
+
+
+def outside(
+    table: AbstractTable, positions: Float[np.ndarray, "t d"]
+) -> Bool[np.ndarray, " t"]:
+    """Tell which readings lie outside the nodes."""
+    found = np.zeros(len(positions), dtype=bool)
+    if table.periodic:
+        return found
+    for k, nodes in enumerate(table.nodes):
+        ends = nodes.positions[[0, -1]]
+        column = positions[:, k]
+        # A node lies at a whole list unit, the reading meant for it perhaps beside it.
+        edge = 1e-3 * float(np.diff(nodes.positions).min())
+        found |= (column < ends[0] - edge) | (column > ends[1] + edge)
+    return found
+
+
+def places_of(
+    readings: Readings, which: Bool[np.ndarray, " t"], masters: Sequence[str]
+) -> tuple[str, ...]:
+    """Return where some of the readings lie: positions, direction and run, in words."""
+    found = []
+    for k in np.flatnonzero(which):
+        words = [
+            f"{name} = {place:.6g}"
+            for name, place in zip(masters, readings.positions[k], strict=True)
+        ]
+        if readings.direction is not None:
+            words.append("positive" if readings.direction[k] > 0 else "negative")
+        if readings.run is not None:
+            words.append(f"run {readings.run[k]}")
+        found.append(", ".join(words))
+    return tuple(found)
+
+
+def _node(one: "AbstractTableDraft", index: int) -> str:
+    """Return a node of the flattened table in words."""
+    table = one.plan.table
+    place = np.unravel_index(index, table.layout.shape)
+    own = [int(k) for k in place[-len(table.nodes) :]]
+    words = ", ".join(
+        f"{name} = {nodes.positions[k]:g}"
+        for name, nodes, k in zip(one.fit.over, table.nodes, reversed(own), strict=True)
+    )
+    if table.branches == 2:
+        words += " (positive)" if place[0] == 0 else " (negative)"
+    return words

@@ -1,0 +1,186 @@
+"""A constant and a slope in the error: of the machine, or of the instrument?
+
+The zero of a laser is arbitrary, as is the slope of a straightness measurement. A table
+takes both over, and the axis then moves by as much: nobody but the user can tell whose they
+are. Where they stand out of the error and the job does not say, nothing is written.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fit import TableFit
+from ...kinds._keys import TableSpec
+from ..file._load import Job
+from ._plan import Plan
+
+_SURE = 3.0
+"""Standard deviations from which a constant or a slope is none by chance."""
+_NEGLIGIBLE = 1e-3
+"""Share of the largest correction that the gate allows: less moves no axis to speak of."""
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Trend:
+    """The straight line, or plane, through an error.
+
+    Attributes:
+        constant: At the middle of the nodes that were measured, in mm or °.
+        constant_deviation: Its standard deviation.
+        slopes: Per master, in mm or ° per mm or °.
+        slope_deviations: Their standard deviations.
+        reach: Rms distance of the nodes from their middle, per master, in mm or °.
+        remainder: What a single reading is off the line: scatter and shape of the error,
+            rms in mm or °.
+    """
+
+    constant: float
+    constant_deviation: float
+    slopes: Float[np.ndarray, " d"]
+    slope_deviations: Float[np.ndarray, " d"]
+    reach: Float[np.ndarray, " d"]
+    remainder: float
+
+    def is_significant(self, negligible: float) -> bool:
+        """Return whether the constant or a slope asks whose it is.
+
+        It must be surely there (three standard deviations), and larger than what a reading
+        is off the line anyway: every error has a mean and a slope, and where they do not
+        stand out of its scatter and shape, a list without them is no other list.
+
+        Args:
+            negligible: Size that is never significant, in mm or °.
+        """
+        sizes = np.append(np.abs(self.slopes) * self.reach, abs(self.constant))
+        sure = np.append(self.slope_deviations * self.reach, self.constant_deviation)
+        return bool(
+            np.any((sizes > _SURE * sure) & (sizes > max(self.remainder, negligible)))
+        )
+
+
+def trend_of(fit: TableFit) -> Trend:
+    """Return the line through the nodes of a table that were measured.
+
+    What the nodes are off it counts as scatter: their own uncertainty, and the shape of the
+    error, of which a mean and a slope are no more than a sample.
+    """
+    layout = fit.layout
+    grids = np.meshgrid(*reversed(layout.nodes), indexing="ij")
+    # The last index of a table runs over the first master; a bilateral one has two values
+    # per place.
+    places = np.stack([grid.ravel() for grid in reversed(grids)], axis=1)
+    places = np.tile(places, (layout.branches, 1))
+    measured = np.asarray(fit.support).ravel() > 0
+    deviation = np.asarray(fit.standard_deviation).ravel()[measured]
+    return trend_through(
+        places[measured],
+        np.asarray(fit.values).ravel()[measured],
+        deviation=float(np.sqrt(np.mean(deviation**2))),
+        noise=fit.noise,
+        periodic=layout.periodic,
+    )
+
+
+def trend_through(
+    places: Float[np.ndarray, "n d"],
+    values: Float[np.ndarray, " n"],
+    *,
+    deviation: float = 0.0,
+    noise: float = 0.0,
+    periodic: bool = False,
+) -> Trend:
+    """Return the line through errors at places.
+
+    Args:
+        places: In mm or °, one column per master.
+        values: Error in mm or °.
+        deviation: Standard deviation of a value, rms.
+        noise: Standard deviation of a single reading.
+        periodic: The places go round: there is no slope.
+    """
+    distance = places - places.mean(axis=0)
+    if periodic:
+        distance = distance[:, :0]  # a whole turn has no slope
+    design = np.column_stack([np.ones(len(values)), distance])
+    solution = np.linalg.lstsq(design, values)[0]
+    left = values - design @ solution
+    free = max(len(values) - design.shape[1], 1)
+    variance = float(np.sum(left**2) / free + deviation**2)
+    spread = np.sqrt(variance * np.diag(np.linalg.pinv(design.T @ design)))
+    return Trend(
+        constant=float(solution[0]),
+        constant_deviation=float(spread[0]),
+        slopes=solution[1:],
+        slope_deviations=spread[1:],
+        reach=np.sqrt(np.mean(distance**2, axis=0)),
+        remainder=float(np.hypot(np.sqrt(np.sum(left**2) / free), noise)),
+    )
+
+
+def refuse_unowned_trend(plan: Plan, fit: TableFit) -> None:
+    """Raise where the job does not say whose a significant constant or slope is.
+
+    Args:
+        plan: Of the table.
+        fit: The error as the readings show it, nothing taken off.
+
+    Raises:
+        JobError: Naming the measurement, both numbers and the keys that answer.
+    """
+    job = plan.job
+    silent = [
+        name
+        for name in plan.fit.sources
+        if not {"datum", "remove"} & job.spec.measurements[name].model_fields_set
+    ]
+    if not silent:
+        return
+    trend = trend_of(fit)
+    if not asks_for_owner(job, trend):
+        return
+    grouped = plan.fit.group is not None
+    datum = "" if grouped else "datum = { at = … } (it is zero there), "
+    raise job.error(
+        ("measurements", silent[0]),
+        f"found {trend_words(job, plan.fit, trend)} in the error of {plan.fit.axis}, which the"
+        f" {plan.fit.compensation} table would take over; expected the job to say whose"
+        f' they are: {datum}remove = "none" (both are the machine\'s), "offset" (the'
+        ' constant is the instrument\'s) or "line" (the slope is, too)',
+    )
+
+
+def asks_for_owner(job: Job, trend: Trend) -> bool:
+    """Return whether a job must say whose the constant and the slopes of an error are."""
+    return trend.is_significant(_NEGLIGIBLE * job.limits.max_correction)
+
+
+def trend_words(job: Job, fit: TableSpec, trend: Trend) -> str:
+    """Return constant and slopes with unit and standard deviation."""
+    axes, masters = job.spec.axes, fit.over
+    unit = axes[fit.axis].small_unit
+    words = [
+        f"a constant of {_amount(trend.constant, trend.constant_deviation)} {unit}"
+    ]
+    pairs: Sequence[tuple[float, float]] = list(
+        zip(trend.slopes, trend.slope_deviations, strict=True)
+    )
+    for master, (slope, deviation) in zip(masters, pairs, strict=False):
+        along = axes[master].kind == "linear"
+        scale, per = (1e3, "m") if along else (1.0, "°")
+        over = "" if master == fit.axis else f" over {master}"
+        words.append(
+            f"a slope of {_amount(scale * slope, scale * deviation)} {unit}/{per}{over}"
+        )
+    return " and ".join(words)
+
+
+def _amount(value: float, deviation: float) -> str:
+    """Return thousandths of a value with its deviation, to two digits of the latter."""
+    small = 1e3 * deviation
+    digits = 1 if small <= 0 else int(np.clip(1 - np.floor(np.log10(small)), 0, 6))
+    shown = round(1e3 * value, digits) + 0.0  # no minus before a zero
+    return f"{shown:.{digits}f} ± {small:.{digits}f}"

@@ -1,0 +1,85 @@
+"""The NC program of a first run: what a person at the machine starts after the reload.
+
+One program per channel. It checks that each compensation is initialised and active ([001]
+p.95), switches it off and on (p.94), waits in between, and leaves it as it was; nothing moves
+by itself. The text stands in ``first_run.nc.jinja``. `#VAR`, ``V.L.`` and ``#CHANNEL INIT`` are
+those of the programming manual of TF5200.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..._templates import templates
+from ..file._load import Job
+from ._lists import AxisFiles
+
+_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_STEP = 10
+
+
+def program_name(channel: int) -> str:
+    """Return the name of the program of a channel."""
+    return f"first_run_{channel}.nc"
+
+
+def program_names(job: Job) -> tuple[str, ...]:
+    """Return the names of all programs that a job may write."""
+    channels = {job.spec.axes[fit.axis].channel for fit in job.spec.fits}
+    return tuple(program_name(channel) for channel in sorted(channels))
+
+
+def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
+    """Return the programs of a job in ASCII, by name of the file.
+
+    Axes whose lists failed have no part in them, nor have axes without a word that an NC
+    program understands (`nameless`).
+    """
+    wordless = nameless(job, [one.axis for one in files])
+    let_out = [
+        one for one in files if one.lists and not (one.failed or one.axis in wordless)
+    ]
+    drafts = [draft for one in let_out for draft in one.drafts if draft.written]
+    channels: dict[int, list[dict[str, Any]]] = {}
+    for draft in sorted(drafts, key=lambda draft: draft.index):
+        found, word = draft.kind, job.spec.nc_word(draft.axis)
+        state = {
+            "word": word,
+            "name": found.name,
+            "keyword": found.keyword,
+            "init": found.shows_init,
+            # The variable of its former state.
+            "memory": f"WAS_{word}_{found.keyword}".upper(),
+        }
+        channels.setdefault(job.spec.axes[draft.axis].channel, []).append(state)
+    title = job.spec.title or job.path.stem
+    return {
+        program_name(channel): _program(channel, states, title)
+        for channel, states in sorted(channels.items())
+    }
+
+
+def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
+    """Return those axes whose word no NC program understands."""
+    return tuple(axis for axis in axes if not _WORD.fullmatch(job.spec.nc_word(axis)))
+
+
+def _program(channel: int, states: Sequence[Mapping[str, Any]], title: str) -> str:
+    plain = title.encode("ascii", "replace").decode()
+    # Words are checked, the title is a comment.
+    text = (
+        templates(__package__ or "")
+        .get_template("first_run.nc.jinja")
+        .render(
+            channel=channel,
+            states=states,
+            words=list(dict.fromkeys(state["word"] for state in states)),
+            title="".join(sign if sign.isprintable() else " " for sign in plain),
+        )
+    )
+    lines, number = [], _STEP
+    for line in text.splitlines():
+        if line.startswith("N "):
+            line, number = f"N{number}{line[1:]}", number + _STEP
+        lines.append(line)
+    return "\n".join([*lines, ""])

@@ -1,0 +1,351 @@
+"""The lists of an axis after its fits: edited entry by entry, or new, and checked."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from ....data.lists import Finding, ListFile, Value, check, compare, new_list
+from ...exchange import axis_file, compensation_file, to_add, with_tables
+from ...proof import GateCheck
+from .._draft import AbstractDraft, AxisLists
+from ..file._load import Job
+from ..result._result import Remark
+
+
+@dataclasses.dataclass(frozen=True)
+class AxisFiles:
+    """One axis from its drafts to its files.
+
+    Attributes:
+        axis: Name in the job.
+        number: Its logical number.
+        existing: What it has already.
+        drafts: All its fits, in the order of the job.
+        cycles: Value of P-AXIS-00243, where a fit asks for one.
+        gates: What the gate says of each fit, by its index; empty where it is not written.
+        compensation: The compensation list, or None where no fit needs one.
+        machine: The axis list, or the entries to add to it, or None likewise.
+        extra: Further files by name, such as those for the PLC.
+        restart: Why the controller must be restarted, or None where a reload is enough.
+        remarks: What the user must know.
+        findings: What `check` says of both; empty until `judge_files`.
+        same: Names of lists that say what the controller's own ones say already.
+        written: Names in the folder of what was written, the compensation list first where
+            there is one; empty until then.
+    """
+
+    axis: str
+    number: int
+    existing: AxisLists
+    drafts: tuple[AbstractDraft, ...]
+    cycles: int | None
+    gates: Mapping[int, tuple[GateCheck, ...]]
+    compensation: ListFile | None
+    machine: ListFile | None
+    extra: Mapping[str, bytes]
+    restart: str | None
+    remarks: tuple[Remark, ...]
+    findings: tuple[Finding, ...] = ()
+    same: frozenset[str] = frozenset()
+    written: tuple[Path, ...] = ()
+
+    @property
+    def compensation_name(self) -> str:
+        """File name of the compensation list."""
+        return compensation_file(self.number)
+
+    @property
+    def machine_name(self) -> str:
+        """File name of the axis list, or of the entries to add to it."""
+        return axis_file(self.number, whole=self.existing.machine is not None)
+
+    @property
+    def is_new(self) -> bool:
+        """Whether there was no compensation list before."""
+        return self.compensation is not None and self.existing.compensation is None
+
+    @property
+    def lists(self) -> tuple[tuple[str, ListFile], ...]:
+        """What is there to write, by name, the compensation list first."""
+        pairs = (
+            (self.compensation_name, self.compensation),
+            (self.machine_name, self.machine),
+        )
+        return tuple((name, one) for name, one in pairs if one is not None)
+
+    @property
+    def failed(self) -> bool:
+        """Whether its lists must not be loaded."""
+        checks = [check for gate in self.gates.values() for check in gate]
+        loud = any(remark.level == "error" for remark in self.remarks)
+        return loud or not all(check.passed for check in checks)
+
+    def judged(
+        self, gate: Sequence[GateCheck], remarks: Sequence[Remark]
+    ) -> "AxisFiles":
+        """Return it with what was found of the axis as a whole.
+
+        A list is let out with all that acts on its axis, or not at all: every fit that is
+        written has the lines of its axis.
+        """
+        drafts = {one.index: one for one in self.drafts}
+        gates = {
+            k: (*own, *gate) if drafts[k].written else own
+            for k, own in self.gates.items()
+        }
+        return dataclasses.replace(self, gates=gates, remarks=(*self.remarks, *remarks))
+
+    def of_lists(self, written: Sequence[Path]) -> tuple[Path, ...]:
+        """Return those of the written files that are lists, not the PLC's."""
+        return tuple(file for file in written if file.name not in self.extra)
+
+
+def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]:
+    """Return what is written for each axis.
+
+    Raises:
+        JobError: If a table does not fit into a list of the controller's build, or
+            is not found again in it.
+    """
+    axes = dict.fromkeys(one.axis for one in drafts)
+    return tuple(
+        _axis_files(job, tuple(one for one in drafts if one.axis == axis))
+        for axis in axes
+    )
+
+
+def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
+    axis, lists = every[0].axis, every[0].lists
+    number, existing = job.spec.axes[axis].number, lists.compensation
+    name = compensation_file(number)
+    drafts = [one for one in every if one.written]
+    spreads = [spread for one in drafts if (spread := one.cycles) is not None]
+    cycles = max(spreads, default=None)
+    gates = {one.index: one.gate(cycles) if one.written else () for one in every}
+    entries: dict[str, Value] = {}
+    extra: dict[str, bytes] = {}
+    for one in drafts:
+        with job.blaming(("fits", one.index)):
+            entries |= one.entries()
+        extra |= one.extra_files()
+    listing, remarks = None, list[Remark]()
+    if entries and existing is None:
+        listing = _new(job, axis, entries)
+        words = (
+            f"{name} is a new list, since no list of {axis} was given: copied over"
+            " another one, it would lose that one's other compensations."
+        )
+        remarks.append(Remark.info(words))
+    elif entries and existing is not None:
+        listing, more = _edited(existing, number, entries, drafts)
+        remarks += more
+    if listing is not None:
+        listing = dataclasses.replace(listing, source=name)
+        for one in drafts:
+            one.refuse_misread(listing)
+    machine, more = _machine_list(job, axis, lists, drafts, cycles)
+    pairs = (existing, listing), (lists.machine, machine)
+    return AxisFiles(
+        axis=axis,
+        number=number,
+        existing=lists,
+        drafts=every,
+        cycles=cycles,
+        gates=gates,
+        compensation=listing,
+        machine=machine,
+        extra=extra,
+        restart=_restart(pairs, drafts),
+        remarks=(*remarks, *more),
+        same=frozenset(
+            new.source
+            for old, new in pairs
+            if old is not None
+            and new is not None
+            and compare(old, new).action == "none"
+        ),
+    )
+
+
+def _new(job: Job, axis: str, entries: Mapping[str, Value]) -> ListFile:
+    spec = job.spec.axes[axis]
+    name = spec.name or axis
+    head: dict[str, Value] = {
+        "kopf.achs_nr": spec.number,
+        "kopf.log_achs_name": name,
+    }
+    return new_list(
+        head | dict(entries),
+        comment=(
+            f"Compensation list of axis {name}, written by axcomp",
+            f"Job: {job.spec.title or job.path.name}",
+        ),
+    )
+
+
+def _edited(
+    existing: ListFile,
+    number: int,
+    entries: Mapping[str, Value],
+    drafts: Sequence[AbstractDraft],
+) -> tuple[ListFile, list[Remark]]:
+    """Return an existing list with new entries, and what was added to it."""
+    prefixes = [prefix for one in drafts for prefix in one.replaces]
+    edited = with_tables(existing, number, entries, prefixes)
+    remarks: list[Remark] = []
+    plain = [name for name in edited.added if "[" not in name]
+    rows = len(edited.added) - len(plain)
+    if edited.added:
+        words = plain + ([f"{rows} table entries"] if rows else [])
+        remarks.append(Remark.info(f"Added to {existing.source}: {', '.join(words)}."))
+    if edited.removed:
+        remarks.append(
+            Remark.info(
+                f"Removed from {existing.source}: {len(edited.removed)} table entries"
+                " beyond the new table."
+            )
+        )
+    return edited.listing, remarks
+
+
+def _restart(
+    pairs: Sequence[tuple[ListFile | None, ListFile | None]],
+    drafts: Sequence[AbstractDraft],
+) -> str | None:
+    """Return why a restart is needed, or None where a reload is enough.
+
+    Args:
+        pairs: The compensation list and the axis list, each before and after.
+        drafts: The fits of this axis.
+    """
+    existing, listing = pairs[0]
+    if listing is not None and existing is None:
+        return "the list is new to the controller (hochlauf.lis names it)"
+    reasons: list[str | None] = []
+    if existing is not None and listing is not None:
+        reasons += [one.restart(existing, listing) for one in drafts]
+    for old, new in pairs:
+        if old is not None and new is not None:
+            reasons += compare(old, new).reasons
+    return next((reason for reason in reasons if reason is not None), None)
+
+
+def _machine_list(
+    job: Job,
+    axis: str,
+    lists: AxisLists,
+    drafts: Sequence[AbstractDraft],
+    cycles: int | None,
+) -> tuple[ListFile | None, list[Remark]]:
+    """Return the axis list, edited, or just the entries to add to it; and remarks.
+
+    None where nothing is to be set.
+
+    Args:
+        job: The job.
+        axis: Its name in the job.
+        lists: What it has already.
+        drafts: The fits of this axis that are written.
+        cycles: Value of P-AXIS-00243, where a fit asks for one.
+    """
+    number, existing = job.spec.axes[axis].number, lists.machine
+    values: dict[str, Value] = {}
+    remarks: list[Remark] = []
+    for one in drafts:
+        with job.blaming(("fits", one.index)):
+            values |= one.machine_entries(cycles)
+        remarks += one.machine_remarks()
+    if not values:
+        return None, remarks
+    if existing is None:
+        return to_add(number, values, of=axis), remarks
+    if added := [entry for entry in values if existing.get(entry) is None]:
+        words = f"Added to {existing.source}: {', '.join(added)}."
+        remarks.append(Remark.info(words))
+    edited = dataclasses.replace(existing.merge(values), source=axis_file(number))
+    return edited, remarks
+
+
+def startup_fragment(files: Sequence[AxisFiles]) -> ListFile | None:
+    """Return the start-up entries of new lists that are let out, or None."""
+    fresh = [one for one in files if one.is_new and not one.failed]
+    if not fresh:
+        return None
+    values: dict[str, Value] = {"zahl_kw": len(fresh)}
+    for k, one in enumerate(fresh):
+        values[f"achs_kw_log_ax_nr[{k}]"] = one.number
+        values[f"achs_kw[{k}]"] = one.compensation_name
+    fragment = new_list(
+        values,
+        comment=(
+            "Entries to add to hochlauf.lis: no whole start-up list.",
+            "Count on from the indices that are there, and raise zahl_kw by"
+            f" {len(fresh)}.",
+        ),
+    )
+    return dataclasses.replace(fragment, source="hochlauf.add.lis")
+
+
+def judge_files(
+    job: Job, files: Sequence[AxisFiles]
+) -> tuple[tuple[AxisFiles, ...], tuple[Remark, ...]]:
+    """Return the lists with their findings, and what the set as a whole has.
+
+    New lists are judged beside the existing ones of the other axes. What stood in the
+    user's lists before is named as such; an error that is new fails the list.
+
+    Args:
+        job: The job.
+        files: The axes that are fitted.
+    """
+    existing = {
+        axis: [one for one in (own.compensation, own.machine) if one is not None]
+        for axis, own in job.lists.items()
+    }
+    theirs = [listing for own in existing.values() for listing in own]
+    fitted = {one.axis for one in files}
+    others = [
+        listing
+        for axis, own in existing.items()
+        if axis not in fitted
+        for listing in own
+    ]
+    ours = [listing for one in files for _, listing in one.lists]
+    known = {_identity(item) for item in _check(job, theirs)} if theirs else set()
+    findings = _check(job, [*ours, *others])
+    judged = []
+    for one in files:
+        names = [name for name, _ in one.lists]
+        own = tuple(item for item in findings if item.file in names)
+        remarks = (*one.remarks, *_remarks(own, known))
+        judged.append(dataclasses.replace(one, findings=own, remarks=remarks))
+    rest = [item for item in findings if item.file in {one.source for one in others}]
+    new = [item for item in rest if _identity(item) not in known]
+    return tuple(judged), tuple(_remarks(new, known))
+
+
+def _check(job: Job, lists: Sequence[ListFile]) -> list[Finding]:
+    axes = job.spec.axes
+    pairs = [
+        (axis.number, axes[axis.gantry].number)
+        for axis in axes.values()
+        if axis.gantry is not None
+    ]
+    return check(lists, build=job.spec.controller.build, gantry=pairs)
+
+
+def _identity(item: Finding) -> tuple[str | None, str, str]:
+    # Without the line, which an edit may move.
+    return item.id, item.message, item.found
+
+
+def _remarks(
+    findings: Iterable[Finding], known: set[tuple[str | None, str, str]]
+) -> Iterable[Remark]:
+    for item in findings:
+        if item.level == "info":
+            continue
+        if _identity(item) in known:
+            yield Remark.warning(f"Was in your list before and stays: {item}")
+        else:
+            yield Remark("error" if item.level == "error" else "warning", str(item))

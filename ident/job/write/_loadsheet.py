@@ -1,0 +1,144 @@
+"""The load sheet: which file goes where, in which order, how to see it and go back.
+
+The sentences stand in ``load_sheet.txt.jinja``; here is what they rest on.
+"""
+
+import dataclasses
+import re
+from collections.abc import Sequence
+
+from ..._templates import templates
+from ...diagnosis import OBJECTS, SCOPE
+from .._draft import AbstractDraft
+from ..file._load import Job
+from ..result._job_result import LoadStep
+from ..result._result import AbstractResult, Expectation
+from ..result._verdict import Code
+from ._first_run import first_run_programs, nameless
+from ._lists import AxisFiles
+
+_SHOWN = {"mm": ("µm", 1e3), "deg": ("· 0.001°", 1e3)}
+
+
+@dataclasses.dataclass(frozen=True)
+class _Line:
+    """A written fit as the sheet names it; `place` is where its sign is looked at."""
+
+    name: str
+    axis: str
+    word: str
+    keyword: str
+    variable: str
+    current: bool
+    manual: bool
+    needs: str
+    length: str
+    conventions: Sequence[str]
+    expected: Expectation | None
+    place: str
+    value: float
+    unit: str
+
+    @classmethod
+    def of(cls, job: Job, draft: AbstractDraft, result: AbstractResult) -> "_Line":
+        """Return what the sheet says of a fit."""
+        kind, word = draft.kind, job.spec.nc_word(draft.axis)
+        open_ = [r for r in result.judgement.reasons if r.code is Code.ASSUMED]
+        expected = result.expectation if open_ else None
+        unit, factor = "", 1.0
+        if expected is not None:
+            unit, factor = _SHOWN.get(expected.unit, (expected.unit, 1.0))
+        return cls(
+            name=f"{draft.compensation} of {draft.axis}",
+            axis=draft.axis,
+            word=word,
+            keyword=kind.keyword,
+            variable=f"{kind.variable}.{word}",
+            current=kind.adds_current,
+            manual=bool(draft.fit.manual_activation),
+            needs=draft.needs,
+            length=job.spec.axes[draft.axis].unit,
+            conventions=open_[0].fields["conventions"] if open_ else (),
+            expected=expected,
+            place="" if expected is None else _place(word, expected),
+            value=0.0 if expected is None else factor * expected.value,
+            unit=unit,
+        )
+
+
+def load_sheet(
+    job: Job, files: Sequence[AxisFiles], results: Sequence[AbstractResult]
+) -> tuple[LoadStep, ...]:
+    """Return the steps that bring the lists of a job onto the controller.
+
+    The first ones settle signs that are assumed, the last one measures again. Axes whose
+    lists failed the gate have no step.
+
+    Args:
+        job: The job.
+        files: The axes with their drafts and lists.
+        results: What came of all fits, in the order of the job.
+    """
+    drafts = sorted((d for one in files for d in one.drafts), key=lambda d: d.index)
+    pairs = [(d, r) for d, r in zip(drafts, results, strict=True) if d.written]
+    lines = [_Line.of(job, draft, result) for draft, result in pairs]
+    let_out = [one for one in files if one.lists and not one.failed]
+    axes = [one.axis for one in let_out]
+    written = [one for one in lines if one.axis in axes]
+    changed = [
+        one for one in let_out if any(name not in one.same for name, _ in one.lists)
+    ]
+    demanded: dict[str, list[str]] = {}
+    for draft, _ in pairs:
+        if draft.axis in axes and draft.kind.demanded:
+            demanded.setdefault(draft.axis, []).append(draft.kind.keyword)
+    text = (
+        templates(__package__ or "")
+        .get_template("load_sheet.txt.jinja")
+        .render(
+            job=job.path.name,
+            axes=job.spec.axes,
+            rejected=[one.axis for one in files if one.failed],
+            files=let_out,
+            unsettled=[one for one in lines if one.conventions],
+            plc_objects={
+                one.axis: " and ".join(
+                    name for name in one.extra if name.endswith(".TcPOU")
+                )
+                for one in let_out
+            },
+            restarts=[one for one in let_out if one.restart],
+            changed=changed,
+            by_hand=[
+                one.machine_name
+                for one in changed
+                if one.machine is not None
+                and job.spec.axes[one.axis].machine_data is None
+            ],
+            programs=list(first_run_programs(job, let_out)),
+            nameless=[
+                (axis, repr(job.spec.nc_word(axis))) for axis in nameless(job, axes)
+            ],
+            written=written,
+            demanded=[f"{axis}: {' | '.join(own)}" for axis, own in demanded.items()],
+            shown=[one.variable for one in written if not one.current],
+            currents=[one.variable for one in written if one.current],
+            unproven=[draft.kind for draft, result in pairs if not result.confirmed],
+            scope=SCOPE,
+            objects=OBJECTS,
+        )
+    )
+    steps = [part.splitlines() for part in re.split(r"^## ", text, flags=re.M)[1:]]
+    return tuple(LoadStep(action, " ".join(lines)) for action, *lines in steps)
+
+
+def _place(axis: str, expected: Expectation) -> str:
+    """Return where to move an axis, and in which state, to see its sign."""
+    where = " and ".join(f"{name} = {at:.6g}" for name, at in expected.places.items())
+    words = f"move slowly to {where}" if where else f"stop {axis} anywhere"
+    if expected.direction is not None:
+        words += f" in {'positive' if expected.direction > 0 else 'negative'} direction"
+    if expected.temperatures:
+        warm = [f"{name} at {at:.1f} °C" for name, at in expected.temperatures.items()]
+        words += f" with {', '.join(warm)}"
+    return words

@@ -1,0 +1,220 @@
+"""The friction of one axis: law, list within the controller's limits, proof."""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any, final
+
+import numpy as np
+
+from ....data.lists import ListFile, Value
+from ....models import FrictionCompensation
+from ...friction import Knots, place_knots
+from ...job._draft import AbstractDraft, Leftovers, Written
+from ...job._fit_plan import AbstractPlan
+from ...job.result._result import Remark
+from ...proof import CircularTest, GateCheck, circular_test
+from ...readings import Tables
+from ._identify import Identified, identify
+from ._listing import FIRST_LEVEL, LawCurve, OutUnit, law_curve, numbers_of, out_unit
+from ._recording import DriveRecording, read_drive
+from ._result import FrictionResult, FrictionView, choice_sentence, view_of
+from .entries import entries_of_friction, friction_from_list, has_friction
+from .keys import Spec
+
+_ENTRIES = 20
+
+
+def plan(tables: Tables, index: int, fit: Spec) -> "FrictionPlan":
+    """Plan a friction fit."""
+    return FrictionPlan(tables.job, index, fit)
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class FrictionPlan(AbstractPlan):
+    """A planned friction."""
+
+    fit: Spec
+
+    def alone(self, tables: Tables, left: Leftovers) -> "FrictionDraft":
+        job, fit = self.job, self.fit
+        recording = read_drive(tables, fit)
+        level = fit.level
+        if level is None:
+            level = 1.0 if "friction_sign" in job.verified else FIRST_LEVEL
+        found = identify(recording, fit, job.spec.controller.cycle_time)
+        curve, knots = law_curve(found.fit, recording.samples), None
+        unit = out_unit(fit, recording.unit)
+        if not recording.unsure and curve is not None and unit.current is not None:
+            knots = place_knots(
+                curve.speed,
+                curve.mean * level,
+                curve.weight,
+                entries=fit.table_entries or _ENTRIES,
+                unit=unit.current,
+                reach=float(np.max(np.abs(recording.samples.velocity))),
+            )
+        view = view_of(recording, found, curve, knots, level)
+        return FrictionDraft(
+            job, self.index, fit, recording, found, curve, unit, knots, view, level
+        )
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class FrictionDraft(AbstractDraft):
+    """A law of friction, and the list made of it.
+
+    Attributes:
+        recording: What the drive recorded.
+        found: The law.
+        curve: The law over the driven speeds, or None where it is not determined.
+        unit: What one unit of the list is.
+        knots: The entries; None where none are written.
+        view: What the list leaves of the recording.
+        level: Share of the friction that the list gives.
+    """
+
+    fit: Spec
+    recording: DriveRecording
+    found: Identified
+    curve: LawCurve | None
+    unit: OutUnit
+    knots: Knots | None
+    view: FrictionView
+    level: float
+
+    @property
+    def written(self) -> bool:
+        return self.knots is not None
+
+    @property
+    def needs(self) -> str:
+        return "Works without referencing"
+
+    def entries(self) -> dict[str, Value]:
+        assert self.knots is not None  # it is written
+        existing, before = self.lists.compensation, None
+        if existing is not None and has_friction(existing):
+            before = friction_from_list(existing, self.job.conventions)
+        numbers = numbers_of(self.knots, self.found.reversal, before)
+        return dict(entries_of_friction(numbers, self.target))
+
+    def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
+        assert self.knots is not None  # it is written
+        assert self.unit.share is not None  # else no entry could be
+        largest = int(np.argmax(np.abs(self.knots.out)))
+        value = float(abs(self.knots.out[largest]) * self.unit.share)
+        speed = self.knots.velocity[largest] / 1000.0
+        where = f"at {speed:g} {self.recording.samples.unit}/s"
+        return (
+            self.job.limits.check("max_current", value, "of rated", where),
+            self.view.gate(self.knots.unit, self.recording.unit),
+        )
+
+    def refuse_misread(self, listing: ListFile) -> None:
+        assert self.knots is not None  # it is written
+        parsed = ListFile.parse(listing.dumps(), listing.source)
+        speed, out = (
+            parsed.table("frict_comp", name).values() for name in ("in", "out")
+        )
+        wanted = zip(self.knots.velocity.tolist(), self.knots.out.tolist(), strict=True)
+        if not set(wanted) <= set(zip(speed, out, strict=True)):
+            words = f"found another table in {listing.source} when it was read back,"
+            words += " expected the one that was fitted"
+            raise self.refusal(words)
+
+    def prove(self, done: Written) -> FrictionResult:
+        view, listing, back = self.view, done.compensation, None
+        if listing is not None and self.knots is not None:
+            back = friction_from_list(listing, self.job.conventions)
+        if back is not None and self.unit.current is not None:
+            listed = self.unit.current * back.law.evaluate(view.velocity)
+            view = dataclasses.replace(view, listed=listed)
+        unit: dict[str, Any] = {"unit": self.recording.unit or "raw"}
+        return FrictionResult(
+            **self.frame(done) | unit,
+            error={
+                key: view.figures(getattr(view, key))
+                for key in ("before", "predicted", "from_file")
+            },
+            remarks=(*self._remarks(), *done.files.remarks),
+            files=done.files.of_lists(done.names) if self.knots is not None else (),
+            held_out="window",
+            identified=self.found,
+            knots=self.knots,
+            level=self.level,
+            curve=self.curve,
+            view=view,
+            circle=self._circle(back),
+        )
+
+    def _circle(self, back: FrictionCompensation | None) -> CircularTest | None:
+        """Return a simulated circle, where mass, law and list are known."""
+        fit = self.found.fit
+        inertia = fit.parameters.get("inertia")
+        law, unit = fit.law, self.unit.current
+        if back is None or law is None or not inertia or unit is None:
+            return None
+        if self.recording.samples.unit != "mm":
+            return None  # a circle is drawn by linear axes
+        cycle = self.job.spec.controller.cycle_time
+        return circular_test(law, float(inertia), back, out_unit=unit, cycle=cycle)
+
+    def _remarks(self) -> Iterator[Remark]:
+        yield from self.recording.remarks
+        fit, law = self.found.fit, self.found.law
+        yield from map(Remark.info, law.gauges)
+        for name, reason in law.undetermined.items():
+            yield Remark.warning(f"{name.replace('_', ' ')} is not known: {reason}")
+        yield from self.found.remarks
+        yield Remark.info(choice_sentence(self.found.choice))
+        if self.view.offset is not None:
+            yield Remark.info(
+                f"A constant load of {self.view.offset:.4g} {self.recording.unit}"
+                " (gravity, counterweight) is no friction: it belongs into the torque"
+                " offset of the drive, not into the list. With the list written here"
+                " this offset leaves the least of the current."
+            )
+        if self.recording.unsure:
+            yield Remark.error(f"No list is written. {self.recording.unsure}")
+        elif not fit.has_law:
+            yield Remark.error(
+                "The law of friction cannot be told from this recording: no list is"
+                " written."
+            )
+        elif self.knots is None:
+            yield Remark.info(
+                f"The job does not state {self.unit.missing}: the law is reported,"
+                " and no list is written."
+            )
+        if self.knots is not None and self.curve is not None:
+            yield from self._unsaid()
+
+    def _unsaid(self) -> Iterator[Remark]:
+        """Return what the list cannot say of the law."""
+        assert self.curve is not None
+        share = self.curve.difference
+        if share > 0.02:
+            yield Remark.warning(
+                f"The two directions differ by {share:.0%} of the friction on"
+                " average. A list knows no direction: it gives the mean of both."
+            )
+        if self.level != 1.0:
+            why = ""
+            if self.fit.level is None:
+                why = ", as long as no measurement has settled the sign of its current"
+            yield Remark.info(
+                f"The list gives {self.level:.0%} of the friction (level), a"
+                f" cautious beginning{why}; scaling_factor stays at 1000. The rest remains,"
+                " as the figures say: once slow reversals with the list show less"
+                " following error, not more, raise level and fit again."
+            )
+        found = self.found.reversal
+        if found is not None and found.position_delay > 0.001:
+            small = "µm" if self.recording.samples.unit == "mm" else "· 0.001°"
+            yield Remark.warning(
+                f"After a reversal friction takes {1e3 * found.position_delay:.1f}"
+                f" {small} to build up; the list goes no further than 1 {small}"
+                " (position_delay, P-COMP-00043)."
+            )

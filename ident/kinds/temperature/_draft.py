@@ -1,0 +1,228 @@
+"""The thermal line of one axis, fitted: judged, written for list and PLC, read back."""
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+from typing import final
+
+import numpy as np
+from jaxtyping import Float
+
+from ....data.lists import ListFile, Value
+from ....models import TemperatureLine
+from ...job._draft import AbstractDraft, Written
+from ...job._gating import spread_over
+from ...job.result._result import Remark, staged
+from ...job.result._second import SecondMeasurement
+from ...proof import GateCheck, reversal_dynamics
+from ...proof.axis import check_switching
+from ...readings import Tables
+from .._keys import FitSpec
+from . import KIND
+from ._identify import Identified, read_thermal
+from ._law import (
+    PlcProgram,
+    ThermalLaw,
+    judge_law,
+    plc_objects,
+    rates,
+    structured_text,
+    thermal_law,
+)
+from ._remarks import remarks_of
+from ._result import TemperatureResult, view_of
+from .entries import (
+    Table,
+    entries_of_temperature,
+    held_in,
+    read_columns,
+    temperature_line,
+)
+from .keys import Spec, temperature_names
+
+_LINE = KIND.prefix
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class TemperatureDraft(AbstractDraft):
+    """A fitted thermal line.
+
+    Attributes:
+        found: The estimate with its readings.
+    """
+
+    fit: Spec
+    found: Identified
+
+    @property
+    def written(self) -> bool:
+        return self.found.written
+
+    @property
+    def partial(self) -> bool:
+        return bool(self.found.fit.confounded)
+
+    @property
+    def needs(self) -> str:
+        return "Works once the axis is homed and the PLC program runs"
+
+    def machine_entries(self, cycles: int | None) -> dict[str, Value]:
+        still = TemperatureLine(self._position, 0.0, 0.0, cycles=self._filter)
+        entries: dict[str, Value] = dict(entries_of_temperature(still))
+        if self.fit.manual_activation is not None:
+            entries[f"{_LINE}_manual_activation"] = int(self.fit.manual_activation)
+        return entries
+
+    def machine_remarks(self) -> list[Remark]:
+        listing = self.lists.machine
+        if listing is None or not (held := held_in(listing)):
+            return []
+        return [
+            Remark.warning(
+                f"{', '.join(held)} of {listing.source} become 0: the PLC writes the law"
+                " from now on, and the list holds the state at the reference"
+                " temperature."
+            )
+        ]
+
+    def extra_files(self) -> Mapping[str, bytes]:
+        table, program, *_ = temperature_names(self.axis)
+        own = self._program
+        objects = {f"{name}.TcPOU": text for name, text in plc_objects(own).items()}
+        texts = {table: self._law.csv(), program: structured_text(own)} | objects
+        return {name: text.encode() for name, text in texts.items()}
+
+    def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
+        limits = self.job.limits
+        lines = judge_law(self._law, self._position, self._places, self.axis, limits)
+        switching = check_switching(
+            self.jump,
+            self._filter,
+            limits,
+            "mm",
+            f"{_LINE}_n_cycles",
+            "COMP ON/OFF, homing, reload or loss of power, while warm",
+        )
+        return (*lines, switching)
+
+    @property
+    def jump(self) -> float:
+        return self._law.largest(self._places - self._position)[0]
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        return self.found.fit.sensors
+
+    @property
+    def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
+        heat = self.found.fit.temperature
+        return {name: heat[:, k] for k, name in enumerate(self.sensors)}
+
+    def line(self, machine: ListFile | None) -> TemperatureLine | None:
+        return self._line_of(self._law.columns, machine)
+
+    def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
+        assert isinstance(fit, Spec)
+        recording = read_thermal(tables, fit)
+        known = np.isfinite(recording.error)
+        error, place = recording.error[known], recording.position
+        positions = np.zeros((len(error), 1)) if place is None else place[known, None]
+        return SecondMeasurement.of(
+            ", ".join(fit.sources), positions, error - np.median(error)
+        )
+
+    def prove(self, done: Written) -> TemperatureResult:
+        table = done.path(temperature_names(self.axis)[0])
+        line = None
+        if self.written and table is not None:
+            line = self._line_of(read_columns(table), done.machine)
+        view = view_of(self.found, line)
+        names = {done.files.machine_name, *temperature_names(self.axis)}
+        return TemperatureResult(
+            **self.frame(done),
+            error=staged(view.before, view.predicted, view.from_file, view.wild),
+            remarks=(
+                *remarks_of(self.found, "temperature_sign" in self.job.verified),
+                *self._switching(),
+                *done.files.remarks,
+            ),
+            files=tuple(
+                file for file in done.names if self.written and file.name in names
+            ),
+            held_out=self.found.held_out,
+            reference=self._position,
+            zero=self.found.zero,
+            law=self._law if self.written else None,
+            fit=self.found.fit,
+            cycles=self._filter if self.written else 0,
+            view=view,
+        )
+
+    def _line_of(self, table: Table, machine: ListFile | None) -> TemperatureLine:
+        """Return the line that the PLC makes of a table, beside an axis list."""
+        first, second = map(self.sensors.index, self.found.recording.followed)
+        return temperature_line(table, (first, second), self.job.conventions, machine)
+
+    @property
+    def _position(self) -> float:
+        """Reference position in mm, in whole units of the list."""
+        return round(self.found.fit.reference * 1e4) / 1e4
+
+    @functools.cached_property
+    def _law(self) -> ThermalLaw:
+        zero, sign = self.found.zero, int(self.job.conventions.temperature_sign)
+        return thermal_law(self.found.fit.relative_to(zero), zero, sign)
+
+    @functools.cached_property
+    def _places(self) -> Float[np.ndarray, " p"]:
+        """The ends of what the axis reaches in mm; its reference without those."""
+        place = self.found.recording.position
+        if place is None:
+            return np.array([self._position])
+        place = place[self.found.fit.used]
+        reached = [*place, *(self.job.spec.axes[self.axis].limits or ())]
+        return np.array([min(reached), max(reached)], dtype=float)
+
+    @functools.cached_property
+    def _filter(self) -> int:
+        """P-AXIS-00275: as given, or what switching off while warm wants."""
+        if self.fit.n_cycles is not None:
+            return self.fit.n_cycles
+        machine, entry = self.lists.machine, f"{_LINE}_n_cycles"
+        return spread_over(self.job, self.jump, machine, entry, switched=True)
+
+    def _switching(self) -> list[Remark]:
+        if not self.written:
+            return []
+        job, jump, cycles = self.job, self.jump, self._filter
+        limits, cycle_time = job.limits, job.spec.controller.cycle_time
+        fast, _ = reversal_dynamics(jump, cycles, cycle_time)
+        words = (
+            f"Switching it on or off on the warm machine (COMP, homing) moves {self.axis}"
+            f" by up to {1e3 * jump:.1f} µm within {cycles} cycles, with up to"
+            f" {fast:.3g} mm/s: at standstill only, without a tool in cut."
+        )
+        if fast > limits.max_velocity:
+            words += f" That is more than max_velocity ({limits.max_velocity:g} mm/s)."
+        level = "warning" if fast > limits.max_velocity else "info"
+        return [Remark(level, words)]
+
+    @property
+    def _program(self) -> PlcProgram:
+        job, recording, lags = self.job, self.found.recording, self.found.fit.lags
+        applied = {lag.sensor: lag.time_constant for lag in lags if lag.applied}
+        offset, coefficient = recording.followed
+        return PlcProgram(
+            axis=self.axis,
+            number=job.spec.axes[self.axis].number,
+            title=job.spec.title or job.path.name,
+            law=self._law,
+            position=self._position,
+            zero=self.found.zero,
+            sensors={name: applied.get(k, 0.0) for k, name in enumerate(self.sensors)},
+            offset=offset,
+            coefficient=coefficient,
+            rates=rates(self._places - self._position),
+            sign=int(job.conventions.temperature_sign),
+        )

@@ -1,0 +1,257 @@
+"""A planned thermal line: fitted alone, or in a group."""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import block_diag
+
+from ..._recording import JointData
+from ...fit import DriftNoise
+from ...fit.joint import Leadscrew, Temperature, examine_design
+from ...job._draft import Leftovers
+from ...job._fit_plan import AbstractPlan
+from ...job.table._plan import refuse_unstated
+from ...readings import Tables
+from . import KIND
+from ._draft import TemperatureDraft
+from ._identify import (
+    Identified,
+    ThermalRecording,
+    effects_of,
+    identify,
+    line_of,
+    read_thermal,
+)
+from .fit import LEAST_RANGE, Lag, Law, TemperatureFit
+from .keys import Spec
+
+if TYPE_CHECKING:
+    from ...job.joint._recording import GroupRecording
+    from ...job.joint._share import Share
+
+_SURE = 3.0
+"""Deviations up to which lines of all temperatures count as meeting in a point."""
+_TWICE = 1.96
+_NODES = 11
+"""Of the leadscrew that a thermal line is compared with."""
+
+
+def plan(tables: Tables, index: int, fit: Spec) -> "TemperaturePlan":
+    """Plan a thermal line.
+
+    Raises:
+        JobError: If a temperature compensation is switched on already and a measurement
+            does not say whether it acted.
+    """
+    job, machine = tables.job, tables.job.lists[fit.axis].machine
+    if machine is not None and machine.integer(KIND.prefix):
+        refuse_unstated(job, fit, machine.source, "measure again with COMP OFF TEMP")
+    return TemperaturePlan(job, index, fit, tables)
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class TemperaturePlan(AbstractPlan):
+    """A planned thermal line.
+
+    Attributes:
+        tables: Measurements of the job.
+    """
+
+    fit: Spec
+    tables: Tables
+
+    @functools.cached_property
+    def effects(self) -> dict[str, str]:
+        """Sensor of each effect that is fitted.
+
+        Raises:
+            MeasurementError: If the only sensor is to be taken and there is none.
+        """
+        return effects_of(self.tables, self.fit)
+
+    def alone(self, tables: Tables, left: Leftovers) -> TemperatureDraft:
+        found = identify(read_thermal(tables, self.fit), self.fit)
+        return TemperatureDraft(self.job, self.index, self.fit, found)
+
+    @property
+    def positions(self) -> tuple[str, ...]:
+        return (self.axis,) if "coefficient" in self.effects else ()
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(self.effects.values()))
+
+    def unfit(self, recording: "GroupRecording") -> str:
+        known = np.isfinite(recording.data.error[self.axis])
+        for name in self.sensors:
+            warm = recording.data.temperature[name][known]
+            warm = warm[np.isfinite(warm)]
+            # What a noisy sensor shows of a temperature that stays is no range.
+            low, high = np.percentile(warm, [1.0, 99.0]) if warm.size else (0.0, 0.0)
+            if high - low < LEAST_RANGE:
+                return (
+                    f"{name} stays at {0.5 * (low + high):.4g} °C within"
+                    f" {high - low:.2g} K, expected a range of {LEAST_RANGE:g} K or more."
+                )
+        return ""
+
+    @property
+    def needs_line(self) -> bool:
+        return bool(self.positions)
+
+    def confused(
+        self, members: Sequence[AbstractPlan], recording: "GroupRecording"
+    ) -> str:
+        """Return that an error along the axis looks like its temperature, or nothing.
+
+        Beside a leadscrew of the same axis the readings show that themselves.
+        """
+        beside = any(one.takes_line and one.axis == self.axis for one in members)
+        if beside or not self.positions:
+            return ""
+        place = recording.data.position[self.axis]
+        low, high = float(np.nanmin(place)), float(np.nanmax(place))
+        if not high > low:
+            return ""
+        from ...job.joint._group import at_once, few  # takes long to load
+
+        screw = Leadscrew(self.axis, np.linspace(low, high, _NODES))
+        heat = at_once(self.effect(recording, None))
+        told = examine_design(few(recording.data), [screw, heat])
+        own = [each for each in told.confusions if len(set(each.effects)) > 1]
+        return own[0].sentence if own else ""
+
+    def effect(
+        self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
+    ) -> Temperature:
+        warmth = {
+            self.job.spec.measurements[name].reference_temperature
+            for name in self.fit.sources
+        }
+        return line_of(self.fit, self.effects, recording.data, warmth.pop())
+
+    def draft(self, share: "Share") -> TemperatureDraft:
+        effect = share.part.effect
+        assert isinstance(effect, Temperature)  # of `effect`
+        data = share.recording.data.take(share.rows)
+        recording = ThermalRecording(
+            data=JointData(
+                position={axis: data.position[axis] for axis in self.positions},
+                error={self.axis: share.error},
+                temperature={name: data.temperature[name] for name in self.sensors},
+                time=data.time,
+            ),
+            rows=np.flatnonzero(share.rows),
+            line=effect,
+            effects=self.effects,
+            datum=None,
+            remarks=tuple(share.remarks()),
+            carriers=share.tables,
+        )
+        line = self._line(share, effect)
+        found = Identified(recording, line, held_out=share.recording.held_out)
+        return TemperatureDraft(self.job, self.index, self.fit, found)
+
+    def _line(self, share: "Share", effect: Temperature) -> TemperatureFit:
+        """Return the part as the fit of a single line."""
+        part, data, rows = share.part, share.recording.data, share.rows
+        # A law is zero at one temperature: its values go up and down together.
+        deviation = np.nan_to_num(part.standard_deviation, posinf=0.0)
+        spread = [
+            np.where(effect.nodes[name] < effect.reference_temperature, -own, own)
+            for name, own in effect.split(deviation).items()
+        ]
+        fit = TemperatureFit(
+            line=effect,
+            sensors=self.sensors,
+            values=part.values,
+            covariance=np.asarray(block_diag(*(np.outer(own, own) for own in spread))),
+            names=effect.labels,
+            meeting="given",
+            lags=self._lags(share),
+            noise=DriftNoise(share.noise),
+            independent=float(np.sum(~share.wild)),
+            used=np.ones(int(rows.sum()), dtype=bool),
+            wild=share.wild,
+            residual=share.left,
+            predicted=share.predicted[rows],
+            temperature=np.stack(
+                [effect.structure(data, name)[rows] for name in self.sensors], axis=1
+            ),
+            support=tuple(part.support.tolist()),
+            converged=share.fit.converged,
+        )
+        meeting = None
+        if len(fit.laws) > 1 and not isinstance(self.fit.reference, float):
+            meeting = _meeting(fit.laws["offset"], fit.laws["coefficient"])
+        if meeting is not None:
+            place, sure = meeting
+            fit = dataclasses.replace(
+                _turned(fit, place), meeting_deviation=sure, meeting="met"
+            )
+        elif "offset" not in fit.laws:
+            fit = _turned(fit, 0.0)
+        return fit
+
+    def _lags(self, share: "Share") -> tuple[Lag, ...]:
+        found = []
+        for number, name in enumerate(self.sensors):
+            constant, deviation = map(float, share.part.lags.get(name, (0.0, 0.0)))
+            half = _TWICE * deviation if np.isfinite(deviation) else 0.0
+            interval = max(constant - half, 0.0), constant + half
+            found.append(Lag(number, constant, interval, applied=constant > 0.0))
+        return tuple(found)
+
+
+def _turned(fit: TemperatureFit, away: float) -> TemperatureFit:
+    """Return a line that turns about another position: nothing moves its offset.
+
+    Args:
+        fit: With a coefficient.
+        away: Distance of the position from the reference in mm.
+    """
+    line, laws = fit.line, fit.laws
+    nodes = {"offset": laws["coefficient"].temperature} | line.nodes
+    first = len(line.nodes.get("offset", ()))
+    middle = np.array([float(np.mean(nodes["offset"]))])
+    line = dataclasses.replace(
+        line,
+        sensors={"offset": line.sensors["coefficient"]} | dict(line.sensors),
+        law={"offset": middle, "coefficient": nodes["coefficient"]},
+        reference=fit.reference + away,
+    )
+    return dataclasses.replace(
+        fit,
+        line=line,
+        values=np.append(0.0, fit.values[first:]),
+        covariance=np.asarray(block_diag(0.0, fit.covariance[first:, first:])),
+        names=line.labels,
+        support=(len(fit.used), *fit.support[first:]),
+    )
+
+
+def _meeting(offset: Law, coefficient: Law) -> tuple[float, float] | None:
+    """Return where the lines of all temperatures meet, from the reference, in mm, ± 1 sd.
+
+    None where they are parallel or pass each other.
+    """
+    if len(coefficient.value) < 2 or offset.sensor != coefficient.sensor:
+        return None
+    known = np.abs(coefficient.value) > _SURE * coefficient.standard_deviation
+    warm = np.union1d(offset.temperature, coefficient.temperature)
+    own, slope = offset.at(warm), coefficient.at(warm)
+    sure = np.interp(warm, offset.temperature, offset.standard_deviation)
+    if not known.any() or not np.isfinite(sure).all():
+        return None
+    weight = 1.0 / np.maximum(sure, 1e-9) ** 2
+    normal = float(np.sum(weight * slope**2))
+    shift = -float(np.sum(weight * slope * own)) / normal
+    left = own + slope * shift
+    if np.any(np.abs(left) > _SURE * np.maximum(sure, 1e-9)):
+        return None
+    return shift, float(1.0 / np.sqrt(normal))

@@ -1,0 +1,229 @@
+"""One-dimensional tables: error curve with its uncertainty, old list against new."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from matplotlib.axes import Axes
+
+from ...job import TableResult
+from .. import _style as style
+from .._body import Plot
+from .._scale import Scale, count, grouped, number, place
+from ._readings import Readings
+
+_ERROR_BARS = 130
+"""Up to this many nodes carry bars; more would run together, so they get a band."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Branch:
+    """One direction of a 1-D table in display units.
+
+    Attributes:
+        direction: ±1, or 0 for a table that serves both.
+        value: Error at each node in µm.
+        sd: Its standard deviation in µm.
+        support: Readings that touch the node; 0 = not measured.
+    """
+
+    direction: int
+    value: Float[np.ndarray, " n"]
+    sd: Float[np.ndarray, " n"]
+    support: Int[np.ndarray, " n"]
+
+    @property
+    def measured(self) -> Bool[np.ndarray, " n"]:
+        """Nodes that at least one reading touches."""
+        return self.support > 0
+
+
+def branches_of(fit: TableResult, scale: Scale) -> tuple[Branch, ...]:
+    """Return the error curve of a 1-D fit in display units; errors, not list entries."""
+    layout = fit.fit.layout
+    shape = (layout.branches, len(layout.nodes[0]))
+    values = np.reshape(fit.fit.values, shape) * scale.factor
+    sds = np.reshape(fit.fit.standard_deviation, shape) * scale.factor
+    supports = np.reshape(fit.fit.support, shape)
+    directions = (1, -1) if layout.branches == 2 else (0,)
+    return tuple(
+        Branch(*row) for row in zip(directions, values, sds, supports, strict=True)
+    )
+
+
+def curve_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
+    """Draw the measured error, the nodes with ± 2 sd, and the unmeasured ones."""
+    nodes, branches = fit.fit.layout.nodes[0], branches_of(fit, scale)
+    figure, (axes,) = style.new_figure(3.4)
+    drawn = _draw_readings(axes, readings)
+    for branch in branches:
+        _draw_branch(axes, nodes, branch)
+    _frame_curve(axes, branches, readings)
+    axes.set_xlabel(f"{fit.masters[0]} in {scale.position}")
+    axes.set_ylabel(f"error of {fit.axis} in {scale.error}")
+    axes.margins(x=0.02)
+    figure.legend(*_unique(axes), loc="outside upper right", ncols=3)
+    caption = _say_curve(fit, branches, readings, scale, drawn)
+    return Plot("error-curve", "Measured error and the fitted table", figure, caption)
+
+
+def change_plot(fit: TableResult, scale: Scale) -> Plot | None:
+    """Draw the old list entries against the new ones, where there was an old list."""
+    if not fit.old_table or len(fit.masters) != 1:
+        return None
+    nodes = fit.nodes[0]
+    figure, (upper, lower) = style.new_figure(
+        4.2, 2, 1, sharex=True, height_ratios=[3, 2]
+    )
+    largest, where, name = 0.0, float(nodes[0]), ""
+    for branch, new in fit.table.items():
+        direction = {"pos": 1, "neg": -1}.get(branch, 0) if len(fit.table) > 1 else 0
+        old = fit.old_table.get(branch)
+        colour = style.DIRECTION_COLOR[direction]
+        label = "" if direction == 0 else f", {style.DIRECTION_NAME[direction]}"
+        dots: dict[str, Any] = {
+            "marker": style.DIRECTION_MARKER[direction],
+            "markersize": 3.5 if len(nodes) <= _ERROR_BARS else 0,
+        }
+        upper.plot(nodes, new * scale.factor, color=colour, label=f"new{label}", **dots)
+        if old is None:
+            continue
+        upper.plot(nodes, old * scale.factor, "--", color=style.GREY,
+                   label=f"old{label}", **dots)  # fmt: skip
+        change = (new - old) * scale.factor
+        lower.plot(nodes, change, color=colour, **dots)
+        at = int(np.argmax(np.abs(change)))
+        if abs(change[at]) >= abs(largest):
+            largest, where, name = float(change[at]), float(nodes[at]), label
+    upper.set_ylabel(f"list entry in {scale.error}")
+    lower.set_ylabel(f"new − old in {scale.error}")
+    lower.set_xlabel(f"{fit.masters[0]} in {scale.position}")
+    lower.axhline(0, color=style.INK, linewidth=0.8)
+    figure.legend(*_unique(upper), loc="outside upper right", ncols=4)
+    caption = (
+        f"The largest change is {number(largest, signed=True)} {scale.error} at "
+        f"{fit.masters[0]} = {place(where)} {scale.position}{name}. "
+        "Values have the sign of the list entries."
+    )
+    return Plot("old-and-new", "Old list against new list", figure, caption)
+
+
+def _draw_readings(axes: Axes, readings: Readings) -> int:
+    """Draw a sample of the sound readings behind the curve; return how many."""
+    chosen = style.thin(readings.size)
+    chosen = chosen[~readings.wild[chosen]]
+    style.draw_cloud(
+        axes,
+        readings.positions[chosen, 0],
+        readings.before[chosen],
+        readings.direction[chosen],
+        size=3.0,
+        names=dict.fromkeys((1, -1, 0), "readings"),
+        alpha=0.4,
+    )
+    return len(chosen)
+
+
+def _draw_branch(axes: Axes, nodes: Float[np.ndarray, " n"], branch: Branch) -> None:
+    colour = style.DIRECTION_COLOR[branch.direction]
+    marker = style.DIRECTION_MARKER[branch.direction]
+    name = style.DIRECTION_NAME[branch.direction]
+    label = "table ± 2 sd" if branch.direction == 0 else f"table ± 2 sd, {name}"
+    known = branch.measured
+    if len(nodes) <= _ERROR_BARS:
+        axes.errorbar(
+            nodes[known], branch.value[known], 2 * branch.sd[known],
+            color=colour, marker=marker, markersize=3.6, linewidth=1.1, capsize=1.8,
+            elinewidth=0.8, label=label,
+        )  # fmt: skip
+    else:
+        axes.fill_between(
+            nodes, branch.value - 2 * branch.sd, branch.value + 2 * branch.sd,
+            color=colour, alpha=0.25, linewidth=0,
+        )  # fmt: skip
+        axes.plot(nodes, branch.value, color=colour, label=label)
+    if not known.all():
+        axes.errorbar(
+            nodes[~known], branch.value[~known], 2 * branch.sd[~known],
+            linestyle="none", marker=marker, markersize=5, capsize=1.8,
+            elinewidth=0.8, color=colour, markerfacecolor="white",
+            label="not measured", zorder=5,
+        )  # fmt: skip
+
+
+def _frame_curve(axes: Axes, branches: Sequence[Branch], readings: Readings) -> None:
+    """Choose the limits by what is sound; wild readings become marks at the edge."""
+    sound = readings.before[~readings.wild]
+    tops = [branch.value + 2 * branch.sd for branch in branches]
+    ends = [branch.value - 2 * branch.sd for branch in branches]
+    high = max(*(float(top.max()) for top in tops), float(np.max(sound, initial=-1e99)))
+    low = min(*(float(end.min()) for end in ends), float(np.min(sound, initial=1e99)))
+    pad = 0.06 * (high - low or 1.0)
+    low, high = low - pad, high + pad
+    axes.set_ylim(low, high)
+    wild = np.flatnonzero(readings.wild)
+    wild = wild[style.thin(wild.size, 300)]
+    if wild.size:
+        axes.plot(
+            readings.positions[wild, 0],
+            np.clip(readings.before[wild], low, high),
+            linestyle="none", marker="x", markersize=6, color=style.INK,
+            label="wild reading (beyond the frame: at its edge)",
+            clip_on=False, zorder=6,
+        )  # fmt: skip
+
+
+def _unique(axes: Axes) -> tuple[list[Any], list[str]]:
+    handles, labels = axes.get_legend_handles_labels()
+    kept = dict(zip(reversed(labels), reversed(handles), strict=True))
+    return list(reversed(kept.values())), list(reversed(kept.keys()))
+
+
+def _say_curve(
+    fit: TableResult,
+    branches: Sequence[Branch],
+    readings: Readings,
+    scale: Scale,
+    drawn: int,
+) -> str:
+    unit, at, nodes = scale.error, fit.masters[0], fit.fit.layout.nodes[0]
+    parts = []
+    for branch in branches:
+        low, high = int(np.argmin(branch.value)), int(np.argmax(branch.value))
+        which = (
+            "The fitted error"
+            if branch.direction == 0
+            else f"{style.DIRECTION_NAME[branch.direction].capitalize()} the error"
+        )
+        parts.append(
+            f"{which} runs from {number(branch.value[low])} {unit} at {at} = "
+            f"{place(nodes[low])} to {number(branch.value[high])} {unit} at "
+            f"{at} = {place(nodes[high])} {scale.position}."
+        )
+    if len(branches) == 2:
+        gap = branches[0].value - branches[1].value
+        most = int(np.argmax(np.abs(gap)))
+        parts.append(
+            f"The two directions differ by {number(float(np.mean(gap)))} {unit} on "
+            f"average (+ minus −), most at {at} = {place(nodes[most])} "
+            f"{scale.position}: {number(gap[most])} {unit}."
+        )
+    sd = np.concatenate([branch.sd[branch.measured] for branch in branches])
+    if sd.size:
+        parts.append(
+            f"Half of the measured nodes are known to ± {number(2 * np.median(sd))} "
+            f"{unit} (2 sd) or better, the worst to ± {number(2 * sd.max())} {unit}."
+        )
+    empty = sum(int((~branch.measured).sum()) for branch in branches)
+    if empty:
+        parts.append(
+            f"{count(empty, 'node is', 'nodes are')} not measured (hollow marks): "
+            "their value is an assumption drawn from the neighbours."
+        )
+    if drawn < readings.total - readings.total_wild:
+        parts.append(
+            f"{grouped(drawn)} of {grouped(readings.total)} readings are drawn."
+        )
+    return " ".join(parts)
