@@ -13,8 +13,8 @@ from axcomp.data.measurements import (
     derive_error,
     explain_direction,
     measurement,
+    problems_of,
     read_table,
-    repeated_row,
 )
 
 from .instrument_files import FILES, LASER, InstrumentFile, error
@@ -161,11 +161,8 @@ def complaint(path: Path, file: InstrumentFile) -> str:
     """Return the first thing that reading a file and using it complains of."""
     try:
         table = read_table(path)
-        for column in table.columns:
-            if column.text is None:
-                table.numbers(column)
-        if (again := repeated_row(table)) is not None:
-            return str(again)
+        if problems := problems_of(table):
+            return str(problems[0])
         for wanted in file.columns:
             table.column(wanted)
         found = measurement(table, axis=file.axis or "X") if file.roles else None
