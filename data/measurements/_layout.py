@@ -234,9 +234,10 @@ def _block_above(head: _Head, first: int, wanted: Lines) -> tuple[int, str] | No
     if first == 0 or head.width == 1 or wanted.header is not None:
         return None
     cells = head.rows[first - 1]
-    if not cells[0] or any(cells[1:]) or heading(cells[0]) is None or first == 1:
+    words = " ".join(filter(None, cells))
+    if not cells[0] or first == 1 or heading(words) is None:
         return None
-    return head.lines[first - 1], cells[0]
+    return head.lines[first - 1], words
 
 
 def _header_above(

@@ -48,6 +48,7 @@ _FEWEST = 3
 """Targets of a table with one row per run."""
 _SHORT = 4
 """Rows up to which a column of cells tells nothing of what it is."""
+_WORD = re.compile(r"[^\W\d_]")
 _FOLLOWS = 0.1
 """Share of the travel by which actual positions miss their targets at most."""
 
@@ -392,7 +393,7 @@ def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
             table = _in_unit(table, line, pair["value"])
         elif pair is not None and key in WORDS["direction"]:
             table = _in_direction(table, line, pair["value"])
-        elif (way := heading(text.strip("#%!/; "))) is not None and way.direction:
+        elif _WORD.search(text) and (way := heading(text)) and way.direction:
             table = _in_direction(table, line, "+" if way.direction > 0 else "-")
         elif "error" in kinds_in(words_in([text])) and (unit := unit_of_title(text)):
             table = _in_unit(table, line, unit)

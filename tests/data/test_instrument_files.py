@@ -78,6 +78,13 @@ def test_a_recognised_table_needs_no_words_of_the_job(
         assert found.form.first > max(found.form.header)
 
 
+def test_an_upper_header_may_end_before_its_empty_cells(tmp_path: Path) -> None:
+    file = FILES["wide, two header rows and a row of units"]
+    text = file.content.decode().replace("Lauf 3;", "Lauf 3")
+    found = measurement(read_table(put(tmp_path, text.encode())), axis="X")
+    assert sorted(set(found.require("run").tolist())) == [1, 2, 3]
+
+
 def body_of(content: bytes) -> tuple[list[str], int, str]:
     """Return the lines of a text file, the index of a row in its middle, and its encoding."""
     encoding = "utf-8"
