@@ -49,6 +49,8 @@ _FEWEST = 3
 _SHORT = 4
 """Rows up to which a column of cells tells nothing of what it is."""
 _WORD = re.compile(r"[^\W\d_]")
+_TELLING = 1000
+"""Rows that tell whether numbers count the rows."""
 _FOLLOWS = 0.1
 """Share of the travel by which actual positions miss their targets at most."""
 
@@ -107,23 +109,24 @@ def _as_they_are(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
     found, remarks = list(columns), []
     kinds = set(map(_kind, columns))
     for at, column in enumerate(columns):
-        values = column.values
+        values = column.values[:_TELLING]
         if column.role == "run" and column.text is None and values.size > _SHORT:
             if np.unique(values).size == values.size:
                 found[at] = dataclasses.replace(column, role=None)
                 remarks.append(f"'{column.name}' counts the rows, and is no run.")
-        sides = set(map(direction_of, column.text or ()))
+        words = dict.fromkeys(column.text or ())
+        sides = set(map(direction_of, words))
         if _kind(column) == "direction" and sides == {None}:
             found[at] = dataclasses.replace(column, role=None)
-            words = ", ".join(dict.fromkeys(column.text or ()))[:40]
-            remarks.append(f"'{column.name}' holds {words}: no known directions.")
+            listed = ", ".join(words)[:40]
+            remarks.append(f"'{column.name}' holds {listed}: no known directions.")
         if column.role is None and sides and sides <= {1, -1} and values.size > _SHORT:
             place = next((c.role for c in columns if _kind(c) == "position"), None)
             if place is not None and "direction" not in kinds:
                 role = place.replace("position", "direction")
                 found[at] = dataclasses.replace(column, role=role)
-                words = ", ".join(dict.fromkeys(column.text or ()))
-                remarks.append(f"'{column.name}' holds directions: {words}.")
+                listed = ", ".join(words)
+                remarks.append(f"'{column.name}' holds directions: {listed}.")
                 kinds.add("direction")
     return found, remarks
 
