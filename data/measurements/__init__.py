@@ -12,7 +12,6 @@ from ._cnc_objects import (
     INDEX_GROUP as INDEX_GROUP,
     CncObject as CncObject,
 )
-from ._dates import repeated_row as repeated_row
 from ._derive import (
     derive_error as derive_error,
     derive_motion as derive_motion,
@@ -74,6 +73,7 @@ from ._moving import (
     with_error as with_error,
     without_motion as without_motion,
 )
+from ._problems import problems_of as problems_of
 from ._read import read_table as read_table
 from ._roles import (
     KINDS as KINDS,
@@ -83,6 +83,7 @@ from ._roles import (
     role as role,
 )
 from ._table import (
+    LASER_FORMAT as LASER_FORMAT,
     MESH_FORMATS as MESH_FORMATS,
     SCOPE_FORMAT as SCOPE_FORMAT,
     BadCell as BadCell,
@@ -97,4 +98,12 @@ from ._units import (
     Unit as Unit,
     find_unit as find_unit,
     unit as unit,
+)
+from ._words import (
+    WORDS as WORDS,
+    all_position as all_position,
+    direction_of as direction_of,
+    kinds_in as kinds_in,
+    pieces as pieces,
+    words_in as words_in,
 )

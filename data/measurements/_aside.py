@@ -44,6 +44,8 @@ def without_foot(layout: Layout, text: str) -> tuple[str, list[Skipped]]:
 
 def _is_foot(layout: Layout, line: str, *, after_gap: bool) -> bool:
     dialect = layout.dialect
+    if dialect.is_comment(line):
+        return True
     cells = dialect.split(line)
     filled = [cell for cell in cells if cell]
     if not filled or dialect.number(filled[0]) is not None:
@@ -62,9 +64,7 @@ def _is_foot(layout: Layout, line: str, *, after_gap: bool) -> bool:
 
 def without_headings(layout: Layout, text: str) -> tuple[str, list[tuple[int, str]]]:
     """Return a text without the lines between its rows that name a run or a direction."""
-    if not layout.header or len(layout.names) < 2 or not layout.titles:
-        return text, []
-    if heading(layout.titles[-1][1]) is None:
+    if not layout.header or len(layout.names) < 2 or layout.block is None:
         return text, []
     lines = text[layout.body :].split("\n")
     found = [

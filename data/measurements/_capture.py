@@ -33,7 +33,7 @@ def read_capture(path: Path, raw: bytes) -> Table:
 
     Either a header with a list of signals (objects with a ``Name``) and pieces of lists
     of samples below, one cell per signal, as Sinumerik recorders write them; or lists of
-    numbers by name; or a list of objects with the same names.
+    numbers by name; or a list of objects with the same names; these also under a key.
 
     Raises:
         MeasurementError: If the document is damaged or holds no such thing.
@@ -47,19 +47,28 @@ def read_capture(path: Path, raw: bytes) -> Table:
     signals = _signals(document)
     if signals:
         return _capture(path, document, signals)
-    if isinstance(document, list) and document and all(map(_is_object, document)):
-        keys = dict.fromkeys(key for item in document for key in item)
-        document = {key: [item.get(key) for item in document] for key in keys}
-    if isinstance(document, dict):
-        arrays = [
-            _array(name, values)
-            for name, values in document.items()
-            if isinstance(values, list)
-        ]
-        if arrays:
-            return table_of_arrays(path, "JSON", arrays, _EXPECTED)
+    arrays = _arrays_in(document)
+    if arrays:
+        return table_of_arrays(path, "JSON", arrays, _EXPECTED)
     reason = f"found a JSON document without signals, expected {_EXPECTED}"
     raise MeasurementError(str(path), reason)
+
+
+def _arrays_in(document: Any) -> list[Array]:
+    """Return lists by name, or a list of objects; those of the first value that holds some."""
+    if isinstance(document, list) and document and all(map(_is_object, document)):
+        keys = dict.fromkeys(key for item in document for key in item)
+        return [_array(key, [item.get(key) for item in document]) for key in keys]
+    if not isinstance(document, dict):
+        return []
+    arrays = [
+        _array(name, values)
+        for name, values in document.items()
+        if isinstance(values, list)
+    ]
+    if any(array.values is not None for array in arrays):
+        return arrays
+    return next(filter(None, map(_arrays_in, document.values())), arrays)
 
 
 def _is_object(item: Any) -> bool:

@@ -4,10 +4,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._errors import UnitError
-from ._header import DIRECTIONS
 from ._roles import Role
 from ._table import BadCell, Column, Table
 from ._units import LIBRARY_UNIT, Unit, find_unit, unit as named_unit
+from ._words import direction_of
 
 _LINEAR = ("length", "velocity", "acceleration")
 _ANGULAR = ("angle", "angular velocity", "angular acceleration")
@@ -75,7 +75,7 @@ def as_direction(table: Table, column: Column) -> Int[np.ndarray, " t"]:
     """Return ±1; words such as ``up`` and ``bwd`` are understood."""
     expected = "+1 or -1, or a word such as up, vorwärts, rück"
     if column.text is not None:
-        signs = [DIRECTIONS.get(cell.strip(" .").casefold(), 0) for cell in column.text]
+        signs = [direction_of(cell) or 0 for cell in column.text]
         values = np.array(signs, dtype=np.float64)
     elif column.bad is not None and _is_all_minus(column):
         values = np.full(column.values.size, -1.0)

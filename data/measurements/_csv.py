@@ -15,10 +15,11 @@ from jaxtyping import Int
 
 from ._aside import columns_of_blocks, without_foot, without_headings
 from ._errors import LineError, MeasurementError
-from ._header import DIRECTIONS, Name, parse_name
+from ._header import Name, parse_name
 from ._layout import Layout, find_layout, is_unit_row
 from ._meaning import with_meaning
 from ._table import BadCell, Column, Lines, Skipped, Table, TextForm
+from ._words import DIRECTIONS
 
 _COMMENT_BYTES = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!).*$")
 _COMMENT_OR_SEMICOLON = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!|;).*$")
@@ -78,7 +79,8 @@ def read_body(path: Path, layout: Layout, text: str, encoding: str = "utf-8") ->
         reason = "found no rows, expected at least one line of numbers"
         raise MeasurementError(str(path), reason)
     if blocks:
-        blocks = [*layout.titles[-1:], *blocks]
+        assert layout.block is not None
+        blocks = [layout.block, *blocks]
         added = list(columns_of_blocks(blocks, lines))
         names = (*layout.names, *(parse_name(column.name) for column in added))
         layout = dataclasses.replace(layout, names=names)
@@ -115,7 +117,7 @@ def table_of(
         skipped=(*layout.skipped, *skipped),
         form=form,
     )
-    return with_meaning(table, layout.names, dict(layout.titles))
+    return with_meaning(table, layout.names, dict((*layout.comments, *layout.titles)))
 
 
 _Read = tuple[list[Column], Int[np.ndarray, " t"], list[Skipped]]

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ._errors import CellError
 from ._table import BadCell, Column, Table
 
 _DATE = re.compile(
@@ -27,8 +26,6 @@ _UNCLEAR = (
 _DAY = 86_400.0
 _EPOCH = datetime.date(2020, 1, 1).toordinal()
 """Days are counted from near: the last digits of a second are kept."""
-_FEW = 0.1
-"""Share of the rows up to which stamps that repeat are damage, and not a coarse clock."""
 
 
 def is_instant(cell: str) -> bool:
@@ -65,45 +62,6 @@ def seconds_of_dates(table: Table, column: Column) -> Float[np.ndarray, " t"]:
     if kinds == {(True, True)}:
         found += _DAY * np.cumsum(np.diff(found, prepend=0.0) < -0.5 * _DAY)
     return found
-
-
-def repeated_row(table: Table) -> CellError | None:
-    """Return the error that a row is which repeats the one above, or None.
-
-    In a table with time stamps the stamp tells; where many repeat, the clock is coarse,
-    and nothing is damaged. In one with runs or directions, where a target comes twice in
-    a row, all its numbers must be the same.
-    """
-    kinds = {(column.role or "").rpartition(".")[2]: column for column in table.columns}
-    wide = any(column.run is not None for column in table.columns)
-    if "time" in kinds:
-        keys = [kinds["time"]]
-    elif "position" in kinds and (wide or {"run", "direction"} & kinds.keys()):
-        keys = list(table.columns)
-    else:
-        return None
-    if any(column.present is not None for column in keys):
-        return None
-    same = np.logical_and.reduce([_repeats(column) for column in keys])
-    rows = np.flatnonzero(same) + 1
-    if not 0 < rows.size <= max(1.0, _FEW * table.rows):
-        return None
-    at = int(rows[0])
-    key = kinds["time"] if "time" in kinds else kinds["position"]
-    shown = key.text[at] if key.text else f"{key.values[at]:.10g}"
-    where = f"{'row' if table.counts_rows else 'line'} {table.lines[at - 1]}"
-    expected = f"a later time than in {where}"
-    if "time" not in kinds:
-        expected = f"another reading than in {where}, which it repeats"
-    bad = BadCell(int(table.lines[at]), shown)
-    return table.cell_error(key, bad, expected)
-
-
-def _repeats(column: Column) -> np.ndarray:
-    if column.text is not None:
-        text = np.array(column.text)
-        return np.asarray(text[1:] == text[:-1])
-    return np.asarray(np.diff(column.values) == 0.0)
 
 
 @functools.lru_cache(maxsize=1024)

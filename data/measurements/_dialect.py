@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from ._dates import is_instant
+from ._words import kind_said
 
 _NUMBER = {
     ".": re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"),
@@ -43,7 +44,10 @@ _LONGEST = 400
 """Characters of the longest number; converting a longer run of digits takes forever."""
 _BLANKS = re.compile(r"[ \t]+")
 _UNIT_IN_BRACKETS = re.compile(r"\s+(?=[\[(][^\])]*[\])])")
+_UNIT_BEHIND = re.compile(r"\s*[\[(/].*")
 _COMMENT = re.compile(r"\s*(?:#|%|//|!)")
+_RULE = re.compile(r"[\s|;,+:=-]*(?:-{3}|={3}|_{3})[\s|;,+:=_-]*")
+"""A line that is drawn below a header or around a table."""
 _CANDIDATES = (
     ("\t", "."),
     (";", "."),
@@ -83,6 +87,8 @@ class Dialect:
         """Return the stripped cells of one line."""
         if self.separator == " ":
             return _BLANKS.split(line.strip())
+        if self.separator == "|":  # also as in Markdown, with bars around the row
+            line = line.strip().removeprefix("|").removesuffix("|")
         if '"' in line:
             row = next(
                 csv.reader([line], delimiter=self.separator, skipinitialspace=True)
@@ -132,8 +138,8 @@ class Dialect:
         return value is not None and value == value and abs(value) != float("inf")
 
     def is_comment(self, line: str) -> bool:
-        """Whether a line opens with ``#``, ``%``, ``!``, ``//`` or a free ``;``."""
-        if _COMMENT.match(line):
+        """Whether a line opens with ``#``, ``%``, ``!``, ``//``, a free ``;``, or is drawn."""
+        if _COMMENT.match(line) or _RULE.fullmatch(line):
             return True
         return self.separator != ";" and line.lstrip().startswith(";")
 
@@ -217,8 +223,15 @@ def _score(dialect: Dialect, lines: Sequence[str]) -> tuple[bool, float, bool, i
     above = rows[first - 1]
     header = first == 0 or len(above) == width
     header |= len(above) == width + 1 and above[-1] == ""
+    header |= width > 3 and abs(len(above) - width) == 1  # with a name too few or many
+    header |= begins_with_name(body[0][0])  # targets along the top
     several = width > 1 and header and share >= 0.3
     return (several, round(share, 2), header or len(above) > 1, width)
+
+
+def begins_with_name(cell: str) -> bool:
+    """Whether the first cell of a line of numbers names what these are: positions or runs."""
+    return kind_said(_UNIT_BEHIND.sub("", cell)) in ("position", "run")
 
 
 def usual_width(dialect: Dialect, rows: Sequence[Sequence[str]]) -> int:

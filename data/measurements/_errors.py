@@ -26,6 +26,7 @@ class CellError(MeasurementError):
         column: Name of the column, or its number.
         found: Text of the cell.
         expected: What should stand there.
+        key: As of `LineError`.
     """
 
     def __init__(
@@ -36,11 +37,13 @@ class CellError(MeasurementError):
         found: str,
         expected: str,
         rows: bool = False,
+        key: str = "",
     ) -> None:
-        AxcompError.__init__(self, source, line, column, found, expected, rows)
+        AxcompError.__init__(self, source, line, column, found, expected, rows, key)
         self.source, self.line, self.column = source, line, column
-        self.found, self.expected, self.rows = found, expected, rows
-        self.reason = f"column '{column}': found {_quoted(found)}, expected {expected}"
+        self.found, self.expected, self.rows, self.key = found, expected, rows, key
+        reason = f"column '{column}': found {_quoted(found)}, expected {expected}"
+        self.reason = reason + _hint(key)
 
     def __str__(self) -> str:
         if self.rows:
@@ -65,8 +68,7 @@ class LineError(MeasurementError):
         AxcompError.__init__(self, source, line, found, expected, key)
         self.source, self.line, self.found = source, line, found
         self.expected, self.key = expected, key
-        hint = f" (or the job says {key})" if key else ""
-        self.reason = f"found {found}, expected {expected}{hint}"
+        self.reason = f"found {found}, expected {expected}{_hint(key)}"
 
     def __str__(self) -> str:
         return f"{self.source}:{self.line}: {self.reason}"
@@ -129,6 +131,10 @@ class MissingRole(MeasurementError):
 
 class DirectionUnknown(MeasurementError):
     """From which side the targets were approached cannot be told from the data."""
+
+
+def _hint(key: str) -> str:
+    return f" (or the job says {key})" if key else ""
 
 
 def _listed(names: Sequence[str], most: int = 12) -> str:

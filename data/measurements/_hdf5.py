@@ -1,5 +1,7 @@
 """HDF5 files and MATLAB files of version 7.3, which are such: data sets are the columns."""
 
+import dataclasses
+import re
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +10,7 @@ import numpy as np
 from ._errors import MeasurementError
 from ._table import Table
 from ._vectors import Array, table_of_arrays
+from ._words import AXIS
 
 _EXPECTED = "data sets of numbers of one length"
 _UNITS = ("unit", "units", "Unit", "Units")
@@ -21,7 +24,7 @@ def is_hdf5(magic: bytes) -> bool:
 def read_hdf5(path: Path) -> Table:
     """Return the data sets of an HDF5 file as columns; see `table_of_arrays`.
 
-    Data sets of groups are named ``group.name``, fields of a compound likewise; units
+    Data sets of several groups are named ``group.name``, fields of a compound likewise; units
     come from the attribute ``unit`` or ``units``. Matrices of MATLAB are transposed, as
     that program writes them.
 
@@ -46,6 +49,20 @@ def read_hdf5(path: Path) -> Table:
         words = str(error).splitlines()[0][:80] if str(error) else "unreadable"
         reason = f"found damaged HDF5 data ({words}), expected a whole file"
         raise MeasurementError(str(path), reason) from error
+    groups = {
+        array.name.rpartition(".")[0]
+        for array in found
+        if array.values is not None and array.values.size > 1
+    }
+    if (
+        len(groups) == 1
+        and re.fullmatch(AXIS, (group := groups.pop()).casefold()) is None
+    ):
+        # One group for all tells nothing, and is no axis: "laser.error".
+        found = [
+            dataclasses.replace(array, name=array.name.removeprefix(f"{group}."))
+            for array in found
+        ]
     name = "MATLAB 7.3" if matlab else "HDF5"
     return table_of_arrays(path, name, found, _EXPECTED)
 

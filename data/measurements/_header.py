@@ -6,87 +6,29 @@ import re
 from collections.abc import Mapping, Sequence
 
 from ._roles import find_role
-from ._units import find_unit
+from ._units import FOREIGN, find_unit
+from ._words import (
+    AXIS,
+    CLOCKS,
+    DIRECTIONS,
+    RUNS,
+    is_warm,
+    kind_said,
+    pieces,
+    says_nothing,
+)
 
 _BRACKETED = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*")
-_SLASHED = re.compile(r"(?P<name>[^/]+?)\s+(?:/|in)\s+(?P<unit>\S+)")
+_SLASHED = re.compile(r"(?P<name>[^/]+?)(?:\s*/\s*|\s+in\s+)(?P<unit>\S+)")
+_BEHIND = re.compile(r"(?P<name>.+?)\s+(?P<unit>\S{2,})")
 _COLON = re.compile(r"(?P<name>[^:]+?)\s*:\s*(?P<unit>[^:\s]+)")
 _ENDING = re.compile(r"(?P<name>.+)_(?P<unit>[A-Za-z0-9.%µμ°]+)")
+_IN = re.compile(r"\bin\s+(\S+)|[\[(]([^\])]+)[\])]")
 _FORMAT = re.compile(r"(?i)[hmsdytj]{1,4}(?:[:./ -]+[hmsdytj]{1,4})+|±\s?1|-+|1")
-# Units that files use and the library does not convert; a default would be wrong.
-_FOREIGN = frozenset(
-    ("in", "inch", "inches", "zoll", '"', "mil", "thou", "ft", "f", "°f", "degf")
-)
-
-# Names that laser software and people give to the columns of a positioning test.
-_BARE_ROLES = {
-    "position": (
-        *("target", "position", "pos", "nominal", "commanded", "command", "soll"),
-        *("target position", "position target", "nominal position", "target pos"),
-        *("commanded position", "command position", "set position", "setpoint"),
-        *("sollposition", "soll position", "sollwert", "sollpos", "zielposition"),
-        *("position soll", "messposition", "verfahrweg", "weg"),
-    ),
-    "actual": (
-        *("actual", "measured", "reference", "reading", "ist", "actual position"),
-        *("position actual", "measured position", "istposition", "ist position"),
-        *("istwert", "istpos", "position ist"),
-    ),
-    "error": (
-        *("error", "deviation", "dev", "err", "fehler", "abweichung", "messabweichung"),
-        *("positioning error", "position error", "linear error", "positionsabweichung"),
-        *("position deviation", "positionsfehler", "geradheit", "straightness"),
-        *("straightness error", "geradheitsabweichung", "straightness deviation"),
-    ),
-    "run": ("run", "cycle", "lauf", "zyklus", "durchgang", "messreihe", "messlauf"),
-    "direction": (
-        *("direction", "dir", "richtung", "fahrtrichtung", "anfahrrichtung"),
-        *("verfahrrichtung", "approach", "approach direction"),
-    ),
-    "time": ("time", "zeit", "t", "elapsed", "elapsed time", "laufzeit"),
-}
-_BY_NAME = {name: role for role, names in _BARE_ROLES.items() for name in names}
-CLOCKS = {
-    "date": ("date", "datum", "day", "tag"),
-    "time": ("time", "zeit", "uhrzeit", "clock", "elapsed", "elapsed time", "laufzeit"),
-    "both": ("timestamp", "time stamp", "zeitstempel", "datetime", "date time"),
-}
-"""Names of columns of instants: the date, the time of day, and both together."""
-_FILLERS = frozenset(("nr", "no", "nummer", "number", "num", "axis", "achse", "id"))
-_AXIS_WORD = r"[xyzabcuvw]\d?"
-_BEFORE = re.compile(rf"(?P<axis>{_AXIS_WORD}) (?P<kind>.+)")
-_BEHIND = re.compile(rf"(?P<kind>.+) (?P<axis>{_AXIS_WORD})")
-_DELTA = re.compile(rf"[dδΔ∆] ?(?P<axis>{_AXIS_WORD})|e(?P<of>[xyz])[xyz]")
-
-DIRECTIONS = {
-    **dict.fromkeys(
-        (
-            *("+", "up", "fwd", "forward", "forwards", "pos", "positive", "positiv"),
-            *("vor", "vorwärts", "vorwaerts", "hin", "auf", "aufwärts", "aufwaerts"),
-            *("steigend", "hinweg", "↑", "→", "⇧", "⇑", "⇒", "▲", "►", "->"),
-        ),
-        1,
-    ),
-    **dict.fromkeys(
-        (
-            *("-", "−", "–", "down", "bwd", "backward", "backwards", "back", "rev"),
-            *("reverse", "neg", "negative", "negativ", "rück", "rueck", "zurück"),
-            *("zurueck", "rückwärts", "rueckwaerts", "ab", "abwärts", "abwaerts"),
-            *("fallend", "her", "rückweg", "rueckweg", "↓", "←", "⇩", "⇓", "⇐", "▼"),
-            *("◄", "<-"),
-        ),
-        -1,
-    ),
-}
-"""Direction of approach, +1 or −1, by the words and signs of files."""
-_RUN_WORDS = frozenset(
-    (
-        *("run", "lauf", "cycle", "zyklus", "durchgang", "messung", "messreihe"),
-        *("reihe", "messlauf", "pass", "series", "serie", "measurement", "fahrt"),
-    )
-)
 # "pos" is a position above a column, and a positive direction in a cell.
 _NO_HEADING = frozenset(("pos", "neg", "–"))
+_DELTA = re.compile(rf"[dδΔ∆] ?(?P<axis>{AXIS})|e(?P<of>[xyz])[xyz]")
+_FINE = ("um", "0.1um")
 _TOKENS = re.compile(r"->|<-|[^\W\d_]+|\d+|[^\w\s.,;:#|/()\[\]]")
 
 
@@ -125,21 +67,25 @@ class Heading:
 def parse_name(header: str) -> Name:
     """Return name and unit of ``x [mm]``, ``x (mm)``, ``x / mm`` or ``dz_um``."""
     text = header.strip()
-    for pattern in (_BRACKETED, _SLASHED, _COLON):
+    for pattern in (_BRACKETED, _SLASHED, _COLON, _BEHIND):
         match = pattern.fullmatch(text)
         if match is None or not match["name"].strip():
             continue
         name, stated = match["name"].strip(), match["unit"].strip()
+        if pattern is not _BRACKETED and find_unit(name) is not None:
+            continue  # "mm/s" is a unit, and no name
         unit = find_unit(stated)
-        if unit is not None:
+        if unit is not None and not (pattern is _BEHIND and unit.name == "raw"):
             return Name(name, unit.name, False, name, text)
-        if stated.casefold() in _FOREIGN:
+        if stated.casefold() in FOREIGN:
             return Name(name, stated, False, name, text)
     match = _ENDING.fullmatch(text)
     unit = find_unit(match["unit"]) if match else None
     if match is None or unit is None:
         return Name(text, None, False, text, text)
     if len(match["unit"]) > 1:
+        return Name(text, unit.name, False, match["name"], text)
+    if match["unit"] == "C" and is_warm(match["name"]):
         return Name(text, unit.name, False, match["name"], text)
     # "t_s" is seconds, but "x_m" may be metres or "measured": only the exact letter
     # counts, and the unit is used only where it fits the role.
@@ -158,28 +104,30 @@ def unit_in(cell: str) -> str | None:
     unit = find_unit(text)
     if unit is not None:
         return unit.name
-    return text if text.casefold() in _FOREIGN else None
+    return text if text.casefold() in FOREIGN else None
 
 
-def plain(text: str) -> str:
-    """Return a name in small letters, without signs and words that say nothing."""
-    words = re.sub(r"[\s_.:#/=-]+", " ", text.casefold()).split()
-    return " ".join(word for word in words if word not in _FILLERS)
+def unit_of_title(title: str) -> str | None:
+    """Return the unit that a title names: ``deviation in µm``, ``dz [µm]``."""
+    found = [parse_name(title.strip(' ";,\t')).unit]
+    found += [unit_in((a or b).rstrip(",;.:")) for a, b in _IN.findall(title)]
+    return next(filter(None, found), None)
+
+
+def _plain(text: str) -> str:
+    """Return a name in small letters, without the signs between its words."""
+    return re.sub(r"[\s_.:#/=-]+", " ", text.casefold()).strip()
 
 
 def bare_role(name: Name) -> str | None:
     """Return the kind of role that a name without an axis stands for, or None."""
-    words = re.sub(r"[\s_.:#/=-]+", " ", name.stem.casefold()).strip()
-    kind = _BY_NAME.get(words)
-    # "Run No." is a run, and "Pos. No." counts the positions.
-    return kind or (
-        None if (kind := _BY_NAME.get(plain(words))) == "position" else kind
-    )
+    kind = kind_said(name.stem)
+    return None if kind in ("run", "direction") and name.unit else kind
 
 
 def is_clock(name: Name, text: str) -> bool:
     """Whether a name says date, time or both, as the text is a key of `CLOCKS`."""
-    words = plain(name.stem)
+    words = _plain(name.stem)
     if text != "both":
         return words in CLOCKS[text]
     parts = set(words.split())
@@ -216,9 +164,15 @@ def roles_of(names: Sequence[Name]) -> tuple[list[str | None], bool]:
 def _with_axes(names: Sequence[Name], roles: Sequence[str | None]) -> list[str | None]:
     """Return roles of names that hold an axis; as they were where none is an error."""
     found = [_axis_role(name) for name in names]
+    bare = [bare_role(name) for name in names]
+    alone = [at for at, name in enumerate(names) if found[at] and _is_alone(name)]
+    fine = [at for at in alone if names[at].unit in _FINE]
+    errors = any(role and role.endswith(".error") for role in (*found, *bare))
+    if len(fine) < len(alone) or (len(alone) == 1 and not errors):
+        for at in fine:  # "Y [µm]" beside "X [mm]" is no place
+            found[at] = (found[at] or "").replace(".position", ".error")
     if not any(role and role.endswith((".error", ".actual")) for role in found):
         return list(roles)
-    bare = [bare_role(name) for name in names]
     return [
         own or role or (kind if kind == "run" and bare.count(kind) == 1 else None)
         for own, role, kind in zip(
@@ -231,17 +185,21 @@ def _with_axes(names: Sequence[Name], roles: Sequence[str | None]) -> list[str |
 
 
 def _axis_role(name: Name) -> str | None:
-    text = plain(name.stem)
-    if re.fullmatch(_AXIS_WORD, text):
-        return f"{text.upper()}.position"
-    if match := _DELTA.fullmatch(text):
+    if match := _DELTA.fullmatch(_plain(name.stem)):
         return f"{(match['axis'] or match['of']).upper()}.error"  # EYX: in Y, along X
-    for pattern in (_BEFORE, _BEHIND):
-        match = pattern.fullmatch(text)
-        kind = _BY_NAME.get(match["kind"]) if match else None
-        if match and kind not in (None, "time", "run"):
-            return f"{match['axis'].upper()}.{kind}"
-    return None
+    words = pieces(name.stem)
+    axes = [word for word in words if re.fullmatch(AXIS, word.casefold())]
+    if len(axes) != 1:
+        return None
+    others = [word for word in words if word != axes[0]]
+    kind = "position" if says_nothing(others) else kind_said(" ".join(others))
+    return None if kind in (None, "time", "run") else f"{axes[0].upper()}.{kind}"
+
+
+def _is_alone(name: Name) -> bool:
+    """Whether a name is that of an axis, and says nothing of what is measured."""
+    words = pieces(name.stem)
+    return says_nothing([w for w in words if not re.fullmatch(AXIS, w.casefold())])
 
 
 def heading(text: str) -> Heading | None:
@@ -260,13 +218,13 @@ def heading(text: str) -> Heading | None:
             (signs if token in "+-−" else words).add(DIRECTIONS[token])
         elif token.isdecimal() and run is None:
             run = int(token)
-        elif token in _RUN_WORDS:
+        elif token in RUNS:
             named = True
-        elif _BY_NAME.get(token) in ("error", "actual"):
-            kind = _BY_NAME[token]
+        elif (said := kind_said(token)) in ("error", "actual"):
+            kind = said
         elif re.fullmatch("[xyzabcuvw]", token):
             axis = True
-        elif _BY_NAME.get(token) != "direction" and token not in _FILLERS:
+        elif said != "direction" and not says_nothing([token]):
             return None
     directions = words or signs  # "Lauf 1 - hin" holds a dash and no sign
     if len(directions) > 1 or (run is None and not directions):

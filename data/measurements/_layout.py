@@ -6,7 +6,13 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from ._dialect import Dialect, first_row_of_numbers, sniff, usual_width
+from ._dialect import (
+    Dialect,
+    begins_with_name,
+    first_row_of_numbers,
+    sniff,
+    usual_width,
+)
 from ._errors import LineError, MeasurementError
 from ._header import (
     Name,
@@ -27,6 +33,7 @@ _FIRST = re.compile(rf"(?:[^\n]*+\n){{1,{_BELOW}}}+")
 _LONGEST_HEADER = 10_000
 """Characters of a header line that one look is enough for."""
 _MOST_HEADERS = 4
+_LONGEST_UNIT = 8
 _AS_SHOWN = Lines()
 _ANY_NUMBER = re.compile(r"[+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?")
 
@@ -46,6 +53,9 @@ class Layout:
         header_lines: Lines of the header, units not among them.
         units_line: Line with the units; None where there is none.
         titles: Lines above the header that hold neither names nor numbers.
+        comments: Comments above the rows.
+        block: Line above the first rows that names their run or direction, as others do
+            between the rows; None where there is none.
         plain: Every row of the text is seen to be plain numbers, one per name.
     """
 
@@ -59,6 +69,8 @@ class Layout:
     header_lines: tuple[int, ...] = ()
     units_line: int | None = None
     titles: tuple[tuple[int, str], ...] = ()
+    comments: tuple[tuple[int, str], ...] = ()
+    block: tuple[int, str] | None = None
     plain: bool = dataclasses.field(default=False, compare=False)
 
 
@@ -134,7 +146,8 @@ def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout
     texts = [every[at] for at in content]
     head = _Head(path, dialect, width, [at + 1 for at in content], texts, rows)
     first = _first_row(head, wanted)
-    top, units = _header_above(head, first, wanted)
+    block = _block_above(head, first, wanted)
+    top, units = _header_above(head, first - (block is not None), wanted)
     below = rows[first : first + _BELOW]
     names = _names(head, top)
     width = len(names) if top else len(rows[first])
@@ -146,13 +159,17 @@ def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout
         names = _names_from_comment(dialect, every[: content[0]], width)
     if units is not None:
         for at, cell in enumerate(rows[units][:width]):
-            if (unit := unit_in(cell)) is not None:
+            unit = unit_in(cell) or cell.strip("[]()- ")
+            if unit and not is_format(cell):
                 names[at] = dataclasses.replace(names[at], unit=unit, doubtful=False)
     above = top[0] if top else (first if units is None else units)
     _refuse_numbers(head, above)
     titles = tuple((head.lines[at], texts[at].strip()) for at in range(above))
-    left = [Skipped(at + 1, "comment") for at in comments if at < content[first]]
+    said = tuple((at + 1, every[at].strip()) for at in comments if at < content[first])
+    left = [Skipped(line, "comment") for line, _ in said]
     left += [Skipped(line, "title") for line, _ in titles]
+    if block is None and titles and top and heading(titles[-1][1]) is not None:
+        block = titles[-1]
     return Layout(
         dialect=dialect,
         names=tuple(names),
@@ -164,6 +181,8 @@ def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout
         header_lines=tuple(head.lines[at] for at in top),
         units_line=None if units is None else head.lines[units],
         titles=titles,
+        comments=said,
+        block=block,
     )
 
 
@@ -185,18 +204,40 @@ def _first_row(head: _Head, wanted: Lines) -> int:
     if first == 0 and not _any_number(head.dialect, head.rows[:1]):
         # A table of words: below what can only be a header.
         return int(len(head.rows) > 1 and looks_like_names(head.rows[0]))
+    if _names_rows(head, first):
+        return first + 1
     # A row of numbers with a word among them belongs to the body.
     while first > 0 and _is_damaged_row(head, first - 1):
         first -= 1
     return first
 
 
+def _names_rows(head: _Head, index: int) -> bool:
+    """Whether a line has a name in front of its numbers, and the next one names a run."""
+    if index + 1 >= len(head.rows):
+        return False
+    name, below = head.rows[index][0], head.rows[index + 1][0]
+    return begins_with_name(name) and heading(below) is not None
+
+
 def _is_damaged_row(head: _Head, index: int) -> bool:
     cells = head.rows[index]
     if len(cells) != head.width or is_unit_row(cells, head.width):
         return False
-    known = heading(cells[0]) is not None or looks_like_names(cells[:1]) or not cells[0]
+    known = heading(cells[0]) is not None or looks_like_names(cells[:1])
+    known |= not cells[0] or unit_in(cells[0]) is not None
     return not known and any(map(head.dialect.is_number, cells))
+
+
+def _block_above(head: _Head, first: int, wanted: Lines) -> tuple[int, str] | None:
+    """Return the line right above the rows that names their run or direction, or None."""
+    if first == 0 or head.width == 1 or wanted.header is not None:
+        return None
+    cells = head.rows[first - 1]
+    words = " ".join(filter(None, cells))
+    if not cells[0] or first == 1 or heading(words) is None:
+        return None
+    return head.lines[first - 1], words
 
 
 def _header_above(
@@ -236,15 +277,23 @@ def _is_header(head: _Head, index: int) -> bool:
 
 def _is_upper_header(head: _Head, index: int) -> bool:
     """Whether a line above a header names groups of columns."""
-    cells = head.dialect.header(head.texts[index], head.width)
+    cells = _upper_cells(head, index)
     if cells is None:
         return False
     filled = [at for at, cell in enumerate(cells) if cell]
     below = head.rows[index + 1]
     fills = any(at < len(below) and not below[at] for at in filled)
-    known = looks_like_names([cells[at] for at in filled])
+    known = 2 * sum(looks_like_names([cells[at]]) for at in filled) > len(filled)
     wide = len(filled) > 1 and filled[-1] >= head.width // 2
     return known and (wide or (fills and len(filled) > 1))
+
+
+def _upper_cells(head: _Head, index: int) -> list[str] | None:
+    """Return the cells of a line above a header, empty ones added where it ends early."""
+    cells = list(head.rows[index])
+    if head.dialect.separator != " " and 1 < len(cells) < head.width:
+        return cells + [""] * (head.width - len(cells))
+    return head.dialect.header(head.texts[index], head.width)
 
 
 def _refuse_other_width(head: _Head, index: int) -> None:
@@ -258,9 +307,16 @@ def _refuse_other_width(head: _Head, index: int) -> None:
         found = f"{len(cells)} names above {head.width} cells between commas"
         expected = "semicolons between cells, or quotes, where decimals have commas"
         raise head.error(index, found, expected, "header = [], with columns by number")
-    if head.dialect.separator == " " or len(cells) < 2 or 2 * len(cells) <= head.width:
+    near = abs(len(head.rows[index]) - head.width) == 1
+    named = near and (unit_in(cells[0]) is not None or looks_like_names(cells[:1]))
+    if len(cells) < 2 or (2 * len(cells) <= head.width and not named):
         return
-    if any(map(head.dialect.is_number, cells)) or any(":" in cell for cell in cells):
+    if head.dialect.separator == " " and not (
+        # Any title has words between blanks.
+        near and sum(looks_like_names([cell]) for cell in cells) >= len(cells) - 1
+    ):
+        return
+    if not named and any(head.dialect.is_number(c) or ":" in c for c in cells):
         return
     found = f"{len(head.rows[index])} names ({', '.join(cells)[:40]})"
     expected = f"{head.width} as the rows below have cells, {head.dialect.words}"
@@ -276,7 +332,7 @@ def _refuse_numbers(head: _Head, above: int) -> None:
     """
     for at in range(above):
         text = head.texts[at].strip()
-        cells = re.split(r"[;|\s]+|,(?=\s)", text)
+        cells = re.split(r",\s+|[;|\s]+", text)
         cells = text.split(",") if len(cells) == 1 else cells
         if len(cells) > 1 and all(map(_ANY_NUMBER.fullmatch, cells)):
             row = head.lines[above]
@@ -289,10 +345,7 @@ def _names(head: _Head, top: Sequence[int]) -> list[Name]:
     """Return the name of each column, from all its header lines."""
     if not top:
         return []
-    rows = [
-        head.dialect.header(head.texts[at], head.width) or list(head.rows[at])
-        for at in top
-    ]
+    rows = [_upper_cells(head, at) or list(head.rows[at]) for at in top]
     if len({len(row) for row in rows}) > 1:
         raise head.error(
             top[0], f"{len(rows[0])} names", f"{len(rows[-1])} as below", "header = …"
@@ -362,9 +415,21 @@ def _plain_layout(text: str) -> Layout | None:
 
 
 def is_unit_row(cells: Sequence[str], width: int) -> bool:
-    """Whether a line holds units, and nothing else, for so many columns."""
+    """Whether a line holds units, and nothing else, for so many columns.
+
+    Units that the library lacks, such as hPa, may be among them.
+    """
     named = [cell for cell in cells if cell.strip("[]()- ") and not is_format(cell)]
-    return len(cells) == width and bool(named) and all(map(unit_in, named))
+    if len(cells) != width or not named:
+        return False
+    others = [cell for cell in named if unit_in(cell) is None]
+    short = all(len(cell) <= _LONGEST_UNIT and not cell[0].isdigit() for cell in others)
+    return 2 * len(others) < len(named) and short and not any(map(_says, others))
+
+
+def _says(cell: str) -> bool:
+    """Whether a cell says what a column holds."""
+    return looks_like_names([cell])
 
 
 def _any_number(dialect: Dialect, rows: Sequence[Sequence[str]]) -> bool:

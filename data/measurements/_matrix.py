@@ -11,7 +11,7 @@ import numpy as np
 
 from ._dialect import Dialect
 from ._errors import CellError, LineError
-from ._header import parse_name, unit_in
+from ._header import unit_in, unit_of_title
 from ._mesh import surface
 from ._table import Skipped, Table
 
@@ -20,28 +20,55 @@ _CORNER = re.compile(
     rf'^"?\s*{_AXIS.format("down")}\s*[\\/]\s*{_AXIS.format("along")}\s*"?(?P<mark>[;,\t])',
     re.MULTILINE,
 )
-_IN = re.compile(r"\bin\s+(\S+)|[\[(]([^\])]+)[\])]")
 _EMPTY = re.compile("")
 _AXES = "XYZ"
+_LOOK = 60
+"""Lines that tell whether a text is a surface."""
+_LARGER = 5.0
+"""Ratio of places to what was measured there from which on both are told apart."""
 _FEWEST = 3
 """Numbers along the top from which on a line without names is taken for one."""
 
 
 def is_matrix(head: str) -> bool:
     """Whether a line begins with a cell that names two axes, or the first with none."""
-    return _CORNER.search(head) is not None or _is_unnamed(head.partition("\n")[0])
+    return _CORNER.search(head) is not None or _unnamed_corner(head) is not None
 
 
-def _is_unnamed(line: str) -> bool:
-    """Whether a line holds an empty cell and ascending numbers: nobody says of which axis."""
-    mark = line.lstrip(' "')[:1]
-    if mark not in (";", ",", "\t"):
-        return False
-    cells = line.rstrip("\r\n").split(mark)[1:]
-    dialect = Dialect(mark, ".")
-    read = [dialect.number(cell.replace(",", ".")) for cell in cells]
-    along = [value for value in read if value is not None]
-    return len(along) == len(cells) >= _FEWEST and along == sorted(set(along))
+def _unnamed_corner(head: str) -> str | None:
+    """Return the first cell of a surface of which nobody says along which axes it lies.
+
+    The cell is empty or 0, and ascending numbers stand behind it and below it. Where it is
+    0, these also are of another size than all other numbers: it may be a plain table.
+    """
+    top, _, rest = head.partition("\n")
+    mark = next((each for each in ";\t," if each in top), None)
+    rows = [
+        line.split(mark) for line in (top, *rest.split("\n")[:_LOOK]) if line.strip()
+    ]
+    corner, *heads = (_plain_number(cell) for cell in rows[0])
+    along = [value for value in heads if value is not None]
+    if not len(heads) == len(along) >= _FEWEST or along != sorted(set(along)):
+        return None
+    if not rows[0][0].strip(' "'):
+        return ""
+    read = [[_plain_number(cell) for cell in row] for row in rows[1:]]
+    whole = [row for row in read if None not in row and len(row) == len(rows[0])]
+    if corner != 0.0 or len(whole) < _FEWEST or len(whole) < len(read) - 1:
+        return None
+    body = np.array(whole, dtype=np.float64)
+    jumps = np.abs(np.array(along) - np.median(body[:, 1:], axis=0))
+    rises = bool(np.all(np.diff(body[:, 0]) > 0.0))
+    larger = jumps.sum() > _LARGER * np.ptp(body[:, 1:], axis=0).sum()
+    return rows[0][0].strip() if rises and larger else None
+
+
+def _plain_number(cell: str) -> float | None:
+    return (
+        Dialect(";", ".").number(cell.strip(' "\r').replace(",", "."))
+        if cell.strip()
+        else None
+    )
 
 
 def read_matrix(path: Path, text: str, encoding: str) -> Table:
@@ -57,9 +84,13 @@ def read_matrix(path: Path, text: str, encoding: str) -> Table:
     """
     corner = _CORNER.search(text)
     if corner is None:
+        cell = _unnamed_corner(text)
         found = "ascending numbers along the top beside an empty cell"
+        if cell:
+            found = f"ascending numbers along the top and down the side beside '{cell}'"
         expected = "both axes in that cell, the one down the side first: Y\\X"
-        raise LineError(str(path), 1, found, expected)
+        table = "header = [] where it is no surface" if cell else ""
+        raise LineError(str(path), 1, found, expected, table)
     lines = text.split("\n")
     top = text.count("\n", 0, corner.start())
     body = [(n, line) for n, line in enumerate(lines[top:], top + 1) if line.strip()]
@@ -99,7 +130,8 @@ def read_matrix(path: Path, text: str, encoding: str) -> Table:
     axes = (np.array(along), np.array(list(sides)))
     form = "matrix of a surface"
     read = surface(path, form, names, axes, points, [remark], _EMPTY)
-    every = [*units, _unit_of_titles(lines[:top])]
+    stated = next(filter(None, map(unit_of_title, lines[:top])), None)
+    every = [*units, stated]
     titles = (
         Skipped(n, "title") for n, line in enumerate(lines[:top], 1) if line.strip()
     )
@@ -127,13 +159,3 @@ def _number(path: Path, dialect: Dialect, line: int, name: str, cell: str) -> fl
 
 def _unit(text: str | None) -> str | None:
     return None if text is None else unit_in(text)
-
-
-def _unit_of_titles(titles: list[str]) -> str | None:
-    """Return the unit that the titles name: ``deviation in µm``, ``dz [µm]``."""
-    for title in titles:
-        stated = parse_name(title.strip(' ";,\t')).unit
-        found = [stated, *(_unit(a or b) for a, b in _IN.findall(title))]
-        if unit := next(filter(None, found), None):
-            return unit
-    return None

@@ -5,11 +5,12 @@ import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from ._dates import is_instant
+from ._dialect import Dialect
 from ._errors import LineError
 from ._header import (
-    DIRECTIONS,
     Heading,
     Name,
     bare_role,
@@ -17,9 +18,11 @@ from ._header import (
     is_clock,
     numbered,
     roles_of,
+    unit_of_title,
 )
-from ._table import Column, Table
+from ._table import LASER_FORMAT, BadCell, Column, Table
 from ._units import find_unit
+from ._words import WORDS, direction_of, kinds_in, words_in
 
 _PAIR = re.compile(
     r"\W*(?P<key>[^:=;,\t|]+?)\s*[:=;,\t|]+\s*(?P<value>[^;,\t|]+?)[\s;,|]*"
@@ -27,17 +30,27 @@ _PAIR = re.compile(
 _UNIT_WORDS = frozenset(
     ("unit", "units", "einheit", "einheiten", "error unit", "messeinheit")
 )
-_SIDE_WORDS = frozenset(("direction", "richtung", "fahrtrichtung", "verfahrrichtung"))
-_AXIS = re.compile(r"(?i:\b(?:axis|achse))\s*[:=;,\t ]+\s*(?P<axis>[A-Z]\d?)\b")
+_AXIS = re.compile(
+    r"(?i:\b(?:axis|\w*achse))\s*[:=;,\t ]+\s*(?P<axis>[A-Z]\d?)\b"
+    r"|\b(?P<before>[XYZABCUVW]\d?)[- ](?i:axis|achse)\b"
+)
 _STRAIGHT = re.compile(r"(?i)straightness|geradheit")
 _DEVIATES = re.compile(
-    r"(?i:\b(?:in|of|straightness|geradheit|abweichung|error|deviation))\s+"
-    r"(?P<axis>[XYZ])\b"
+    r"(?i:\b(?:in|of|straightness|geradheit|abweichung|error|deviation)"
+    r"(?:\s+(?:direction|richtung))?)\s+(?P<axis>[XYZ])\b"
 )
 _MOVES = re.compile(
     r"(?i:\b(?:über|ueber|over|along|entlang|axis|achse|vs|against))\.?[\s:=;,]+"
     r"(?P<axis>[XYZ])\b"
 )
+_KINDS = {"actual": "actual positions", "error": "errors"}
+_FEWEST = 3
+"""Targets of a table with one row per run."""
+_SHORT = 4
+"""Rows up to which a column of cells tells nothing of what it is."""
+_WORD = re.compile(r"[^\W\d_]")
+_TELLING = 1000
+"""Rows that tell whether numbers count the rows."""
 _FOLLOWS = 0.1
 """Share of the travel by which actual positions miss their targets at most."""
 
@@ -53,20 +66,22 @@ def with_meaning(
         titles: Lines above the header.
     """
     if _is_laser_body(table.columns, names):
-        return _laser_without_header(table)
-    if (wide := _wide(table, names)) is not None:
+        return _with_titles(_laser_without_header(table), titles)
+    if (wide := _wide(table, names) or _run_per_row(table, names)) is not None:
         return _with_titles(wide, titles)
     if (triplets := _triplets(table, names)) is not None:
         return triplets
     roles, laser = roles_of(names)
     roles = _with_time(roles, names)
-    columns = [
+    columns: Sequence[Column] = [
         column if role is None else dataclasses.replace(column, role=role)
         for column, role in zip(table.columns, roles, strict=True)
     ]
-    remarks = table.remarks
-    if titles and not any(name.header for name in names):
-        line = max(titles)
+    columns, said = _as_they_are(columns)
+    remarks = (*table.remarks, *said)
+    above = table.form.titles if table.form else ()
+    if above and not any(name.header for name in names):
+        line = max(above)
         remark = f"Line {line} ('{titles[line][:40]}') is no header for {len(names)}"
         remarks = (*remarks, f"{remark} columns, which are numbered.")
     by_name = [
@@ -80,9 +95,40 @@ def with_meaning(
         table,
         columns=tuple(columns),
         remarks=remarks,
-        format="laser table" if laser else table.format,
+        format=LASER_FORMAT if laser else table.format,
     )
     return _with_titles(_with_clock(table, names), titles)
+
+
+def _as_they_are(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
+    """Return columns with the roles that their cells say, and remarks about these.
+
+    A run of one reading only is a number of the row; words of which each is a direction are
+    the directions of the readings beside them, and those of which none is one are not.
+    """
+    found, remarks = list(columns), []
+    kinds = set(map(_kind, columns))
+    for at, column in enumerate(columns):
+        values = column.values[:_TELLING]
+        if column.role == "run" and column.text is None and values.size > _SHORT:
+            if np.unique(values).size == values.size:
+                found[at] = dataclasses.replace(column, role=None)
+                remarks.append(f"'{column.name}' counts the rows, and is no run.")
+        words = dict.fromkeys(column.text or ())
+        sides = set(map(direction_of, words))
+        if _kind(column) == "direction" and sides == {None}:
+            found[at] = dataclasses.replace(column, role=None)
+            listed = ", ".join(words)[:40]
+            remarks.append(f"'{column.name}' holds {listed}: no known directions.")
+        if column.role is None and sides and sides <= {1, -1} and values.size > _SHORT:
+            place = next((c.role for c in columns if _kind(c) == "position"), None)
+            if place is not None and "direction" not in kinds:
+                role = place.replace("position", "direction")
+                found[at] = dataclasses.replace(column, role=role)
+                listed = ", ".join(words)
+                remarks.append(f"'{column.name}' holds directions: {listed}.")
+                kinds.add("direction")
+    return found, remarks
 
 
 def _with_time(roles: Sequence[str | None], names: Sequence[Name]) -> list[str | None]:
@@ -112,10 +158,10 @@ def _laser_without_header(table: Table) -> Table:
     )
     remark = (
         "No header: four columns with whole run numbers and directions ±1 are "
-        "taken as target, error, run, direction in mm."
+        "taken as target, error, run, direction, in mm where no line says otherwise."
     )
     return dataclasses.replace(
-        table, format="laser table", columns=tuple(named), remarks=(remark,)
+        table, format=LASER_FORMAT, columns=tuple(named), remarks=(remark,)
     )
 
 
@@ -157,7 +203,7 @@ def _triplets(table: Table, names: Sequence[Name]) -> Table | None:
     )
     remark = (
         "Three columns without a header, the second and third close to the first, are"
-        " taken as LinuxCNC triplets: nominal, forward, reverse (actual positions)."
+        " taken as LinuxCNC triplets: nominal, forward, reverse (actual positions), in mm."
     )
     return dataclasses.replace(
         table, format="LinuxCNC triplets", columns=tuple(named), remarks=(remark,)
@@ -195,15 +241,11 @@ def _wide(table: Table, names: Sequence[Name]) -> Table | None:
 def _with_runs(table: Table, target: int, found: Mapping[int, Heading]) -> Table:
     columns = list(table.columns)
     place = columns[target].values
-    span = float(np.ptp(place))
     first = next(iter(found))
     stated = next((item.kind for item in found.values() if item.kind), None)
     values = np.concatenate([columns[at].values for at in found])
-    misses = np.abs(values - np.tile(place, len(found)))
-    follows = bool(np.nanmedian(misses) < _FOLLOWS * span) and columns[first].unit in (
-        None,
-        columns[target].unit,
-    )
+    follows = _follow(values, np.tile(place, len(found)), float(np.ptp(place)))
+    follows &= columns[first].unit in (None, columns[target].unit)
     kind = stated or ("actual" if follows else "error")
     columns[target] = dataclasses.replace(columns[target], role="position")
     names = [columns[at].name for at in found]
@@ -216,7 +258,7 @@ def _with_runs(table: Table, target: int, found: Mapping[int, Heading]) -> Table
             columns[at] = dataclasses.replace(columns[at], name=name, header=name)
     runs = len({item.run for item in found.values()})
     both = len({item.direction for item in found.values()} - {None})
-    words = {"actual": "actual positions", "error": "errors"}[kind]
+    words = _KINDS[kind]
     remark = (
         f"One column per run: {len(found)} columns of {words}, {runs} runs"
         + {0: ", direction not named", 1: " in one direction", 2: ", both directions"}[
@@ -230,6 +272,73 @@ def _with_runs(table: Table, target: int, found: Mapping[int, Heading]) -> Table
         columns=tuple(columns),
         remarks=(*table.remarks, remark),
     )
+
+
+def _run_per_row(table: Table, names: Sequence[Name]) -> Table | None:
+    """Return a table of one row per run, targets along the top, with one row per reading."""
+    decimal = table.form.decimal if table.form is not None else "."
+    heads = [Dialect(";", decimal).number(name.header) for name in names]
+    along = [at for at, target in enumerate(heads) if target is not None]
+    labels = [at for at in range(len(names)) if at not in along]
+    targets = np.array([heads[at] for at in along], dtype=np.float64)
+    steps = np.diff(targets)
+    if len(along) < _FEWEST or not labels or not np.all(steps * steps[0] > 0.0):
+        return None
+    found = _runs_of_rows([table.columns[at] for at in labels], table.rows)
+    if found is None or any(table.columns[at].text is not None for at in along):
+        return None
+    ways = np.array([item.direction or 0 for item in found.values()])
+    order = np.argsort(targets)
+    rows = [order[::-1] if way < 0 else order for way in ways]
+    values = np.array([table.columns[at].values for at in along]).T
+    readings = np.concatenate([own[row] for own, row in zip(values, rows, strict=True)])
+    place = targets[np.concatenate(rows)]
+    lines = np.repeat(table.lines, len(along))
+    kind = "actual" if _follow(readings, place, float(np.ptp(targets))) else "error"
+    wrong = np.flatnonzero(~np.isfinite(readings))
+    bad = BadCell(int(lines[wrong[0]]), "nan") if wrong.size else None
+    unit = next((names[at].unit for at in labels if names[at].unit), None)
+    runs = np.repeat([float(item.run or 0) for item in found.values()], len(along))
+    columns = [
+        Column("target", "position", unit, place, header="target"),
+        Column(kind, kind, None, readings, bad=bad, header=kind),
+        Column("run", "run", None, runs, header="run"),
+    ]
+    if np.all(ways != 0):
+        sides = np.repeat(ways.astype(np.float64), len(along))
+        columns.append(
+            Column("direction", "direction", None, sides, header="direction")
+        )
+    remark = (
+        f"One row per run: {table.rows} rows of {_KINDS[kind]} at {len(along)} targets along"
+        " the top, by their size."
+    )
+    return dataclasses.replace(
+        table,
+        format="run table (one row per run)",
+        columns=tuple(columns),
+        rows=int(lines.size),
+        lines=lines,
+        remarks=(*table.remarks, remark),
+    )
+
+
+def _runs_of_rows(labels: Sequence[Column], rows: int) -> dict[int, Heading] | None:
+    """Return run and direction of each row as the cells in front of it say, or None."""
+    cells = [
+        column.text or tuple(f"{value:g}" for value in column.values)
+        for column in labels
+    ]
+    found = {row: heading(" ".join(each[row] for each in cells)) for row in range(rows)}
+    known = {row: item for row, item in found.items() if item is not None}
+    return numbered(known) if len(known) == rows else None
+
+
+def _follow(
+    values: Float[np.ndarray, " t"], place: Float[np.ndarray, " t"], travel: float
+) -> bool:
+    """Whether readings are the positions themselves, and no errors."""
+    return bool(np.nanmedian(np.abs(values - place)) < _FOLLOWS * travel)
 
 
 def _with_clock(table: Table, names: Sequence[Name]) -> Table:
@@ -278,13 +387,19 @@ def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
     table = _straight(table, " \n ".join(titles.values()))
     for line, text in titles.items():
         if (named := _AXIS.search(text)) is not None and table.axis is None:
-            remark = f"Line {line} says that the axis is {named['axis']}."
-            table = _noted(table, table.columns, remark, named["axis"])
+            axis = named["axis"] or named["before"]
+            remark = f"Line {line} says that the axis is {axis}."
+            table = _noted(table, table.columns, remark, axis)
         pair = _PAIR.fullmatch(text)
-        if pair is not None and pair["key"].strip().casefold() in _UNIT_WORDS:
+        key = pair["key"].strip().casefold() if pair is not None else ""
+        if pair is not None and key in _UNIT_WORDS:
             table = _in_unit(table, line, pair["value"])
-        elif pair is not None and pair["key"].strip().casefold() in _SIDE_WORDS:
+        elif pair is not None and key in WORDS["direction"]:
             table = _in_direction(table, line, pair["value"])
+        elif _WORD.search(text) and (way := heading(text)) and way.direction:
+            table = _in_direction(table, line, "+" if way.direction > 0 else "-")
+        elif "error" in kinds_in(words_in([text])) and (unit := unit_of_title(text)):
+            table = _in_unit(table, line, unit)
     return table
 
 
@@ -330,7 +445,10 @@ def _in_unit(table: Table, line: int, text: str) -> Table:
 def _in_direction(table: Table, line: int, text: str) -> Table:
     """Return the table with a direction for all rows, where it has none."""
     kinds = set(map(_kind, table.columns))
-    side = DIRECTIONS.get(text.casefold())
+    side = direction_of(text)
+    if side is None and "direction" not in kinds:
+        remark = f"Line {line} says '{text}': no known direction."
+        return _noted(table, table.columns, remark)
     stated = any(column.direction is not None for column in table.columns)
     if side is None or stated or "position" not in kinds or "direction" in kinds:
         return table

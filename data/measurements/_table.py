@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 from ._errors import CellError, ColumnError, MeasurementError
 
 MESH_FORMATS = ("Klipper bed mesh", "RepRapFirmware height map")
+LASER_FORMAT = "laser table"
 SCOPE_FORMAT = "TwinCAT Scope"
 
 
@@ -206,8 +207,14 @@ class Table:
             str(self.path), wanted, names, close[0] if close and not hits else None
         )
 
-    def cell_error(self, column: Column, cell: BadCell, expected: str) -> CellError:
-        """Return the error that a cell of this table is, ready to raise."""
+    def cell_error(
+        self, column: Column, cell: BadCell, expected: str, *, damaged: bool = False
+    ) -> CellError:
+        """Return the error that a cell of this table is, ready to raise.
+
+        A line of a text table that is damaged can be left out by a key of the job.
+        """
+        key = f"skip = [{cell.line}]" if damaged and self.form is not None else ""
         return CellError(
             str(self.path),
             cell.line,
@@ -215,6 +222,7 @@ class Table:
             cell.found,
             expected,
             self.counts_rows,
+            key,
         )
 
     def numbers(self, column: Column) -> Float[np.ndarray, " t"]:
@@ -234,5 +242,5 @@ class Table:
             first = BadCell(int(self.lines[0]), column.text[0])
             raise self.cell_error(column, first, "a number")
         if column.bad is not None:
-            raise self.cell_error(column, column.bad, "a finite number")
+            raise self.cell_error(column, column.bad, "a finite number", damaged=True)
         return column.values

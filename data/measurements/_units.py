@@ -88,6 +88,7 @@ def _all_units() -> Iterable[Unit]:
         first, second = _RATES[unit.dimension]
         yield dataclasses.replace(unit, name=f"{unit.name}/s", dimension=first)
         yield dataclasses.replace(unit, name=f"{unit.name}/s2", dimension=second)
+    yield Unit("arcsec", "angle", 1, 3_600)
     yield Unit("s", "time")
     yield Unit("ms", "time", 1, 1_000)
     yield Unit("degC", "temperature")
@@ -140,6 +141,7 @@ _ALIASES = {
     "degree": "deg",
     "degrees": "deg",
     "grad": "deg",
+    **dict.fromkeys(("arcseconds", "arcsecs", "''", "″", "Winkelsekunden"), "arcsec"),
     **dict.fromkeys(("micron", "microns", "micrometer", "micrometre"), "um"),
     **dict.fromkeys(("micrometers", "micrometres", "Mikrometer"), "um"),
     **dict.fromkeys(("millimeter", "millimetre", "millimeters", "Millimeter"), "mm"),
@@ -155,6 +157,12 @@ _CASELESS = {
     for name in UNITS
     if name not in {"Nm", "m", "s", "K", "A", "V", "N"}
 }
+
+
+FOREIGN = frozenset(
+    ("in", "inch", "inches", "zoll", '"', "mil", "thou", "ft", "f", "°f", "degf")
+)
+"""Units that files use and the library does not convert; a default would be wrong."""
 
 
 def find_unit(text: str) -> Unit | None:
@@ -183,7 +191,9 @@ def unit(text: str, dimensions: Iterable[str], source: str, what: str) -> Unit:
     if found is not None and found.dimension in allowed:
         return found
     accepted = [name for name, unit in UNITS.items() if unit.dimension in allowed]
-    raise UnitError(source, what, text, accepted, nearest(text, accepted))
+    # To "in" and "mil" no unit is near, and one that looks alike would be wrong.
+    close = accepted[0] if text.casefold() in FOREIGN else nearest(text, accepted)
+    raise UnitError(source, what, text, accepted, close)
 
 
 def nearest(text: str, names: Iterable[str]) -> str:

@@ -33,6 +33,9 @@ _CHANGED = 1e-4
 """Share of readings that change sides and ask for a new matrix."""
 _FURTHEST = 9.0
 """Moves by which a pass may begin ahead of where the last one ended."""
+_UNLIKELY = 0.05
+"""Share of wild readings from which on the fit begins once more, from least squares; of few
+readings, which only their neighbours judge, any wild one."""
 _PLENTY = 10.0
 """Readings per unknown from which on they judge each other, without their neighbours."""
 
@@ -186,7 +189,18 @@ class _Passes:
         scale = choose_loss("gauss", size, 1.0, self.floor, count).scale
         far = self.over(theta, Loss(scale, corner=WILD), False).with_matrix(matrix)
         problem = self._problem(far, theta)
-        return self._robust(self._solved(problem, self._light(problem)))
+        found = self._robust(self._solved(problem, self._light(problem)))
+        total = float(matrix.tally[0])
+        left = total - float(found.posterior.problem.count)
+        believed = 0.0 if total < _PLENTY * self.stack.size else _UNLIKELY * total
+        if self.fixed is not None or (found.converged and left <= believed):
+            return found
+        # A first table too smooth takes a bend for wild readings: least squares bends.
+        problem = self._problem(matrix, theta)
+        plain = self._solved(problem, self._light(problem)).about()
+        other = self._robust(self._chosen(plain, None))
+        kept = other.posterior.problem.count > found.posterior.problem.count
+        return other if kept and other.noise < found.noise else found
 
     def _problem(self, sums: Sums, theta: Vector, gain: float = 1.0) -> Problem:
         return Problem.of(sums, theta, gain, self.pins)

@@ -10,33 +10,22 @@ from jaxtyping import Float
 
 from ...data.measurements import (
     KINDS,
+    LASER_FORMAT,
     MESH_FORMATS,
     SCOPE_FORMAT,
+    WORDS,
     Column,
     ColumnSpec,
     Table,
+    all_position,
+    direction_of,
     find_role,
     find_unit,
+    kinds_in,
+    pieces as pieces_of,
+    words_in,
 )
 
-_WORDS: dict[str, frozenset[str]] = {
-    kind: frozenset(words.split())
-    for kind, words in {
-        "lag": "following lag schlepp schleppfehler diff posdiff cont contour ffw",
-        "error": "error err deviation dev fehler abweichung abw straightness geradheit",
-        "current": "current strom iq torque moment drehmoment",
-        "velocity": "velocity velo vel speed geschwindigkeit",
-        "acceleration": "acceleration accel acc beschleunigung",
-        "temperature": "temperature temp temperatur",
-        "direction": "direction dir richtung",
-        "run": "run cycle lauf",
-        "time": "time zeit timestamp",
-        "actual": "laser interferometer reference measured tracker",
-        "encoder": "actual act ist encoder enc feedback",
-        "position": "set soll command commanded cmd des target nominal position pos",
-    }.items()
-}
-"""Words of each kind of role; an earlier kind goes before a later one."""
 _LETTERS = {"v": "velocity", "a": "acceleration", "i": "current", "e": "error"}
 """Single letters beside the name of an axis: ``v_x``."""
 _DIMENSIONS = {
@@ -51,10 +40,10 @@ _DIMENSIONS = {
 }
 """Kind of role that a unit alone decides, by dimension."""
 _AXIS = re.compile(r"[xyzabcuvw]\d{0,2}", re.IGNORECASE)
+_OF_FILE = re.compile(r"[xyzXYZ]\d?|[ABCUVW]")
+"""An axis in the name of a file, where ``v5`` is a version."""
 _NUMBERED = re.compile(r"(?:axis|achse)[\W_]*(\d+)|\|(\d+)$", re.IGNORECASE)
 _OFF = re.compile(r"d([xyz])", re.IGNORECASE)
-_PIECE = re.compile(r"[A-Za-z0-9À-ÿ]+")
-_CAMEL = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+")
 _LINEAR = ("X", "Y", "Z")
 _FINE = 0.5
 """Largest error that rather is one in mm than in µm."""
@@ -142,6 +131,10 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         return Meaning(owner[0] if bare else None, assumed, {}, (), unused)
     roles: dict[str, list[ColumnSpec]] = {}
     unclear: list[Unclear] = []
+    runs = [each for each in named if each.column.run is not None]
+    if runs:
+        unclear.append(_of_runs(runs, owner[0]))
+        named = [each for each in named if each.kind != runs[0].kind]
     for each in _without_commands(named):
         axis = (owner if each.kind == "error" else home)[0]
         options, asks = _options(each, axis, outside=outside)
@@ -191,6 +184,25 @@ def _unnamed(
     return found
 
 
+def _of_runs(runs: Sequence[_Named], home: str) -> Unclear:
+    """Return the question for the unit of a role with one column per run."""
+    first = runs[0]
+    choices = []
+    for unit in _units(first.column, first.kind):
+        parts = (
+            dataclasses.replace(
+                _spec(each.column, unit),
+                run=each.column.run,
+                direction=each.column.direction,
+            )
+            for each in runs
+        )
+        spec = ColumnSpec("", unit, parts=tuple(parts))
+        choices.append((_text(first, home), spec))
+    largest = max(_largest(each.column) for each in runs)
+    return Unclear(first.column.name, frozenset({"unit"}), tuple(choices), largest)
+
+
 def _unclear(
     column: Column, asks: set[str], choices: Sequence[tuple[str, ColumnSpec]]
 ) -> Unclear:
@@ -203,7 +215,7 @@ def _is_length(column: Column) -> bool:
     fits = column.unit is None or (unit and unit.dimension in ("length", "angle"))
     if column.text is not None or column.role is not None or not fits:
         return False
-    return not _words(column.name) & _WORDS["lag"] and span(column.values) > 0.0
+    return not words_in([column.name]) & WORDS["lag"] and span(column.values) > 0.0
 
 
 def span(values: Float[np.ndarray, " t"]) -> float:
@@ -218,6 +230,8 @@ def _with_encoders(table: Table, named: Sequence[_Named]) -> tuple[list[_Named],
     Beside what an instrument showed, or the current of a drive, it is the encoder's.
     """
     drive = table.format == SCOPE_FORMAT or any(e.kind == "current" for e in named)
+    if table.format == LASER_FORMAT and not drive:
+        return list(named), False  # what it holds beside its errors they were made of
     seen = any(e.kind == "error" or (e.kind == "actual" and not e.own) for e in named)
     if not (drive or seen):
         return list(named), False
@@ -244,8 +258,10 @@ def _home(
         return axes[0], True
     if table.axis is not None or known:
         return table.axis or str(known[0]), True
-    pieces = _PIECE.findall(table.path.stem)
-    axis = _axis_in(table.path.stem, pieces)
+    stem = table.path.stem
+    axis = _axis_in(
+        stem, [piece for piece in pieces_of(stem) if _OF_FILE.fullmatch(piece)]
+    )
     return ("X", False) if axis is None else (axis, True)
 
 
@@ -278,18 +294,18 @@ def _named(column: Column) -> _Named | None:
     """Return what a column is by its role, its unit or its name, or None."""
     if column.role is not None:
         role = find_role(column.role)
-        own = column.name != column.role and bool(_words(column.name) & _OWN)
+        own = column.name != column.role and bool(words_in([column.name]) & _OWN)
         if role is None:
             return _Named(column, column.role, None, own)
         return _Named(column, role.kind, role.axis, own)
-    pieces = _PIECE.findall(column.name)
+    pieces = pieces_of(column.name)
     if column.unit is not None and len(pieces) > 1:
         unit = find_unit(pieces[-1])  # "dz_um": the unit stays part of the name
         if unit is not None and unit.name == column.unit:
             pieces = pieces[:-1]
     axis = _axis_in(column.name, pieces)
-    words = _words(*(piece for piece in pieces if piece.upper() != axis))
-    kinds = [kind for kind, known in _WORDS.items() if words & known]
+    words = words_in(piece for piece in pieces if piece.upper() != axis)
+    kinds = ["encoder" if kind == "shown" else kind for kind in kinds_in(words)]
     kinds += [_LETTERS[word] for word in words if axis and word in _LETTERS]
     unit = find_unit(column.unit or "")
     decided = _DIMENSIONS.get(unit.dimension if unit else "")
@@ -307,28 +323,14 @@ def _named(column: Column) -> _Named | None:
         kind = "position" if axis and column.text is None else None
     if kind is None or (column.text is not None and kind not in _TEXTS):
         return None
-    if kind == "position" and axis is None and not _all_known(pieces):
+    if kind == "direction" and not any(map(direction_of, column.text or "+")):
+        return None
+    if kind == "position" and axis is None and not all_position(pieces):
         return None  # the target of something else
     return _Named(column, kind, axis, "encoder" in kinds)
 
 
-def _all_known(pieces: Sequence[str]) -> bool:
-    """Whether a name consists of nothing but words for a position."""
-    known = _WORDS["position"] | _OWN
-    return all(
-        piece.casefold() in known or all(w.casefold() in known for w in split)
-        for piece in pieces
-        if (split := _CAMEL.findall(piece))
-    )
-
-
-def _words(*texts: str) -> set[str]:
-    pieces = [piece for text in texts for piece in _PIECE.findall(text)]
-    split = [word for piece in pieces for word in [piece, *_CAMEL.findall(piece)]]
-    return {word.casefold() for word in split}
-
-
-_OWN = _WORDS["encoder"]
+_OWN = WORDS["encoder"] | WORDS["shown"]
 _TEXTS = ("time", "run", "direction")
 
 
@@ -346,8 +348,8 @@ def _axis_in(name: str, pieces: Sequence[str]) -> str | None:
 
 def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
     """Whether the file's own roles need no mapping beside them."""
-    if any(column.run is not None for column in table.columns):
-        return True  # one column per run: which is which the reader has found
+    runs = [each for each in named if each.column.run is not None]
+    named = runs or named
     if not any(column.role not in (None, "time") for column in table.columns):
         return False
     complete = all(each.column.role is not None for each in named)
@@ -396,8 +398,8 @@ def _sensor(column: Column) -> str:
     role = None if column.role is None else find_role(column.role)
     if role is not None and role.sensor is not None:
         return role.sensor
-    words = _WORDS["temperature"] | {"t", "degc", "c", "k"}
-    pieces = [p for p in _PIECE.findall(column.name) if p.casefold() not in words]
+    words = WORDS["temperature"] | {"t", "degc", "c", "k"}
+    pieces = [p for p in pieces_of(column.name) if p.casefold() not in words]
     return "_".join(pieces).casefold() or "sensor"
 
 

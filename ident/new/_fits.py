@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from ..discover import Observed
 from ..job import Job, Trend, trend_through
@@ -110,8 +110,7 @@ def _of_error(
     if few:
         yield from heat
     if axis in moved:
-        way = data.direction.get(axis)
-        bilateral = way is not None and _both(way[rows])
+        bilateral = _both(data, axis)
         why = f"the error of {axis} was measured along {axis}"
         why += ", in both directions" if bilateral else ", in one direction"
         keys: dict[str, Any] = {"bilateral": True} if bilateral else {}
@@ -145,8 +144,12 @@ def _of_heat(
     return Suggestion("temperature", axis, (), keys, (name,), plain, why)
 
 
-def _both(way: Float[np.ndarray, " t"]) -> bool:
-    known = way[np.isfinite(way)]
+def _both(data: Observed, axis: str) -> bool:
+    """Whether an axis was measured in both directions, be it in a file for each."""
+    way, place = data.direction.get(axis), data.position.get(axis)
+    if way is None or place is None:
+        return False
+    known = way[np.isfinite(way) & np.isfinite(place) & np.isfinite(data.error[axis])]
     return bool(known.size) and _BOTH < float(np.mean(known > 0)) < 1.0 - _BOTH
 
 

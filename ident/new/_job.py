@@ -10,7 +10,14 @@ import numpy as np
 
 from ...data.errors import UsageError
 from ...data.lists import ListFile
-from ...data.measurements import MeasurementError, find_role, read_table
+from ...data.measurements import (
+    CellError,
+    Lines,
+    MeasurementError,
+    find_role,
+    problems_of,
+    read_table,
+)
 from ...models import Conventions
 from ..exchange import axis_number
 from ..job import Job, JobFile, nodes_for
@@ -18,8 +25,10 @@ from ..readings import Observation, observe
 from ._columns import meaning_of
 from ._fits import suggestions
 from ._text import JobPage, Question
-from ._write import Axis, Contents, Source, page_of, relative
+from ._write import Axis, Contents, Source, column_value, page_of, relative
 
+_DAMAGED = 20
+"""Lines that a file may lack and still be measured."""
 _SHOWN = 12
 """Columns that a message names."""
 
@@ -94,10 +103,9 @@ def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
             if free not in taken:
                 break
             free = f"{name}_{k}"
-        table = read_table(file)
-        source = Source(free, table, meaning_of(table, axes))
+        source = _source(free, file, axes)
         if not any(_of_axis(text) for text, _ in _roles(source)):
-            names = ", ".join(column.name for column in table.columns[:_SHOWN])
+            names = ", ".join(c.name for c in source.table.columns[:_SHOWN])
             reason = (
                 f"found columns {names}, of which none names a role and fewer than two hold"
                 " lengths; expected a header with names such as 'x [mm]' and 'dx [um]'"
@@ -105,6 +113,33 @@ def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
             raise MeasurementError(str(file), reason)
         found.append(source)
     return found
+
+
+def _source(name: str, file: Path, axes: Sequence[str]) -> Source:
+    """Return a file and what it means, without its damaged lines.
+
+    Raises:
+        MeasurementError: If too many are damaged, or they cannot be left out.
+    """
+    table = read_table(file)
+    meaning = meaning_of(table, axes)
+    used = {spec.column for spec in meaning.likeliest.values()}
+    damaged: list[CellError] = []
+    while bad := next(
+        (
+            each
+            for each in problems_of(table)
+            if (column := table.column(each.column)).role is not None
+            or {column.name, column.header} & used
+        ),
+        None,
+    ):
+        damaged.append(bad)
+        if not bad.key or len(damaged) > _DAMAGED:
+            raise damaged[0]
+        lines = Lines(skip=tuple(each.line for each in damaged))
+        table = dataclasses.replace(read_table(file, lines=lines), format=table.format)
+    return Source(name, table, meaning, tuple(damaged))
 
 
 def _axes(
@@ -193,10 +228,11 @@ def _provisional(
         values["axes"][name] = {"number": axis.number or next(free), **kind_of}
     for source in sources:
         columns = {
-            text: {"column": each.column} | ({"unit": each.unit} if each.unit else {})
-            for text, each in source.meaning.likeliest.items()
+            text: column_value(each) for text, each in source.meaning.likeliest.items()
         }
         keys: dict[str, Any] = {"file": relative(source.table.path, path)}
+        if source.damaged:
+            keys["skip"] = sorted(each.line for each in source.damaged)
         if not columns and source.meaning.axis is not None:
             keys["axis"] = source.meaning.axis
         values["measurements"][source.name] = keys | {"columns": columns}

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...data.lists import ListFile
-from ...data.measurements import Table, find_role, find_unit
+from ...data.measurements import CellError, ColumnSpec, Table, find_role, find_unit
 from .._job_text import job_line
 from ..job import Gate, Job, JobFile, asks_for_owner, trend_words
 from ..kinds import kind
@@ -20,11 +20,12 @@ from ._text import JobPage
 
 @dataclasses.dataclass(frozen=True)
 class Source:
-    """A measurement of the job: its name, its file and what that means."""
+    """A measurement of the job: its name, its file, what that means, and damaged lines of it."""
 
     name: str
     table: Table
     meaning: Meaning
+    damaged: Sequence[CellError] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -145,23 +146,36 @@ def _write_measurement(page: JobPage, contents: Contents, source: Source) -> Non
     )
     if not meaning.likeliest:
         page.note(*table.remarks)
+    if source.damaged:
+        _write_damaged(page, source)
     if meaning.axis is not None:
         page.key(job_line("axis", meaning.axis), "whose error it is")
     _write_active(page, source.name, contents.axes, mine)
-    for one in mine[:1]:
-        _write_zero(page, contents, source.name, one)
+    _write_zero(page, contents, source.name, mine)
     _write_own_roles(page, source)
     if meaning.likeliest:
         page.add(f"[measurements.{source.name}.columns]")
     for text, spec in meaning.columns.items():
-        page.add(_column_line(text, spec.column, spec.unit))
+        page.add(_column_line(text, spec))
     for each in meaning.unclear:
-        answers = [_column_line(text, s.column, s.unit) for text, s in each.choices]
+        answers = [_column_line(text, spec) for text, spec in each.choices]
         about = f"measurements.{source.name}.columns"
         page.ask(about, _unclear_words(each), answers)
     if meaning.unused:
         page.note(f"Not used: {', '.join(meaning.unused)}.")
     page.add("")
+
+
+def _write_damaged(page: JobPage, source: Source) -> None:
+    lines = sorted(each.line for each in source.damaged)
+    first = min(source.damaged, key=lambda each: each.line)
+    more = f", and {len(lines) - 1} more" if len(lines) > 1 else ""
+    page.ask(
+        f"measurements.{source.name}.skip",
+        f"Line {first.line}: {first.reason}{more}. Is the file to be repaired (the answer"
+        " is not needed then), or are the lines left out?",
+        [job_line("skip", lines)],
+    )
 
 
 def _write_own_roles(page: JobPage, source: Source) -> None:
@@ -176,13 +190,32 @@ def _write_own_roles(page: JobPage, source: Source) -> None:
         text = str(column.role)
         if find_role(text) is None:
             text = f"{source.meaning.axis}.{text}"
-        page.add(f"# {_column_line(text, column.header or column.name, column.unit)}")
+        spec = ColumnSpec(column.header or column.name, column.unit)
+        page.add(f"# {_column_line(text, spec)}")
 
 
-def _column_line(role: str, column: str, unit: str | None) -> str:
-    known = unit is not None and find_unit(unit) is not None
-    value = {"column": column, "unit": unit} if known else column
-    return job_line(role, value)
+def column_value(spec: ColumnSpec) -> Any:
+    """Return what a job says of the column, or of the columns per run, of a role."""
+    if spec.parts:
+        return [
+            {
+                "column": each.column,
+                "run": each.run,
+                "direction": each.direction,
+                **_unit(each),
+            }
+            for each in spec.parts
+        ]
+    return {"column": spec.column, **_unit(spec)} if _unit(spec) else spec.column
+
+
+def _unit(spec: ColumnSpec) -> dict[str, str]:
+    known = spec.unit is not None and find_unit(spec.unit) is not None
+    return {"unit": spec.unit} if known and spec.unit else {}
+
+
+def _column_line(role: str, spec: ColumnSpec) -> str:
+    return job_line(role, column_value(spec))
 
 
 def _unclear_words(each: Unclear) -> str:
@@ -233,21 +266,52 @@ def _holder(axes: Mapping[str, Axis], one: Suggestion) -> str | None:
     return path.name if held else None
 
 
-def _write_zero(page: JobPage, contents: Contents, name: str, one: Suggestion) -> None:
-    """Ask whose constant and slope are, where they stand out of the readings."""
-    job, observation = contents.job, contents.observation
-    trend = trend_in(job, observation, one, name)
-    if trend is None:
-        return
-    spec = job.spec.model_dump(by_alias=True, exclude_none=True)
-    fit: Any = JobFile.model_validate(spec | {"fits": [one.of_job]}).fits[0]
-    words = trend_words(job, fit, trend)
-    if not asks_for_owner(job, trend):
+def _write_zero(
+    page: JobPage, contents: Contents, name: str, fits: Sequence[Suggestion]
+) -> None:
+    """Ask whose constant and slope are, where they stand out of the readings of any fit.
+
+    Also where they do not, in a measurement beside one that is asked, and in one with a list
+    that is there already: the zero of its instrument is as arbitrary as theirs.
+    """
+    quiet = []
+    for one in fits:
+        trends = {source: _trend(contents, one, source) for source in one.sources}
+        if (own := trends[name]) is None:
+            continue
+        words, needed = own
+        beside = any(each is not None and each[1] for each in trends.values())
+        if beside or _holder(contents.axes, one) is not None:
+            _ask_for_owner(page, contents, name, one, words, needed=needed)
+            return
+        quiet.append(words)
+    if quiet:
         page.note(
-            f"The readings show {words}: neither stands out, and nothing has to be answered"
-            ' here (by datum = { at = … }, or remove = "none", "offset" or "line").'
+            f"The readings show {quiet[0]}: neither stands out, and nothing has to be"
+            ' answered here (by datum = { at = … }, or remove = "none", "offset" or "line").'
         )
-        return
+
+
+def _trend(contents: Contents, one: Suggestion, name: str) -> tuple[str, bool] | None:
+    """Return the line through the readings of a fit in words, and whether it stands out."""
+    trend = trend_in(contents.job, contents.observation, one, name)
+    if trend is None:
+        return None
+    spec = contents.job.spec.model_dump(by_alias=True, exclude_none=True)
+    fit: Any = JobFile.model_validate(spec | {"fits": [one.of_job]}).fits[0]
+    return trend_words(contents.job, fit, trend), asks_for_owner(contents.job, trend)
+
+
+def _ask_for_owner(
+    page: JobPage,
+    contents: Contents,
+    name: str,
+    one: Suggestion,
+    words: str,
+    *,
+    needed: bool,
+) -> None:
+    observation = contents.observation
     rows = observation.data.source == observation.names.index(name)
     first = [
         round(float(observation.data.position[axis][rows][0]), 3) for axis in one.over
@@ -261,11 +325,17 @@ def _write_zero(page: JobPage, contents: Contents, name: str, one: Suggestion) -
         job_line("remove", "line"): "constant and slope are the instrument's",
         job_line("datum", at): "the machine's but for a constant: zero at this place",
     }
+    asked = f"which the {one.compensation} table would take over. Whose are they?"
+    if not needed:
+        asked = (
+            "which do not stand out. Whose are they? Of the same instrument, answer as for"
+            " the other measurement of this axis."
+        )
     page.ask(
         f"measurements.{name}.remove",
-        f"The readings show {words}, which the {one.compensation} table would take over."
-        " Whose are they?",
+        f"The readings show {words}, {asked}",
         [f"{line:<29} # {remark}" for line, remark in remarks.items()],
+        needed=needed,
     )
 
 

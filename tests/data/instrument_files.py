@@ -1,4 +1,4 @@
-"""Twenty-five files as instruments, spreadsheets and controllers write them.
+"""Some thirty files as instruments, spreadsheets and controllers write them.
 
 All made up: eleven targets of an axis of 500 mm whose errors grow by 30 µm/m, wave by 4 µm
 and lie 3 µm apart between the directions, so that every file says what it must be read as.
@@ -97,6 +97,30 @@ def wide_table(
         line = separator.join([f"{target:.3f}", *cells])
         lines.append(line.replace(".", ",") if comma else line)
     return ("\n".join([*lines, *foot]) + "\n").encode(encoding)
+
+
+def blocks() -> bytes:
+    """A heading above the rows of each run and direction, below the names of the columns."""
+    lines = ["Positioniergenauigkeit Achse X", "Soll [mm];Abw. [µm]"]
+    for run in RUNS:
+        for side in (1, -1):
+            lines.append(f"Lauf {run};{'hin' if side > 0 else 'rück'}")
+            lines += [
+                f"{t:.3f};{error(t, side, run):.2f}".replace(".", ",")
+                for t in TARGETS.tolist()[::side]
+            ]
+    return ("\r\n".join(lines) + "\r\n").encode()
+
+
+def run_per_row() -> bytes:
+    """Targets along the top, a run and direction in front of each row."""
+    lines = ["Positionsabweichung in µm, Achse X", ""]
+    lines.append("Position [mm];" + ";".join(f"{t:.1f}" for t in TARGETS.tolist()))
+    for run in RUNS:
+        for side in (1, -1):
+            values = [f"{error(t, side, run):.2f}" for t in TARGETS.tolist()]
+            lines.append(";".join([f"{run} {'↑' if side > 0 else '↓'}", *values]))
+    return ("\n".join(lines) + "\n").encode()
 
 
 def renishaw() -> bytes:
@@ -291,6 +315,56 @@ FILES: dict[str, InstrumentFile] = {
             ["Soll [mm];1↑ [µm];1↓ [µm];2↑ [µm];2↓ [µm];3↑ [µm];3↓ [µm]"],
             encoding="utf-8-sig",
             foot=["", "Mittelwert" + 6 * ";1,00"],
+        ),
+        66,
+        LASER,
+        bidirectional=True,
+    ),
+    "wide, directions above their runs and a unit in front": InstrumentFile(
+        wide_table(
+            [
+                "Positionsabweichung X-Achse [µm]",
+                "",
+                "Position\tHin\t\t\tRück\t\t",
+                "[mm]\t1\t2\t3\t1\t2\t3",
+            ],
+            "\t",
+            runs=[(run, side) for side in (1, -1) for run in RUNS],
+        ),
+        66,
+        LASER,
+        bidirectional=True,
+    ),
+    "headings between the header and the rows": InstrumentFile(
+        blocks(), 66, LASER, bidirectional=True
+    ),
+    "one row per run": InstrumentFile(run_per_row(), 66, LASER, bidirectional=True),
+    "comments that hold axis and unit": InstrumentFile(
+        long_table(
+            ["# Axis: X", "# Unit: um", "target  error  run  dir"],
+            " ",
+            False,
+            sides=("+1", "-1"),
+        ),
+        66,
+        LASER,
+        bidirectional=True,
+    ),
+    "units behind slashes": InstrumentFile(
+        long_table(
+            ["T = 20,3 °C; p = 1013 hPa", "Soll/mm\tAbw./µm\tLauf Nr.\tRicht."],
+            "\t",
+            sides=("vor", "zurück"),
+        ),
+        66,
+        LASER,
+        bidirectional=True,
+    ),
+    "directions below another name": InstrumentFile(
+        long_table(
+            ["Ziel mm;Fehler µm;Durchlauf;Fahrt"],
+            sides=("→", "←"),
+            encoding="utf-8-sig",
         ),
         66,
         LASER,

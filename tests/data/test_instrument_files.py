@@ -13,8 +13,8 @@ from axcomp.data.measurements import (
     derive_error,
     explain_direction,
     measurement,
+    problems_of,
     read_table,
-    repeated_row,
 )
 
 from .instrument_files import FILES, LASER, InstrumentFile, error
@@ -76,6 +76,13 @@ def test_a_recognised_table_needs_no_words_of_the_job(
     if found.form is not None:
         assert found.form.header
         assert found.form.first > max(found.form.header)
+
+
+def test_an_upper_header_may_end_before_its_empty_cells(tmp_path: Path) -> None:
+    file = FILES["wide, two header rows and a row of units"]
+    text = file.content.decode().replace("Lauf 3;", "Lauf 3")
+    found = measurement(read_table(put(tmp_path, text.encode())), axis="X")
+    assert sorted(set(found.require("run").tolist())) == [1, 2, 3]
 
 
 def body_of(content: bytes) -> tuple[list[str], int, str]:
@@ -161,11 +168,8 @@ def complaint(path: Path, file: InstrumentFile) -> str:
     """Return the first thing that reading a file and using it complains of."""
     try:
         table = read_table(path)
-        for column in table.columns:
-            if column.text is None:
-                table.numbers(column)
-        if (again := repeated_row(table)) is not None:
-            return str(again)
+        if problems := problems_of(table):
+            return str(problems[0])
         for wanted in file.columns:
             table.column(wanted)
         found = measurement(table, axis=file.axis or "X") if file.roles else None

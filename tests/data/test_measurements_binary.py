@@ -156,3 +156,21 @@ def test_gaps_of_a_capture_are_counted(tmp_path: Path) -> None:
     table = read_table(path)
     assert table.rows == 7
     assert any("leaves out 2 samples" in remark for remark in table.remarks)
+
+
+def test_a_group_that_holds_all_is_no_axis(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file["laser/target"], file["laser/error"] = TIME, TIME
+        file["rate"] = 100.0
+    names = [(column.name, column.role) for column in read_table(path).columns]
+    assert names == [("error", "error"), ("target", "position")]
+
+
+def test_records_below_a_key_of_json_are_rows(tmp_path: Path) -> None:
+    path = tmp_path / "log.json"
+    rows = [{"target": 10.0 * k, "error": 0.1 * k} for k in range(4)]
+    path.write_text(json.dumps({"about": {"machine": "M7"}, "data": rows}))
+    found = measurement(read_table(path), axis="X")
+    assert found.require("X.position").tolist() == [0.0, 10.0, 20.0, 30.0]

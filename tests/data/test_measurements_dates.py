@@ -10,6 +10,7 @@ from axcomp.data.measurements import (
     ColumnSpec,
     Measurement,
     measurement,
+    problems_of,
     read_table,
 )
 
@@ -49,3 +50,40 @@ def test_missed_readings_raise_unless_gaps_are_asked_for(tmp_path: Path) -> None
         found.require("temperature.frame")
     gaps = found.with_gaps().require("temperature.frame")
     np.testing.assert_array_equal(gaps, [20.0, np.nan, 22.0])
+
+
+def problems(folder: Path, text: str) -> list[str]:
+    path = folder / "log.csv"
+    path.write_text(text)
+    return [str(each) for each in problems_of(read_table(path))]
+
+
+def test_rows_that_are_written_again_further_down_are_told(tmp_path: Path) -> None:
+    rows = [
+        f"{r},{s},{x},{x / 7 + r + s:.3f}"
+        for r in (1, 2)
+        for s in (1, -1)
+        for x in range(9)
+    ]
+    text = "\n".join(["run,direction,target,error", *rows, *rows[4:7]]) + "\n"
+    (problem,) = problems(tmp_path, text)
+    assert "log.csv:38: column 'target': found '4', expected another reading" in problem
+    assert "than in line 6, which it repeats (or the job says skip = [38])" in problem
+
+
+def test_a_clock_that_goes_back_is_told(tmp_path: Path) -> None:
+    stamps = [*range(10, 40), *range(37, 50)]
+    text = "time,T1 [degC]\n" + "".join(f"2026-11-20 10:{m}:00,{m}\n" for m in stamps)
+    (problem,) = problems(tmp_path, text)
+    assert "log.csv:32: column 'time': found '2026-11-20 10:37:00'" in problem
+
+
+def test_a_line_that_is_damaged_in_several_cells_is_told_once(tmp_path: Path) -> None:
+    text = "target,error\n" + "".join(f"{k},{k}\n" for k in range(20)) + "x,y\n1,2\n"
+    assert len(problems(tmp_path, text)) == 1
+
+
+def test_a_direction_that_was_cut_off_is_told(tmp_path: Path) -> None:
+    text = "target,error,direction\n" + "".join(f"{k},1,up\n" for k in range(9))
+    (problem,) = problems(tmp_path, text + "9,1,u\n")
+    assert "column 'direction': found 'u', expected +1 or -1" in problem

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.errors import AxcompError
-from axcomp.data.measurements import derive_error, measurement, read_table
+from axcomp.data.measurements import Lines, derive_error, measurement, read_table
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 
@@ -308,6 +308,28 @@ def test_a_matrix_that_names_no_axes_is_refused_in_one_line(
     words = "ascending numbers along the top beside an empty cell"
     with pytest.raises(AxcompError, match=words):
         read_table(file)
+
+
+SURFACE = [["0", "0", "50", "100"]] + [
+    [str(20 * j), *(f"{0.01 * i * j:.2f}" for i in range(3))] for j in range(5)
+]
+
+
+@pytest.mark.parametrize("mark", [";", ",", "\t"])
+def test_a_matrix_whose_corner_is_zero_is_refused_with_the_key_for_a_table(
+    tmp_path: Path, mark: str
+) -> None:
+    file = tmp_path / "plate.csv"
+    file.write_text("".join(f"{mark.join(row)}\n" for row in SURFACE))
+    with pytest.raises(AxcompError, match=r"down the side beside '0'.*header = \[\]"):
+        read_table(file)
+    assert read_table(file, lines=Lines.of(header=[])).rows == 6
+
+
+def test_a_table_that_begins_with_zeros_is_no_matrix(tmp_path: Path) -> None:
+    file = tmp_path / "runs.csv"
+    file.write_text("".join(f"{20 * j};{j};{j + 0.1};{j + 0.2}\n" for j in range(6)))
+    assert read_table(file).format == "CSV"
 
 
 def test_a_matrix_of_a_surface_is_read_cell_by_cell_without_empty_ones(

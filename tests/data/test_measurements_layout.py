@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from axcomp.data.measurements import open_large
+from axcomp.data.measurements import LineError, open_large, read_table
 from axcomp.data.measurements._csv import _read_short
 from axcomp.data.measurements._layout import (
     _layout_by_lines,
@@ -153,3 +153,45 @@ def test_what_is_not_plain_is_read_line_by_line(text: str) -> None:
 def test_an_odd_line_far_below_changes_nothing_of_the_layout() -> None:
     text = "t,x,i\n" + "\n".join(ROWS * 70 + ['"a";b\tc', "# end"])
     assert find_layout(FILE, text) == _layout_by_lines(FILE, text)
+
+
+def test_a_line_of_units_may_hold_some_that_the_library_lacks(tmp_path: Path) -> None:
+    path = tmp_path / "six.csv"
+    path.write_text(
+        "Position,Linear,Pitch,Air\nmm,um,arcsec,hPa\n0,0,1,990\n9,1,2,991\n"
+    )
+    units = [column.unit for column in read_table(path).columns]
+    assert units == ["mm", "um", "arcsec", "hPa"]
+
+
+def test_rows_between_other_separators_are_no_titles(tmp_path: Path) -> None:
+    rows = [f"{k}.5, 0.{k}" for k in range(9)]
+    again = [row.replace(", ", "\t") for row in ["x [mm], dx [um]", *rows]]
+    text = "\n".join(["x [mm], dx [um]", *rows[:4], *again])
+    path = tmp_path / "half.csv"
+    path.write_text(text)
+    with pytest.raises(
+        LineError, match=r"half.csv:2: found '0.5, 0.0', expected 2 cells"
+    ):
+        read_table(path)
+
+
+@pytest.mark.parametrize(
+    "header", ["target error run", "target error run dir note", "target run dir"]
+)
+def test_a_name_too_few_or_too_many_between_blanks_is_told(
+    tmp_path: Path, header: str
+) -> None:
+    path = tmp_path / "table.txt"
+    path.write_text(f"{header}\n" + "".join(f"{k}.5 0.1 1 -1\n" for k in range(9)))
+    with pytest.raises(LineError, match=r"table.txt:1: found \d names .* expected 4"):
+        read_table(path)
+
+
+def test_a_table_of_markdown_is_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "table.md"
+    path.write_text("| x [mm] | dx [um] |\n|---|---|\n| 0 | 1.5 |\n| 10 | 2.5 |\n")
+    roles = [
+        (column.role, column.values.tolist()) for column in read_table(path).columns
+    ]
+    assert roles == [("X.position", [0.0, 10.0]), ("X.error", [1.5, 2.5])]

@@ -196,3 +196,64 @@ def test_loggers_say_units_in_their_own_ways(tmp_path: Path, text: str) -> None:
 def test_stamps_without_a_header_are_the_time(tmp_path: Path) -> None:
     found = read(tmp_path, "2026-11-20 10:00:00;20,1\n2026-11-20 10:01:00;20,2\n")
     assert found.require("time").tolist() == [0.0, 60.0]
+
+
+def test_a_run_that_counts_the_rows_is_no_run(tmp_path: Path) -> None:
+    rows = "".join(f"{k + 1};{10 * (k % 5)};{k}\n" for k in range(10))
+    found = read(tmp_path, "Messung Nr.;Soll [mm];Abweichung [µm]\n" + rows)
+    assert "run" not in found.values
+    assert any("counts the rows" in remark for remark in found.remarks)
+
+
+def test_directions_that_nobody_knows_are_left_aside_in_words(tmp_path: Path) -> None:
+    rows = "".join(f"{k};{k};{'CW' if k < 5 else 'CCW'}\n" for k in range(10))
+    found = read(tmp_path, "Target [deg];Error [arcsec];Direction\n" + rows, axis="C")
+    assert "C.direction" not in found.values
+    assert "'Direction' holds CW, CCW: no known directions." in found.remarks
+    assert found.require("C.error")[9] == pytest.approx(9.0 / 3600.0)
+
+
+@pytest.mark.parametrize(
+    "title", ["Messrichtung: negativ", "Run 1 reverse", "# Dir.: -"]
+)
+def test_a_title_is_the_direction_of_all_rows(tmp_path: Path, title: str) -> None:
+    rows = "".join(f"{k};{k}\n" for k in range(10))
+    found = read(tmp_path, f"{title}\nPosition [mm];Fehler [µm]\n{rows}")
+    assert set(found.require("X.direction").tolist()) == {-1}
+
+
+@pytest.mark.parametrize(
+    ("title", "names"),
+    [
+        (
+            "Achse X, Abweichung in Richtung Z, Geradheit",
+            "Position [mm];Geradheit [µm]",
+        ),
+        ("Straightness", "X (mm);Vertical Z (um)"),
+        ("2026", "X [mm];Z [µm]"),
+    ],
+)
+def test_what_deviates_across_a_motion_is_the_error_of_another_axis(
+    tmp_path: Path, title: str, names: str
+) -> None:
+    found = read(tmp_path, f"{title}\n{names}\n0;1\n10;2\n20;3\n", axis=None)
+    assert found.require("X.position").tolist() == [0.0, 10.0, 20.0]
+    assert found.require("Z.error").tolist() == [0.001, 0.002, 0.003]
+
+
+def test_readings_of_laser_and_encoder_are_not_taken_for_each_other(
+    tmp_path: Path,
+) -> None:
+    found = read(tmp_path, "t [s];Soll X;Ist X;Laser X\n0;1;2;3\n1;2;3;4\n", axis=None)
+    assert "X.actual" not in found.values
+
+
+def test_an_ending_of_a_temperature_is_no_axis(tmp_path: Path) -> None:
+    rows = "".join(f"2026-11-20 10:00:0{k},{20 + k},{k}\n" for k in range(5))
+    found = read(tmp_path, "time,T_spindle_C,dz_um\n" + rows, axis=None)
+    assert found.require("temperature.t_spindle").tolist() == [20, 21, 22, 23, 24]
+
+
+def test_no_unit_is_said_to_be_near_to_inches(tmp_path: Path) -> None:
+    with pytest.raises(MeasurementError, match=r"found unit 'in'.*nearest: mm"):
+        read(tmp_path, "Target (in),Error (mil)\n0,0\n1,1\n")

@@ -22,7 +22,10 @@ pytestmark = [
     ),
     pytest.mark.slow,
 ]
-PAGES = ["index", "compensations/leadscrew", "job", "parameters", "library", "api"]
+PAGES = sorted(
+    page.relative_to(ROOT / "docs").with_suffix("").as_posix()
+    for page in (ROOT / "docs").rglob("*.md")
+)
 
 
 class _Quiet(http.server.SimpleHTTPRequestHandler):

@@ -74,7 +74,11 @@ def lists(**changed: str) -> list[ListFile]:
 
 @pytest.fixture(scope="module")
 def path() -> Motion:
-    """A motion over the whole workspace, with reversals and accelerations of each axis."""
+    return moved()
+
+
+def moved() -> Motion:
+    """Return a motion over the whole workspace, with reversals of each axis."""
     t = CYCLE * np.arange(1500)
     return Motion(
         positions={

@@ -42,21 +42,15 @@ def read(
     """Say what a measurement file holds: format, columns, units, rows, skipped lines.
 
     Where channels have several sample times, first and last are those of each channel.
-    Ends with exit status 1 where a column of numbers holds a cell that is none, or a row
-    stands there twice.
+    Ends with exit status 1 where a column of numbers holds a cell that is none, a direction,
+    run or time cannot be told, or a row stands there twice.
     """
-    from ....data.measurements import Lines, read_table, repeated_row
+    from ....data.measurements import Lines, problems_of, read_table
 
     lines = Lines.of(_lines(skip), header or None, rows)
     with working("reading the file"):
         table = read_table(file, profile=profile, lines=lines)
-    problems = [
-        table.cell_error(column, column.bad, "a finite number")
-        for column in table.columns
-        if column.bad is not None and not (column.run and not column.bad.found.strip())
-    ]
-    if (again := repeated_row(table)) is not None:
-        problems.append(again)
+    problems = problems_of(table)
     if as_json:
         print_json(_as_dict(table, problems))
     else:

@@ -270,3 +270,65 @@ def test_columns_of_the_same_role_make_one_question(
     question = asked(tmp_path, capsys)[1]
     assert question["words"] == "Which of these columns counts?"
     assert str(question["answers"]).count("X.current") == 2
+
+
+def test_a_damaged_line_is_asked_for_and_left_out_where_that_is_answered(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    damaged = LASER.replace("1,+1,40,0.70", "1,+1,40,NaN")
+    job = new(tmp_path, damaged, "--axis", "X=1")
+    (question,) = asked(tmp_path, capsys)[1:]
+    assert "Line 4: column 'error': found 'NaN" in str(question["words"])
+    assert main(["fit", str(job), "--out", str(tmp_path / "none")]) == 1
+    answer(job, ["skip = [4]"])
+    assert main(["fit", str(job), "--out", str(tmp_path / "out")]) == 0
+
+
+def test_the_unit_of_columns_per_run_is_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{20 * k};{k}.5;{k}.2;{k}.4;{k}.1\n" for k in range(12))
+    job = new(tmp_path, f"Target;Up 1;Down 1;Up 2;Down 2\n{rows}", "--axis", "X=1")
+    question = asked(tmp_path, capsys)[-1]
+    assert 'The file states no unit of "Up 1"' in str(question["words"])
+    answers = question["answers"]
+    assert isinstance(answers, list)
+    job.write_text(job.read_text().replace(f"#? {answers[0]}", answers[0]))
+    spec = load_job(job).spec.measurements["readings"].column_specs["X.error"]
+    assert [(part.unit, part.run, part.direction) for part in spec.parts] == [
+        ("um", 1, 1), ("um", 1, -1), ("um", 2, 1), ("um", 2, -1)
+    ]  # fmt: skip
+
+
+def test_a_file_for_each_direction_makes_one_table_of_both(tmp_path: Path) -> None:
+    files = []
+    for way, word in ((1, "positiv"), (-1, "negativ")):
+        file = tmp_path / f"{word}.csv"
+        rows = "".join(f"{x};{way + x / 200:.2f}\n" for x in range(0, 220, 20)[::way])
+        file.write_text(f"Messrichtung: {word}\nSoll [mm];Fehler [µm]\n{rows}", "utf-8")
+        files.append(str(file))
+    job = tmp_path / "job.toml"
+    assert main(["new", *files, "--axis", "X=1", "--out", str(job)]) == 0
+    (fit,) = load_job(job).spec.fits
+    assert fit.sources == ("positiv", "negativ")
+    assert "\nbilateral = true\n" in job.read_text()
+
+
+def test_the_zero_is_asked_for_where_the_list_is_loaded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "achskw7.lis").write_text(LIST)
+    job = new(tmp_path, LASER, "--list", str(tmp_path / "achskw7.lis"))
+    assert "#? datum = { at = 0.0 }" in job.read_text()
+    assert "QUESTION 2 (may stay open): The readings show" in capsys.readouterr().out
+
+
+def test_a_number_in_the_name_of_a_file_is_no_axis(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job = new(tmp_path, LASER, name="laser_v73.csv")
+    assert list(load_job_axes(job)) == ["X"]
+
+
+def load_job_axes(job: Path) -> list[str]:
+    return [line[6:-1] for line in job.read_text().splitlines() if line[:6] == "[axes."]

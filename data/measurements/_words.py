@@ -1,0 +1,158 @@
+"""The words of instrument files, German and English: kinds of role, directions, runs.
+
+All that reads names looks here: the readers take a name for a role where each of its words
+is known (`kind_said`), `axcomp new` asks where one of them is (`kinds_in`).
+"""
+
+import re
+from collections.abc import Iterable
+
+WORDS: dict[str, frozenset[str]] = {
+    kind: frozenset(words.split())
+    for kind, words in {
+        "lag": "following lag schlepp schleppfehler diff posdiff cont contour ffw",
+        "error": "error err deviation dev fehler abweichung abw messabweichung"
+        " positionsabweichung positionierabweichung positionsfehler straightness geradheit"
+        " geradheitsabweichung displacement verlagerung",
+        "current": "current strom iq torque moment drehmoment",
+        "velocity": "velocity velo vel speed geschwindigkeit",
+        "acceleration": "acceleration accel acc beschleunigung",
+        "temperature": "temperature temp temperatur",
+        "direction": "direction dir richtung richt fahrtrichtung anfahrrichtung"
+        " verfahrrichtung messrichtung approach",
+        "run": "run cycle lauf zyklus durchgang durchlauf messreihe messlauf",
+        "time": "time zeit timestamp elapsed laufzeit uhrzeit",
+        "actual": "laser interferometer reference measured tracker reading",
+        "encoder": "encoder enc feedback",
+        "shown": "actual act ist istposition istwert istpos",
+        "position": "set soll command commanded cmd des target nominal position pos ziel"
+        " setpoint sollposition sollwert sollpos zielposition messposition verfahrweg weg",
+    }.items()
+}
+"""Words of each kind; an earlier kind goes before a later one in the same name.
+
+``lag`` is what an axis lags behind, which is no error of its own; ``shown`` is what an
+instrument showed, or the machine itself.
+"""
+CLOCKS = {
+    "date": ("date", "datum", "day", "tag"),
+    "time": ("time", "zeit", "uhrzeit", "clock", "elapsed", "elapsed time", "laufzeit"),
+    "both": ("timestamp", "time stamp", "zeitstempel", "datetime", "date time"),
+}
+"""Names of columns of instants: the date, the time of day, and both together."""
+_COUNTERS = frozenset("nr no nummer number num id".split())
+_SAY_NOTHING = frozenset(
+    "axis achse of travel linear positioning in der horizontal vertical lateral"
+    " horizontale vertikal vertikale".split()
+)
+_COUNTED = frozenset(
+    "messung reihe pass series serie measurement fahrt".split()
+)  # runs where they are counted: "Messung 3", "Nr. Messung"
+RUNS = WORDS["run"] | _COUNTED
+"""Words beside the number of a run."""
+AXIS = r"[xyzabcuvw]\d?"
+"""A name of an axis, in small letters."""
+
+DIRECTIONS = {
+    **dict.fromkeys(
+        (
+            *("+", "up", "fwd", "forward", "forwards", "pos", "positive", "positiv"),
+            *("vor", "vorwärts", "vorwaerts", "hin", "auf", "aufwärts", "aufwaerts"),
+            *("steigend", "hinweg", "hinfahrt", "vorlauf", "plus"),
+            *("↑", "→", "⇧", "⇑", "⇒", "▲", "►", "->"),
+        ),
+        1,
+    ),
+    **dict.fromkeys(
+        (
+            *("-", "−", "–", "down", "bwd", "backward", "backwards", "back", "rev"),
+            *("reverse", "neg", "negative", "negativ", "rück", "rueck", "zurück"),
+            *("zurueck", "rückwärts", "rueckwaerts", "ab", "abwärts", "abwaerts"),
+            *("fallend", "her", "rückweg", "rueckweg", "rückfahrt", "rücklauf"),
+            *("minus", "↓", "←", "⇩", "⇓", "⇐", "▼", "◄", "<-"),
+        ),
+        -1,
+    ),
+}
+"""Direction of approach, +1 or −1, by the words and signs of files."""
+
+_PIECE = re.compile(r"[A-Za-z0-9À-ÿ]+")
+_CAMEL = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+")
+_KIND = {word: kind for kind in reversed(WORDS) for word in WORDS[kind]}
+_ROLE = {"shown": "actual"}
+_ROLES = frozenset(("position", "actual", "error", "run", "direction", "time"))
+
+
+def pieces(text: str) -> list[str]:
+    """Return the words of a name, without the signs between them."""
+    return _PIECE.findall(text)
+
+
+def words_in(texts: Iterable[str]) -> set[str]:
+    """Return the words of names in small letters, also those of ``ActPos``."""
+    split = [word for text in texts for piece in pieces(text) for word in _split(piece)]
+    return {word.casefold() for word in split}
+
+
+def _split(piece: str) -> list[str]:
+    return [piece, *_CAMEL.findall(piece)]
+
+
+def kinds_in(words: set[str]) -> list[str]:
+    """Return the kinds that any of some words names, the first one going before."""
+    return [kind for kind, known in WORDS.items() if words & known]
+
+
+def is_warm(text: str) -> bool:
+    """Whether a name says that it is of a temperature, as ``T_spindle`` does."""
+    words = words_in([text])
+    return "t" in words or bool(words & WORDS["temperature"])
+
+
+def direction_of(text: str) -> int | None:
+    """Return the direction that a cell names, or None."""
+    return DIRECTIONS.get(text.strip(" .").casefold())
+
+
+def says_nothing(words: Iterable[str]) -> bool:
+    """Whether words of a name tell nothing of what is measured, as in "Axis No."."""
+    return all(word.casefold() in _COUNTERS | _SAY_NOTHING for word in words)
+
+
+def kind_said(text: str) -> str | None:
+    """Return the kind of role that a name without an axis says with all its words, or None.
+
+    A position, an actual position, an error, a run, a direction or a time.
+    """
+    found = set()
+    words = [piece.casefold() for piece in pieces(text)]
+    counted = bool(_COUNTERS & {*words})
+    for piece, word in zip(pieces(text), words, strict=True):
+        if word in _COUNTERS or word in _SAY_NOTHING:
+            continue
+        if counted and word in _COUNTED:
+            found.add("run")
+            continue
+        parts = (
+            [word] if word in _KIND else [p.casefold() for p in _CAMEL.findall(piece)]
+        )
+        if not parts or not all(part in _KIND for part in parts):
+            return "time" if words == ["t"] else None
+        found |= {_KIND[part] for part in parts}
+    kind = next((each for each in WORDS if each in found), None)
+    kind = _ROLE.get(kind or "", kind)
+    if kind not in _ROLES or (counted and kind == "position"):
+        return None  # "Pos. No." counts the positions
+    return kind
+
+
+def all_position(texts: Iterable[str]) -> bool:
+    """Whether names consist of nothing but words for a position."""
+    known = WORDS["position"] | WORDS["encoder"] | WORDS["shown"]
+    return all(
+        piece.casefold() in known
+        or all(w.casefold() in known for w in _CAMEL.findall(piece))
+        for text in texts
+        for piece in pieces(text)
+        if _CAMEL.findall(piece)
+    )
