@@ -65,6 +65,7 @@ from ._machine_lists import (
 )
 from ._modulo import Ranges as Ranges
 from ._motion import Motion as Motion, direction_of_motion as direction_of_motion
+from ._nc import CompState as CompState, declared as declared, numbered as numbered
 from ._nodes import (
     GridNodes as GridNodes,
     ListNodes as ListNodes,
@@ -82,7 +83,7 @@ from ._probe import (
     travel_in as travel_in,
 )
 from ._probe_text import (
-    probe_program as probe_program,
+    probe_programs as probe_programs,
     probe_steps as probe_steps,
     probe_text as probe_text,
 )
