@@ -1,11 +1,7 @@
-// Stand-in: the shapes that [003] 5.1 to 5.3 describe, with a class of windows.h and of the SDK.
+// Stand-in: the shapes that [003] 5.1 and 5.2 describe.
 #ifndef STAND_IN_INTERFACES_H
 #define STAND_IN_INTERFACES_H
-#include <stdint.h>
-#define __int64 long  // 64 bits here, as long long is on the controller
-#define TCOMAPI
-typedef int32_t HRESULT;
-struct ITcUnknown { virtual ~ITcUnknown() {} };
+#include "TcCncInterfaces.h"
 enum eMcComExtCompParameter { kStandard };
 
 struct TcMcComBase {
@@ -27,14 +23,6 @@ struct TcMcComCmdParameter : public TcMcComBase {
 };
 typedef TcMcComExtCompParameter *PTcMcComExtCompParameter;
 typedef TcMcComCmdParameter *PTcMcComCmdParameter;
-struct TcCncRegisterObject {
-  uint16_t type, group;
-  uint32_t index;
-};
-struct Registry : public ITcUnknown {
-  virtual HRESULT TCOMAPI RegisterObject(TcCncRegisterObject &id, ITcUnknown *ipUnk) = 0;
-  virtual HRESULT TCOMAPI UnregisterObject(TcCncRegisterObject &id) = 0;
-};
 struct Compensation : public ITcUnknown {
   virtual HRESULT TCOMAPI computeStartOffsets(PTcMcComExtCompParameter p) = 0;
   virtual HRESULT TCOMAPI computeOffsets(PTcMcComExtCompParameter p) = 0;
