@@ -194,7 +194,7 @@ def make_probe(
     if not tables:
         raise ExchangeError(
             where="probe",
-            found=" ".join(("nothing to probe.", *remarks)),
+            found="; ".join(("nothing to probe", *remarks)).rstrip("."),
             expected="a list that holds a compensation, or a job with [[fits]]",
         )
     for one in tables:
