@@ -4,7 +4,7 @@ The limits stand in the registry, in units of 0.1 µm or 0.0001° where a list m
 increments; those are judged where their length is known.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from ._check_values import surely_allowed
 from ._check_view import ListView, read_value
@@ -16,8 +16,14 @@ from ._registry import registry
 _LIST_UNIT = 1e-4
 """mm or degrees of one unit of a metric list."""
 
+_SMALL = 500
+"""List units by which neighbours may differ however close they are: the leadscrew example of
+the manuals has 15 µm between points that are 64 µm apart."""
+
 Values = Mapping[tuple[int, ...], tuple[int, int | float]]
 """Row and value by index, of the entries that count and are allowed."""
+_Limit = Callable[[tuple[int, ...], int], int]
+"""Largest plausible step to an entry from its neighbour before it along an index."""
 
 
 def check_plausible(view: ListView) -> None:
@@ -52,6 +58,48 @@ def _unit(view: ListView, row: Parameter) -> float | None:
     return None if view.increment is None else view.increment / _LIST_UNIT
 
 
+def _step_limit(view: ListView, structure: str, step: Change) -> _Limit:
+    """Return the largest plausible step: in all, and over the distance of two points.
+
+    Distances count where they are in the unit of the values: not in increments.
+    """
+    spacing = _spacing(view, structure) if step.slope else None
+
+    def limit(index: tuple[int, ...], place: int) -> int:
+        distance = None if spacing is None else spacing(index, place)
+        if step.slope is None or distance is None or distance <= 0:
+            return step.largest
+        return min(step.largest, max(step.slope * distance // 1000, _SMALL))
+
+    return limit
+
+
+def _spacing(
+    view: ListView, structure: str
+) -> Callable[[tuple[int, ...], int], int | None] | None:
+    """Return the distance of an entry from its neighbour along an index; None: unknown."""
+    if view.integer(f"{structure}.unit") != 1:
+        return None
+    if structure == "kw.crosscomp2":
+        square = view.value(f"{structure}.grid") != "RECTANGULAR"
+        names = ("interval", "interval") if square else ("interval2", "interval1")
+        both = [view.integer(f"{structure}.{name}") for name in names]
+        return lambda _, place: both[place]
+    interval = view.integer(f"{structure}.interval") if structure == "kw.ssfk" else 0
+    if interval:
+        return lambda *_: interval
+    rows = view.rows(f"{structure}.table[].setpoint")
+    if rows is None:
+        return None
+    at = {index: rows.integers[row] for index, row in rows.last.items()}
+
+    def between(index: tuple[int, ...], _: int) -> int | None:
+        first, second = at.get((index[0] - 1,)), at.get(index)
+        return None if first is None or second is None else second - first
+
+    return between
+
+
 def _is_narrow(row: Parameter, rows: Rows, unit: float) -> bool:
     """Return whether a whole column is plausible at a glance: most are, and are long."""
     numbers = [value for value in rows.integers if value is not None]
@@ -59,7 +107,9 @@ def _is_narrow(row: Parameter, rows: Rows, unit: float) -> bool:
         return False
     low, high = min(numbers) * unit, max(numbers) * unit
     is_inside = row.plausible is None or row.plausible.holds(low, high)
-    return is_inside and (row.step is None or high - low <= row.step.largest)
+    if row.step is None:
+        return is_inside
+    return is_inside and high - low <= (_SMALL if row.step.slope else row.step.largest)
 
 
 def _values(row: Parameter, rows: Rows) -> Values:
@@ -86,7 +136,7 @@ def _check_sizes(
         sorted(
             at
             for at, value in values.values()
-            if not plausible.holds(value * unit, value * unit)
+            if value != row.default and not plausible.holds(value * unit, value * unit)
         ),
         lambda text: (
             f"{row.key} = {text} is allowed, and beyond what a sound machine needs"
@@ -105,15 +155,18 @@ def _check_steps(
     unit: float,
 ) -> None:
     """Report neighbours of a column that differ too much, in each direction of it."""
+    limit = _step_limit(view, row.structure, step)
     for index, (at, value) in values.items():
         for place in range(len(index)):
             before = (*index[:place], index[place] - 1, *index[place + 1 :])
             if before not in values:
                 continue
             other = values[before][1]
-            if abs(value - other) * unit > step.largest:
+            apart = abs(value - other) * unit
+            if apart > _SMALL and apart > limit(index, place):
                 pair = full_name(row.key, before), full_name(row.key, index)
-                _report(view, rows, row, step, at, pair, (other, value))
+                change = step._replace(largest=limit(index, place))
+                _report(view, rows, row, change, at, pair, (other, value))
                 return
 
 

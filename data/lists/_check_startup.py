@@ -126,15 +126,19 @@ def _check_external(view: ListView, lists: ListSet) -> None:
                 expected=f"{_INTERFACE} 1",
             )
         return
+    fastest = registry().by_key["lr_param.ext_comp.max_a"]
     for axis in taking_part:
-        if not axis.integer(row.key):
+        # An acceleration that is left out is that of the axis.
+        lacking = [] if axis.integer(row.key) else [row]
+        lacking += [fastest] if axis.integer(fastest.key) == 0 else []
+        for limit in lacking:
             axis.add(
                 "warning",
-                "external compensation is open, but the axis has no error limit",
-                axis.place(row.key),
-                parameter=row,
+                f"external compensation is open, but {limit.key} is 0",
+                axis.place(limit.key),
+                parameter=limit,
                 number=70585,
-                found=axis.text(row.key) or "no entry",
+                found=axis.text(limit.key) or "no entry",
                 expected="a limit above 0",
             )
     if not taking_part:

@@ -137,7 +137,8 @@ def _notes(row: Parameter) -> Iterable[str]:
     if row.plausible is not None:
         yield f"plausible {_interval(row.plausible, row.type)}"
     if row.step is not None:
-        yield f"plausible steps up to {row.step.largest}"
+        slope = f", slopes up to {row.step.slope} µm/mm" if row.step.slope else ""
+        yield f"plausible steps up to {row.step.largest}{slope}"
     if row.jump is not None:
         yield f"plausibly within {row.jump.largest} of `{row.jump.against}`"
     if row.needed == "true":

@@ -87,6 +87,8 @@ class Change(NamedTuple):
     """Key of the other column; None: neighbours of the own one."""
     when: str | None = None
     """Flag of the structure without which the other column is not used."""
+    slope: int | None = None
+    """Largest plausible change of neighbours in list units per 1000 of their distance."""
 
 
 class Parameter(NamedTuple):

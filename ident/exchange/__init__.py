@@ -96,6 +96,11 @@ from .controller._motion import (
     direction_of_motion as direction_of_motion,
 )
 from .controller._simulate import AxisOffsets as AxisOffsets, simulate as simulate
+from .probe._nc import (
+    CompState as CompState,
+    declared as declared,
+    numbered as numbered,
+)
 from .probe._probe import (
     Masters as Masters,
     Outcome as Outcome,
@@ -108,7 +113,7 @@ from .probe._probe import (
     travel_in as travel_in,
 )
 from .probe._probe_text import (
-    probe_program as probe_program,
+    probe_programs as probe_programs,
     probe_steps as probe_steps,
     probe_text as probe_text,
 )

@@ -19,7 +19,13 @@ _HEAD = re.compile(
     r"^((?:CASADI_SYMBOL_EXPORT|static) int \w+\(const casadi_real\*\* arg.*\{)$",
     re.MULTILINE,
 )
+_EITHER = re.compile(r"^/\* Pre-c99.*\n#if .*\n(.*\n)#else\n.*\n#endif\n", re.MULTILINE)
+"""Functions of C99 that the SDK has not, with how CasADi does without them."""
 _PATTERN = re.compile(r"^static const casadi_int (casadi_s\d+)\[.*\n", re.MULTILINE)
+_REAL_TIME = (
+    "fabs fmod floor ceil sqrt exp log pow sin cos tan asin acos atan atan2".split()
+)
+"""Functions of ``math.h`` that the SDK has for real time, with a line behind the name."""
 _UNUSED = " (void)arg; (void)res; (void)iw; (void)w; (void)mem;"
 _FILES = (
     "axcomp_external.h",
@@ -52,11 +58,18 @@ def code_files(
         "axes": axes,
         "name": LAW,
         "ramp_cycles": ramp_cycles,
-        "title": title.replace("*/", "* /"),
+        "real_time": _REAL_TIME,
+        "title": plain(title),
         "work": sizes,
         "zone": f"{zone:.17g}" if zone % 1.0 else f"{zone:.1f}",
     }
     return {name: rendered(name, facts) for name in _FILES}
+
+
+def plain(title: str) -> str:
+    """Return a title as any of the files can hold it: ASCII, and no end of a comment."""
+    ascii_only = title.encode("ascii", "replace").decode()
+    return re.sub(r"[^\w ,.:;/+=?!%-]+|-(?=-)|/$", " ", ascii_only)
 
 
 def rendered(name: str, facts: Mapping[str, Any]) -> str:
@@ -81,7 +94,8 @@ def _arithmetic(law: ca.Function) -> str:
     """
     generator = ca.CodeGenerator(LAW, {"with_header": False})
     generator.add(law)
-    text = _HELP.sub("", generator.dump())
+    text = _HELP.sub("", generator.dump()).replace("#include <math.h>\n", "")
+    text = _EITHER.sub(r"\1", text)
     text = _HEAD.sub(lambda match: match[1] + _UNUSED, text)
     for pattern in list(_PATTERN.finditer(text)):
         if len(re.findall(rf"\b{pattern[1]}\b", text)) == 2:  # its macro and itself

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from ...data.files import write_atomically
 from ...models import ExternalCompensation
 from ..exchange import ExchangeError, ExternalAxis
-from ._code import LAW, code_files, rendered
+from ._code import LAW, code_files, plain, rendered
 from ._entries import limits_of, list_fragments
 from ._extremes import Extremes, extremes
 from ._trace import OffsetLaw, casadi_function
@@ -135,8 +135,9 @@ def export_external(
         "zone": zone,
     }
     texts = code_files(function, axes, title=title, zone=zone, ramp_cycles=cycles)
-    for name in ("AxcompExternal.tmc", "axcomp_external.nc", "README.md"):
-        texts[name] = rendered(name, facts)
+    for name in ("AxcompExternal.tmc", "axcomp_external.nc"):
+        texts[name] = rendered(name, {**facts, "title": plain(title)})
+    texts["README.md"] = rendered("README.md", facts)
     contents = {name: text.encode("utf-8") for name, text in texts.items()}
     for name, listing in list_fragments(axes, limits, replaced or {}).items():
         contents[name] = listing.dumps()

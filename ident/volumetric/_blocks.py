@@ -21,6 +21,10 @@ from ..core._readings import padded
 
 RUNS, ANGULAR, STRAIGHTNESS, POSITIONING, SQUARENESS, FRAME = range(6)
 """What may be moved between blocks leaves those that stand first."""
+_LEVER = 1e-5
+"""Largest lever of an angle, relative to the longest of all, that is none."""
+_TURNED = np.array([*(k for k in range(36) if k % 12 > 5), 36, 37, 38])
+"""Columns of angles in the stencil of a machine."""
 FRAME_NAME, ZEROS_NAME = "frame", "zeros of the set-ups"
 """Names of the blocks that are no errors of the machine."""
 
@@ -118,7 +122,9 @@ class Touched:
             names = ("position", "along", "tool")
             given = padded({name: readings.inputs[name] for name in names})
             found = _stencil(self.model, given)
-            nodes, shares = (np.asarray(each)[: len(readings)] for each in found)
+            nodes, shares = (np.array(each)[: len(readings)] for each in found)
+            if isinstance(self.model, GeometricErrors):
+                shares[:, _TURNED] = _levers(shares[:, _TURNED], readings)
             readings.designs[self] = nodes, shares
         return readings.designs[self]
 
@@ -131,6 +137,20 @@ class Touched:
         """Return the rows of a table of offsets of one axis."""
         nodes, shares = self.rows(readings)
         return nodes, shares * readings.inputs["along"][:, axis, None]
+
+
+def _levers(
+    shares: Float[np.ndarray, "t k"], readings: Readings
+) -> Float[np.ndarray, "t k"]:
+    """Return shares of angles without those that no reading has a lever for.
+
+    Readings along a line through the reference show nothing of some angles but what rounding
+    and the scatter of the line leave of their lever: noise must not be taken for it.
+    """
+    places = (readings.inputs[name] for name in ("position", "tool"))
+    longest = max(1.0, *(float(np.abs(each).max(initial=0.0)) for each in places))
+    known = np.abs(shares).max(axis=0, initial=0.0) > _LEVER * longest
+    return np.where(known, shares, 0.0)
 
 
 def machine_blocks(model: GeometricErrors, most: Sequence[int]) -> Iterator[Block]:
@@ -180,7 +200,8 @@ def frame(about: tuple[float, float, float]) -> Block:
     def rows(readings: Readings) -> Design:
         along = readings.inputs["along"]
         lever = readings.inputs["position"] - about + readings.inputs["tool"]
-        shares = np.hstack([along, np.cross(lever, along)])
+        turned = _levers(np.cross(lever, along), readings)
+        shares = np.hstack([along, turned])
         return np.broadcast_to(np.arange(6), shares.shape), shares
 
     labels = [*(f"shift {a}" for a in "XYZ"), *(f"turn {a}" for a in "ABC")]

@@ -106,7 +106,7 @@ class Geometry(AbstractVolumetric):
 class Volumetric(AbstractVolumetric):
     """Errors of X, Y and Z on a regular grid over the volume; densely solved.
 
-    Up to some 1 000 nodes are a matter of seconds.
+    Some 500 nodes take seconds, 1 000 a minute or two.
     """
 
     @cached_property

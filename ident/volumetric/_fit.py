@@ -85,7 +85,8 @@ class VolumetricFit:
     @cached_property
     def values(self) -> Float[np.ndarray, " n"]:
         """All unknowns under the rules, as errors."""
-        return self.freedoms.rules.project(self.result.values)
+        found = self.freedoms.rules.project(self.result.values)
+        return self.freedoms.held(found, self.noise, self.points.readings.value)
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "n n"]:

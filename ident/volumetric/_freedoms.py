@@ -27,6 +27,8 @@ _LITTLE = 1e-3
 _PART, _MEMBER = 1e-4, 0.1
 """Part in a direction, relative to the largest, from which on a shape is a member: of a gauge,
 of what is hidden, which is known less sharply."""
+_LIKELY = 3.0
+"""Times the size of the readings up to which what is hidden stays as it is."""
 _MOVED = 0.1
 """Share of a typical reading by which what is hidden may move a sum that counts as shown."""
 _VALUE = 1e-3
@@ -125,6 +127,8 @@ class Freedoms:
         pins: What is added to the diagonal of the information to hold these directions.
         hidden: Directions of the unknowns, under the rules, of which the points show next to
             nothing; each moves a reading somewhere in the volume by about 1.
+        along: How far unknowns go along each of them.
+        share: Information of the points on each, relative to as many all over the volume.
         lost: Whether each unknown has a part in them.
         gauges: The rules.
         undetermined: What is hidden.
@@ -134,6 +138,8 @@ class Freedoms:
     rules: Rules
     pins: Float[np.ndarray, " n"]
     hidden: Float[np.ndarray, "n h"]
+    along: Float[np.ndarray, "h n"]
+    share: Float[np.ndarray, " h"]
     lost: Bool[np.ndarray, " n"]
     gauges: tuple[Gauge, ...]
     undetermined: tuple[Undetermined, ...]
@@ -142,6 +148,29 @@ class Freedoms:
     def shown(self, rows: Float[np.ndarray, "t n"]) -> Bool[np.ndarray, " t"]:
         """Return whether sums of the unknowns keep clear of all that is hidden."""
         return np.asarray(np.linalg.norm(rows @ self.hidden, axis=1) <= _MOVED)
+
+    def held(
+        self,
+        values: Float[np.ndarray, " n"],
+        noise: float,
+        readings: Float[np.ndarray, " t"],
+    ) -> Float[np.ndarray, " n"]:
+        """Return unknowns with what is hidden no larger than the readings make likely.
+
+        Noise in readings that show next to nothing moves such a direction far. Where it is moved
+        beyond what the size of the readings lets expect, its mean under both is taken.
+
+        Args:
+            values: Unknowns.
+            noise: Standard deviation of a reading.
+            readings: What was measured.
+        """
+        expected = float(np.mean(np.square(readings)))
+        known = expected * len(readings) * np.maximum(self.share, 0.0)
+        left = noise**2 / np.maximum(noise**2 + known, 1e-300)
+        far = self.along @ values
+        unlikely = np.abs(far) > _LIKELY * np.sqrt(expected)
+        return np.asarray(values - self.hidden @ np.where(unlikely, left * far, 0.0))
 
     @classmethod
     def of(
@@ -161,12 +190,14 @@ class Freedoms:
         null = shapes.basis @ (lost / actual.scale[:, None])
         gauges = _gauges(common, zero, shapes.names(blocks))
         kept = np.delete(np.arange(len(shapes.labels)), [rule for rule, _ in gauges])
-        hidden = actual.hidden(ideal, kept)
+        hidden, dual, share = actual.hidden(ideal, kept)
         parts = _resolved(hidden)
         return cls(
             rules=Rules(null, shapes.basis[:, held].T),
             pins=pins_of(null, actual.diagonal),
             hidden=shapes.basis @ (hidden / ideal.scale[:, None]),
+            along=(shapes.basis @ (dual * ideal.scale[:, None])).T,
+            share=share,
             lost=_lost(shapes, parts),
             gauges=tuple(gauge for _, gauge in gauges),
             undetermined=_groups(parts, shapes, blocks),
@@ -210,20 +241,24 @@ class _Seen:
 
     def hidden(
         self, ideal: "_Seen", kept: Int[np.ndarray, " k"]
-    ) -> Float[np.ndarray, "m h"]:
+    ) -> tuple[
+        Float[np.ndarray, "m h"], Float[np.ndarray, "m h"], Float[np.ndarray, " h"]
+    ]:
         """Return mixtures of which these rows show next to nothing beside ideal ones.
 
         In the scale of the ideal rows; each moves such a row by 1, root mean square, if it
-        shows it at all.
+        shows it at all. With them what tells how far shapes go along each, and the
+        information on it, relative to ideal rows.
         """
         here, unit = np.ix_(kept, kept), np.outer(ideal.scale[kept], ideal.scale[kept])
         whole = ideal.matrix[here] / unit
         # What not even ideal rows show counts as such a row as well.
         whole += np.diag(np.where(np.diag(whole) > 0.0, _ROUNDING, 1.0))
         share, modes = scipy.linalg.eigh(self.matrix[here] / unit, whole)
-        result = np.zeros((len(self.matrix), int((share < _LITTLE).sum())))
-        result[kept] = modes[:, share < _LITTLE]
-        return result
+        few = share < _LITTLE
+        result = np.zeros((2, len(self.matrix), int(few.sum())))
+        result[0, kept], result[1, kept] = modes[:, few], whole @ modes[:, few]
+        return result[0], result[1], share[few]
 
 
 def dense(stack: Stack, readings: Readings) -> Float[np.ndarray, "t n"]:

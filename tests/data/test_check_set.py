@@ -90,7 +90,7 @@ def test_switch_that_is_off_is_named(value: int | None) -> None:
         (
             {
                 "kw.crosscomp2.unit": 1,
-                "kw.crosscomp2.interval": 1,
+                "kw.crosscomp2.interval": 10,
                 "kw.crosscomp2.master1_ax_nr": 1,
                 "kw.crosscomp2.master2_ax_nr": 2,
                 "kw.crosscomp2.table[0][0].correction": 1,

@@ -17,6 +17,8 @@ class Machine:
     position: dict[str, float] = dataclasses.field(default_factory=dict)
     messages: list[str] = dataclasses.field(default_factory=list)
     halts: int = 0
+    at_halts: list[set[tuple[str, str]]] = dataclasses.field(default_factory=list)
+    """What was active at each halt."""
     moved: bool = False
     synchronised: bool = False
     switched: list[tuple[str, str, str]] = dataclasses.field(default_factory=list)
@@ -59,6 +61,7 @@ class Machine:
             return True
         if block == "M00":
             self.halts += carried_out
+            self.at_halts += [set(self.active)] * carried_out
         elif block == "#CHANNEL INIT [CMDPOS]":
             self.synchronised = True
         elif found := re.fullmatch(r'#MSG \["([^"]*)"\]', block):

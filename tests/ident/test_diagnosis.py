@@ -4,6 +4,7 @@ import contextlib
 import csv
 import io
 import json
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
@@ -210,6 +211,67 @@ def test_every_trace_draws_an_acquisition_and_all_identifiers_differ() -> None:
     pool = {node.findtext("Guid") for node in root.iter("AdsAcquisition")}
     assert set(drawn) == pool
     assert len(drawn) == len(pool)
+
+
+GUID, NUMBER, FLAG = (
+    r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}",
+    r"-?\d+",
+    "true|false",
+)
+NODE = {
+    "Guid": GUID, "Title": ".+", "Name": ".+", "Comment": ".*", "SortPriority": NUMBER,
+    "DisplayColor": rf"Black|{NUMBER}", "SubMember": r"\s*",
+}  # fmt: skip
+SCHEMA: dict[str, tuple[set[str], dict[str, str]]] = {
+    "ScopeProject": ({"DataPool", "YTChart"}, {
+        "Version": r"1\.0\.0\.0", "StopMode": "AutoStop", "MainServer": r"\d+(\.\d+){5}",
+        "RecordTime": NUMBER}),
+    "DataPool": ({"AdsAcquisition"}, {}),
+    "AdsAcquisition": (set(), {
+        "Enabled": FLAG, "AmsNetId": r"\d+(\.\d+){5}", "TargetPort": "551",
+        "SymbolBased": "false", "SymbolName": ".+", "IndexGroup": NUMBER,
+        "IndexOffset": NUMBER, "DataType": "BIT|INT32|REAL64", "VariableSize": "[148]",
+        "UseTaskSampleTime": FLAG, "BaseSampleTime": NUMBER, "UseLocalServer": FLAG,
+        "ArrayLength": "0"}),
+    "YTChart": ({"AxisGroup", "ChartStyle"}, {}),
+    "ChartStyle": (set(), {"StackedAxes": FLAG}),
+    "AxisGroup": ({"TimeAxis", "ValueAxis", "Channel"}, {"Enabled": FLAG}),
+    "TimeAxis": (set(), {"Orientation": "X"}),
+    "ValueAxis": (set(), {"Orientation": "Y"}),
+    "Channel": ({"AcquisitionInterpreter", "ChannelStyle"}, {"Enabled": FLAG}),
+    "ChannelStyle": (set(), {"Visible": FLAG}),
+    "AcquisitionInterpreter": (set(), {
+        "AcquisitionGUID": GUID, "Usage": "Y", "Offset": "0", "ScaleFactor": "1",
+        "BitMask": NUMBER}),
+}  # fmt: skip
+"""Members and fields of each node, as Scope projects have them: what any of them may lack."""
+SIZES = {"BIT": "1", "INT32": "4", "REAL64": "8"}
+
+
+def checked(node: ET.Element) -> None:
+    members, fields = SCHEMA[node.tag]
+    assert node.get("AssemblyName") == "TwinCAT.Measurement.Scope.API.Model"
+    values = {each.tag: each.text or "" for each in node}
+    assert set(values) == {*NODE, *fields}
+    assert len(values) == len(node)
+    for name, pattern in (NODE | fields).items():
+        assert re.fullmatch(pattern, values[name]), (
+            f"{node.tag}.{name}: {values[name]!r}"
+        )
+    if node.tag == "AdsAcquisition":
+        assert values["VariableSize"] == SIZES[values["DataType"]]
+    for each in node.findall("SubMember/*"):
+        assert each.tag in members, f"{each.tag} in {node.tag}"
+        checked(each)
+
+
+@pytest.mark.parametrize("cycle", [None, 0.002])
+def test_configuration_has_the_nodes_and_fields_of_scope_projects(
+    cycle: float | None,
+) -> None:
+    text = scope_configuration(observables(lists()), cycle_time=cycle).decode("utf-8")
+    assert text.count("\n") == text.count("\r\n")
+    checked(ET.fromstring(text.removeprefix("\ufeff")))
 
 
 @pytest.fixture

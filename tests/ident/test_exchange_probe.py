@@ -19,7 +19,7 @@ from axcomp.ident.exchange import (
     make_probe,
     model_of,
     offset_at,
-    probe_program,
+    probe_programs,
     probe_steps,
     probe_text,
     probed_in,
@@ -163,7 +163,7 @@ def test_unknown_travel_and_short_travel_are_refused() -> None:
 
 
 def test_text_and_program_name_every_step() -> None:
-    text, program = probe_text(PROBE), probe_program(PROBE)
+    text, program = probe_text(PROBE), probe_programs(PROBE)["probe.nc"]
     for step in probe_steps(PROBE):
         assert step.sentence in text
         assert f"{step.axis}[COMP ON {step.keyword}]" in program
@@ -244,7 +244,7 @@ def test_program_names_axes_of_the_job_once_and_leaves_all_as_it_was() -> None:
     every = {(word, keyword) for word in words for keyword in KEYWORDS}
     before = set(sorted(every)[::2])
     machine = Machine(words, every, set(before))
-    machine.run(probe_program(PROBE))
+    machine.run(probe_programs(PROBE)["probe.nc"])
     assert machine.active == before
     assert {word for _, word, _ in machine.switched} == {
         s.axis for s in probe_steps(PROBE)
@@ -257,6 +257,59 @@ def test_two_axes_of_one_name_are_refused() -> None:
         ExchangeError, match="found X twice, expected a word of its own"
     ):
         make_probe(axes, [Probed(1, "cross", (2,))], RULES)
+
+
+def test_each_channel_has_a_program_that_names_its_own_axes_only() -> None:
+    axes = {
+        1: ProbeAxis(1, "X", (0.0, 500.0)),
+        2: ProbeAxis(2, "Y", (0.0, 500.0), channel=2),
+        3: ProbeAxis(3, "X", (0.0, 500.0), channel=2),
+    }
+    tables = [Probed(1, "leadscrew", (1,)), Probed(2, "cross", (1,))]
+    programs = probe_programs(make_probe(axes, tables, RULES))
+    for name, word in (("probe_1.nc", "X"), ("probe_2.nc", "Y")):
+        machine = Machine({word}, {(word, each) for each in KEYWORDS}, set())
+        machine.run(programs.pop(name))
+        assert {each for _, each, _ in machine.switched} == {word}
+        # The master of Y belongs to the other channel: a person leads it, there and back.
+        assert machine.halts == (3 if word == "Y" else 0)
+    assert not programs
+
+
+FRICTION_JOB = """
+[axes.X]
+number = 1
+limits = [0, 500]
+[measurements.m]
+file = "m.csv"
+[[fits]]
+compensation = "friction"
+axis = "X"
+measurement = "m"
+table_entries = 12
+inertia = "fit"
+"""
+
+
+def test_friction_without_a_list_is_named_with_what_to_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "m.csv").write_text("x,y\n1,2\n")
+    (tmp_path / "job.toml").write_text(FRICTION_JOB)
+    command = ["probe", str(tmp_path / "job.toml"), "--out", str(tmp_path / "out")]
+    assert main(command) == 1
+    said = capsys.readouterr().err
+    assert "nothing to probe" in said
+    assert "fit it (axcomp fit), load the list" in said
+    assert not (tmp_path / "out").exists()
+    screw = FRICTION_JOB[FRICTION_JOB.index("[[fits]]") :].replace(
+        "friction", "leadscrew"
+    )
+    screw = screw.replace("table_entries = 12", "start = 0\ninterval = 10\npoints = 9")
+    screw = screw.replace('inertia = "fit"', "")
+    (tmp_path / "job.toml").write_text(FRICTION_JOB + screw)
+    assert main(command) == 0
+    assert "X, friction: not probed" in capsys.readouterr().out
 
 
 FRICTION = """kopf.achs_nr 1
@@ -295,9 +348,9 @@ def test_friction_is_probed_at_a_low_level_of_what_is_loaded() -> None:
     # Nobody looks for micrometres in a current.
     assert not any("µm" in each.means for each in step.outcomes)
     machine = Machine({"X"}, {("X", "FRICT")}, set())
-    machine.run(probe_program(found))
+    machine.run(probe_programs(found)["probe.nc"])
     assert machine.active == set()
-    assert "SPINDEL" not in probe_program(found)
+    assert "SPINDEL" not in probe_programs(found)["probe.nc"]
     coarse = ListFile.parse(FRICTION.replace("1000", "4").encode(), "achskw1.lis")
     with pytest.raises(ExchangeError, match="scaling_factor: found 4, expected 10 or"):
         probed_in([coarse], RULES)

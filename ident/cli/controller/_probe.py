@@ -53,21 +53,23 @@ def probe(
     One short log, or one reading of a dial gauge per axis, then settles sign, unit,
     order and owner of every table of this controller.
     """
-    from ...exchange import make_probe, probe_program, probe_steps, probe_text
+    from ...exchange import make_probe, probe_programs, probe_steps, probe_text
     from ...job import write_atomically
 
     own = axis_ranges(travel, "--travel", "its travel as in A1=0:500", 1e5)
     pattern, example = "(?P<word>[A-Za-z][A-Za-z0-9_]*)", "its word as in A1=X"
     words = by_axis(word, "--word", pattern, example)
     given = _inputs(files, own, {k: m["word"] for k, m in words.items()}, increment)
-    found = make_probe(given.axes, given.tables, given.conventions, given.existing)
+    found = make_probe(
+        given.axes, given.tables, given.conventions, given.existing, given.remarks
+    )
     contents = {
         listing.source: listing.dumps()
         for group in (found.lists, found.additions)
         for listing in group.values()
     }
     contents["probe.txt"] = probe_text(found).encode()
-    contents["probe.nc"] = probe_program(found).encode()
+    contents |= {name: text.encode() for name, text in probe_programs(found).items()}
     out.mkdir(parents=True, exist_ok=True)
     taken = {file.resolve() for file in (*files, *given.files)}
     for name in contents:
@@ -84,7 +86,8 @@ def probe(
             {**dataclasses.asdict(step), "sentence": step.sentence}
             for step in probe_steps(found)
         ]
-        print_json({"files": list(contents), "steps": steps})
+        said = {"remarks": list(found.remarks)}
+        print_json({"files": list(contents), "steps": steps, **said})
     else:
         typer.echo(probe_text(found), nl=False)
     typer.echo(f"{', '.join(contents)} in {out}", err=True)
@@ -99,6 +102,7 @@ class _Given:
     existing: "Mapping[int, ListFile]"
     conventions: "Conventions"
     files: Sequence[Path]
+    remarks: Sequence[str] = ()
 
 
 def _inputs(
@@ -143,19 +147,35 @@ def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
                 (float(between[0]), float(between[1])),
                 rotary=axis.kind != "linear",
                 modulo=axis.modulo is not None and axis.number not in travel,
+                channel=axis.channel,
             )
     lists = read_lists([job.file(path) for path in paths])
     found = {(one.axis, one.name): one for one in probed_in(lists, job.conventions)}
+    remarks = []
     for fit in spec.fits:
         number = spec.axes[fit.axis].number
+        facts = kind(fit.compensation)
+        if facts.adds_current:
+            if (number, facts.name) not in found:
+                remarks.append(_unprobed(fit.axis, facts.name))
+            continue
         named = getattr(fit, "masters", None) or [getattr(fit, "master", fit.axis)]
         masters = tuple(spec.axes[master].number for master in named)
-        if not kind(fit.compensation).adds_current:
-            found[number, fit.compensation] = Probed(number, fit.compensation, masters)
+        found[number, fit.compensation] = Probed(number, fit.compensation, masters)
     return _Given(
         axes,
         [found[key] for key in sorted(found)],
         machine_lists(lists).compensation,
         job.conventions,
         [job.file(path) for path in paths],
+        remarks,
+    )
+
+
+def _unprobed(axis: str, compensation: str) -> str:
+    return (
+        f"{axis}, {compensation}: not probed, as no list holds its table: a current that"
+        " nobody measured is never put on a drive. Measure and fit it (axcomp fit), load the"
+        f" list that is written, name it under [axes.{axis}] as list, and probe again: at a"
+        " low level of it."
     )

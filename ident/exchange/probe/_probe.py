@@ -43,6 +43,7 @@ class ProbeAxis:
         travel: Positions in mm or ° between which it may move.
         rotary: Positions are in °.
         modulo: The travel is one turn.
+        channel: Whose NC programs know its name.
     """
 
     number: int
@@ -50,6 +51,7 @@ class ProbeAxis:
     travel: tuple[float, float]
     rotary: bool = False
     modulo: bool = False
+    channel: int = 1
 
     @property
     def grid(self) -> GridNodes:
@@ -131,12 +133,14 @@ class Probe:
         tables: What is probed.
         lists: Compensation list by axis.
         additions: By axis what its axis list needs, as a list of just these entries.
+        remarks: What is not probed, and what to do about it.
     """
 
     axes: Mapping[int, ProbeAxis]
     tables: tuple[Probed, ...]
     lists: Mapping[int, ListFile]
     additions: Mapping[int, ListFile]
+    remarks: tuple[str, ...] = ()
 
 
 def probed_in(lists: Sequence[ListFile], conventions: Conventions) -> list[Probed]:
@@ -179,6 +183,7 @@ def make_probe(
     tables: Sequence[Probed],
     conventions: Conventions,
     existing: Mapping[int, ListFile] | None = None,
+    remarks: Sequence[str] = (),
 ) -> Probe:
     """Return the probe lists of a machine.
 
@@ -188,10 +193,18 @@ def make_probe(
         conventions: Order of the indices of a plane.
         existing: Lists that are loaded now: the memory that they reserve stays, so that
             no restart is needed.
+        remarks: What is not probed, and what to do about it.
 
     Raises:
-        ExchangeError: If an axis is not known, or its travel is too short.
+        ExchangeError: If there is nothing to probe, an axis is not known, its travel is too
+            short, or two axes that are told apart have one name.
     """
+    if not tables:
+        raise ExchangeError(
+            where="probe",
+            found="; ".join(("nothing to probe", *remarks)).rstrip("."),
+            expected="a list that holds a compensation, or a job with [[fits]]",
+        )
     for one in tables:
         for axis in (one.axis, *one.masters):
             if axis not in axes:
@@ -202,14 +215,19 @@ def make_probe(
                     expected=(f"one of {known}, or " if known else "")
                     + f"its limits in the job, or --travel A{axis}=0:500",
                 )
-    names = [axis.name.upper() for axis in axes.values()]
-    twice = {name for name in names if names.count(name) > 1}
-    if twice:
-        raise ExchangeError(
-            where="names of axes",
-            found=f"{', '.join(sorted(twice))} twice",
-            expected="a word of its own for each (nc_name in the job)",
-        )
+    # A word belongs to its channel; the axes of one step are told apart by it.
+    channels = {axis.channel for axis in axes.values()}
+    sets = [[a for a in axes.values() if a.channel == c] for c in channels]
+    sets += [[axes[k] for k in {one.axis, *one.masters}] for one in tables]
+    for each in sets:
+        names = [axis.name.upper() for axis in each]
+        twice = {name for name in names if names.count(name) > 1}
+        if twice:
+            raise ExchangeError(
+                where="names of axes",
+                found=f"{', '.join(sorted(twice))} twice",
+                expected="a word of its own for each (nc_name in the job)",
+            )
     lists, additions = {}, {}
     for number in sorted({one.axis for one in tables}):
         mine = [one for one in tables if one.axis == number]
@@ -238,7 +256,7 @@ def make_probe(
             new_list(added, comment=("Add these entries to the axis list.",)),
             source=axis_file(number, whole=False),
         )
-    return Probe(dict(axes), tuple(tables), lists, additions)
+    return Probe(dict(axes), tuple(tables), lists, additions, tuple(remarks))
 
 
 def plateau(between: tuple[int, int]) -> Float[np.ndarray, " n"]:

@@ -1,9 +1,10 @@
 """A probe in words: what to go to and to read, what follows from it, and an NC program."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ...kinds import kind, kinds
+from ._nc import CompState, declared, numbered
 from ._probe import Outcome, Probe, ProbeAxis, Probed, number_text, places_text
 
 _FEED = 1000
@@ -25,6 +26,8 @@ class ProbeStep:
         checks: What to look at before, in words.
         readings: Names of the logged values that show the same.
         outcomes: What may be seen.
+        channel: Of the axis.
+        elsewhere: Channel of each axis that another channel moves, by name.
     """
 
     axis: str
@@ -37,6 +40,8 @@ class ProbeStep:
     checks: tuple[str, ...]
     readings: tuple[str, ...]
     outcomes: tuple[Outcome, ...]
+    channel: int
+    elsewhere: Mapping[str, int]
 
     @property
     def sentence(self) -> str:
@@ -97,6 +102,8 @@ def _step(one: Probed, axes: Mapping[int, ProbeAxis]) -> ProbeStep:
                 "not active: look at the activation in the axis list, and at homing",
             ),
         ),
+        channel=axis.channel,
+        elsewhere={m.name: m.channel for m in masters if m.channel != axis.channel},
     )
 
 
@@ -115,6 +122,7 @@ def probe_text(probe: Probe) -> str:
         lines.append(f"{k}. {step.sentence}")
         lines += [f"   {one.seen}: {one.means}." for one in step.outcomes]
         lines.append("")
+    lines += [*probe.remarks, *[""] * bool(probe.remarks)]
     lines += [
         "With a log of all positions and these values: axcomp verify LISTS --log LOG.csv"
         " --save MACHINE.conventions.toml",
@@ -124,47 +132,65 @@ def probe_text(probe: Probe) -> str:
     return "\n".join(lines)
 
 
-def probe_program(probe: Probe) -> str:
-    """Return an NC program that goes through all of it, resting for a second each time.
+def probe_programs(probe: Probe) -> dict[str, str]:
+    """Return the NC programs that go through all of it, one per channel, by file name.
 
-    At its end every compensation is on or off as it was before.
+    They rest for a second at each place. At their end every compensation is on or off as it
+    was before.
     """
-    lines = ["; Probe: log positions and offsets while this runs. Check the way first."]
+    steps = probe_steps(probe)
+    channels = sorted({step.channel for step in steps})
+    return {
+        "probe.nc" if len(channels) == 1 else f"probe_{channel}.nc": _program(
+            [step for step in steps if step.channel == channel]
+        )
+        for channel in channels
+    }
+
+
+def _program(steps: Sequence[ProbeStep]) -> str:
     blocks: list[str] = []
-    for step in probe_steps(probe):
+    for step in steps:
         blocks += [f"; {step.axis}: {step.compensation}", f"{step.axis}[COMP OFF_ALL]"]
         on = f"{step.axis}[COMP ON {step.keyword}]"
         way, before = "G00" if step.moving else "G01", step.moving or step.steady
         rest = "G04 1"
-        blocks += [_block("G01", step.start), rest]
+        blocks += [*_way("G01", step, step.start), rest]
         if before:
             blocks += [on]
-        blocks += [_block(way, step.end), rest]
+        blocks += [*_way(way, step, step.end), rest]
         if not before:
             blocks += [on, rest]
-        blocks += [_block(way, step.start), rest]
-    words = dict.fromkeys(step.axis for step in probe_steps(probe))
-    was = {
-        (word, one.keyword): f"V.L.WAS_{word}_{one.keyword}".upper()
-        for word in words
-        for one in kinds()
+        blocks += [*_way(way, step, step.start), rest]
+    words = dict.fromkeys(step.axis for step in steps)
+    states = [CompState(word, one.keyword) for word in words for one in kinds()]
+    after = ["; As it was", *(f"{word}[COMP OFF_ALL]" for word in words)]
+    for state in states:
+        on = f"{state.word}[COMP ON {state.keyword}]"
+        after += state.where_it_was(on=True, block=on)
+    kept = (state.keep for state in states)
+    return numbered(
+        [
+            "; Probe: log positions and offsets while this runs. Check the way first.",
+            *declared(states),
+            *(
+                block if block.startswith(";") else f"N {block}"
+                for block in (*kept, *blocks, *after, "M30")
+            ),
+        ]
+    )
+
+
+def _way(way: str, step: ProbeStep, places: Mapping[str, float]) -> list[str]:
+    """Return the blocks that lead to a place; axes of other channels are led by a person."""
+    own = {name: at for name, at in places.items() if name not in step.elsewhere}
+    other = {
+        f"{name} of channel {step.elsewhere[name]}": at
+        for name, at in places.items()
+        if name in step.elsewhere
     }
-    lines += ["#VAR", *(f"{memory} = 0" for memory in was.values()), "#ENDVAR"]
-    before_all = [
-        f"{memory} = V.A.{keyword}_COMP_ACTIVE.{word}"
-        for (word, keyword), memory in was.items()
-    ]
-    after_all = ["; As it was", *(f"{word}[COMP OFF_ALL]" for word in words)]
-    for (word, keyword), memory in was.items():
-        after_all += [f"$IF {memory} == 1", f"{word}[COMP ON {keyword}]", "$ENDIF"]
-    number = 10
-    for block in (*before_all, *blocks, *after_all, "M30"):
-        if block.startswith(";"):
-            lines.append(block)
-            continue
-        lines.append(f"N{number} {block}")
-        number += 10
-    return "\n".join([*lines, ""])
+    blocks = [f"M00 ; Lead {places_text(other)}."] if other else []
+    return blocks + ([_block(way, own)] if own else [])
 
 
 def _block(way: str, places: Mapping[str, float]) -> str:

@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..._templates import templates
+from ...exchange import CompState, declared, numbered
 from ..file._load import Job
 from ._lists import AxisFiles
 
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_STEP = 10
 
 
 def program_name(channel: int) -> str:
@@ -40,23 +40,40 @@ def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
         one for one in files if one.lists and not (one.failed or one.axis in wordless)
     ]
     drafts = [draft for one in let_out for draft in one.drafts if draft.written]
-    channels: dict[int, list[dict[str, Any]]] = {}
+    steps: dict[tuple[int, str, frozenset[str]], dict[str, Any]] = {}
     for draft in sorted(drafts, key=lambda draft: draft.index):
-        found, word = draft.kind, job.spec.nc_word(draft.axis)
-        state = {
-            "word": word,
-            "name": found.name,
-            "keyword": found.keyword,
-            "init": found.shows_init,
-            # The variable of its former state.
-            "memory": f"WAS_{word}_{found.keyword}".upper(),
-        }
-        channels.setdefault(job.spec.axes[draft.axis].channel, []).append(state)
+        found, channel = draft.kind, job.spec.axes[draft.axis].channel
+        # Both axes of a gantry at once: one of them alone would twist it.
+        step = steps.setdefault(
+            (channel, found.name, _together(job, draft.axis)),
+            {
+                "name": found.name,
+                "keyword": found.keyword,
+                "init": found.shows_init,
+                "states": [],
+            },
+        )
+        state = CompState(job.spec.nc_word(draft.axis), found.keyword)
+        step["states"].append(state)
+    channels: dict[int, list[dict[str, Any]]] = {}
+    for (channel, *_), step in steps.items():
+        channels.setdefault(channel, []).append(step)
     title = job.spec.title or job.path.stem
     return {
-        program_name(channel): _program(channel, states, title)
-        for channel, states in sorted(channels.items())
+        program_name(channel): _program(channel, own, title)
+        for channel, own in sorted(channels.items())
     }
+
+
+def _together(job: Job, axis: str) -> frozenset[str]:
+    """Return an axis with its partners in a gantry of the same channel."""
+    axes = job.spec.axes
+    return frozenset(
+        name
+        for name, other in axes.items()
+        if other.channel == axes[axis].channel
+        and (name == axis or other.gantry == axis or axes[axis].gantry == name)
+    )
 
 
 def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
@@ -64,22 +81,19 @@ def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
     return tuple(axis for axis in axes if not _WORD.fullmatch(job.spec.nc_word(axis)))
 
 
-def _program(channel: int, states: Sequence[Mapping[str, Any]], title: str) -> str:
+def _program(channel: int, steps: Sequence[Mapping[str, Any]], title: str) -> str:
     plain = title.encode("ascii", "replace").decode()
+    states = [state for step in steps for state in step["states"]]
     # Words are checked, the title is a comment.
     text = (
         templates(__package__ or "")
         .get_template("first_run.nc.jinja")
         .render(
             channel=channel,
-            states=states,
-            words=list(dict.fromkeys(state["word"] for state in states)),
+            steps=steps,
+            declared=declared(states),
+            words=list(dict.fromkeys(state.word for state in states)),
             title="".join(sign if sign.isprintable() else " " for sign in plain),
         )
     )
-    lines, number = [], _STEP
-    for line in text.splitlines():
-        if line.startswith("N "):
-            line, number = f"N{number}{line[1:]}", number + _STEP
-        lines.append(line)
-    return "\n".join([*lines, ""])
+    return numbered(text.splitlines())

@@ -152,6 +152,36 @@ ABSURD: list[Planted] = [
 ]  # fmt: skip
 
 
+OPEN = f"{INTERFACE} 1\nlr_param.ext_comp.err_limit 500\n"
+FURTHER: list[Planted] = [
+    ("limits of 0 mm/s²", f"{OPEN}lr_param.ext_comp.max_a 0", "warning P-AXIS-00745 70585"),
+    ("limits of 1000 m/s²", f"{OPEN}lr_param.ext_comp.max_a 1000000",
+     "warning P-AXIS-00745 None"),
+    ("a warning after the stop", f"{OPEN}lr_param.ext_comp.warn_limit 900",
+     "warning P-AXIS-00744 None"),
+    ("0.1 mm over 1 µm of a leadscrew", "kw.ssfk.table[2].setpoint 10\nkw.ssfk.table[2].pos 1000",
+     "warning P-COMP-00023 110476"),
+    ("0.1 mm over 1 mm of a cross table", "kw.crosscomp.table[1].setpoint 10000\n"
+     "kw.crosscomp.table[1].correction 1000", "warning P-COMP-00007 None"),
+    ("0.1 mm over 1 mm of a plane", "kw.crosscomp2.interval 10000\n"
+     "kw.crosscomp2.table[0][1].correction 1010", "warning P-COMP-00016 None"),
+    ("0.1 mm over 1 mm along master 2", "kw.crosscomp2.grid RECTANGULAR\n"
+     "kw.crosscomp2.interval1 1000000\nkw.crosscomp2.interval2 10000\n"
+     "kw.crosscomp2.table[1][0].correction 1010", "warning P-COMP-00016 None"),
+    ("points of a plane 0.1 µm apart", "kw.crosscomp2.interval 1", "warning P-COMP-00009 None"),
+    ("points of a leadscrew 0.1 µm apart", EVEN.replace("1000000", "1"),
+     "warning P-COMP-00018 None"),
+    ("a point 200 m away", "kw.crosscomp.table[2].setpoint 2000000000",
+     "warning P-COMP-00006 None"),
+    ("a plane 200 m away", "kw.crosscomp2.start_position_master2 -2000000000",
+     "warning P-COMP-00013 None"),
+    ("a thermal zero 200 m away", "lr_param.temp_comp_position_0 2000000000",
+     "warning P-AXIS-00272 None"),
+    ("friction scaled to nothing", "frict_comp.scaling_factor 0", "warning P-COMP-00045 None"),
+    ("friction of 2e9 units", "frict_comp.table[0].out 2000000000", "warning P-COMP-00047 None"),
+]  # fmt: skip
+
+
 def planted(changes: str) -> dict[str, str]:
     """Return the sound lists with entries replaced, added, or (``-``) left out."""
     lists = dict(SOUND)
@@ -184,8 +214,8 @@ def test_sound_lists_have_no_finding() -> None:
 
 @pytest.mark.parametrize(
     ("changes", "expected"),
-    [(changes, expected) for _, changes, expected in ABSURD],
-    ids=[name for name, _, _ in ABSURD],
+    [(changes, expected) for _, changes, expected in ABSURD + FURTHER],
+    ids=[name for name, _, _ in ABSURD + FURTHER],
 )
 def test_absurdity_is_found_with_its_number_or_named(
     changes: str, expected: str

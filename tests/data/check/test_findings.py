@@ -102,15 +102,6 @@ def test_axis_parameters_are_judged(
     assert [row for row in judge(file) if row != repeated] == expected
 
 
-def test_error_limit_above_the_warning_limit_is_advised() -> None:
-    text = "lr_param.ext_comp.warn_limit 100\nlr_param.ext_comp.err_limit 50\n"
-    found = check([ListFile.parse(text.encode(), "achsmds3.lis")])
-    assert [f.id for f in found if f.level == "info"] == [
-        None,
-        "P-AXIS-00744",
-    ]
-
-
 @pytest.mark.parametrize(
     ("line", "level", "id"),
     [

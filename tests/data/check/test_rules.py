@@ -193,7 +193,7 @@ RULES: list[tuple[str, str | Entries, Entries, list[Brief]]] = [
     (
         "an unknown grid",
         "plane",
-        {"kw.crosscomp2.grid": "HEXAGONAL", "kw.crosscomp2.interval": 7},
+        {"kw.crosscomp2.grid": "HEXAGONAL", "kw.crosscomp2.interval": 70},
         [("error", "P-COMP-00031", 70478)],
     ),
     (

@@ -3,10 +3,13 @@
 And the files that go with it: every export of `built` is made in the process of this file.
 """
 
+import ctypes
 import os
+import re
 import subprocess
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +18,7 @@ from axcomp.data.lists import ListFile
 from axcomp.ident.exchange import EXTERNAL, external_axis_from_list
 from axcomp.ident.external import OffsetLaw
 
-from .conftest import UNITS, Built, compiled
+from .conftest import C_FLAGS, CPP_FLAGS, UNITS, Built, compiled
 
 
 @pytest.mark.parametrize(
@@ -66,11 +69,35 @@ def test_code_needs_nothing_but_mathematics(built: Built) -> None:
     text = (built.folder / "axcomp_external.c").read_text(encoding="ascii")
     assert "malloc" not in text
     assert [line for line in text.splitlines() if line.startswith("#include <")] == [
-        "#include <math.h>",
         "#include <stddef.h>",
         "#include <math.h>",
     ]
     assert str(built.folder) not in text
+
+
+@pytest.mark.parametrize("language", ["c", "c++"])
+def test_code_compiles_with_the_shapes_of_the_sdk(built: Built, language: str) -> None:
+    folder, sdk = built.folder, Path(__file__).with_name("sdk")
+    macro = ("-DAXCOMP_TWINCAT", "-I", str(sdk), "-I", str(folder), "-O2", "-fPIC")
+    own = C_FLAGS if language == "c" else CPP_FLAGS
+    text = (folder / "axcomp_external.c").read_text(encoding="ascii")
+    code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    assert not re.search(
+        r"\b(rint|fmin|fmax|isnan)\(", code
+    )  # the SDK has none of these
+    arithmetic, library = folder / "sdk.o", folder / f"sdk-{language}.so"
+    one = ["-x", language, str(folder / "axcomp_external.c"), "-o", str(arithmetic)]
+    subprocess.run(["g++", *own, *macro, "-c", *one], check=True)
+    rest = [str(sdk / "module.cpp"), str(folder / "axcomp_external_layer.cpp")]
+    out = ["-shared", "-o", str(library)]
+    command = ["g++", *CPP_FLAGS, *macro, *rest, str(arithmetic), *out]
+    subprocess.run(command, check=True)
+    positions = built.positions(20_000, seed=12)
+    found = np.empty_like(positions)
+    places = [ctypes.c_void_p(each.ctypes.data) for each in (positions, found)]
+    code = ctypes.CDLL(str(library)).cycles(*places, ctypes.c_long(len(positions)))
+    assert code == 6
+    np.testing.assert_array_equal(found, built.offsets(positions))
 
 
 def test_positions_far_outside_saturate(built: Built) -> None:

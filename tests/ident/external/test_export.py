@@ -2,6 +2,7 @@
 
 import doctest
 import json
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 
@@ -88,6 +89,21 @@ def test_a_model_that_is_too_rough_for_the_feed_is_named(folder: Path) -> None:
     (remark,) = found.remarks
     assert "A2: at 30000 mm/min the offsets need" in remark
     assert remark in (folder / "out" / "README.md").read_text()
+
+
+def test_any_title_leaves_the_files_whole(folder: Path) -> None:
+    title = "Fräse -- 7) */ \\\nN10 G00 X1\n<&"
+    export_external(
+        spike(0.01), folder / "out", axes=(1, 2), workspace=BOX, title=title
+    )
+    code = (folder / "out" / "axcomp_external.c").read_text("ascii")
+    assert code.count("/* External compensation") == 1
+    assert code.index("*/") > code.index("finds the start")
+    ET.parse(folder / "out" / "AxcompExternal.tmc")
+    program = (folder / "out" / "axcomp_external.nc").read_text("ascii").splitlines()
+    assert all(line.startswith(("%", "(", "N")) for line in program)
+    assert "N10 G00 X1" not in program
+    assert title in (folder / "out" / "README.md").read_text("utf-8")
 
 
 Law = Callable[[jnp.ndarray], jnp.ndarray]

@@ -218,6 +218,17 @@ def test_start_offsets_see_the_level(ready: Layer, place: np.ndarray) -> None:
     np.testing.assert_allclose(there + ready.offset, place, rtol=0, atol=2)
 
 
+def test_a_command_before_it_is_switched_on_counts_from_the_start(
+    ready: Layer, place: np.ndarray
+) -> None:
+    ready.command("LEVEL", 0.5)
+    ready.call(START, place)
+    there = place - ready.offset
+    # The first cycles already: no ramp from the whole to half of it, which would move.
+    cycles = ready.ramp(there, 3)
+    np.testing.assert_allclose(there + cycles, np.tile(place, (3, 1)), rtol=0, atol=2)
+
+
 def test_offsets_never_lead_past_a_software_limit(ready: Layer) -> None:
     built = ready.built
     rng = np.random.default_rng(9)

@@ -43,6 +43,25 @@ def test_what_is_not_initialised_is_said_and_left_alone(tmp_path: Path) -> None:
     assert machine.switched == []
 
 
+def test_both_axes_of_a_gantry_are_switched_together(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    path = screw_job(tmp_path, axis='gantry = "X2"')
+    text = path.read_text()
+    fit = text[text.index("[measurements.laser]") :]
+    fit = fit.replace(".laser]", ".second]").replace('"laser"', '"second"')
+    fit = fit.replace('axis = "X"', 'axis = "X2"')
+    path.write_text(f"{text}\n[axes.X2]\nnumber = 2\n{fit}")
+    run_job(path, tmp_path / "out")
+    text = (tmp_path / "out" / "first_run_1.nc").read_text("ascii")
+    pair = {("X", "LEAD"), ("X2", "LEAD")}
+    for before in (set(), pair):
+        machine = Machine({"X", "X2"}, pair, set(before))
+        machine.run(text)
+        assert machine.active == before
+        # A halt finds both on or both off.
+        assert machine.at_halts == [before, set(), pair]
+
+
 def test_axis_words_and_channels_come_from_the_job_and_never_from_a_list(
     tmp_path: Path,
 ) -> None:

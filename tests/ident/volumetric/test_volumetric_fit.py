@@ -247,6 +247,20 @@ def test_body_diagonals_with_a_laser_leave_scales_and_squareness_as_sums() -> No
     assert np.isinf(fit.predict(anywhere(500, 2)).standard_deviation).all()
 
 
+@pytest.mark.parametrize("jitter", [0.0, 1e-6, 1e-3, 1e-2])
+def test_what_a_laser_on_one_diagonal_leaves_open_stays_small(jitter: float) -> None:
+    place = LOW + (HIGH - LOW) * np.linspace(0.0, 1.0, 100)[:, None]
+    place = np.clip(
+        place + jitter * np.random.default_rng(9).normal(size=place.shape), LOW, HIGH
+    )
+    along = np.tile(HIGH - LOW, (100, 1))
+    error = np.sum(measured(place) * along, axis=1) / np.linalg.norm(HIGH - LOW)
+    fit = axcomp.fit_volumetric(MACHINE, axcomp.Points(place, error, along))
+    # Levers along the beam show nothing: noise must not stand for what they would show.
+    assert np.abs(fit.model.offset(anywhere(500, 2))).max() < 0.5
+    assert np.isinf(fit.predict(anywhere(500, 2)).standard_deviation).all()
+
+
 def test_body_diagonals_with_vectors_leave_curves_as_sums() -> None:
     place = diagonals()
     fit = axcomp.fit_volumetric(MACHINE, axcomp.Points(place, measured(place)))
