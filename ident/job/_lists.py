@@ -7,6 +7,7 @@ from pathlib import Path
 from ...data.lists import Finding, ListFile, Value, check, compare, new_list
 from ..proof import GateCheck
 from ._draft import AbstractDraft, AxisLists
+from ._gating import settled_checks, unsettled
 from ._load import Job
 from ._result import Remark
 
@@ -120,7 +121,10 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
     drafts = [one for one in every if one.written]
     spreads = [spread for one in drafts if (spread := one.cycles(job)) is not None]
     cycles = max(spreads, default=None)
-    gates = {one.index: one.gate(job, cycles) if one.written else () for one in every}
+    gates = {
+        one.index: (*one.gate(job, cycles), *settled_checks(one)) if one.written else ()
+        for one in every
+    }
     entries: dict[str, Value] = {}
     extra: dict[str, bytes] = {}
     for one in drafts:
@@ -141,6 +145,7 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
         listing = dataclasses.replace(listing, source=name)
         for one in drafts:
             one.refuse_misread(job, listing)
+    remarks += [unsettled(one) for one in drafts if not one.settled]
     machine, more = _machine_list(job, axis, lists, drafts, cycles)
     pairs = (existing, listing), (lists.machine, machine)
     return AxisFiles(

@@ -23,7 +23,7 @@ from ._loadsheet import load_sheet
 from ._measure_again import Second, measure_again, plan_second
 from ._output import OutFolder
 from ._result import AbstractResult, Remark
-from ._whole import judge_whole
+from ._whole import judge_whole, judged_whole
 
 if TYPE_CHECKING:
     from .joint import GroupResult
@@ -88,13 +88,7 @@ def begin_job(
     say("writing lists")
     files, remarks = judge_files(job, files_of(job, drafts))
     whole = judge_whole(tables, files)
-    found = {one.axis: one for one in whole}
-    files = tuple(
-        one.judged(found[one.axis].gate, found[one.axis].remarks)
-        if one.axis in found
-        else one
-        for one in files
-    )
+    files = tuple(judged_whole(one, whole) for one in files)
     second, lost = plan_second(job, after, out, files)
     files, moved = _write(job, folder, files)
     by_axis = {one.axis: one for one in files}
