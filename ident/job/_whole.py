@@ -174,9 +174,12 @@ class _Axis:
 
     def unread(self, error: ExchangeError) -> WholeAxis:
         """Return an axis of which a list cannot be read."""
-        words = f"What acts on {self.name} was not judged as a whole: {error}"
+        words = (
+            f"What acts on {self.name} cannot be judged as a whole: {error}. Mend that"
+            " entry, or switch its compensation off in the axis list (machine_data)."
+        )
         names = tuple(draft.compensation for draft in self.drafts)
-        return self._whole(names, (), {}, (), [Remark.warning(words)])
+        return self._whole(names, (), {}, (), [Remark.error(words)])
 
     def _whole(
         self,

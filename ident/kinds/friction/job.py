@@ -99,7 +99,12 @@ class FrictionDraft(AbstractDraft):
                 before = friction_from_list(existing, job.conventions)
             return dict(
                 entries_of_friction(
-                    numbers_of(self.knots, self.found.reversal, before),
+                    numbers_of(
+                        self.knots,
+                        self.found.reversal,
+                        before,
+                        job.conventions.friction_sign,
+                    ),
                     existing=existing,
                     max_points=self.fit.max_points,
                     build=job.spec.controller.build,
@@ -127,7 +132,11 @@ class FrictionDraft(AbstractDraft):
         speed, out = (
             parsed.table("frict_comp", name).values() for name in ("in", "out")
         )
-        wanted = zip(self.knots.velocity.tolist(), self.knots.out.tolist(), strict=True)
+        wanted = zip(
+            self.knots.velocity.tolist(),
+            (job.conventions.friction_sign * self.knots.out).tolist(),
+            strict=True,
+        )
         if not set(wanted) <= set(zip(speed, out, strict=True)):
             raise job.error(
                 ("fits", self.index),
@@ -140,7 +149,7 @@ class FrictionDraft(AbstractDraft):
         if listing is not None and self.knots is not None:
             back = friction_from_list(listing, done.job.conventions)
         if back is not None and self.unit.current is not None:
-            listed = self.unit.current * back.law.evaluate(view.velocity)
+            listed = self.unit.current * back.sign * back.law.evaluate(view.velocity)
             view = dataclasses.replace(view, listed=listed)
         unit: dict[str, Any] = {"unit": self.recording.unit or "raw"}
         return FrictionResult(
@@ -213,7 +222,12 @@ class FrictionDraft(AbstractDraft):
                 f"The two directions differ by {share:.0%} of the friction on"
                 " average. A list knows no direction: it gives the mean of both."
             )
-        if self.level != 1.0:
+        if self.level > 1.0:
+            yield Remark.warning(
+                f"The list gives {self.level:.0%} of the friction (level): more than there"
+                " is shakes the machine at reversals; expected 1 at most."
+            )
+        if self.level < 1.0:
             why = ""
             if self.fit.level is None:
                 why = ", as long as no measurement has settled the sign of its current"

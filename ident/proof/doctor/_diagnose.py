@@ -211,7 +211,8 @@ def _sentence(
         case "unit":
             assert value is not None
             way = "larger" if value > 1.0 else "smaller"
-            return f"unit is ten times {way}"
+            times = "ten" if value < 100.0 else f"{value:g}"
+            return f"unit is {times} times {way}"
         case "twice":
             return "applied twice"
         case "shift":
