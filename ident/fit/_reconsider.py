@@ -36,6 +36,23 @@ def crowded(nodes: Float[np.ndarray, "3 n"]) -> Bool[np.ndarray, " n"]:
     return np.asarray(_mostly(count, lost) | several)
 
 
+def at_medians(stack: Stack, readings: Readings, found: Estimate) -> Estimate:
+    """Return an estimate moved to the median reading of each node: where to begin anew.
+
+    Args:
+        stack: The table, and effects of runs beside it where there are any.
+        readings: All readings.
+        found: The estimate.
+    """
+    size, design = stack.effects[0].size, stack.matrix(readings)
+    node, start = nearest_nodes(stack, readings), found.values.copy()
+    for _ in range(_ROUNDS):
+        start[:size] += _medians(node, readings.value - design @ start, size)
+    return dataclasses.replace(
+        found, posterior=dataclasses.replace(found.posterior, values=start)
+    )
+
+
 def reconsidered(
     stack: Stack,
     readings: Readings,
@@ -62,14 +79,12 @@ def reconsidered(
     def residual(values: Float[np.ndarray, " u"]) -> Float[np.ndarray, " t"]:
         return np.asarray(readings.value - design @ values)
 
-    start = found.values.copy()
-    for _ in range(_ROUNDS):
-        start[:size] += _medians(node, residual(start), size)
-    post = found.posterior
+    near = at_medians(stack, readings, found)
+    post = near.posterior
     light = post.weights if fixed else _LIGHT * post.problem.density
     light = np.where(post.weights > 0.0, light, 0.0)
-    near = dataclasses.replace(post, values=start, weights=light)
-    rival = again(dataclasses.replace(found, posterior=near))
+    begun = dataclasses.replace(post, weights=light)
+    rival = again(dataclasses.replace(near, posterior=begun))
 
     def cost(one: Estimate) -> float:
         """Return minus twice the log-likelihood with wild readings anywhere in their range.

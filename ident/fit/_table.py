@@ -24,7 +24,7 @@ from ..core import (
 from ..core._posterior import FILL
 from ._checks import Extent, Smoothness, check_layout, check_smoothness
 from ._once import judge_once
-from ._reconsider import crowded, reconsidered
+from ._reconsider import at_medians, crowded, reconsidered
 from ._result import NONE_LEFT_OUT, Judged, far_runs, residual_of, result_of
 from ._types import Samples, TableFit, TableLayout
 
@@ -249,14 +249,15 @@ class _Memory:
 
         over = memory(stack, readings)
         found = estimate_table(stack, over, error, self.smoothness, loss, offsets)
+
+        def again(near: Estimate) -> Estimate:
+            return estimate_table(stack, over, error, self.smoothness, loss, near=near)
+
+        if loss == "huber" and not found.converged:
+            # Readings of a node that contradict all others pull evenly from any distance.
+            found = again(at_medians(stack, readings, found))
         judged = Judged.of(stack, readings, found.about, found.loss)
         if loss == "student" and crowded(judged.nodes).any():
-
-            def again(near: Estimate) -> Estimate:
-                return estimate_table(
-                    stack, over, error, self.smoothness, loss, near=near
-                )
-
             fixed = not isinstance(self.smoothness, str)
             found = reconsidered(stack, readings, found, fixed, again)
             judged = Judged.of(stack, readings, found.about, found.loss)

@@ -106,6 +106,7 @@ def leftovers(job: Job) -> Leftovers:
         if not fit.kind.table:
             continue
         lists, before = job.lists[fit.axis], acting_before(job, fit.axis)
+        _refuse_taken_over(job, fit, before)
         for name in _overlapping(job, fit, before):
             for source in fit.sources:
                 if name in job.spec.measurements[source].active:
@@ -219,6 +220,26 @@ def _overlapping(job: Job, fit: FitSpec, before: Loaded) -> Iterator[str]:
             continue
         if over & set(before.inputs(name) or (before.axis,)):
             yield name
+
+
+def _refuse_taken_over(job: Job, fit: FitSpec, before: Loaded) -> None:
+    """Raise where a table takes over what may have acted while it was measured."""
+    try:
+        used = before.used
+    except ExchangeError:
+        return  # the checks of the lists say it
+    for name in set(fit.switches_off) & used.keys():
+        for source in fit.sources:
+            stated = "active" in job.spec.measurements[source].model_fields_set
+            if stated or kind(name).entries.adds_nothing(used[name].listing):
+                continue
+            raise job.error(
+                ("measurements", source),
+                f"found no active, and {used[name].listing.source} switches on the {name}"
+                f" of {fit.axis}, which this {fit.compensation} takes over: expected"
+                " active = [] if it was off while measuring; if it was on, measure"
+                " without it",
+            )
 
 
 def _is_stated(job: Job, source: str, lists: AxisLists) -> bool:

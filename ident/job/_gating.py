@@ -8,6 +8,7 @@ from ..proof import (
     GateCheck,
     GateTable,
     choose_cycles,
+    gate_check,
     judge,
 )
 from ..proof.axis import check_switching, largest_step, switching_cycles
@@ -15,6 +16,7 @@ from .file._load import Job
 from .result._result import Remark
 
 if TYPE_CHECKING:
+    from ._draft import AbstractDraft
     from .table._draft import AbstractTableDraft
 
 
@@ -115,6 +117,23 @@ def switching_remarks(one: "AbstractTableDraft") -> list[Remark]:
         " raise max_switching in [gate] if the builder of the machine allows it."
     )
     return [Remark.warning(words)]
+
+
+def settled_checks(one: "AbstractDraft") -> list[GateCheck]:
+    """Return the line of the gate for a fit that did not settle; none for one that did."""
+    if one.settled:
+        return []
+    where = f"{one.name}: its values still move from pass to pass"
+    return [gate_check("settled", 1.0, 0.0, "unsettled fits", where)]
+
+
+def unsettled(one: "AbstractDraft") -> Remark:
+    """Return what to do about a fit that did not settle."""
+    return Remark.error(
+        f"The iterations of the {one.name} did not settle: its values are not those that"
+        " its readings ask for. Look at the readings that contradict the others: measure"
+        " them again, or leave them out (skip); or take nodes that can follow them."
+    )
 
 
 def _cycles(one: "AbstractTableDraft") -> int:

@@ -15,7 +15,7 @@ from ..readings import Tables
 from ._draft import AbstractDraft, Written
 from ._fits import fit_all
 from ._measure_again import Second, measure_again, plan_second
-from ._whole import judge_whole
+from ._whole import judge_whole, judged_whole
 from .file._load import Job, load_job
 from .result._job_result import JobResult, result_json
 from .result._result import AbstractResult, Remark
@@ -87,13 +87,7 @@ def begin_job(
     say("writing lists")
     files, remarks = judge_files(job, files_of(job, drafts))
     whole = judge_whole(tables, files)
-    found = {one.axis: one for one in whole}
-    files = tuple(
-        one.judged(found[one.axis].gate, found[one.axis].remarks)
-        if one.axis in found
-        else one
-        for one in files
-    )
+    files = tuple(judged_whole(one, whole) for one in files)
     second, lost = plan_second(job, after, out, files)
     files, moved = _write(job, folder, files)
     by_axis = {one.axis: one for one in files}

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from ..proof.axis import (
     switching_cycles,
     warm_states,
 )
-from ..readings import Tables, read_error
+from ..readings import Tables, read_error, without_zero
 from ._acting import acting_after, acting_before
 from ._draft import AbstractDraft
 from .file._load import Job
@@ -58,9 +58,17 @@ def judge_whole(tables: Tables, files: Sequence[AxisFiles]) -> tuple[WholeAxis, 
         except ExchangeError as error:
             whole = axis.unread(error)
         steps = {d.compensation: _step(d, own.gates[d.index]) for d in acting}
-        whole = dataclasses.replace(whole, switching=steps)
-        found.append(_with_partner(job, whole, files))
-    return tuple(found)
+        found.append(dataclasses.replace(whole, switching=steps))
+    stopped = {own.axis for own in files if judged_whole(own, found).failed}
+    return tuple(_with_partner(job, one, files, stopped) for one in found)
+
+
+def judged_whole(files: AxisFiles, whole: Sequence[WholeAxis]) -> AxisFiles:
+    """Return the files of an axis with what was found of it as a whole."""
+    for one in whole:
+        if one.axis == files.axis:
+            return files.judged(one.gate, one.remarks)
+    return files
 
 
 def _step(draft: AbstractDraft, gate: Sequence[GateCheck]) -> float:
@@ -163,9 +171,12 @@ class _Axis:
 
     def unread(self, error: ExchangeError) -> WholeAxis:
         """Return an axis of which a list cannot be read."""
-        words = f"What acts on {self.name} was not judged as a whole: {error}"
+        words = (
+            f"What acts on {self.name} cannot be judged as a whole: {error}. Mend that"
+            " entry, or switch its compensation off in the axis list (machine_data)."
+        )
         names = tuple(draft.compensation for draft in self.drafts)
-        return self._whole(names, (), {}, (), [Remark.warning(words)])
+        return self._whole(names, (), {}, (), [Remark.error(words)])
 
     def _whole(
         self,
@@ -261,6 +272,10 @@ class _Axis:
                 reason = f"it lacks what {', '.join(lacking)} follows"
                 remarks.append(self._unknown(source, reason))
                 continue
+            if measured.line:  # nobody knows the slope that the axis has then
+                axes = self.job.spec.axes
+                over = [measured.positions[axes[k].number] for k in draft.fit.over]
+                added = {k: without_zero(v, over, "line") for k, v in added.items()}
             known = spec.remove == "none" and spec.datum is None
             found.append(
                 judge_together(
@@ -330,31 +345,61 @@ class _Axis:
         )
 
 
-def _with_partner(job: Job, whole: WholeAxis, files: Sequence[AxisFiles]) -> WholeAxis:
-    """Return an axis with what its gantry partner lacks of its compensations."""
-    axes = job.spec.axes
+def _with_partner(
+    job: Job, whole: WholeAxis, files: Sequence[AxisFiles], stopped: Collection[str]
+) -> WholeAxis:
+    """Return an axis with what its gantry partner lacks of its compensations.
+
+    Args:
+        job: The job.
+        whole: The axis.
+        files: All axes that are written.
+        stopped: Axes whose lists the gate does not let out.
+    """
+    axes, by_axis, axis = job.spec.axes, {one.axis: one for one in files}, whole.axis
     partners = [
         name
-        for name, axis in axes.items()
-        if name == axes[whole.axis].gantry or axis.gantry == whole.axis
+        for name, one in axes.items()
+        if name == axes[axis].gantry or one.gantry == axis
     ]
     for partner in partners:
-        fitted = [acting_after(job, one) for one in files if one.axis == partner]
-        (loaded,) = fitted or [acting_before(job, partner)]
-        lacking = [name for name in whole.compensations if name not in loaded.used]
-        where = f"{partner} has all that acts on {whole.axis}"
+        fitted, own = by_axis.get(partner), _waits(acting_after(job, by_axis[axis]))
+        there = _waits(
+            acting_after(job, fitted) if fitted else acting_before(job, partner)
+        )
+        lacking = [name for name in whole.compensations if name not in there]
+        apart = [name for name in own if there.get(name, own[name]) != own[name]]
+        where, advice = f"{partner} has all that acts on {axis}", ""
         if lacking:
             where = f"{partner} has no {' and no '.join(lacking)}"
-        check = gate_check("gantry", float(len(lacking)), 0.0, "lists missing", where)
+            advice = (
+                f'Fit {partner} as well ([[fits]] with axis = "{partner}"), or give its'
+                f" list ([axes.{partner}] list = …) if it has one."
+            )
+        elif fitted and partner in stopped:
+            where = f"{partner} is stopped by its own gate"
+            advice = f"Mend what stops {partner}: both are let out together."
+        elif apart:
+            where = f"{partner} has another manual_activation of {' and '.join(apart)}"
+            advice = "Let both wait for COMP ON, or none."
+        wrong = float(len(lacking) or bool(advice))
+        check = gate_check("gantry", wrong, 0.0, "lists missing", where)
         remarks = whole.remarks
-        if lacking:
+        if advice:
             words = (
-                f"{partner} is the gantry partner of {whole.axis} and has no"
-                f" {' and no '.join(lacking)}: one of the two alone would twist the"
-                f" gantry by up to {whole.largest_offset:.4g} mm. Fit {partner} as well"
-                f' ([[fits]] with axis = "{partner}"), or give its list ([axes.{partner}]'
-                " list = …) if it has one."
+                f"{partner} is the gantry partner of {axis} and"
+                f"{where.removeprefix(partner)}: one of the two alone would twist the"
+                f" gantry by up to {whole.largest_offset:.4g} mm. {advice}"
             )
             remarks = (*remarks, Remark.error(words))
         whole = dataclasses.replace(whole, gate=(*whole.gate, check), remarks=remarks)
     return whole
+
+
+def _waits(loaded: Loaded) -> dict[str, bool]:
+    """Return whether it waits for COMP ON, of all that adds something to an axis."""
+    return {
+        name: one.manual
+        for name, one in loaded.used.items()
+        if not kind(name).entries.adds_nothing(one.listing)
+    }

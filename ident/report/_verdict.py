@@ -44,8 +44,12 @@ def headline_of(fit: AbstractResult, scale: Scale) -> Headline:
     made = _SENTENCES[reason.code]
     if not isinstance(made, str):
         return Headline(level, word, made(fit, scale, reason))
-    again = "" if fit.again is None else _again(fit, scale)
-    return Headline(level, word, made.format(fall=_fall(fit, scale), again=again))
+    again, found = "", ""
+    if fit.again is not None:
+        again, diagnosis = _again(fit, scale), fit.again.diagnosis
+        found = "" if diagnosis is None else f" ({diagnosis.sentence})"
+    words = made.format(fall=_fall(fit, scale), again=again, found=found)
+    return Headline(level, word, words)
 
 
 def short_verdict(verdict: Verdict, *, assumed: bool) -> str:
@@ -147,7 +151,7 @@ _SENTENCES: dict[Code, str | Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.NO_GAIN: _no_gain,
     Code.ASSUMED: _assumed,
     Code.DIAGNOSED: _diagnosed,
-    Code.NO_BETTER: "Take the list out again: {again}, no better than before.",
+    Code.NO_BETTER: "Take the list out again: {again}, no better than before{found}.",
     Code.LESS_THAN_PREDICTED: "Better, but less than predicted: {fall}; {again}.",
     Code.VERIFIED: "Verified: {fall}; {again}.",
 }

@@ -48,6 +48,7 @@ EFFECTS = {
     "sign": error(X),
     "unit": -10.0 * error(X),
     "small unit": -0.1 * error(X),
+    "unit of mm": -1000.0 * error(X),
     "shift": -error(X - 12.0),
     "twice": -2.0 * error(X),
     "wrong axis": np.zeros(X.size),
@@ -85,7 +86,7 @@ def draw(
 def test_99_of_100_draws_are_right_at_noise_of_a_third_of_the_error(fault: str) -> None:
     rng = np.random.default_rng(17)
     draws = [draw(EFFECTS[fault], SIZE / 3, rng).verdict for _ in range(100)]
-    word = "unit" if fault == "small unit" else fault
+    word = "unit" if "unit" in fault else fault
     assert Counter(draws)[word] >= 99
 
 
@@ -100,7 +101,7 @@ def test_another_axis_is_named_in_99_of_100_draws() -> None:
 @pytest.mark.parametrize("fault", sorted(EFFECTS))
 def test_one_draw_of_each_fault_is_right(fault: str) -> None:
     one = draw(EFFECTS[fault], SIZE / 3, np.random.default_rng(4))
-    assert one.verdict == ("unit" if fault == "small unit" else fault)
+    assert one.verdict == ("unit" if "unit" in fault else fault)
 
 
 @pytest.mark.parametrize("fault", ["right", "sign", "small unit", "shift", "twice"])
@@ -119,6 +120,8 @@ def test_verdicts_have_a_value_and_a_sentence() -> None:
     assert one.sentence.endswith("mm further")
     assert draw(EFFECTS["sign"], SIZE / 10, rng).sentence == "added with opposite sign"
     assert draw(EFFECTS["small unit"], SIZE / 10, rng).value == 0.1
+    large = draw(EFFECTS["unit of mm"], SIZE / 10, rng)
+    assert large.sentence == "unit is 1000 times larger"
     other = draw(EFFECTS["wrong axis"], SIZE / 10, rng, other=True)
     assert other.sentence == "acts on A2 instead of A1"
 

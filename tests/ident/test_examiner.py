@@ -407,3 +407,35 @@ def test_file_that_cannot_be_written_is_named_itself_and_not_its_draft(
     arguments = ["--motion", str(tmp_path / "m.csv"), "--out", str(target)]
     assert main(["simulate", str(tmp_path / "a.lis"), *arguments]) == 1
     assert capfd.readouterr().err == f"axcomp: {target}: No such file or directory\n"
+
+
+def contradicted(folder: Path) -> Path:
+    """Write a job on readings at its nodes, three of which contradict all others."""
+    job, file = write_job(folder), folder / "laser.csv"
+    head, *rows = file.read_text().splitlines()
+    kept = [row for row in rows if float(row.split(",")[0]) % 100 == 0]
+    file.write_text("\n".join([head, *kept]) + "\n")
+    for row, cell in ((6, "1.1"), (7, "1.2"), (8, "1.3")):
+        spoil(folder, row, cell)
+    return job
+
+
+def test_readings_that_contradict_all_others_are_followed_to_their_middle(
+    tmp_path: Path,
+) -> None:
+    fit = run_job(contradicted(tmp_path), tmp_path / "out").tables[0]
+    assert fit.fit.converged
+    # The median of three readings, and not some place on the way to it.
+    assert fit.fit.values[2] == pytest.approx(1.2, abs=1e-3)
+    assert not fit.passed
+
+
+def test_fit_that_does_not_settle_fails_its_gate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # With so few passes no robust fit comes to rest.
+    monkeypatch.setattr("axcomp.ident.core._robust._PASSES", 1)
+    fit = run_job(write_job(tmp_path), tmp_path / "out").tables[0]
+    assert [check.name for check in fit.gate if not check.passed] == ["settled"]
+    assert any("did not settle: its values are not" in r.message for r in fit.remarks)
+    assert not (tmp_path / "out" / "achskw1.lis").exists()

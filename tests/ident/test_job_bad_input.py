@@ -177,3 +177,20 @@ def test_lists_are_never_written_onto_their_sources(tmp_path: Path) -> None:
     ):
         run_job(tmp_path / "job.toml", tmp_path)
     assert (tmp_path / "achskw1.lis").read_text() == source
+
+
+def test_misspelt_key_of_the_compensation_is_named(tmp_path: Path) -> None:
+    match = (
+        r"job.toml:\d+: fits\[0\].compensaton: unknown key \(nearest: 'compensation'\)"
+    )
+    refused(tmp_path, match, old="compensation =", new="compensaton =")
+
+
+def test_misspelt_key_of_the_second_measurement_is_named(tmp_path: Path) -> None:
+    match = r"verify.jobs: unknown key \(nearest: 'job'\)"
+    refused(tmp_path, match, old="[[fits]]", new='[verify]\njobs = "a"\n[[fits]]')
+
+
+def test_axis_is_not_its_own_gantry_partner(tmp_path: Path) -> None:
+    match = "axes.X.gantry: found 'X', expected another axis"
+    refused(tmp_path, match, old="number = 1", new='number = 1\ngantry = "X"')

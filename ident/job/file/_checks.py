@@ -48,8 +48,10 @@ def _axes(job: JobFile) -> Iterator[Fault]:
             if span is not None and not span[0] < span[1]:
                 reason = f"found {span}, expected the smaller value first"
                 yield ("axes", name, key), reason
-        if axis.gantry is not None and axis.gantry not in job.axes:
-            yield ("axes", name, "gantry"), unknown(axis.gantry, job.axes, "an axis")
+        others = [other for other in job.axes if other != name]
+        if axis.gantry is not None and axis.gantry not in others:
+            reason = unknown(axis.gantry, others, "another axis")
+            yield ("axes", name, "gantry"), reason
 
 
 def _measurements(job: JobFile) -> Iterator[Fault]:

@@ -21,6 +21,7 @@ from ._schema import (
     JobFile,
     Machine,
     MeasurementSpec,
+    Verify,
 )
 
 
@@ -60,6 +61,8 @@ def _part(where: KeyPath, values: Any) -> type[JobPart] | None:
             return Controller
         case ("gate",):
             return Gate
+        case ("verify",):
+            return Verify
         case ("axes", _):
             return Axis
         case ("measurements", _):
@@ -109,6 +112,10 @@ def first_fault(
             reason += f" (nearest: {close[0]!r})"
     elif kind == "missing":
         reason = "found nothing, expected this key"
+    elif kind == "union_tag_not_found" and (
+        close := difflib.get_close_matches("compensation", first["input"], 1)
+    ):
+        where, reason = (*where, close[0]), "unknown key (nearest: 'compensation')"
     elif kind in ("union_tag_invalid", "union_tag_not_found"):
         where = (*where, "compensation")
         tag = str(context.get("tag", ""))

@@ -119,8 +119,9 @@ def _fault_measured(fit: "AbstractResult") -> Reason | None:
     found = None if again.shown else again.diagnosis
     if found is not None and found.verdict not in ("right", "cannot tell"):
         return Reason(Code.DIAGNOSED, {"verdict": found.verdict, "value": found.value})
-    promised = again.predicted < NO_GAIN * again.before
-    if promised and again.rms is not None and again.rms >= NO_GAIN * again.before:
+    # Where no gain was promised only what is plainly worse speaks against the list.
+    least = NO_GAIN if again.predicted < NO_GAIN * again.before else LESS
+    if again.rms is not None and again.rms >= least * again.before:
         return Reason(Code.NO_BETTER)
     return None
 

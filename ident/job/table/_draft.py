@@ -100,6 +100,10 @@ class AbstractTableDraft(AbstractDraft):
         return float(np.max(np.abs(self.offset - exact)))
 
     @property
+    def settled(self) -> bool:
+        return self.estimate.converged
+
+    @property
     def needs(self) -> str:
         whose = "it is" if self.fit.lengths else "its masters are"
         return f"Works once {whose} referenced"

@@ -143,9 +143,13 @@ class Plan(AbstractPlan):
         return -residual if old is None else old - residual
 
     def integers(self, estimates: Sequence[TableFit]) -> Int[np.ndarray, "k ..."]:
-        """Return the entries of the lists of several estimates."""
+        """Return the entries of the lists of several estimates that none will write.
+
+        What one extrapolates beyond the type of an entry stays at its end.
+        """
         wanted = [self.offset(one.values - self._zero(one)) for one in estimates]
-        return self.table.to_integers(np.stack(wanted))
+        ends = self.table.to_offsets(np.array(self.table.value_bounds))
+        return self.table.to_integers(np.clip(np.stack(wanted), min(ends), max(ends)))
 
     def branch(
         self, direction: Int[np.ndarray, " t"] | None

@@ -7,7 +7,7 @@ import numpy as np
 from ...exchange import AbstractTable
 from ...kinds._keys import TableSpec
 from ...proof import RunTable
-from ...readings import Readings, Tables, read_joined, wanted_by
+from ...readings import Readings, Tables, read_joined, wanted_by, without_zero
 from .._draft import Leftovers
 from ..file._load import Job
 from ..result._result import Remark
@@ -44,7 +44,9 @@ def read_fit(
                 )
             )
         for one in left.beside.get((index, name), ()):
-            error[own] += one.at(rows)
+            # Of what acts beside, too, the readings tell no constant or slope of their own.
+            places = [*found.positions[own].T]
+            error[own] += without_zero(one.at(rows), places, rows.spec.remove)
             remarks.append(
                 Remark.info(
                     f"Beside this table acts {one.words}, which was off while {name!r} was"

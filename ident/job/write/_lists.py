@@ -8,6 +8,7 @@ from ....data.lists import Finding, ListFile, Value, check, compare, new_list
 from ...exchange import axis_file, compensation_file, to_add, with_tables
 from ...proof import GateCheck
 from .._draft import AbstractDraft, AxisLists
+from .._gating import settled_checks, unsettled
 from ..file._load import Job
 from ..result._result import Remark
 
@@ -121,7 +122,10 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
     drafts = [one for one in every if one.written]
     spreads = [spread for one in drafts if (spread := one.cycles) is not None]
     cycles = max(spreads, default=None)
-    gates = {one.index: one.gate(cycles) if one.written else () for one in every}
+    gates = {
+        one.index: (*one.gate(cycles), *settled_checks(one)) if one.written else ()
+        for one in every
+    }
     entries: dict[str, Value] = {}
     extra: dict[str, bytes] = {}
     for one in drafts:
@@ -143,6 +147,7 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
         listing = dataclasses.replace(listing, source=name)
         for one in drafts:
             one.refuse_misread(listing)
+    remarks += [unsettled(one) for one in drafts if not one.settled]
     machine, more = _machine_list(job, axis, lists, drafts, cycles)
     pairs = (existing, listing), (lists.machine, machine)
     return AxisFiles(

@@ -148,7 +148,10 @@ def law_curve(fit: FrictionFit, samples: DriveSamples) -> LawCurve | None:
 
 
 def numbers_of(
-    knots: Knots, reversal: ReversalFit | None, before: FrictionCompensation | None
+    knots: Knots,
+    reversal: ReversalFit | None,
+    before: FrictionCompensation | None,
+    sign: int = 1,
 ) -> FrictionNumbers:
     """Return what the list says, currents in list units.
 
@@ -156,6 +159,7 @@ def numbers_of(
         knots: Entries.
         reversal: What was found around reversals; where None, all stays as it was.
         before: What the list said, or None where there was none.
+        sign: Of the current that the controller adds per entry.
     """
     around: dict[str, Any] = {}
     if reversal is not None:
@@ -169,5 +173,5 @@ def numbers_of(
             "position_delay": float(before.position_delay),
             "delay_cycles": before.delay_cycles,
         }
-    entries = FrictionNumbers(knots.velocity / 1000.0, knots.out.astype(float))
+    entries = FrictionNumbers(knots.velocity / 1000.0, sign * knots.out.astype(float))
     return dataclasses.replace(entries, **around)

@@ -32,7 +32,7 @@ class Spec(FitSpec, frozen=True):
     reversal: bool = False
     """Whether lookahead, distance and delay at reversals are fitted. Example:
     `true`."""
-    level: Annotated[float, Field(ge=0)] | None = None
+    level: Annotated[float, Field(gt=0)] | None = None
     """Share of the friction that the list gives; left out: 0.15 until `friction_sign`
     is verified. Example: `0.5`."""
     rated_current: Positive | None = None

@@ -95,9 +95,12 @@ class FrictionDraft(AbstractDraft):
     def entries(self) -> dict[str, Value]:
         assert self.knots is not None  # it is written
         existing, before = self.lists.compensation, None
+        rules = self.job.conventions
         if existing is not None and has_friction(existing):
-            before = friction_from_list(existing, self.job.conventions)
-        numbers = numbers_of(self.knots, self.found.reversal, before)
+            before = friction_from_list(existing, rules)
+        numbers = numbers_of(
+            self.knots, self.found.reversal, before, rules.friction_sign
+        )
         return dict(entries_of_friction(numbers, self.target))
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
@@ -118,7 +121,11 @@ class FrictionDraft(AbstractDraft):
         speed, out = (
             parsed.table("frict_comp", name).values() for name in ("in", "out")
         )
-        wanted = zip(self.knots.velocity.tolist(), self.knots.out.tolist(), strict=True)
+        wanted = zip(
+            self.knots.velocity.tolist(),
+            (self.job.conventions.friction_sign * self.knots.out).tolist(),
+            strict=True,
+        )
         if not set(wanted) <= set(zip(speed, out, strict=True)):
             words = f"found another table in {listing.source} when it was read back,"
             words += " expected the one that was fitted"
@@ -129,7 +136,7 @@ class FrictionDraft(AbstractDraft):
         if listing is not None and self.knots is not None:
             back = friction_from_list(listing, self.job.conventions)
         if back is not None and self.unit.current is not None:
-            listed = self.unit.current * back.law.evaluate(view.velocity)
+            listed = self.unit.current * back.sign * back.law.evaluate(view.velocity)
             view = dataclasses.replace(view, listed=listed)
         unit: dict[str, Any] = {"unit": self.recording.unit or "raw"}
         return FrictionResult(
@@ -200,7 +207,12 @@ class FrictionDraft(AbstractDraft):
                 f"The two directions differ by {share:.0%} of the friction on"
                 " average. A list knows no direction: it gives the mean of both."
             )
-        if self.level != 1.0:
+        if self.level > 1.0:
+            yield Remark.warning(
+                f"The list gives {self.level:.0%} of the friction (level): more than there"
+                " is shakes the machine at reversals; expected 1 at most."
+            )
+        if self.level < 1.0:
             why = ""
             if self.fit.level is None:
                 why = ", as long as no measurement has settled the sign of its current"

@@ -60,6 +60,10 @@ class TemperatureDraft(AbstractDraft):
         return self.found.written
 
     @property
+    def settled(self) -> bool:
+        return self.found.fit.converged
+
+    @property
     def partial(self) -> bool:
         return bool(self.found.fit.confounded)
 

@@ -56,9 +56,6 @@ def remarks_of(found: Identified, sign_known: bool) -> Iterator[Remark]:
     if fit.meeting != "given":
         level = "warning" if fit.meeting in _UNSURE else "info"
         yield Remark(level, meeting_words(fit))
-    if not fit.converged:
-        words = "The iterations did not settle; treat the result with care."
-        yield Remark.warning(words)
     for lag in fit.lags:
         level = "warning" if lag.sensor_late else "info"
         yield Remark(level, lag_words(lag, fit.sensors[lag.sensor]))

@@ -11,7 +11,7 @@ import pytest
 
 from axcomp.data.lists import ListFile, check
 from axcomp.data.measurements import MeasurementError
-from axcomp.ident.job import FrictionResult, JobResult, Verdict, run_job
+from axcomp.ident.job import FrictionResult, JobError, JobResult, Verdict, run_job
 from axcomp.ident.kinds.friction.entries import friction_from_list
 from axcomp.ident.report import write_report
 from axcomp.models import AbstractFriction, Conventions, StribeckFriction
@@ -180,6 +180,31 @@ def test_level_scales_the_list_and_leaves_the_knob_alone(tmp_path: Path) -> None
     # Rounding to units of 12 mA, and knots that lie beside the curve.
     assert share[half.curve.weight > 0].mean() == pytest.approx(0.5, abs=0.02)
     assert listing.integer("frict_comp.scaling_factor") == 1000
+
+
+def test_list_of_a_controller_that_subtracts_its_entries_is_turned(
+    tmp_path: Path,
+) -> None:
+    record(tmp_path)
+    (tmp_path / "rules.toml").write_text("[verified]\nfriction_sign = -1\n")
+    rules = '[machine]\nconventions = "rules.toml"'
+    found = friction(run(tmp_path, keys=FULL, axis=rules))
+    listing = ListFile.read(tmp_path / "out" / "achskw1.lis")
+    out = np.array(list(listing.table("frict_comp", "out").values()))
+    # Current = −out: 2 A of friction are −167 units of 12 mA.
+    assert out.max() < -100
+    assert found.error["from_file"].sound.rms < 1.2 * NOISE
+
+
+def test_level_of_nothing_is_refused_and_more_than_all_is_warned_of(
+    tmp_path: Path,
+) -> None:
+    record(tmp_path)
+    with pytest.raises(JobError, match=r"level: found 0, expected greater than 0"):
+        run(tmp_path, keys=f"{PLAIN}\nlevel = 0")
+    found = friction(run(tmp_path, keys=f"{PLAIN}\nlevel = 1.2"))
+    assert any("more than there is shakes" in r.message for r in found.remarks)
+    assert not any("cautious" in remark.message for remark in found.remarks)
 
 
 @pytest.mark.parametrize(("settled", "level"), [(False, 0.15), (True, 1.0)])

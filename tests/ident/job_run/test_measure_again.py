@@ -150,6 +150,17 @@ def test_flipped_machine_is_named_and_nothing_is_called_verified(
     assert "Verified:" not in page
 
 
+def test_list_that_was_not_active_is_asked_for_and_taken_out(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    after = after_job(job.parent, 1.0)
+    (job.parent / "after.csv").write_bytes((job.parent / "laser.csv").read_bytes())
+    assert fit(job, "--after", str(after)) == 1
+    assert fitted(job)["verdict"] == "rejected"
+    said = " ".join(capsys.readouterr().err.split())
+    assert "is not active" in said or "is it active?" in said
+
+
 def test_job_run_again_with_the_settled_sign_turns_the_list(job: Path) -> None:
     fit(job, "--after", str(after_job(job.parent, -1.0)))
     saved = (job.parent / "out" / "conventions.toml").read_bytes()
@@ -341,3 +352,14 @@ def test_scatter_of_a_real_run_table_settles_nothing(
     assert fit(job, "--after", str(after)) == 1
     assert fitted(job)["verified_by"] is None
     assert not (tmp_path / "out" / "conventions.toml").exists()
+
+
+def test_error_that_grows_speaks_against_a_list_that_promised_nothing(
+    tmp_path: Path,
+) -> None:
+    # Its runs scatter by more than a table takes off; thirty times the table is no scatter.
+    job = real_job(tmp_path, W42, [-4, -2, 0, 2, 4], range(1, 4))
+    after = after_job(tmp_path, 1.0)
+    real_runs(tmp_path / "after.csv", W42, range(4, 6), 30.0)
+    assert fit(job, "--after", str(after)) == 1
+    assert fitted(job)["verdict"] == "rejected"

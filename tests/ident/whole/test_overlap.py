@@ -93,3 +93,17 @@ def test_plane_beside_a_cross_that_is_switched_off_replaces_it(tmp_path: Path) -
     machine = ListFile.read(tmp_path / "out" / "achsmds3.lis")
     assert machine.integer("lr_param.crosscomp") == 0
     assert machine.integer("lr_param.crosscomp2") == 1
+
+
+def test_axis_whose_list_cannot_be_read_is_not_let_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    probe(tmp_path)
+    lost = cross_list().replace("kw.crosscomp.master_ax_nr 2\n", "")
+    (tmp_path / "z.lis").write_text(lost)
+    (tmp_path / "zm.lis").write_text(ON)
+    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    assert fit(tmp_path, axes + measured("probe", 'active = ["cross"]') + PLANE) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "What acts on Z cannot be judged as a whole" in said
+    assert "switch its compensation off in the axis list" in said

@@ -141,6 +141,36 @@ def test_bilateral_table_switches_the_backlash_of_the_axis_list_off(
     assert machine.integer("lr_param.anwahl_losekomp") == 0
 
 
+def test_bilateral_table_asks_whether_the_backlash_that_it_takes_over_was_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Measured with the backlash on: the table would not hold it, and switch it off.
+    laser(tmp_path, width=0.0)
+    (tmp_path / "xm.lis").write_text(
+        "kopf.achs_nr 1\nlr_param.anwahl_losekomp 1\ngetriebe[0].lose 80\n"
+    )
+    text = JOB.format(axis='machine_data = "xm.lis"', active="", bilateral="true")
+    assert fit(tmp_path, text) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "found no active" in said
+    assert "switches on the backlash of X, which this leadscrew takes over" in said
+    assert "active = [] if it was off" in said
+
+
+def test_slope_that_is_the_instruments_stays_with_the_temperature(
+    tmp_path: Path,
+) -> None:
+    laser(tmp_path, slope=SLOPE)
+    (tmp_path / "xm.lis").write_text(HEAT)
+    text = JOB.format(
+        axis='machine_data = "xm.lis"', active="active = []", bilateral="false"
+    )
+    assert fit(tmp_path, text.replace('"none"', '"line"')) == 0
+    added = screw_by_hand(ListFile.read(tmp_path / "out" / "achskw1.lis"))
+    # No reading tells a slope: undoing that of the axis list would take 50 µm/m.
+    assert abs(np.polyfit(PLACES, added, 1)[0]) < 0.05 * SLOPE
+
+
 def test_half_a_gantry_is_stopped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -161,11 +191,61 @@ def test_gantry_whose_partner_has_its_own_list_passes(tmp_path: Path) -> None:
     assert [c["passed"] for c in whole["gate"] if c["name"] == "gantry"] == [True]
 
 
-def gantry(folder: Path) -> None:
+def gantry(folder: Path, size: float = 0.03, name: str = "line") -> None:
     rng = np.random.default_rng(22)
     x = np.tile(np.arange(0.0, 401.0, 25.0), 2)
-    error = 0.03 * np.sin(np.pi * x / 400.0) + NOISE * rng.standard_normal(len(x))
-    table(folder / "line.csv", "x,dy", x, error)
+    error = size * np.sin(np.pi * x / 400.0) + NOISE * rng.standard_normal(len(x))
+    table(folder / f"{name}.csv", "x,dy", x, error)
+
+
+BOTH = GANTRY.format(partner="") + GANTRY[GANTRY.index("[measurements") :].format(
+    partner=""
+).replace("line", "far").replace("Y.error", "Y2.error").replace('"Y"', '"Y2"')
+"""Both partners of the gantry fitted, each to its own measurement."""
+
+
+def gantry_gates(folder: Path) -> list[bool]:
+    """Return of each partner whether the gate lets it out with the other."""
+    whole = json.loads((folder / "out" / "result.json").read_text())["whole"]
+    return [
+        c["passed"]
+        for axis in whole.values()
+        for c in axis["gate"]
+        if c["name"] == "gantry"
+    ]
+
+
+def test_gantry_partner_stays_back_with_the_one_that_its_own_gate_stops(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gantry(tmp_path)
+    gantry(tmp_path, size=0.35, name="far")
+    assert fit(tmp_path, BOTH) == 1
+    # 0.35 mm at once stops Y2; Y alone would twist the gantry.
+    assert not list((tmp_path / "out").glob("*.lis"))
+    said = " ".join(capsys.readouterr().err.split())
+    assert "Y2 is the gantry partner of Y and is stopped by its own gate" in said
+
+
+def test_gantry_whose_partners_do_not_come_together_is_stopped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gantry(tmp_path)
+    gantry(tmp_path, name="far")
+    assert fit(tmp_path, BOTH) == 0
+    assert gantry_gates(tmp_path) == [True, True]
+    assert fit(tmp_path, BOTH + "manual_activation = true\n") == 1
+    assert gantry_gates(tmp_path) == [False, False]
+    assert "Let both wait for COMP ON, or none" in capsys.readouterr().err.replace(
+        "\n", " "
+    )
+
+
+def test_gantry_whose_partner_has_a_table_of_zeros_is_stopped(tmp_path: Path) -> None:
+    gantry(tmp_path)
+    (tmp_path / "achskw4.lis").write_text(cross_list(number=4, master=1, size=0.0))
+    assert fit(tmp_path, GANTRY.format(partner='list = "achskw4.lis"')) == 1
+    assert gantry_gates(tmp_path) == [False]
 
 
 def test_slope_that_leadscrew_and_temperature_both_correct_is_stopped(
