@@ -11,9 +11,11 @@ WORKERS ?= 2
 demo: $(INSTALLED)
 	$(BIN)/axcomp demo --out axcomp-demo
 
-# More than half of it is compilation. These emitters of XLA compile in half the time; what
-# users compile with is tested by `make wheel-test` and `make test-all`.
+# More than half of it is compilation. With these emitters of XLA and few optimisations it
+# takes a quarter of the time; what users compile with is tested by `make wheel-test` and
+# `make test-all`.
 test: export XLA_FLAGS += --xla_cpu_use_fusion_emitters=false
+test: export JAX_DISABLE_MOST_OPTIMIZATIONS := 1
 test: $(INSTALLED)
 	$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not heavy"
 

@@ -266,9 +266,10 @@ def _summed(own: Case, values: np.ndarray) -> dict[str, np.ndarray]:
         for effect in own.effects:
             if effect.axis != axis:
                 continue
-            part = effect.placed(own.data).block(own.data).columns
-            total += part @ values[first : first + effect.size]
-            first += effect.size
+            placed = effect.placed(own.data)
+            columns = placed.block(own.data).columns
+            total += columns @ values[first : first + placed.size]
+            first += placed.size
         result[axis] = total + values[first]
         first += 1
     return result

@@ -124,7 +124,11 @@ def test_rough_plane_comes_back_as_well_as_with_the_best_fixed_smoothness() -> N
 
 @pytest.mark.parametrize(
     "name",
-    [SMOOTH[0], *(pytest.param(name, marks=pytest.mark.slow) for name in SMOOTH[1:])],
+    [
+        SMOOTH[0],
+        pytest.param(SMOOTH[1], marks=pytest.mark.heavy),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in SMOOTH[2:]),
+    ],
 )
 def test_smooth_plane_comes_back_better_than_with_the_best_fixed_smoothness(
     name: str,

@@ -27,6 +27,8 @@ _WORTH = 4.0
 _STEP = 0.02
 """Step in a lag for its slope, as a share of it."""
 _RIDGE = 1e-9
+_SEEN = 1e-9
+"""Least share of a lag's effect that counts as its own beside all other unknowns."""
 
 Vector = Float[np.ndarray, " _n"]
 Profile = Callable[[Mapping[str, float]], tuple[float, Vector]]
@@ -120,9 +122,7 @@ def _with_deviations(
     post = fit.posterior
     response = post.factor.solve(np.asarray(design.columns.T @ seen))
     direction = change - design.columns @ response
-    information = seen.T @ direction
-    information += 1e-12 * np.trace(information) * np.eye(len(shown))
-    deviation = np.sqrt(post.variance * np.diag(np.linalg.inv(information)))
+    deviation = np.sqrt(post.variance * lag_variances(seen, direction))
     none = FoundLag(0.0, 0.0, np.zeros(design.size), np.zeros(len(design.rows)))
     return dict.fromkeys(lags, none) | {
         sensor: FoundLag(
@@ -130,6 +130,23 @@ def _with_deviations(
         )
         for k, sensor in enumerate(shown)
     }
+
+
+def lag_variances(
+    seen: Float[np.ndarray, "r k"], direction: Float[np.ndarray, "r k"]
+) -> Float[np.ndarray, " k"]:
+    """Return the variances of lags for noise of variance 1.
+
+    Where tables of little smoothness do all that a lag does, next to nothing is left of it,
+    of either sign once wild readings are gone: such a lag counts as hardly seen.
+
+    Args:
+        seen: Change of the readings that are believed, per s of each lag.
+        direction: The same less what all other unknowns do of it.
+    """
+    scale = np.sqrt((seen**2).sum(axis=0))
+    values, ways = np.linalg.eigh(seen.T @ direction / np.outer(scale, scale))
+    return np.asarray((ways**2 / np.maximum(values, _SEEN)).sum(axis=1) / scale**2)
 
 
 def _heated(

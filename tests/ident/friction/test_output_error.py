@@ -25,6 +25,9 @@ from axcomp.ident.friction import (
 from axcomp.ident.friction._simulate import Drive, Excitation, padded, travel
 from axcomp.models import StribeckFriction
 
+# Simulations take longer than a compilation with few optimisations saves.
+pytestmark = pytest.mark.usefixtures("optimised")
+
 EMPS = Path(__file__).parents[3] / "../shared/data/emps/DATA_EMPS.mat"
 CYCLE = 1e-3  # s
 TRUTH = np.array([0.095, -3.0, 20.0, 0.2])  # inertia, offset, coulomb, viscous

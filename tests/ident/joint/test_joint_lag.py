@@ -14,6 +14,7 @@ from axcomp.ident.fit.joint import (
     Temperature,
     fit_joint,
 )
+from axcomp.ident.fit.joint._lag import lag_variances
 
 LAG = 90.0
 
@@ -85,3 +86,12 @@ def test_lag_that_is_not_there_is_none() -> None:
     lag, deviation = fit_joint(still, stack[1:]).parts[1].lags["T"]
     assert lag == 0.0
     assert deviation == 0.0
+
+
+def test_lag_that_rough_tables_do_all_of_has_a_deviation_beyond_any_lag() -> None:
+    # Seen on the machine with everything: wild rows that are gone leave less than nothing.
+    seen = np.array([[1e-3, 0.0], [0.0, 2e-3]])
+    left = seen * np.array([-1e-5, 1.0])
+    hidden, alone = np.sqrt(lag_variances(seen, left))
+    assert hidden > 1e7
+    assert alone == pytest.approx(500.0)
