@@ -42,6 +42,8 @@ def _unnamed_corner(head: str) -> str | None:
     0, these also are of another size than all other numbers: it may be a plain table.
     """
     top, _, rest = head.partition("\n")
+    if not top.strip():
+        return None
     mark = next((each for each in ";\t," if each in top), None)
     rows = [
         line.split(mark) for line in (top, *rest.split("\n")[:_LOOK]) if line.strip()

@@ -1,5 +1,6 @@
 """TDMS files of LabVIEW and DIAdem: channels are the columns."""
 
+import logging
 import struct
 from pathlib import Path
 from typing import Any
@@ -27,8 +28,10 @@ def read_tdms(path: Path) -> Table:
     """
     try:
         import nptdms
+        from nptdms.log import log_manager
     except ImportError:
         raise missing_library(path, "TDMS", "npTDMS") from None
+    log_manager.set_level(logging.ERROR)  # what it warns of is refused below, in a line
     found: list[Array] = []
     try:
         with nptdms.TdmsFile.open(path) as file:

@@ -200,7 +200,7 @@ class _Passes:
         plain = self._solved(problem, self._light(problem)).about()
         other = self._robust(self._chosen(plain, None))
         kept = other.posterior.problem.count > found.posterior.problem.count
-        return other if kept and other.noise < found.noise else found
+        return other if kept and other.noise < 0.5 * found.noise else found
 
     def _problem(self, sums: Sums, theta: Vector, gain: float = 1.0) -> Problem:
         return Problem.of(sums, theta, gain, self.pins)

@@ -95,8 +95,8 @@ def test_a_library_that_is_missing_is_named_in_one_line(
 
 
 @pytest.mark.parametrize("share", [0.3, 0.7, 0.95])
-def test_binary_files_that_were_cut_off_are_refused(
-    tmp_path: Path, share: float
+def test_binary_files_that_were_cut_off_are_refused_without_other_words(
+    tmp_path: Path, share: float, capfd: pytest.CaptureFixture[str]
 ) -> None:
     h5py, nptdms = pytest.importorskip("h5py"), pytest.importorskip("nptdms")
     whole = tmp_path / "a.h5", tmp_path / "a.tdms"
@@ -108,6 +108,7 @@ def test_binary_files_that_were_cut_off_are_refused(
         path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
         with pytest.raises(MeasurementError, match=r"damaged|cut off"):
             read_table(path)
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize(
