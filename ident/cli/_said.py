@@ -37,10 +37,10 @@ def print_json(tree: object) -> None:
 
 
 def wide_console() -> "Console":
-    """Return standard error for tables: a log or a pipe has no edge to wrap at."""
+    """Return standard output for tables: a log or a pipe has no edge to wrap at."""
     from rich.console import Console
 
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = Console(highlight=False, soft_wrap=True)
     if not console.is_terminal:
         console.width = 160
     return console

@@ -51,7 +51,7 @@ def demo(
             from ...report import write_picture
 
             write_picture(result.job, picture)
-    _print(Console(stderr=True, highlight=False), out, result)
+    _print(Console(highlight=False), out, result)
     if as_json:
         print_json(_as_dict(result))
     if not (result.job.passed and result.work.job.passed):

@@ -45,7 +45,7 @@ def fit(
         from ...report import write_report
 
         report = write_report(result, out)
-    console = Console(stderr=True, highlight=False)
+    console = Console(stderr=as_json, highlight=False)
     print_result(console, result, out, report, start)
     if as_json:
         typer.echo(result_json(result), nl=False)

@@ -45,7 +45,7 @@ def check(
     for finding in findings:
         known = not finding.expected or finding.expected in finding.message
         expected = "" if known else f"; expected {finding.expected}"
-        typer.echo(f"{finding}{expected}", err=True)
+        typer.echo(f"{finding}{expected}", err=as_json)
     counts = {
         level: sum(finding.level == level for finding in findings)
         for level in ("error", "warning", "info")
@@ -54,7 +54,7 @@ def check(
     parts = [f"{counts[k]} {noun}{'s' * (counts[k] != 1)}" for k, noun in nouns.items()]
     summary = ", ".join(parts) if findings else "nothing found"
     typer.echo(
-        f"{len(lists)} list{'s' * (len(lists) != 1)} checked: {summary}", err=True
+        f"{len(lists)} list{'s' * (len(lists) != 1)} checked: {summary}", err=as_json
     )
     if counts["error"] or (strict and counts["warning"]):
         raise typer.Exit(1)

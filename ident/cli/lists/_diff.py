@@ -31,7 +31,7 @@ def diff(
         print_json(_tree(found))
     else:
         for line in _lines(found):
-            typer.echo(line, err=True)
+            typer.echo(line)
     if out is not None:
         from ._list_plots import draw_tables
 

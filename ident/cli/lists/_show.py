@@ -15,16 +15,15 @@ def show(
     out: Plots = None,
 ) -> None:
     """Show a list: its parameters with their meaning, its tables in mm and µm."""
-    import sys
-
     from rich.console import Console
 
     from ....data.lists import offset_curves
     from ._show_tables import list_views
 
     shown = read_shown_list(file)
-    width = None if sys.stderr.isatty() else 120
-    console = Console(stderr=True, width=width, highlight=False, soft_wrap=False)
+    console = Console(highlight=False, soft_wrap=False)
+    if not console.is_terminal:
+        console.width = 120
     for view in list_views(shown):
         console.print(view)
     if out is not None:

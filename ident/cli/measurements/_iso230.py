@@ -84,7 +84,7 @@ def iso230(
     else:
         _print(files, tests, unit, found[last].axis)
     if verdict is not None:
-        typer.echo(verdict["sentence"], err=True)
+        typer.echo(verdict["sentence"], err=as_json)
     for path in charts:
         typer.echo(f"wrote {path}", err=True)
     if verdict is not None and not verdict["passed"]:

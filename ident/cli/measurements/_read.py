@@ -55,7 +55,7 @@ def read(
         print_json(_as_dict(table, problems))
     else:
         _print(table)
-        typer.echo(f"A job for it: axcomp new {shlex.quote(str(file))}", err=True)
+        typer.echo(f"A job for it: axcomp new {shlex.quote(str(file))}")
     for problem in problems:
         typer.echo(f"axcomp: {problem}", err=True)
     if problems:
