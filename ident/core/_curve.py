@@ -157,6 +157,7 @@ def regress_curve(
         )
 
     found = fit_columns(columns, target, known, loss, floor, shapes)
+    still = False
     for _ in range(_ROUNDS):
         shapes = better(found, shapes)
         columns, before = columns_at(shapes), found.residual

@@ -151,7 +151,7 @@ def test_machine_whose_sign_is_flipped_is_named(
     out = tmp_path / "out"
     command = ["fit", str(demo / "job.toml"), "--out", str(out)]
     assert main([*command, "--after", str(folder / "job.toml")]) == 1
-    assert capsys.readouterr().err.count("the list doubles the error: sign") == 3
+    assert capsys.readouterr().out.count("the list doubles the error: sign") == 3
     result = json.loads((out / "result.json").read_text())
     for fit in result["fits"][:3]:
         assert fit["verdict"] == "rejected"

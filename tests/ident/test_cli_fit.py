@@ -62,14 +62,14 @@ def test_fit_writes_lists_report_and_result(
     assert main(["fit", str(job), "--out", str(out)]) == 0
     waited = time.monotonic() - start
     shown = capsys.readouterr()
-    stated = re.search(r"Done \(([0-9.]+) s\)", shown.err)
+    stated = re.search(r"Done \(([0-9.]+) s\)", shown.out)
     assert stated is not None
     # The report and what is loaded are part of it, all but reading the command line.
     assert 0.7 * waited < float(stated[1]) < waited + 0.1
-    assert shown.out == ""
+    assert shown.err == ""
     for word in ("leadscrew of X", "before", "predicted", "from file", "gate: passed"):
-        assert word in shown.err
-    assert "report.html" in shown.err
+        assert word in shown.out
+    assert "report.html" in shown.out
     names = {path.name for path in out.iterdir()}
     assert {"achskw1.lis", "result.json", "report.html"} <= names
 
@@ -100,7 +100,7 @@ def test_failed_gate_ends_with_1_and_says_so(
     job.write_text(JOB + "[gate]\nmax_reversal = 0.001\n")
     out = job.parent / "out"
     assert main(["fit", str(job), "--out", str(out)]) == 1
-    shown = capsys.readouterr().err
+    shown = capsys.readouterr().out
     assert "gate: FAILED max_reversal" in shown
     assert "NOT PASSED" in shown
     assert (out / "report.html").is_file()

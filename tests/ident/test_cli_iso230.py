@@ -72,7 +72,7 @@ def test_iso230_fails_a_test_beyond_its_tolerance(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], tolerance: str
 ) -> None:
     assert main(["iso230", str(laser(tmp_path)), "--tolerance", tolerance]) == 1
-    shown = capsys.readouterr().err
+    shown = capsys.readouterr().out
     assert "FAIL: A = " in shown
     assert "> tolerance 10.0 µm (before.csv)" in shown
 
@@ -110,11 +110,11 @@ def test_iso230_passes_no_truncated_run_table(
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     command = ["iso230", str(path), "--tolerance", "10um"]
     assert main(command) == 1
-    assert "FAIL: A = " in capsys.readouterr().err
+    assert "FAIL: A = " in capsys.readouterr().out
     # Three whole cycles of five: equal numbers of runs, and all of them good.
     path.write_text("\n".join(lines[: 6 + 18]) + "\n", encoding="utf-8")
     assert main(command) == 1
-    shown = capsys.readouterr().err
+    shown = capsys.readouterr().out
     assert "NOT JUDGED: A = 4.0 µm ≤ tolerance 10.0 µm" in shown
     assert "12 readings that the file announces are missing" in shown
 
@@ -126,7 +126,7 @@ def test_iso230_passes_no_test_that_ends_within_its_second_run(
     short = tmp_path / "short.csv"
     short.write_text("\n".join(lines[: 1 + 10 + 7]) + "\n", encoding="utf-8")
     assert main(["iso230", str(short), "--tolerance", "0.5"]) == 1
-    shown = capsys.readouterr().err
+    shown = capsys.readouterr().out
     assert "NOT JUDGED: A = " in shown
     assert "it leaves out targets with a single approach: 0, 25, 50" in shown
 

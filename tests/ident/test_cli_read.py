@@ -34,16 +34,16 @@ def test_read_prints_json_for_machines(
     assert found["skipped"] == [{"line": 1, "reason": "comment"}]
 
 
-def test_read_tells_people_on_standard_error(
+def test_read_tells_people_on_standard_output(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = put(tmp_path, "target,error,run,direction\n0,0.001,1,1\n10,0.002,1,-1\n")
     assert main(["read", str(path)]) == 0
     shown = capsys.readouterr()
-    assert shown.out == ""
-    assert "laser table, 2 rows" in shown.err
-    assert "<axis>.position" in shown.err
-    assert "Nothing was skipped." in shown.err
+    assert shown.err == ""
+    assert "laser table, 2 rows" in shown.out
+    assert "<axis>.position" in shown.out
+    assert "Nothing was skipped." in shown.out
 
 
 @pytest.mark.parametrize("cell", ["abc", "nan", "inf"])
@@ -103,7 +103,7 @@ def test_read_says_how_a_table_is_written(
 ) -> None:
     path = put(tmp_path, GERMAN)
     assert main(["read", str(path)]) == 0
-    said = capsys.readouterr().err
+    said = capsys.readouterr().out
     assert "Cells separated by semicolons, decimal comma" in said
     assert "header in line 3, 4, units in line 5, titles in line 1, 2" in said
     assert "<axis>.error, run 1 -" in said

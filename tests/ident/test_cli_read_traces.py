@@ -49,7 +49,7 @@ def test_scope_export_shows_samples_and_sample_time_of_each_channel(
     assert found["first"] == [0.0, 1.5, -2.5]
     assert found["last"] == [2.0, 3.5, -6.0]
     main(["read", str(path)])
-    assert "0.5 ms" in capsys.readouterr().err
+    assert "0.5 ms" in capsys.readouterr().out
 
 
 def test_scalars_of_a_matlab_file_are_shown(
@@ -61,7 +61,7 @@ def test_scalars_of_a_matlab_file_are_shown(
     found = json.loads(capsys.readouterr().out)
     assert found["scalars"] == [{"name": "kp", "value": 160.18}]
     main(["read", str(path)])
-    assert "scalar kp = 160.18" in capsys.readouterr().err
+    assert "scalar kp = 160.18" in capsys.readouterr().out
 
 
 def test_damaged_export_ends_in_one_line_and_status_1(

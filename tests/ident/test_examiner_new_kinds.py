@@ -10,6 +10,7 @@ from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
 from axcomp.ident.friction import place_knots
 from axcomp.ident.job import BacklashResult, JobResult, run_job
+from axcomp.ident.report import scale_of
 
 from .thermal_line import fitted, readings
 
@@ -113,7 +114,7 @@ def test_backlash_of_a_rotary_axis_is_told_in_degrees(
     found = run(tmp_path, BACKLASH, 'type = "rotary"').fits[0]
     assert isinstance(found, BacklashResult)
     words = [remark.message for remark in found.remarks]
-    assert found.shown[0] == "0.001°"
+    assert scale_of(found.unit).error == "0.001°"
     assert not any("µm" in each for each in words)
 
 
@@ -190,6 +191,6 @@ def test_nothing_is_said_of_rejected_lists_where_none_was(
         "rated_current = 10.0\ntorque_unit = 0.001\n"
     )
     assert main(["fit", str(job), "--out", str(tmp_path / "out")]) == 1
-    said = capsys.readouterr().err
+    said = capsys.readouterr().out
     assert "NOT PASSED" in said
     assert "rejected lists" not in said
