@@ -34,8 +34,7 @@ _CHANGED = 1e-4
 _FURTHEST = 9.0
 """Moves by which a pass may begin ahead of where the last one ended."""
 _UNLIKELY = 0.05
-"""Share of wild readings from which on the fit begins once more, from least squares; of few
-readings, which only their neighbours judge, any wild one."""
+"""Share of wild readings from which on the fit begins once more, from least squares."""
 _PLENTY = 10.0
 """Readings per unknown from which on they judge each other, without their neighbours."""
 
@@ -191,9 +190,8 @@ class _Passes:
         problem = self._problem(far, theta)
         found = self._robust(self._solved(problem, self._light(problem)))
         total = float(matrix.tally[0])
-        left = total - float(found.posterior.problem.count)
-        believed = 0.0 if total < _PLENTY * self.stack.size else _UNLIKELY * total
-        if self.fixed is not None or (found.converged and left <= believed):
+        few = total - float(found.posterior.problem.count) <= _UNLIKELY * total
+        if self.fixed is not None or (found.converged and few):
             return found
         # A first table too smooth takes a bend for wild readings: least squares bends.
         problem = self._problem(matrix, theta)
