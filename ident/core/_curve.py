@@ -8,31 +8,32 @@ Source: L. Kaufman, A variable projection method for solving separable nonlinear
 problems, BIT 15, 1975.
 """
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from scipy.optimize import least_squares
 
 from ...models import Setpoints
 from ._errors import FitError
 from ._factor import SINGULAR
 from ._regression import (
+    LOOSE,
+    TIGHT,
     Regression,
-    fit_columns,
+    estimate,
+    iterate,
     least_scale,
     refuse_confounded,
+    regress,
     with_covariance,
 )
 
-_TRIALS, _ROUNDS = 8, 60
-"""Evaluations of a curve in each round, and rounds at most; the next one goes on from there."""
-TIGHT, LOOSE = 1e-3, 1e-2
-"""Last move of any fitted value, in scales, at which the rounds end."""
+_TRIALS = 8
+"""Evaluations of a curve in each robust pass; the next pass goes on from there."""
 _SIZES, _NODES = (1 << 10, 1 << 12), 12
 """Rows are filled up to these, beyond to powers of two, and nodes up to so many: compiled code
 serves again."""
@@ -85,9 +86,6 @@ def regress_curve(
 ) -> tuple[Float[np.ndarray, " s"], Regression]:
     """Return non-linear parameters of columns, and the regression at their best values.
 
-    Rounds of the robust regression for given parameters, and of the parameters that fit its
-    pseudo-readings.
-
     Args:
         columns_at: Columns per reading for values of the non-linear parameters.
         target: Readings.
@@ -107,68 +105,74 @@ def regress_curve(
     Raises:
         FitError: If columns and parameters cannot be separated.
     """
-    known, floor = np.ones(len(target)), least_scale(target)
-    shapes = np.clip(start, *bounds)
-    columns = columns_at(shapes)
-    size = columns.shape[1] + len(start)
-    if len(target) <= size:
-        msg = f"{len(target)} readings for {size} unknowns, expected more."
+    known = np.ones(len(target))
+    first = columns_at(start)
+    size = first.shape[1]
+    if len(target) <= size + len(start):
+        msg = f"{len(target)} readings for {size + len(start)} unknowns, expected more."
         raise FitError(msg)
-    refuse_confounded(columns, names)
+    begin = regress(first, target, names=names, loss=loss, quick=True).coefficients
 
-    def slopes(
-        shapes: Float[np.ndarray, " s"], linear: Float[np.ndarray, " k"]
-    ) -> Float[np.ndarray, "t s"]:
+    def slopes(value: Float[np.ndarray, " p"]) -> Float[np.ndarray, "t s"]:
         """Return the change of the fit with each non-linear parameter."""
         result = np.empty((len(target), len(width)))
         for k, step in enumerate(np.diag(width)):
-            ends = [columns_at(shapes + sign * step) for sign in (1.0, -1.0)]
-            result[:, k] = (ends[0] - ends[1]) @ linear / (2.0 * width[k])
+            ends = [columns_at(value[size:] + sign * step) for sign in (1.0, -1.0)]
+            result[:, k] = (ends[0] - ends[1]) @ value[:size] / (2.0 * width[k])
         return result
 
-    def better(
-        found: Regression, shapes: Float[np.ndarray, " s"]
-    ) -> Float[np.ndarray, " s"]:
-        """Return the parameters that fit the pseudo-readings of a fit best."""
-        good = ~found.wild
-        aim = (target - found.residual + found.pseudo)[good]
+    def residual_at(value: Float[np.ndarray, " p"]) -> Float[np.ndarray, " t"]:
+        return np.asarray(target - columns_at(value[size:]) @ value[:size])
+
+    def solve(
+        value: Float[np.ndarray, " p"],
+        pseudo: Float[np.ndarray, " t"],
+        wild: Bool[np.ndarray, " t"],
+    ) -> Float[np.ndarray, " p"]:
+        good = ~wild
+        aim = (columns_at(value[size:]) @ value[:size] + pseudo)[good]
 
         def project(
             shapes: Float[np.ndarray, " s"],
-        ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "g k"]]:
+        ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "g k"]]:
             base, triangle = np.linalg.qr(columns_at(shapes)[good])
-            return np.linalg.lstsq(triangle, base.T @ aim, rcond=SINGULAR)[0], base
+            linear = np.linalg.lstsq(triangle, base.T @ aim, rcond=SINGULAR)[0]
+            return np.concatenate([linear, shapes]), base
 
         def cost(shapes: Float[np.ndarray, " s"]) -> Float[np.ndarray, " g"]:
             _, base = project(shapes)
             return np.asarray(aim - base @ (base.T @ aim))
 
         def change(shapes: Float[np.ndarray, " s"]) -> Float[np.ndarray, "g s"]:
-            linear, base = project(shapes)
-            steep = slopes(shapes, linear)[good]
+            now, base = project(shapes)
+            steep = slopes(now)[good]
             return np.asarray(base @ (base.T @ steep) - steep)
 
+        inside = np.clip(value[size:], *(edge for edge in bounds))
         # Stubs of SciPy know a name for the derivative only.
         solver: Any = least_squares
-        return np.asarray(
-            solver(
-                cost, shapes, change, bounds=bounds, x_scale="jac", max_nfev=_TRIALS
-            ).x
+        found = solver(
+            cost, inside, change, bounds=bounds, x_scale="jac", max_nfev=_TRIALS
         )
+        return project(found.x)[0]
 
-    found = fit_columns(columns, target, known, loss, floor, shapes)
-    still = False
-    for _ in range(_ROUNDS):
-        shapes = better(found, shapes)
-        columns, before = columns_at(shapes), found.residual
-        found = fit_columns(columns, target, known, loss, floor, shapes)
-        move = float(np.abs(found.residual - before).max())
-        still = move <= (LOOSE if quick else TIGHT) * found.noise.white
-        if still:
-            break
-    design = np.hstack(
-        [columns, slopes(shapes, found.coefficients[: columns.shape[1]])]
+    last = iterate(
+        np.concatenate([begin, start]),
+        residual_at,
+        solve,
+        known,
+        size + len(start),
+        least_scale(target),
+        loss,
+        LOOSE if quick else TIGHT,
     )
+    columns = columns_at(last.value[size:])
+    design = np.hstack([columns, slopes(last.value)])
     refuse_confounded(design, names)
-    found = dataclasses.replace(found, converged=found.converged and still)
-    return shapes, found if quick else with_covariance(found, design, known, time)
+    scale = np.sqrt(np.square(design).sum(axis=0))
+    residual = target - columns @ last.value[:size]
+    result = estimate(design, residual, known, last)
+    if not quick:
+        unit = design / scale
+        result = with_covariance(result, unit, scale, known, last.pseudo, time)
+    return last.value[size:], result

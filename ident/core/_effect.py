@@ -225,12 +225,10 @@ class ColumnsEffect(AbstractEffect):
     Attributes:
         given: Prior of the unknowns.
         count: Their number.
-        held: See `AbstractEffect.ridge`.
     """
 
     given: AbstractPrior
     count: int
-    held: float = 0.0
 
     @property
     def prior(self) -> AbstractPrior:
@@ -241,11 +239,6 @@ class ColumnsEffect(AbstractEffect):
     def size(self) -> int:
         """See `AbstractEffect`."""
         return self.count
-
-    @property
-    def ridge(self) -> float:
-        """See `AbstractEffect`."""
-        return self.held
 
     def design(self, readings: Readings) -> Design:
         """See `AbstractEffect`; never called where the design is given."""

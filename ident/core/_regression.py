@@ -1,31 +1,30 @@
-"""Regression on few columns whose residuals may drift.
+"""Robust regression on few columns.
 
 For curves (thermal line, backlash, acceleration events) what the fit of a table is for tables:
-the same robust passes (`estimate`), over columns that need not be independent. What the readings
-determine is told by a pivoted factor, and the covariance is that of the estimate under residuals
-that drift (`_drift`).
+`iterate` is the one robust loop (residuals at a value → loss → pseudo-readings → solve), the
+factor of the design decides what the readings determine, and the covariance is that of the
+estimate under residuals that drift (`_drift`).
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.linalg import solve_triangular
 
 from ._drift import DriftNoise, find_drift, scatter_of_sums
-from ._effect import ColumnsEffect
 from ._errors import FitError
 from ._factor import PivotedFactor
-from ._prior import NoPrior
-from ._readings import Readings
-from ._robust import estimate, memory
-from ._stack import Stack
+from ._loss import Loss, choose_loss
 
+_PASSES = 60
+"""Robust passes at most."""
+TIGHT, LOOSE = 1e-3, 1e-2
+"""Last move of any fitted value, in scales, at which the robust passes end."""
+_FREE_PASSES = 20
+"""Passes after which a reading that was rejected once stays out."""
 _MAGNITUDES = 10
 """Passes of least magnitudes, which only begin."""
-_HELD = 1e-12
-"""Ridge of what only wild readings tell, relative to the information of the others."""
 _EXACT = 1e-6
 """Smallest scatter relative to the spread of the readings."""
 _MEMBER = 0.3
@@ -43,10 +42,9 @@ class Regression:
     Attributes:
         coefficients: One per column, then one per non-linear parameter; 0 where undetermined.
         covariance: Of the coefficients, drift of the residuals counted in; infinite on the
-            diagonal where undetermined; zeros where it was left out.
+            diagonal where undetermined.
         noise: How the residuals scatter, wild ones left out.
         residual: Reading − fit per row.
-        pseudo: Pseudo-readings of the last pass about the estimate before it, 0 where wild.
         share: Weight that the loss left each reading, 0 to 1.
         wild: Readings that the loss rejected outright.
         independent: Number of independent readings of the same total scatter that would leave
@@ -59,7 +57,6 @@ class Regression:
     covariance: Float[np.ndarray, "k k"]
     noise: DriftNoise
     residual: Float[np.ndarray, " t"]
-    pseudo: Float[np.ndarray, " t"]
     share: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
     independent: Float[np.ndarray, " k"]
@@ -70,6 +67,78 @@ class Regression:
     def standard_deviation(self) -> Float[np.ndarray, " k"]:
         """Of the coefficients; infinite where undetermined."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+@dataclasses.dataclass(frozen=True)
+class RobustPass:
+    """Where the robust passes stand.
+
+    Attributes:
+        value: What is fitted.
+        loss: Its scale is that of the residuals before this pass.
+        pseudo: Pseudo-residuals that led to the value, 0 where wild.
+        wild: Readings that the loss rejected outright.
+        converged: Whether this pass hardly moved any residual.
+    """
+
+    value: Float[np.ndarray, " p"]
+    loss: Loss
+    pseudo: Float[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+    converged: bool
+
+
+def iterate(
+    start: Float[np.ndarray, " p"],
+    residual_at: Callable[[np.ndarray], np.ndarray],
+    solve: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
+    known: Float[np.ndarray, " t"],
+    size: int,
+    floor: float,
+    loss: str = "student",
+    tolerance: float = TIGHT,
+) -> RobustPass:
+    """Return the last robust pass.
+
+    Args:
+        start: Where to begin.
+        residual_at: Reading − fit at a value.
+        solve: Least squares from a value, its pseudo-residuals and which readings are out.
+        known: Weights of the readings.
+        size: Number of parameters.
+        floor: Smallest scale to believe in.
+        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+        tolerance: Move in scales at which the passes end.
+
+    Raises:
+        FitError: If the loss rejects all but as many readings as there are parameters.
+    """
+    count, root = len(known), np.sqrt(known)
+    inflation = float(np.sqrt(count / max(count - size, 1)))
+    out = np.zeros(count, bool)
+    value, residual = start, residual_at(start)
+    step = 0
+    while True:
+        step += 1
+        chosen = choose_loss(loss, residual * root, inflation, floor)
+        ratio = residual * root / chosen.scale
+        wild = chosen.wild(ratio) | out
+        good = int((~wild).sum())
+        if wild.any() and good <= size:
+            msg = "the readings that agree with each other are too few to fit."
+            raise FitError(msg)
+        slope = np.where(wild, 0.0, chosen.slope(ratio))
+        steepness = max(float(slope.sum()) / max(good, 1), 0.1)
+        pseudo = np.where(wild, 0.0, residual * chosen.share(ratio) / steepness)
+        value = solve(value, pseudo, wild)
+        before, residual = residual, residual_at(value)
+        move = float(np.abs((residual - before) * root).max())
+        still = move <= tolerance * chosen.scale or (loss == "gauss" and step > 1)
+        if still or step == _PASSES:
+            return RobustPass(value, chosen, pseudo, wild, still)
+        if step > _FREE_PASSES:
+            # Readings at the very edge must not let the passes go round in circles.
+            out = wild
 
 
 def regress(
@@ -106,107 +175,92 @@ def regress(
     """
     count, size = columns.shape
     known = np.ones(count) if weight is None else np.asarray(weight, float)
-    weighted = columns * np.sqrt(known)[:, None]
+    root = np.sqrt(known)
+    scale = np.sqrt(np.square(columns * root[:, None]).sum(axis=0))
+    design = columns / np.where(scale > 0, scale, 1.0)
+    scale = np.where(scale > 0, scale, 1.0)
     if noise is not None:
-        size = len(_scaled_factor(weighted)[0].kept)
+        size = len(PivotedFactor.of(design * root[:, None]).kept)
     if count < size or (count == size and noise is None):
         msg = f"{count} readings for {size} unknowns, expected more than {size}."
         raise FitError(msg)
     if noise is None:
-        refuse_confounded(weighted, names)
-    found = fit_columns(columns, target, known, loss, least_scale(target, noise))
-    return found if quick else with_covariance(found, columns, known, time, noise)
+        refuse_confounded(columns * root[:, None], names)
+    factors: dict[bytes, PivotedFactor] = {}
 
+    def solve(
+        value: Float[np.ndarray, " k"],
+        pseudo: Float[np.ndarray, " t"],
+        wild: Bool[np.ndarray, " t"],
+    ) -> Float[np.ndarray, " k"]:
+        kept, readings = known * ~wild, wild.tobytes()
+        if readings not in factors:
+            factors.clear()
+            factors[readings] = PivotedFactor.of(np.sqrt(kept)[:, None] * design)
+        move = factors[readings].solve(design.T @ (kept * pseudo))
+        return np.asarray(value + move)
 
-def fit_columns(
-    columns: Float[np.ndarray, "t k"],
-    target: Float[np.ndarray, " t"],
-    known: Float[np.ndarray, " t"],
-    loss: str,
-    floor: float,
-    shapes: Float[np.ndarray, " s"] | None = None,
-) -> Regression:
-    """Return the factors of columns by robust passes, without their covariance.
-
-    Args:
-        columns: Those that are sums of others get 0.
-        target: Readings.
-        known: Their weights.
-        loss: As for `regress`.
-        floor: Smallest scale to believe in.
-        shapes: Non-linear parameters of the columns, which come after the factors.
-
-    Raises:
-        FitError: If the loss rejects all but as many readings as there are columns.
-    """
-    root = np.sqrt(known)
-    factor, scale = _scaled_factor(columns * root[:, None])
-    kept = factor.kept
-    # Orthonormal combinations: no pass loses digits, however alike the columns are.
-    basis = (columns / scale)[:, kept]
-    basis = solve_triangular(factor.triangle, basis.T, trans=1).T
-    effect = ColumnsEffect(NoPrior(len(kept)), len(kept), _HELD)
-    stack = Stack((effect,), banded=False)
-    found = estimate(
-        stack,
-        memory(stack, Readings(target, {}, known), basis),
-        loss=loss,
-        weights=lambda problem: np.zeros(0),
-        floor=floor,
-        start=_least_magnitudes(basis * root[:, None], target * root, loss),
+    last = iterate(
+        _least_magnitudes(design * root[:, None], target * root, loss),
+        lambda value: target - design @ value,
+        solve,
+        known,
+        size,
+        least_scale(target, noise),
+        loss,
+        LOOSE if quick else TIGHT,
     )
-    about = root * (target - basis @ found.centre)
-    wild, residual = found.wild(about), target - basis @ found.values
-    if wild.any() and int((~wild).sum()) <= len(kept):
-        msg = "the readings that agree with each other are too few to fit."
-        raise FitError(msg)
-    factors = np.zeros(columns.shape[1])
-    factors[kept] = solve_triangular(factor.triangle, found.values) / scale[kept]
-    coefficients = np.append(factors, [] if shapes is None else shapes)
-    size = len(coefficients)
+    result = estimate(design, target - design @ last.value, known, last)
+    result = dataclasses.replace(result, coefficients=last.value / scale)
+    if quick:
+        return result
+    return with_covariance(result, design, scale, known, last.pseudo, time, noise)
+
+
+def estimate(
+    design: Float[np.ndarray, "t k"],
+    residual: Float[np.ndarray, " t"],
+    known: Float[np.ndarray, " t"],
+    last: RobustPass,
+) -> Regression:
+    """Return what is known without the covariance."""
+    count, size = design.shape
+    ratio = residual * np.sqrt(known) / last.loss.scale
     return Regression(
-        coefficients=coefficients,
+        coefficients=last.value,
         covariance=np.zeros((size, size)),
-        noise=DriftNoise(found.noise),
+        noise=DriftNoise(last.loss.scale),
         residual=residual,
-        pseudo=found.pseudo(about) / root,
-        share=np.where(wild, 0.0, found.loss.share(root * residual / found.loss.scale)),
-        wild=wild,
-        independent=np.full(size, float(len(target))),
+        share=np.where(last.wild, 0.0, last.loss.share(ratio)),
+        wild=last.wild,
+        independent=np.full(size, float(count)),
         undetermined=np.zeros(size, bool),
-        converged=found.converged,
+        converged=last.converged,
     )
 
 
 def with_covariance(
     result: Regression,
-    columns: Float[np.ndarray, "t k"],
+    design: Float[np.ndarray, "t k"],
+    scale: Float[np.ndarray, " k"],
     known: Float[np.ndarray, " t"],
+    pseudo: Float[np.ndarray, " t"],
     time: Float[np.ndarray, " t"] | None,
     belief: float | None = None,
 ) -> Regression:
-    """Return the result with covariance, drift and what is not determined.
-
-    Args:
-        result: A fit without.
-        columns: Change of the fit with each coefficient.
-        known: Weights of the readings.
-        time: As for `regress`.
-        belief: `noise` of `regress`.
-    """
+    """Return the result with covariance, drift and what is not determined."""
     rows = ~result.wild
     clock = np.arange(len(rows), dtype=float) if time is None else np.asarray(time)
-    scale = _scaled_factor(columns * np.sqrt(known)[:, None])[1]
-    weight, part = known[rows], columns[rows] / scale
+    weight, part = known[rows], design[rows]
     factor = PivotedFactor.of(np.sqrt(weight)[:, None] * part)
-    pseudo, lacking = result.pseudo[rows], factor.undetermined
+    lacking = factor.undetermined
     # The likelihood needs the columns that stand by themselves only.
     own = part[:, np.sort(factor.kept)]
     if belief is None:
-        noise = find_drift(clock[rows], own, pseudo, weight)
+        noise = find_drift(clock[rows], own, pseudo[rows], weight)
     else:
         # Known beforehand: counts as a few readings.
-        square = float((weight * pseudo**2).sum()) + _BELIEF * belief**2
+        square = float((weight * pseudo[rows] ** 2).sum()) + _BELIEF * belief**2
         free = float(rows.sum() - own.shape[1]) + _BELIEF
         noise = DriftNoise(float(np.sqrt(square / max(free, 1.0))))
     inverse = factor.inverse()
@@ -230,15 +284,6 @@ def with_covariance(
         independent=np.where(lacking, 0.0, independent),
         undetermined=lacking,
     )
-
-
-def _scaled_factor(
-    weighted: Float[np.ndarray, "t k"],
-) -> tuple[PivotedFactor, Float[np.ndarray, " k"]]:
-    """Return the factor of weighted columns of length 1, and how long they were; 1 for 0."""
-    scale = np.sqrt(np.square(weighted).sum(axis=0))
-    scale = np.where(scale > 0, scale, 1.0)
-    return PivotedFactor.of(weighted / scale), scale
 
 
 def refuse_confounded(

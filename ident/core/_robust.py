@@ -10,14 +10,14 @@ from typing import final
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ._errors import FitError
 from ._evidence import choose_weights
 from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
 from ._posterior import Posterior, Problem
 from ._readings import Readings
-from ._stack import Matrix, Stack, compact
+from ._stack import Stack, compact
 from ._sums import Sums, loop_axes, sums_of
 
 _PASSES, _SEARCHES = 60, 6
@@ -79,15 +79,6 @@ class Estimate:
             return float(np.sqrt(self.posterior.residual_square / max(free, 1e-9)))
         return float(np.sqrt(square / max(free * good / max(count, 1.0), 1e-9)))
 
-    def wild(self, left: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
-        """Return which readings are rejected, by their residuals × √weight about `centre`."""
-        return self.loss.wild(left / self.loss.scale)
-
-    def pseudo(self, left: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
-        """Return the pseudo-readings × √weight of the same residuals, 0 where wild."""
-        share = self.loss.share(left / self.loss.scale)
-        return np.asarray(share * left / self.posterior.problem.gain)
-
     def message(self, count: int, judged: str = "") -> str:
         """Return one sentence or more on how the fit of so many readings went.
 
@@ -103,7 +94,9 @@ class Estimate:
         return " ".join(filter(None, said))
 
 
-def memory(stack: Stack, readings: Readings, columns: Matrix | None = None) -> Pass:
+def memory(
+    stack: Stack, readings: Readings, columns: sp.csr_array | None = None
+) -> Pass:
     """Return the pass over readings in memory; their design is made once.
 
     Args:
@@ -111,7 +104,7 @@ def memory(stack: Stack, readings: Readings, columns: Matrix | None = None) -> P
         readings: Any number.
         columns: Their design, where it is known.
     """
-    design = compact(columns) if isinstance(columns, sp.csr_array) else columns
+    design = None if columns is None else compact(columns)
     if design is None and loop_axes(stack, readings) is None:
         design = stack.matrix(readings)
 

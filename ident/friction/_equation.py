@@ -17,16 +17,8 @@ from jaxtyping import Bool, Float, Int
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import firwin
 
-from ..core import (
-    ColumnsEffect,
-    FitError,
-    NoPrior,
-    Readings,
-    Stack,
-    estimate,
-    least_scale,
-    memory,
-)
+from ..core import FitError
+from ..core._regression import iterate, least_scale
 from ._samples import DriveSamples, check_samples
 from ._structures import (
     KNOTS,
@@ -351,24 +343,35 @@ def weigh(equation: Equation, loss: str) -> Weights:
     free = equation.with_structure(KnotTable(True, knots))
     used = free.usable
     rows, target = free.columns(np.zeros(0))[0][used], free.target[used]
+    right = np.column_stack([rows, target])
+    every = rows.T @ right
     count, size = rows.shape
+
+    def sums(share: Float[np.ndarray, " t"]) -> Float[np.ndarray, "k k1"]:
+        less = np.flatnonzero(share < 1.0)
+        return np.asarray(
+            every - ((1.0 - share[less, None]) * rows[less]).T @ right[less]
+        )
+
+    def solve(
+        value: Float[np.ndarray, " p"],
+        pseudo: Float[np.ndarray, " t"],
+        wild: Bool[np.ndarray, " t"],
+    ) -> Float[np.ndarray, " p"]:
+        move = ridged(sums(1.0 - wild)[:, :-1], rows.T @ pseudo)
+        return np.asarray(value + move)
+
     own, limit, share = np.ones(count), np.inf, np.zeros(len(used))
     if loss != "gauss" and count > 2 * size:
-        stack = Stack((ColumnsEffect(NoPrior(size), size, _RIDGE),), banded=False)
-        found = estimate(
-            stack,
-            memory(stack, Readings(target, {}), rows),
-            loss=loss,
-            weights=lambda problem: np.zeros(0),
-            floor=least_scale(target),
+        floor = least_scale(target)
+        last = iterate(
+            np.zeros(size), lambda x: target - rows @ x, solve, own, size, floor, loss
         )
-        wild = found.wild(target - rows @ found.centre)
-        ratio = (target - rows @ found.values) / found.loss.scale
-        own = np.where(wild, 0.0, found.loss.share(ratio))
-        limit = _WILD * found.loss.scale
+        ratio = (target - rows @ last.value) / last.loss.scale
+        own = np.where(last.wild, 0.0, last.loss.share(ratio))
+        limit = _WILD * last.loss.scale
     share[used] = own
-    sums = (own[:, None] * rows).T @ np.column_stack([rows, target])
-    return Weights(share, limit, free, sums)
+    return Weights(share, limit, free, sums(own))
 
 
 def ridged(

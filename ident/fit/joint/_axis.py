@@ -68,14 +68,15 @@ class AxisFit:
 
     @cached_property
     def pseudo(self) -> Float[np.ndarray, " r"]:
-        """Pseudo-readings of the last pass, 0 where one is not believed."""
-        return self.estimate.pseudo(_about(self.design, self.data, self.estimate))
+        """Pseudo-readings of the last pass about the estimate before it, see `_pseudo`."""
+        return _pseudo(self.design, self.data, self.estimate)
 
     @cached_property
     def active(self) -> Bool[np.ndarray, " r"]:
         """Readings that are believed at all."""
         found = self.estimate
-        return ~found.wild(_about(self.design, self.data, found))
+        left = _error(self.design, self.data) - self.design.columns @ found.centre
+        return np.asarray(~found.loss.wild(left / found.loss.scale))
 
     def smoothness(self) -> dict[str, dict[str, float]]:
         """Return the weights of each table, and of the drift, by name."""
@@ -241,9 +242,13 @@ def _memory(seen: float, white: float) -> float:
     return ratio if ratio > _CHANCE else 1.0
 
 
-def _about(design: Design, data: JointData, found: Estimate) -> Float[np.ndarray, " r"]:
-    """Return the residuals about `Estimate.centre`."""
-    return np.asarray(_error(design, data) - design.columns @ found.centre)
+def _pseudo(
+    design: Design, data: JointData, found: Estimate
+) -> Float[np.ndarray, " r"]:
+    """Return the pseudo-readings about `Estimate.centre`, 0 where one is not believed."""
+    left = _error(design, data) - design.columns @ found.centre
+    share = found.loss.share(left / found.loss.scale)
+    return np.asarray(share * left / found.posterior.problem.gain)
 
 
 def fit_axis(
@@ -273,8 +278,7 @@ def fit_axis(
     unheld, found = _estimated(design, data, options, None)
     for turn in range(_LAG_ROUNDS if sensors else 0):
         before = {sensor: lags[sensor].value if turn else 0.0 for sensor in sensors}
-        pseudo = found.pseudo(_about(design, data, found))
-        lags = find_lags(design, data, found, pseudo, before)
+        lags = find_lags(design, data, found, _pseudo(design, data, found), before)
         ends = {sensor: _LAG_ENDED * lag.deviation for sensor, lag in lags.items()}
         if turn and all(abs(lags[s].value - before[s]) <= ends[s] for s in sensors):
             break
