@@ -179,7 +179,7 @@ def test_the_page_on_files_runs(
     Path("laser.csv").write_text("\n".join(lines) + "\n", "cp1252")
     (words,) = typed("docs/instrument-files.md")
     assert main(words) == 0
-    said = capsys.readouterr().err.splitlines()
+    said = capsys.readouterr().out.splitlines()
     page = (DOCS / "instrument-files.md").read_text("utf-8").split("```")[2]
     for line in page.split("\n\n")[1].splitlines():
         assert line.startswith("    …") or line.strip() in said

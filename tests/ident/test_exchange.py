@@ -86,7 +86,11 @@ def test_cross_comes_back_as_written() -> None:
 
 @pytest.mark.parametrize("bilateral", [False, True])
 @pytest.mark.parametrize(
-    "nodes", [GridNodes(-200_000, 50_000, 8), PointNodes(tuple(range(-5, 75, 10)))]
+    "nodes",
+    [
+        GridNodes(-200_000, 50_000, 8),
+        PointNodes(tuple(range(-50_000, 750_000, 100_000))),
+    ],
 )
 def test_leadscrew_comes_back_as_written(
     bilateral: bool, nodes: GridNodes | PointNodes

@@ -105,7 +105,7 @@ def _times(size: float) -> str:
     if math.isclose(factor, exact, rel_tol=1e-9) and exact == 10:
         return f"ten times {word}"
     note = " (inch for mm?)" if math.isclose(factor, 25.4, rel_tol=0.01) else ""
-    return f"{factor:.3g} times {word}{note}"
+    return f"{factor:.4g} times {word}{note}"
 
 
 def _shift(shift: tuple[float, ...], channel: AbstractChannel) -> str:

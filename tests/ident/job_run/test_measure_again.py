@@ -90,7 +90,7 @@ def test_without_a_second_measurement_the_sign_is_unproven(
     assert one["verdict"] == "unproven"
     assert one["reasons"] == [{"code": "assumed", "conventions": ["leadscrew_sign"]}]
     assert result(job)["verdict"] == "unproven"
-    assert "Computed; sign unproven. Done" in capsys.readouterr().err
+    assert "Computed; sign unproven. Done" in capsys.readouterr().out
 
 
 def test_load_sheet_begins_with_a_dial_and_ends_with_the_second_measurement(
@@ -130,7 +130,7 @@ def test_flipped_machine_is_named_and_nothing_is_called_verified(
 ) -> None:
     after = after_job(job.parent, -1.0)
     assert fit(job, "--after", str(after)) == 1
-    shown = capsys.readouterr().err
+    shown = capsys.readouterr().out
     assert "the list doubles the error: sign" in shown
     assert "NOT CONFIRMED" in shown
     one = fitted(job)
@@ -157,7 +157,7 @@ def test_list_that_was_not_active_is_asked_for_and_taken_out(
     (job.parent / "after.csv").write_bytes((job.parent / "laser.csv").read_bytes())
     assert fit(job, "--after", str(after)) == 1
     assert fitted(job)["verdict"] == "rejected"
-    said = " ".join(capsys.readouterr().err.split())
+    said = " ".join(capsys.readouterr().out.split())
     assert "is not active" in said or "is it active?" in said
 
 
@@ -185,7 +185,7 @@ def test_rerun_keeps_the_verification_and_changed_lists_lose_it(
     assert fitted(job)["verdict"] == "unproven"
     assert fitted(job)["verified_by"] is None
     assert "(after.toml) no longer counts: the lists have changed" in (
-        capsys.readouterr().err
+        capsys.readouterr().out
     )
 
 
@@ -197,7 +197,7 @@ def test_second_measurement_that_changed_no_longer_counts(
     capsys.readouterr()
     assert fit(job) == 0
     assert fitted(job)["verdict"] == "unproven"
-    assert "it has changed since, or is gone" in capsys.readouterr().err
+    assert "it has changed since, or is gone" in capsys.readouterr().out
 
 
 def test_second_measurement_of_other_lists_is_refused_and_nothing_written(
@@ -232,7 +232,7 @@ def test_new_lists_are_written_where_the_named_measurement_is_of_old_ones(
     job.write_text(text + '[verify]\njob = "after.toml"\n')
     assert fit(job) == 0
     assert fitted(job)["verdict"] == "unproven"
-    said = " ".join(capsys.readouterr().err.split())
+    said = " ".join(capsys.readouterr().out.split())
     assert "of [verify] (after.toml) does not count" in said
     assert "load its lists and measure again" in said
 
@@ -245,7 +245,7 @@ def test_sign_that_a_log_settled_is_not_turned_by_an_instrument(
     state_conventions(job)
     assert fit(job, "--after", str(after_job(job.parent, -1.0))) == 1
     assert (job.parent / "mill.toml").read_text() == rules
-    assert "was settled before and stays" in capsys.readouterr().err
+    assert "was settled before and stays" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("added", [1.0, -1.0])

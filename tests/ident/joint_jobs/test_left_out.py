@@ -212,7 +212,7 @@ def test_a_terminal_reads_the_group_first_and_nothing_twice(
     fits = entry("leadscrew", "X", LINE, "g") + entry("backlash", "X", "", "g")
     path = job(tmp_path, rising, fits + entry("temperature", "X", WARM, "g"))
     assert main(["fit", str(path), "--out", str(tmp_path / "out")]) == 1
-    said = capsys.readouterr().err
+    said = capsys.readouterr().out
     assert "group g: 3 fits as one" in said
     rows = [line for line in said.splitlines() if line.startswith("│")]
     assert any("backlash of X" in row and "written" in row for row in rows)

@@ -50,4 +50,4 @@ def test_the_first_list_is_made_loaded_and_verified(
                 measured_again(tmp_path)
                 job = Path("after.toml")
             assert main(words) == 0, f"{line}: {capsys.readouterr().err}"
-    assert "verified" in capsys.readouterr().err.casefold()
+    assert "verified" in capsys.readouterr().out.casefold()

@@ -86,7 +86,7 @@ def test_reading_a_file_ends_with_the_command_that_makes_a_job(
     file = tmp_path / "laser x.csv"
     file.write_text(LASER)
     main(["read", str(file)])
-    assert capsys.readouterr().err.rstrip().endswith(f"axcomp new '{file}'")
+    assert capsys.readouterr().out.rstrip().endswith(f"axcomp new '{file}'")
 
 
 def test_axes_named_on_the_command_line_are_not_asked_for(tmp_path: Path) -> None:

@@ -104,6 +104,6 @@ def test_axis_whose_list_cannot_be_read_is_not_let_out(
     (tmp_path / "zm.lis").write_text(ON)
     axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
     assert fit(tmp_path, axes + measured("probe", 'active = ["cross"]') + PLANE) == 1
-    said = " ".join(capsys.readouterr().err.split())
+    said = " ".join(capsys.readouterr().out.split())
     assert "What acts on Z cannot be judged as a whole" in said
     assert "switch its compensation off in the axis list" in said

@@ -176,7 +176,7 @@ def test_half_a_gantry_is_stopped(
 ) -> None:
     gantry(tmp_path)
     assert fit(tmp_path, GANTRY.format(partner="")) == 1
-    said = " ".join(capsys.readouterr().err.split())
+    said = " ".join(capsys.readouterr().out.split())
     assert "FAILED gantry" in said
     assert "Y2 is the gantry partner of Y and has no cross" in said
     assert 'axis = "Y2"' in said
@@ -223,7 +223,7 @@ def test_gantry_partner_stays_back_with_the_one_that_its_own_gate_stops(
     assert fit(tmp_path, BOTH) == 1
     # 0.35 mm at once stops Y2; Y alone would twist the gantry.
     assert not list((tmp_path / "out").glob("*.lis"))
-    said = " ".join(capsys.readouterr().err.split())
+    said = " ".join(capsys.readouterr().out.split())
     assert "Y2 is the gantry partner of Y and is stopped by its own gate" in said
 
 
@@ -236,7 +236,7 @@ def test_gantry_whose_partners_do_not_come_together_is_stopped(
     assert gantry_gates(tmp_path) == [True, True]
     assert fit(tmp_path, BOTH + "manual_activation = true\n") == 1
     assert gantry_gates(tmp_path) == [False, False]
-    assert "Let both wait for COMP ON, or none" in capsys.readouterr().err.replace(
+    assert "Let both wait for COMP ON, or none" in capsys.readouterr().out.replace(
         "\n", " "
     )
 
@@ -277,7 +277,7 @@ sensor = "frame"
 reference = 0.0
 """
     assert fit(tmp_path, job) == 1
-    said = " ".join(capsys.readouterr().err.split())
+    said = " ".join(capsys.readouterr().out.split())
     assert "FAILED axis error" in said
     assert "correct the same error" in said
     assert "material_temperature" in said

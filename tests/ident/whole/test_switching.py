@@ -57,7 +57,7 @@ def test_sag_of_almost_a_millimetre_is_stopped_and_says_what_to_do(
 ) -> None:
     edge(tmp_path, size=0.9)
     assert fit(tmp_path, AXES + measured("edge") + CROSS) == 1
-    said = " ".join(capsys.readouterr().err.split())
+    said = " ".join(capsys.readouterr().out.split())
     assert "FAILED max_switching" in said
     assert "FAILED max_jump" in said
     assert "datum" in said
@@ -138,6 +138,6 @@ def test_abrupt_table_of_the_list_is_named_with_the_value_to_set(
     (tmp_path / "zm.lis").write_text(heat)
     axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
     assert fit(tmp_path, axes + measured("edge", "active = []") + CROSS) == 0
-    said = " ".join(capsys.readouterr().err.split())
+    said = " ".join(capsys.readouterr().out.split())
     # 0.1 mm at once; sin² over 8 cycles brings 20 µm in the fastest of them.
     assert "set lr_param.temp_comp_n_cycles 8" in said
