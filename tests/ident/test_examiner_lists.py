@@ -420,7 +420,7 @@ def test_equal_runs_have_not_drifted(
         encoding="ascii",
     )
     assert main(["iso230", str(path)]) == 0
-    assert "apart" not in capsys.readouterr().err
+    assert "apart" not in capsys.readouterr().out
 
 
 def test_number_of_a_million_digits_is_refused_at_once(
