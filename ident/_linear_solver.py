@@ -38,7 +38,7 @@ class Arrow(eqx.Module):
         return jnp.concatenate([top, self.cross @ first + self.border @ last])
 
 
-State = tuple[Array, Array, Array, Array, Array]
+State = tuple[Array, Array, Array, Array]
 """`ArrowFactor` of the matrix in units of its diagonal, and these units."""
 
 
@@ -66,9 +66,8 @@ class ArrowCholesky(lx.AbstractLinearSolver[State]):  # type: ignore[misc]
         parts = jax.lax.stop_gradient((matrix.band, matrix.cross, matrix.border))
         size = jnp.concatenate([parts[0][:, 0], jnp.diag(parts[2])])
         unit = jnp.where(size > 0, 1.0 / jnp.sqrt(jnp.where(size > 0, size, 1.0)), 1.0)
-        beside = jnp.zeros(parts[1].shape[::-1])
-        shapes = jax.eval_shape(lambda: (*parts[:2], beside, parts[2]))
-        found: tuple[Array, Array, Array, Array] = jax.pure_callback(
+        shapes = jax.eval_shape(lambda: (parts[0], parts[1].T, parts[2]))
+        found: tuple[Array, Array, Array] = jax.pure_callback(
             _factorised, shapes, *parts, unit, vmap_method="sequential"
         )
         return (*found, unit)
@@ -117,9 +116,10 @@ def _factorised(*arrays: Any) -> tuple[np.ndarray, ...]:
     if found is not None:
         roots = np.concatenate([found.band[:, 0], np.diag(found.schur)])
         if roots.min(initial=1.0) > _ROUNDING * np.sqrt(len(unit)):
-            return found.band, found.cross, found.beside, found.schur
-    lost = np.full((n, width), np.nan), np.full(border.shape, np.nan)
-    return lost[0], cross, np.zeros(cross.shape[::-1]), lost[1]
+            return found.band, found.cross, found.schur
+    return tuple(
+        np.full(shape, np.nan) for shape in (band.shape, cross.T.shape, border.shape)
+    )
 
 
 def _solved(*arrays: Any) -> np.ndarray:

@@ -39,18 +39,20 @@ so many are left: fewer do not show fourth differences."""
 Vector = Float[np.ndarray, " _n"]
 
 
-def choose_weights(problem: Problem, start: Vector | None = None) -> Posterior | None:
+def choose_weights(
+    problem: Problem, near: Posterior | None = None
+) -> Posterior | None:
     """Return the posterior with the best evidence; None where no weights give one.
 
     Args:
         problem: Sums about a current estimate.
-        start: Weights near the best ones; what is 0 there stays 0.
+        near: Of this problem, with weights near the best ones; what is 0 there stays 0.
     """
     if not len(problem.density):
         return problem.at(np.zeros(0))
     gain = _COARSE if _is_large(problem) else _FINE
-    if start is not None:
-        return _descend(problem, start, gain)
+    if near is not None:
+        return _descend(problem, near.weights, gain, near)
     if _is_large(problem) and _can_be_thinned(problem):
         rough, finer = _thinned(problem)
         found = choose_weights(rough)
@@ -123,12 +125,13 @@ def _best_of(problem: Problem, tried: Sequence[Vector]) -> Vector | None:
     return best
 
 
-def _descend(problem: Problem, start: Vector, gain: float) -> Posterior | None:
-    """Return the best posterior near a start; weights that are 0 stay 0."""
+def _descend(
+    problem: Problem, start: Vector, gain: float, best: Posterior | None = None
+) -> Posterior | None:
+    """Return the best posterior near a start (that of ``best``); weights that are 0 stay 0."""
     alive = start > 0.0
     low, high = problem.bounds[alive].T
     log = np.clip(np.log(start[alive]), low, high)
-    best: Posterior | None = None
 
     def at(logs: Vector) -> Posterior | None:
         nonlocal best
@@ -141,7 +144,7 @@ def _descend(problem: Problem, start: Vector, gain: float) -> Posterior | None:
             best = found
         return found
 
-    first = at(log)
+    first = at(log) if best is None else best
     while first is None:
         # Too stiff for a factor: as stiff as it bears.
         if (log <= low + 1.0).all():

@@ -16,9 +16,9 @@ from jaxtyping import Bool, Float, Int
 from numpy.lib.stride_tricks import as_strided
 from scipy.linalg import get_blas_funcs, get_lapack_funcs, qr, solve_triangular
 
-(dtrsm,) = get_blas_funcs(("trsm",), dtype=np.float64)
-dpbtrf, dpbtrs, dpotrf, dpotri, dpotrs, dtrtri = get_lapack_funcs(
-    ("pbtrf", "pbtrs", "potrf", "potri", "potrs", "trtri"), dtype=np.float64
+dsyrk, dtrsm = get_blas_funcs(("syrk", "trsm"), dtype=np.float64)
+dpbtrf, dtbtrs, dpotrf, dpotri, dpotrs, dtrtri = get_lapack_funcs(
+    ("pbtrf", "tbtrs", "potrf", "potri", "potrs", "trtri"), dtype=np.float64
 )
 
 _DENSE = 500
@@ -42,14 +42,12 @@ class ArrowFactor:
 
     Attributes:
         band: Factor of the band, by columns; shape ``(0, 1)`` where there is none.
-        cross: Border rows of the matrix over the band.
-        beside: Inverse of the band × transposed cross.
+        cross: Border rows of the factor over the band, transposed.
         schur: Lower factor of what the border has left beside the band.
     """
 
     band: Columns
-    cross: Float[np.ndarray, "m n"]
-    beside: Float[np.ndarray, "n m"]
+    cross: Float[np.ndarray, "n m"]
     schur: Float[np.ndarray, "m m"]
 
     @classmethod
@@ -74,10 +72,10 @@ class ArrowFactor:
             band = factor.T
         beside = np.zeros((len(columns), len(border)))
         if len(columns) and len(border):
-            beside = _band_solve(band, np.ascontiguousarray(cross.T))
-            border = border - cross @ beside
+            beside = _half_solved(band, np.ascontiguousarray(cross.T))
+            border = dsyrk(-1.0, beside.T, 1.0, border, lower=1)
         schur, info = dpotrf(border, lower=1, clean=1) if len(border) else (border, 0)
-        found = cls(band, cross, beside, schur)
+        found = cls(band, beside, schur)
         return found if info == 0 and np.isfinite(found.logdet) else None
 
     @property
@@ -98,12 +96,13 @@ class ArrowFactor:
         n = len(self.band)
         if not n:
             return np.asarray(dpotrs(self.schur, right, lower=1)[0])
-        top = _band_solve(self.band, right[:n])
+        top = _half_solved(self.band, right[:n])
         if not len(self.schur):
-            return top
-        left = right[n:] - self.cross @ top
+            return _half_solved(self.band, top, back=True)
+        left = right[n:] - self.cross.T @ top
         rest = np.asarray(dpotrs(self.schur, left, lower=1)[0]).reshape(left.shape)
-        return np.concatenate([top - self.beside @ rest, rest])
+        top = _half_solved(self.band, top - self.cross @ rest, back=True)
+        return np.concatenate([top, rest])
 
     @cached_property
     def border_inverse(self) -> Float[np.ndarray, "m m"]:
@@ -129,7 +128,8 @@ class ArrowFactor:
         n = len(self.band)
         found = band_inverse(self.band, offsets)
         if len(self.schur) and n:
-            shaped = dtrsm(1.0, self.schur, self.beside.T, lower=1)
+            beside = _half_solved(self.band, self.cross, back=True)
+            shaped = dtrsm(1.0, self.schur, beside.T, lower=1)
             for slot, k in enumerate(offsets):
                 found[: n - k, slot] += np.einsum(
                     "mj,mj->j", shaped[:, k:], shaped[:, : n - k]
@@ -145,12 +145,14 @@ class ArrowFactor:
         return np.concatenate([self.selected([0])[:, 0], border])
 
 
-def _band_solve(
-    band: Columns, right: Float[np.ndarray, "n *k"]
+def _half_solved(
+    band: Columns, right: Float[np.ndarray, "n *k"], back: bool = False
 ) -> Float[np.ndarray, "n *k"]:
+    """Solve with the factor of a band, or with its transpose (``back``)."""
     if right.ndim > 1 and right.shape[1] > _MANY and band.shape[1] > _BLOCK:
-        return _solve_in_blocks(band, right)
-    found, info = dpbtrs(band.T, right, lower=1)
+        return _half_solved_in_blocks(band, right, back)
+    columns = right.reshape(len(right), -1)
+    found, info = dtbtrs(band.T, columns, uplo="L", trans="T" if back else "N")
     assert info == 0
     return np.asarray(found).reshape(right.shape)
 
@@ -178,20 +180,19 @@ def _blocks(band: Columns) -> list[tuple[slice, np.ndarray, np.ndarray]]:
     return found
 
 
-def _solve_in_blocks(
-    band: Columns, right: Float[np.ndarray, "n k"]
+def _half_solved_in_blocks(
+    band: Columns, right: Float[np.ndarray, "n k"], back: bool
 ) -> Float[np.ndarray, "n k"]:
-    """Solve a band for many right-hand sides; LAPACK takes one after the other."""
+    """Solve for many right-hand sides; LAPACK takes one after the other."""
     blocks = _blocks(band)
     result = np.array(right)
-    for rows, own, below in blocks:
-        result[rows] = dtrsm(1.0, own, result[rows], lower=1)
+    for rows, own, below in reversed(blocks) if back else blocks:
         following = slice(rows.stop, rows.stop + len(below))
-        result[following] -= below @ result[rows]
-    for rows, own, below in reversed(blocks):
-        following = slice(rows.stop, rows.stop + len(below))
-        result[rows] -= below.T @ result[following]
-        result[rows] = dtrsm(1.0, own, result[rows], lower=1, trans_a=1)
+        if back:
+            result[rows] -= below.T @ result[following]
+        result[rows] = dtrsm(1.0, own, result[rows], lower=1, trans_a=int(back))
+        if not back:
+            result[following] -= below @ result[rows]
     return result
 
 
@@ -207,7 +208,7 @@ def band_inverse(band: Columns, offsets: Sequence[int]) -> Float[np.ndarray, "n 
     n, width = band.shape
     result = np.zeros((n, len(offsets)))
     if n <= _DENSE:
-        inverse = _band_solve(band, np.eye(n))
+        inverse = _half_solved(band, _half_solved(band, np.eye(n)), back=True)
         for slot, k in enumerate(offsets):
             result[: n - k, slot] = np.diagonal(inverse, -k)
         return result

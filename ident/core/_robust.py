@@ -124,6 +124,7 @@ def estimate(
     start: Vector | None = None,
     pins: Vector | None = None,
     near: Estimate | None = None,
+    rough: bool = False,
 ) -> Estimate:
     """Fit a stack: passes over the readings in turn with the search for the weights.
 
@@ -136,13 +137,14 @@ def estimate(
         start: Unknowns to begin with, as a constant; None: zero.
         pins: Precision by which unknowns are held that nothing else determines.
         near: A fit of nearly the same readings, where this one begins.
+        rough: Whether to end at the first search for the evidence: a fit on the way to another.
 
     Raises:
         FitError: If the readings do not determine the unknowns or the loss is unknown.
     """
     if loss not in LOSSES:
         choose_loss(loss, np.ones(1), 1.0, 1.0)
-    return _Passes(stack, over, loss, weights, floor, pins).run(start, near)
+    return _Passes(stack, over, loss, weights, floor, pins, rough).run(start, near)
 
 
 @final
@@ -154,6 +156,7 @@ class _Passes:
     fixed: Callable[[Problem], Vector] | None
     floor: float
     pins: Vector | None
+    rough: bool
 
     def run(self, start: Vector | None, near: Estimate | None) -> Estimate:
         """Alternate passes and searches until neither moves the values."""
@@ -163,7 +166,8 @@ class _Passes:
             weights = (
                 near.posterior.weights if self.fixed is None else self._light(problem)
             )
-            return self._robust(self._solved(problem, weights), searches=1)
+            start_at = self._solved(problem, weights)
+            return self._robust(start_at, float(matrix.tally[0]), searches=1)
         theta = np.zeros(self.stack.size) if start is None else start
         matrix = self.over(theta, Loss(), True)
         if self.loss == "gauss":
@@ -180,26 +184,25 @@ class _Passes:
         size, count = matrix.sizes
         scale = choose_loss("gauss", size, 1.0, self.floor, count).scale
         far = self.over(theta, Loss(scale, corner=WILD), False).with_matrix(matrix)
-        problem = self._problem(far, theta)
-        found = self._robust(self._solved(problem, self._light(problem)))
-        total = float(matrix.tally[0])
+        problem, total = self._problem(far, theta), float(matrix.tally[0])
+        found = self._robust(self._solved(problem, self._light(problem)), total)
         few = total - float(found.posterior.problem.count) <= _UNLIKELY * total
-        if self.fixed is not None or (found.converged and few):
+        if self.fixed is not None or self.rough or (found.converged and few):
             return found
         # A first table too smooth takes a bend for wild readings: least squares bends.
         problem = self._problem(matrix, theta)
         plain = self._solved(problem, self._light(problem)).about()
-        other = self._robust(self._chosen(plain, None))
+        other = self._robust(self._chosen(plain, None), total)
         kept = other.posterior.problem.count > found.posterior.problem.count
         return other if kept and other.noise < 0.5 * found.noise else found
 
     def _problem(self, sums: Sums, theta: Vector, gain: float = 1.0) -> Problem:
         return Problem.of(sums, theta, gain, self.pins)
 
-    def _robust(self, post: Posterior, searches: int = 0) -> Estimate:
+    def _robust(self, post: Posterior, active: float, searches: int = 0) -> Estimate:
+        """Pass until nothing moves; ``active`` readings made the matrix of the posterior."""
         inflation = self._inflation(post)
         freedoms: tuple[float, ...] = FREEDOMS
-        active = -1.0
         matrix, loss, about = post.problem.sums, Loss(), post.values
         sums = self.over(about, Loss(), False)
         converged = False
@@ -211,11 +214,12 @@ class _Passes:
             if number >= _FROZEN:
                 freedoms = (loss.freedom,)
             # With the same readings at work the matrix and its factor stay as they are.
-            full = number < 2
-            sums = self.over(about, loss, full)
-            if not full and abs(sums.tally[0] - active) > _CHANGED * sums.tally[0]:
-                full, sums = True, self.over(about, loss, True)
+            final = self.fixed is not None or (searches > 0 and not self.rough)
+            sums = self.over(about, loss, False)
+            changed = abs(float(sums.tally[0]) - active) / max(active, 1.0)
+            full = changed > _CHANGED
             if full:
+                sums = self.over(about, loss, True)
                 matrix, active = sums, float(sums.tally[0])
             factor = None if full else post.factor
             sums = sums.with_matrix(matrix)
@@ -226,17 +230,18 @@ class _Passes:
             trail = [*trail[-1:], (about, post.values - about)]
             step = self._step(post)
             moved = self._moved(sums, post.values - about)
-            final = self.fixed is not None or searches > 0
             converged = moved <= (_ENDED if final else _NEAR) * step
-            if converged and self.fixed is None and searches < _SEARCHES:
+            most = 1 if self.rough else _SEARCHES
+            if converged and self.fixed is None and searches < most:
                 before = post.values
-                post = self._chosen(problem, post.weights if searches else None)
+                post = self._chosen(problem, post if searches else None)
                 searches += 1
                 trail = []
                 converged = self._moved(sums, post.values - before) <= _SAME * step
             if converged:
                 break
-            inflation = self._inflation(post)
+            if factor is None or not trail:
+                inflation = self._inflation(post)
         return Estimate(post, loss, about, converged)
 
     def _moved(self, sums: Sums, change: Vector) -> float:
@@ -272,8 +277,8 @@ class _Passes:
             raise FitError(msg)
         return found
 
-    def _chosen(self, problem: Problem, start: Vector | None) -> Posterior:
-        found = choose_weights(problem, start)
+    def _chosen(self, problem: Problem, near: Posterior | None) -> Posterior:
+        found = choose_weights(problem, near)
         if found is None:
             msg = "no smoothness gives a table: the readings are degenerate."
             raise FitError(msg)

@@ -25,7 +25,7 @@ from ._design import Design, design_of
 from ._effect import AbstractEffect, Rank
 from ._gauge import Unheld
 from ._identified import Identified, identified
-from ._lag import FoundLag, find_lags, sensors_to_fit
+from ._lag import FoundLag, find_lags, lagging, sensors_to_fit
 from ._result import Options, Part, RunCurve, Smoothness
 
 _LAG_ROUNDS, _LAG_ENDED = 6, 0.1
@@ -275,7 +275,7 @@ def fit_axis(
     sensors = sensors_to_fit(effects)
     lags: dict[str, FoundLag] = {}
     design = design_of(axis, effects, data, options.drift, use)
-    unheld, found = _estimated(design, data, options, None)
+    unheld, found = _estimated(design, data, options, None, rough=bool(sensors))
     for turn in range(_LAG_ROUNDS if sensors else 0):
         before = {sensor: lags[sensor].value if turn else 0.0 for sensor in sensors}
         lags = find_lags(design, data, found, _pseudo(design, data, found), before)
@@ -283,8 +283,7 @@ def fit_axis(
         if turn and all(abs(lags[s].value - before[s]) <= ends[s] for s in sensors):
             break
         values = {sensor: lag.value for sensor, lag in lags.items()}
-        own = [effect.lagging(values) for effect in effects]
-        design = design_of(axis, own, data, options.drift, use)
+        design = lagging(design, data, values)
         unheld, found = _estimated(design, data, options, found)
     else:
         # Nothing to find, or no end to it.
@@ -305,7 +304,11 @@ def _error(design: Design, data: JointData) -> Float[np.ndarray, " r"]:
 
 
 def _estimated(
-    design: Design, data: JointData, options: Options, near: Estimate | None
+    design: Design,
+    data: JointData,
+    options: Options,
+    near: Estimate | None,
+    rough: bool = False,
 ) -> tuple[Unheld, Estimate]:
     """Return what nothing holds, and the fit of the stack for given lags."""
     unheld, error = Unheld.of(design), _error(design, data)
@@ -326,6 +329,7 @@ def _estimated(
         start=start,
         pins=unheld.pins if unheld.pins.any() else None,
         near=near,
+        rough=rough,
     )
 
 

@@ -14,14 +14,15 @@ from typing import final
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
-from scipy.optimize import minimize
+from scipy.optimize import minimize_scalar
 
 from ..._recording import JointData
 from ...core import Estimate, FitError
 from ._design import Design
 from ._effect import AbstractEffect
 
-_GRID = 14
+_GRID, _SWEEPS, _FINE = 14, 3, 1e-4
+"""Lags that are tried first; sweeps over several sensors; logarithm at which a search ends."""
 _WORTH = 4.0
 """Gain in evidence below which there is no lag."""
 _STEP = 0.02
@@ -80,9 +81,9 @@ def find_lags(
     """
     profile = _profile(design, data, fit, pseudo)
     low, high = _bounds(design.axis, data)
-    lags = dict(near)
+    lags, width = dict(near), (high - low) / (_GRID - 1)
     for sensor, known in near.items():
-        # One after the other roughly; then all together.
+        # One after the other roughly; then each between its neighbours on the grid.
         grid = np.log([known]) if known > 0.0 else np.linspace(low, high, _GRID)
         trials = [{**lags, sensor: float(lag)} for lag in np.exp(grid)]
         costs = [profile(trial)[0] for trial in trials]
@@ -90,15 +91,29 @@ def find_lags(
         none = {**lags, sensor: 0.0}
         lags = trials[best] if profile(none)[0] - costs[best] > _WORTH else none
     shown = [sensor for sensor, lag in lags.items() if lag > 0.0]
-    if shown:
-        logs = minimize(
-            lambda logs: profile({**lags, **dict(zip(shown, np.exp(logs), strict=True))})[0],
-            np.log([lags[sensor] for sensor in shown]),
-            method="L-BFGS-B", jac="3-point", bounds=[(low, high)] * len(shown),
-            options={"gtol": 1e-2, "finite_diff_rel_step": 1e-3},
-        ).x  # fmt: skip
-        lags |= zip(shown, np.exp(logs).tolist(), strict=True)
+    for sensor in shown * (_SWEEPS if len(shown) > 1 else 1):
+        middle = float(np.log(lags[sensor]))
+        near_by = max(low, middle - width), min(high, middle + width)
+
+        def cost(log: float, sensor: str = sensor) -> float:
+            return profile({**lags, sensor: float(np.exp(log))})[0]
+
+        found = minimize_scalar(cost, bounds=near_by, options={"xatol": _FINE})
+        lags[sensor] = float(np.exp(found.x))
     return _with_deviations(design, data, fit, pseudo != 0.0, lags, profile(lags)[1])
+
+
+def lagging(design: Design, data: JointData, lags: Mapping[str, float]) -> Design:
+    """Return a design with other lags by sensor: only the columns of temperatures change."""
+    own, others = _heated_places(design), np.ones(design.size)
+    others[own] = 0.0
+    ones = np.ones(len(own)), (np.arange(len(own)), own)
+    place = sp.csr_array(ones, shape=(len(own), design.size))
+    columns = design.columns @ sp.diags_array(others)
+    columns = columns + sp.csr_array(_heated(design, data, lags)) @ place
+    columns.eliminate_zeros()
+    effects = tuple(effect.lagging(lags) for effect in design.effects)
+    return dataclasses.replace(design, effects=effects, columns=columns)
 
 
 def _with_deviations(
