@@ -31,6 +31,8 @@ _FROZEN = 4
 """Passes after which the tails of the loss stay: chosen for ever, they go in circles."""
 _CHANGED = 1e-4
 """Share of readings that change sides and ask for a new matrix."""
+_DEAR = 1000
+"""Unknowns from which on their effective number is found for new weights only."""
 _FURTHEST = 9.0
 """Moves by which a pass may begin ahead of where the last one ended."""
 _UNLIKELY = 0.05
@@ -240,7 +242,7 @@ class _Passes:
                 converged = self._moved(sums, post.values - before) <= _SAME * step
             if converged:
                 break
-            if factor is None or not trail:
+            if not trail or (full and self.stack.size < _DEAR):
                 inflation = self._inflation(post)
         return Estimate(post, loss, about, converged)
 
