@@ -74,7 +74,7 @@ from .result._verdict import (
     Reason as Reason,
     Verdict as Verdict,
 )
-from .write._output import OutputError as OutputError
+from .write._output import OutFolder as OutFolder, OutputError as OutputError
 
 if TYPE_CHECKING:
     from ..kinds.backlash._result import BacklashResult as BacklashResult

@@ -15,6 +15,7 @@ from ..proof.axis import (
     Loaded,
     Together,
     Travel,
+    acts_against,
     added_beyond,
     judge_together,
     judge_workspace,
@@ -33,8 +34,10 @@ _Read = tuple[Measured, Mapping[str, np.ndarray]]
 """The error of an axis in one measurement, and the temperatures in it."""
 
 
-def judge_whole(tables: Tables, files: Sequence[AxisFiles]) -> tuple[WholeAxis, ...]:
-    """Return what acts on each axis that is written, judged as one.
+def judge_whole(
+    tables: Tables, files: Sequence[AxisFiles]
+) -> tuple[tuple[AxisFiles, ...], tuple[WholeAxis, ...]]:
+    """Return what acts on each axis that is written, judged as one; its files before it.
 
     Args:
         tables: Files of the job.
@@ -59,16 +62,13 @@ def judge_whole(tables: Tables, files: Sequence[AxisFiles]) -> tuple[WholeAxis, 
             whole = axis.unread(error)
         steps = {d.compensation: _step(d, own.gates[d.index]) for d in acting}
         found.append(dataclasses.replace(whole, switching=steps))
-    stopped = {own.axis for own in files if judged_whole(own, found).failed}
-    return tuple(_with_partner(job, one, files, stopped) for one in found)
-
-
-def judged_whole(files: AxisFiles, whole: Sequence[WholeAxis]) -> AxisFiles:
-    """Return the files of an axis with what was found of it as a whole."""
-    for one in whole:
-        if one.axis == files.axis:
-            return files.judged(one.gate, one.remarks)
-    return files
+    stopped = {own.axis for own in files if own.failed}
+    stopped |= {one.axis for one in found if one.failed}
+    whole = {one.axis: _with_partner(job, one, files, stopped) for one in found}
+    judged = tuple(
+        one.judged(whole[one.axis]) if one.axis in whole else one for one in files
+    )
+    return judged, tuple(whole.values())
 
 
 def _step(draft: AbstractDraft, gate: Sequence[GateCheck]) -> float:
@@ -363,12 +363,14 @@ def _with_partner(
         if name == axes[axis].gantry or one.gantry == axis
     ]
     for partner in partners:
-        fitted, own = by_axis.get(partner), _waits(acting_after(job, by_axis[axis]))
-        there = _waits(
-            acting_after(job, fitted) if fitted else acting_before(job, partner)
-        )
+        fitted, mine = by_axis.get(partner), acting_after(job, by_axis[axis])
+        theirs = acting_after(job, fitted) if fitted else acting_before(job, partner)
+        own, there = _waits(mine), _waits(theirs)
         lacking = [name for name in whole.compensations if name not in there]
         apart = [name for name in own if there.get(name, own[name]) != own[name]]
+        # Where both were measured, each has the sign that its readings ask for.
+        compared = () if fitted or lacking else whole.compensations
+        turned = [name for name in compared if acts_against(theirs, mine, name)]
         where, advice = f"{partner} has all that acts on {axis}", ""
         if lacking:
             where = f"{partner} has no {' and no '.join(lacking)}"
@@ -379,6 +381,13 @@ def _with_partner(
         elif fitted and partner in stopped:
             where = f"{partner} is stopped by its own gate"
             advice = f"Mend what stops {partner}: both are let out together."
+        elif turned:
+            where = f"{partner} acts with the opposite sign: {' and '.join(turned)}"
+            advice = (
+                f"Turn the sign of the list of {partner}, or fit {partner} as well"
+                f' ([[fits]] with axis = "{partner}"): where both are measured, each has'
+                " its own."
+            )
         elif apart:
             where = f"{partner} has another manual_activation of {' and '.join(apart)}"
             advice = "Let both wait for COMP ON, or none."

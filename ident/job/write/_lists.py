@@ -10,6 +10,7 @@ from ...proof import GateCheck
 from .._draft import AbstractDraft, AxisLists
 from .._gating import settled_checks, unsettled
 from ..file._load import Job
+from ..result._job_result import WholeAxis
 from ..result._result import Remark
 
 
@@ -81,9 +82,7 @@ class AxisFiles:
         loud = any(remark.level == "error" for remark in self.remarks)
         return loud or not all(check.passed for check in checks)
 
-    def judged(
-        self, gate: Sequence[GateCheck], remarks: Sequence[Remark]
-    ) -> "AxisFiles":
+    def judged(self, whole: WholeAxis) -> "AxisFiles":
         """Return it with what was found of the axis as a whole.
 
         A list is let out with all that acts on its axis, or not at all: every fit that is
@@ -91,10 +90,11 @@ class AxisFiles:
         """
         drafts = {one.index: one for one in self.drafts}
         gates = {
-            k: (*own, *gate) if drafts[k].written else own
+            k: (*own, *whole.gate) if drafts[k].written else own
             for k, own in self.gates.items()
         }
-        return dataclasses.replace(self, gates=gates, remarks=(*self.remarks, *remarks))
+        remarks = (*self.remarks, *whole.remarks)
+        return dataclasses.replace(self, gates=gates, remarks=remarks)
 
     def of_lists(self, written: Sequence[Path]) -> tuple[Path, ...]:
         """Return those of the written files that are lists, not the PLC's."""
@@ -336,7 +336,8 @@ def _check(job: Job, lists: Sequence[ListFile]) -> list[Finding]:
         for axis in axes.values()
         if axis.gantry is not None
     ]
-    return check(lists, build=job.spec.controller.build, gantry=pairs)
+    build, index = job.spec.controller.build, job.conventions.plane_index
+    return check(lists, build=build, gantry=pairs, plane_index=index)
 
 
 def _identity(item: Finding) -> tuple[str | None, str, str]:

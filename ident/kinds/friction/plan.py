@@ -89,6 +89,10 @@ class FrictionDraft(AbstractDraft):
         return self.knots is not None
 
     @property
+    def settled(self) -> bool:
+        return self.found.fit.converged
+
+    @property
     def needs(self) -> str:
         return "Works without referencing"
 

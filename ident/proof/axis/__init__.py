@@ -13,6 +13,7 @@ from .._reversal import (
 from ._loaded import Loaded as Loaded
 from ._together import (
     Together as Together,
+    acts_against as acts_against,
     added_beyond as added_beyond,
     judge_together as judge_together,
 )

@@ -175,6 +175,8 @@ def test_swapped_plane_indices_are_named(write: Write) -> None:
     assert "are the indices swapped?" in beyond.message
     lacking = next(finding for finding in findings if finding.level == "warning")
     assert "lacks 6 of 15 entries" in lacking.message
+    # A controller that counts them the other way round reads just that.
+    assert check([write({**kept, **turned})], plane_index="ij") == []
 
 
 def test_plane_size_behind_its_table_is_doubted(judge: Judge) -> None:
