@@ -92,7 +92,6 @@ if TYPE_CHECKING:
         TemperatureResult as TemperatureResult,
         ThermalView as ThermalView,
     )
-    from ._acting import reading_of as reading_of
     from .file._found_fits import (
         found_keys as found_keys,
         job_with_fits as job_with_fits,
@@ -113,7 +112,6 @@ if TYPE_CHECKING:
     )
 
 _NAMES = {
-    "_acting": "reading_of",
     "file._found_fits": "found_keys job_with_fits nodes_for",
     "file._schema": "Gate JobFile",
     "table._trend": "Trend asks_for_owner trend_through trend_words",

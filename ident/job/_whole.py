@@ -8,11 +8,10 @@ import numpy as np
 
 from ...data.measurements import MeasurementError
 from ...models import TemperatureCurve
-from ..exchange import ExchangeError, Motion
+from ..exchange import AxisLists, ExchangeError, Motion
 from ..kinds import kind
 from ..proof import GateCheck, Measured, gate_check
 from ..proof.axis import (
-    Loaded,
     Together,
     Travel,
     acts_against,
@@ -23,7 +22,6 @@ from ..proof.axis import (
     warm_states,
 )
 from ..readings import Tables, read_error, without_zero
-from ._acting import acting_after, acting_before
 from ._draft import AbstractDraft
 from .file._load import Job
 from .result._job_result import WholeAxis
@@ -52,7 +50,7 @@ def judge_whole(
         loaded = None
         try:
             if len(acting) > 1 or axis.has_others():
-                loaded = acting_after(job, own)
+                loaded = own.after
             names = axis.compensations(loaded)
             if loaded is not None and len(names) > 1:
                 whole = axis.together(loaded, names)
@@ -104,9 +102,9 @@ class _Axis:
             ExchangeError: If an entry that decides it is unreadable.
         """
         fitted = {draft.compensation for draft in self.drafts}
-        return bool(acting_before(self.job, self.name).used.keys() - fitted)
+        return bool(self.files.existing.used.keys() - fitted)
 
-    def compensations(self, loaded: Loaded | None) -> tuple[str, ...]:
+    def compensations(self, loaded: AxisLists | None) -> tuple[str, ...]:
         """Return what acts on the axis; tables of zeros do not.
 
         Raises:
@@ -116,9 +114,7 @@ class _Axis:
         if loaded is None:
             return fitted
         return tuple(
-            name
-            for name, one in loaded.used.items()
-            if name in fitted or not kind(name).entries.adds_nothing(one.listing)
+            name for name in loaded.used if name in fitted or loaded.acts(name)
         )
 
     def alone(self, draft: AbstractDraft) -> WholeAxis:
@@ -130,7 +126,7 @@ class _Axis:
         values = {each.name: each.value for each in self.files.gates[draft.index]}
         return self._whole(names, (check,), values, (), [])
 
-    def together(self, loaded: Loaded, names: tuple[str, ...]) -> WholeAxis:
+    def together(self, loaded: AxisLists, names: tuple[str, ...]) -> WholeAxis:
         """Return an axis on which several compensations act.
 
         Raises:
@@ -144,7 +140,7 @@ class _Axis:
         remarks += [self._doubled(one, names) for one in readings if not one.passed]
         return self._whole(names, checks, values, readings, remarks)
 
-    def _abrupt(self, loaded: Loaded, jumps: Mapping[str, float]) -> list[Remark]:
+    def _abrupt(self, loaded: AxisLists, jumps: Mapping[str, float]) -> list[Remark]:
         """Return what to set for compensations of the list that come in too few cycles.
 
         The job does not write them, and leaves them as they are.
@@ -256,10 +252,10 @@ class _Axis:
         return found
 
     def _readings(
-        self, loaded: Loaded, names: tuple[str, ...], remarks: list[Remark]
+        self, loaded: AxisLists, names: tuple[str, ...], remarks: list[Remark]
     ) -> list[Together]:
         """Return what is left of each measurement; remarks of what cannot be told."""
-        before, found = acting_before(self.job, self.name), []
+        before, found = self.files.existing, []
         for draft, source, reading in self._measured:
             spec = self.job.spec.measurements[source]
             if isinstance(reading, str):
@@ -363,8 +359,8 @@ def _with_partner(
         if name == axes[axis].gantry or one.gantry == axis
     ]
     for partner in partners:
-        fitted, mine = by_axis.get(partner), acting_after(job, by_axis[axis])
-        theirs = acting_after(job, fitted) if fitted else acting_before(job, partner)
+        fitted, mine = by_axis.get(partner), by_axis[axis].after
+        theirs = fitted.after if fitted else job.lists[partner]
         own, there = _waits(mine), _waits(theirs)
         lacking = [name for name in whole.compensations if name not in there]
         apart = [name for name in own if there.get(name, own[name]) != own[name]]
@@ -405,10 +401,6 @@ def _with_partner(
     return whole
 
 
-def _waits(loaded: Loaded) -> dict[str, bool]:
+def _waits(lists: AxisLists) -> dict[str, bool]:
     """Return whether it waits for COMP ON, of all that adds something to an axis."""
-    return {
-        name: one.manual
-        for name, one in loaded.used.items()
-        if not kind(name).entries.adds_nothing(one.listing)
-    }
+    return {name: lists.used[name].manual for name in lists.used if lists.acts(name)}

@@ -16,6 +16,7 @@ from .._lazy import importer
 from ._dynamics import GateTable as GateTable
 from ._figures import (
     ErrorFigures as ErrorFigures,
+    ErrorTally as ErrorTally,
     RunTable as RunTable,
     error_figures as error_figures,
     wild_readings as wild_readings,

@@ -12,11 +12,18 @@ from typing import Any
 import pydantic
 
 from ....models import Conventions
-from ...exchange import ExchangeError, TomlError, read_conventions, read_toml
+from ...exchange import (
+    AxisLists,
+    ExchangeError,
+    Reading,
+    TomlError,
+    read_conventions,
+    read_toml,
+)
 from ...kinds._keys import KeyPath
 from ...proof import GateLimits
 from ._checks import find_fault
-from ._existing import AxisLists, existing_lists
+from ._existing import existing_lists
 from ._faults import JobError, error_at, first_fault
 from ._schema import JobFile
 
@@ -54,6 +61,11 @@ class Job:
             JobError: If a file is another kind of list, or that of another axis.
         """
         return existing_lists(self)
+
+    @property
+    def reading(self) -> Reading:
+        """How lists are read, what waits for COMP ON as switched on."""
+        return Reading(self.conventions, self.increments, self.ranges, commanded=True)
 
     @property
     def increments(self) -> dict[int, float]:

@@ -12,7 +12,6 @@ from ...fit import RunEffect
 from ...fit.joint import Confusion, Gauge, Part
 from ...proof import ErrorFigures
 from ...proof.axis import added_beyond
-from .._acting import acting_after, acting_before
 from .._draft import AbstractDraft
 from ..file._load import Job
 from ..result._result import Remark, some_of, staged
@@ -326,12 +325,10 @@ def _added_by_files(
         rows: Readings of it that count.
     """
     job = drafts[0].job
-    before = acting_before(job, files.axis)
-    after = acting_after(job, files)
     active = job.spec.measurements[drafts[0].fit.sources[0]].active
     motion = _motion(job, drafts, recording, rows)
     own = {draft.compensation for draft in drafts} | set(active)
-    added = added_beyond(after, before, active, motion)
+    added = added_beyond(files.after, files.existing, active, motion)
     known = [value for name, value in added.items() if name in own]
     return np.asarray(np.sum(known, axis=0)) if known else np.zeros(len(rows))
 

@@ -114,8 +114,6 @@ class SampleView:
 
     Attributes:
         positions: Input positions, shape ``(t, d)``, columns as in `TableResult.masters`.
-        direction: ±1 per reading, or None where the table does not ask for it.
-        run: Run per reading, or None.
         order: Time of each reading in s, or its row number where no time was given.
         before: Error as measured (after `remove`, `datum`, reduction to the reference
             temperature).
@@ -125,18 +123,20 @@ class SampleView:
             controller's rules.
         predicted_sd: Standard deviation predicted for a held-out reading.
         share: Weight that the loss left the reading, 0 (wild) to 1.
+        direction: ±1 per reading, or None where the table does not ask for it.
+        run: Run per reading, or None.
         timed: Whether `order` is a time.
     """
 
     positions: Float[Array, "t d"]
-    direction: Int[Array, " t"] | None
-    run: Int[Array, " t"] | None
     order: Float[Array, " t"]
     before: Float[Array, " t"]
     predicted: Float[Array, " t"]
     from_file: Float[Array, " t"]
     predicted_sd: Float[Array, " t"]
     share: Float[Array, " t"]
+    direction: Int[Array, " t"] | None = None
+    run: Int[Array, " t"] | None = None
     timed: bool = False
 
 

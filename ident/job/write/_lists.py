@@ -1,13 +1,22 @@
 """The lists of an axis after its fits: edited entry by entry, or new, and checked."""
 
 import dataclasses
+import functools
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ....data.lists import Finding, ListFile, Value, check, compare, new_list
-from ...exchange import axis_file, compensation_file, to_add, with_tables
+from ...exchange import (
+    AxisLists,
+    axis_file,
+    compensation_file,
+    entries_of_activation,
+    to_add,
+    with_tables,
+)
+from ...kinds import kinds
 from ...proof import GateCheck
-from .._draft import AbstractDraft, AxisLists
+from .._draft import AbstractDraft
 from .._gating import settled_checks, unsettled
 from ..file._load import Job
 from ..result._job_result import WholeAxis
@@ -75,6 +84,30 @@ class AxisFiles:
         )
         return tuple((name, one) for name, one in pairs if one is not None)
 
+    @functools.cached_property
+    def after(self) -> AxisLists:
+        """What the axis has with these files, as they will be read."""
+        before, machine = self.existing, read_back(self.machine)
+        if before.machine is None and machine is not None:
+            # What the axis list itself says nobody knows: all that the compensation list
+            # holds is taken to act.
+            known = [
+                one.name for one in kinds() if machine.get(one.activation) is not None
+            ]
+            tables = [name for name in before.used if name not in known]
+            machine = machine.merge(entries_of_activation(tables))
+        machine = machine or before.machine
+        drafts = [one for one in self.drafts if one.written]
+        lines = [line for one in drafts if (line := one.line(machine))]
+        return AxisLists(
+            self.number,
+            read_back(self.compensation) or before.compensation,
+            machine,
+            dataclasses.replace(
+                before.reading, lines={self.number: lines[-1]} if lines else {}
+            ),
+        )
+
     @property
     def failed(self) -> bool:
         """Whether its lists must not be loaded."""
@@ -99,6 +132,11 @@ class AxisFiles:
     def of_lists(self, written: Sequence[Path]) -> tuple[Path, ...]:
         """Return those of the written files that are lists, not the PLC's."""
         return tuple(file for file in written if file.name not in self.extra)
+
+
+def read_back(listing: ListFile | None) -> ListFile | None:
+    """Return a list as its bytes read."""
+    return None if listing is None else ListFile.parse(listing.dumps(), listing.source)
 
 
 def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]:
@@ -145,8 +183,7 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
         remarks += more
     if listing is not None:
         listing = dataclasses.replace(listing, source=name)
-        for one in drafts:
-            one.refuse_misread(listing)
+        _refuse_misread(drafts[0], listing, entries)
     remarks += [unsettled(one) for one in drafts if not one.settled]
     machine, more = _machine_list(job, axis, lists, drafts, cycles)
     pairs = (existing, listing), (lists.machine, machine)
@@ -170,6 +207,23 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
             and compare(old, new).action == "none"
         ),
     )
+
+
+def _refuse_misread(
+    one: AbstractDraft, listing: ListFile, entries: Mapping[str, Value]
+) -> None:
+    """Raise where a list, read back, does not hold what was fitted.
+
+    Raises:
+        JobError: Naming the list.
+    """
+    parsed = ListFile.parse(listing.dumps(), listing.source)
+    for name, value in entries.items():
+        found = parsed.text(name) if isinstance(value, str) else parsed.integer(name)
+        if found != value:
+            words = f"found {found} for {name} in {listing.source} when it was read"
+            words += f" back, expected {value}"
+            raise one.refusal(words)
 
 
 def _new(job: Job, axis: str, entries: Mapping[str, Value]) -> ListFile:

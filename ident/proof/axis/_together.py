@@ -7,10 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ....models import AbstractLookup
-from ...exchange import LIST_UNITS, Motion
+from ...exchange import LIST_UNITS, AxisLists, Motion
 from .._figures import wild_readings
 from .._gate import GateCheck, gate_check
-from ._loaded import Loaded
 
 _SURE = 3.0
 """Standard deviations of an rms figure, 1/√(2n) each, up to which it is no other."""
@@ -54,7 +53,7 @@ class Together:
 
 
 def added_beyond(
-    after: Loaded, before: Loaded, active: Collection[str], motion: Motion
+    after: AxisLists, before: AxisLists, active: Collection[str], motion: Motion
 ) -> dict[str, Float[np.ndarray, " t"]]:
     """Return what each compensation adds beyond what acted while measuring, mm or °.
 
@@ -112,7 +111,7 @@ def judge_together(
     )
 
 
-def acts_against(partner: Loaded, own: Loaded, name: str) -> bool:
+def acts_against(partner: AxisLists, own: AxisLists, name: str) -> bool:
     """Return whether a compensation of a gantry partner is that of an axis turned over.
 
     At the nodes of the axis and in both directions: both together are then less than half

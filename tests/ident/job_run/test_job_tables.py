@@ -124,7 +124,7 @@ def test_oblong_plane_passes_with_either_order_of_its_indices(tmp_path: Path) ->
     _, _, truth = plane_job(tmp_path, 'plane_index = "ij"\n')
     result = run_job(tmp_path / "job.toml", tmp_path / "out")
     assert result.passed
-    assert not result.fits[0].findings
+    assert {one["level"] for one in result.fits[0].findings} <= {"info"}
     listing = ListFile.read(tmp_path / "out" / "achskw3.lis")
     # The last node along master 1, the first along master 2; 0.5 µm as below.
     entry = listing.integer("kw.crosscomp2.table[5][0].correction")
