@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...data.lists import new_list
-from ..exchange import AxisLists, ExchangeError, Motion
+from ..exchange import AxisLists, ExchangeError
 from ..kinds import kind
 from ..kinds._keys import FitSpec
 from ..readings import Rows
@@ -111,20 +111,15 @@ class Acting:
         Raises:
             JobError: If they do not hold what it looks at.
         """
-        axes = self.job.spec.axes
-        places = {axes[key].number: at for key, at in rows.positions().items()}
-        directions = {}
-        if "direction" in kind(self.name).follows:
-            way = rows.direction(self.axis)
-            directions = {} if way is None else {self.loaded.axis: way}
-        motion = Motion(positions=places, directions=directions, time=None)
+        turns = "direction" in kind(self.name).follows
+        motion = rows.standing(self.axis if turns else None)
         added = self.loaded.parts(motion)
         if self.name not in added:
             missing = [
                 f"{name}.position"
-                for name, axis in axes.items()
+                for name, axis in self.job.spec.axes.items()
                 if axis.number in self.loaded.inputs(self.name)
-                and axis.number not in places
+                and axis.number not in motion.positions
             ]
             raise self.job.error(
                 (),

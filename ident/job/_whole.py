@@ -28,8 +28,8 @@ from .result._job_result import WholeAxis
 from .result._result import Remark
 from .write._lists import AxisFiles
 
-_Read = tuple[Measured, Mapping[str, np.ndarray]]
-"""The error of an axis in one measurement, and the temperatures in it."""
+_Read = tuple[Measured, Motion]
+"""The error of an axis in one measurement, and where all axes were."""
 
 
 def judge_whole(
@@ -261,8 +261,12 @@ class _Axis:
             if isinstance(reading, str):
                 remarks.append(self._unknown(source, reading))
                 continue
-            measured, warmth = reading
-            motion = self._motion(measured, warmth)
+            measured, motion = reading
+            sensors = [name for draft in self.drafts for name in draft.sensors]
+            if not all(name in motion.temperatures for name in sensors):
+                sensors = []
+            warm = {name: motion.temperatures[name] for name in sensors}
+            motion = dataclasses.replace(motion, temperatures=warm)
             added = added_beyond(loaded, before, spec.active, motion)
             if lacking := [name for name in names if name not in added]:
                 reason = f"it lacks what {', '.join(lacking)} follows"
@@ -307,18 +311,6 @@ class _Axis:
             return read_error(self.tables, source, self.name)
         except MeasurementError as error:
             return str(error)
-
-    def _motion(self, measured: Measured, warmth: Mapping[str, np.ndarray]) -> Motion:
-        sensors = [name for draft in self.drafts for name in draft.sensors]
-        if not all(name in warmth for name in sensors):
-            sensors = []
-        way = measured.direction
-        return Motion(
-            positions=measured.positions,
-            directions={} if way is None else {measured.axis: way},
-            time=None,
-            temperatures={name: warmth[name] for name in sensors},
-        )
 
     def _doubled(self, one: Together, names: tuple[str, ...]) -> Remark:
         others = [name for name in names if name != one.compensation]

@@ -9,12 +9,14 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pydantic
 
 from ....models import Conventions
 from ...exchange import (
     AxisLists,
     ExchangeError,
+    Motion,
     Reading,
     TomlError,
     read_conventions,
@@ -66,6 +68,20 @@ class Job:
     def reading(self) -> Reading:
         """How lists are read, what waits for COMP ON as switched on."""
         return Reading(self.conventions, self.increments, self.ranges, commanded=True)
+
+    def standing(self, **columns: Mapping[str, np.ndarray]) -> Motion:
+        """Return readings as the controller takes them: each a position of its own.
+
+        Args:
+            columns: Those of a `Motion`, by name of the axis (of the sensor).
+        """
+        axes = self.spec.axes
+        numbers = {name: axis.number for name, axis in axes.items()}
+        found: dict[str, Any] = {
+            key: {numbers.get(name, name): values for name, values in table.items()}
+            for key, table in columns.items()
+        }
+        return Motion(**found, time=None)
 
     @property
     def increments(self) -> dict[int, float]:
