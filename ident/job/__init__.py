@@ -111,18 +111,4 @@ if TYPE_CHECKING:
         trend_words as trend_words,
     )
 
-_NAMES = {
-    "file._found_fits": "found_keys job_with_fits nodes_for",
-    "file._schema": "Gate JobFile",
-    "table._trend": "Trend asks_for_owner trend_through trend_words",
-    "joint": "AxisSum EffectShare GroupResult LeftOutResult",
-    ".kinds.backlash._result": "BacklashResult",
-    ".kinds.crosstalk._result": "CrosstalkResult",
-    ".kinds.friction._listing": "LawCurve",
-    ".kinds.friction._result": "FrictionResult FrictionView choice_sentence",
-    ".kinds.temperature._result": "TemperatureResult ThermalView",
-    ".kinds.temperature._law": "ThermalLaw",
-}
-_HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}
-
-__getattr__ = importer(__name__, _HOMES)
+__getattr__ = importer(__name__)
