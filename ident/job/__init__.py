@@ -58,7 +58,6 @@ from .result._result import (
     ConventionState as ConventionState,
     Remark as Remark,
     SampleView as SampleView,
-    Streamed as Streamed,
     TableResult as TableResult,
     by_level as by_level,
     some_of as some_of,

@@ -114,6 +114,8 @@ class SampleView:
 
     Attributes:
         positions: Input positions, shape ``(t, d)``, columns as in `TableResult.masters`.
+        direction: ±1 per reading, or None where the table does not ask for it.
+        run: Run per reading, or None.
         order: Time of each reading in s, or its row number where no time was given.
         before: Error as measured (after `remove`, `datum`, reduction to the reference
             temperature).
@@ -123,36 +125,19 @@ class SampleView:
             controller's rules.
         predicted_sd: Standard deviation predicted for a held-out reading.
         share: Weight that the loss left the reading, 0 (wild) to 1.
-        direction: ±1 per reading, or None where the table does not ask for it.
-        run: Run per reading, or None.
         timed: Whether `order` is a time.
     """
 
     positions: Float[Array, "t d"]
+    direction: Int[Array, " t"] | None
+    run: Int[Array, " t"] | None
     order: Float[Array, " t"]
     before: Float[Array, " t"]
     predicted: Float[Array, " t"]
     from_file: Float[Array, " t"]
     predicted_sd: Float[Array, " t"]
     share: Float[Array, " t"]
-    direction: Int[Array, " t"] | None = None
-    run: Int[Array, " t"] | None = None
     timed: bool = False
-
-
-@dataclasses.dataclass(frozen=True)
-class Streamed:
-    """A fit whose readings were read in pieces; its `SampleView` shows every n-th one.
-
-    Attributes:
-        readings: How many there are.
-        wild: How many of them are wild.
-        every: n.
-    """
-
-    readings: int
-    wild: int
-    every: int
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -257,8 +242,11 @@ class TableResult(AbstractResult):
         fit: The estimate behind it (sign of the error).
         samples: The readings with before / predicted / from file.
         rounding: Largest effect of rounding to list units, in ``unit``.
+        readings: Number of readings of the fit.
+        wild: How many of them it leaves out.
         cycles: Value chosen for P-AXIS-00243, None where the table has one branch.
-        streamed: What was read in pieces; None: all readings were in memory.
+        every: One reading in so many is among the samples, where they were read in pieces;
+            None: all readings were in memory.
     """
 
     masters: tuple[str, ...]
@@ -270,13 +258,10 @@ class TableResult(AbstractResult):
     fit: TableFit
     samples: SampleView
     rounding: float
+    readings: int
+    wild: int
     cycles: int | None = None
-    streamed: Streamed | None = None
-
-    @property
-    def readings(self) -> int:
-        """Number of readings of the fit."""
-        return self.streamed.readings if self.streamed else len(self.fit.residual)
+    every: int | None = None
 
     @property
     def over(self) -> tuple[str, ...]:
@@ -324,7 +309,7 @@ class TableResult(AbstractResult):
             "runs": self.fit.runs,
             "message": self.fit.message,
             "rounding": self.rounding,
-            "route": "in memory" if self.streamed is None else "stream",
+            "route": "in memory" if self.every is None else "stream",
             "readings": self.readings,
         }
 

@@ -22,7 +22,7 @@ from .._gating import (
     switching_checks,
     switching_remarks,
 )
-from ..result._result import Remark, SampleView, Streamed, TableResult
+from ..result._result import Remark, SampleView, TableResult
 from ..result._second import SecondMeasurement
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
@@ -201,13 +201,13 @@ class TableDraft(AbstractDraft):
         removed = {tables.job.spec.measurements[name].remove for name in fit.sources}
         if "line" in removed:  # a slope that no reading shows
             added = without_zero(added, [*found.positions.T], "line")
-        return SecondMeasurement.of(
+        return SecondMeasurement(
             ", ".join(fit.sources),
             found.positions,
             found.error - zero_at(found, datum, table),
             found.direction if own else None,
             found.run if run_table(found, table) is not None else None,
-            float(np.std(added)),
+            added=float(np.std(added)),
         )
 
     @property
@@ -236,9 +236,8 @@ class TableDraft(AbstractDraft):
         tally, view, beyond = self._proof(table.read(done.compensation))
         count, wild = tally["before"].counts
         own = {name: view.pop(name) for name in ("wild", "residual")}
-        samples = SampleView(
-            **view, timed=fitted.readings is not None and fitted.readings.timed
-        )
+        timed = fitted.readings is not None and fitted.readings.timed
+        samples = SampleView(**{"direction": None, "run": None, **view}, timed=timed)
         places: tuple[str, ...] = ()
         if self.in_memory:
             places = places_of(samples, own["wild"], self.fit.over)
@@ -256,6 +255,8 @@ class TableDraft(AbstractDraft):
             samples=samples,
             error=error,
             rounding=self.rounding,
+            readings=count,
+            wild=wild,
             remarks=(
                 *plan.remarks,
                 *fitted.remarks(),
@@ -267,7 +268,7 @@ class TableDraft(AbstractDraft):
             files=done.files.of_lists(done.names),
             cycles=done.cycles if self._bilateral else None,
             held_out="run" if fitted.by_run else "block",
-            streamed=None if self.in_memory else Streamed(count, wild, fitted.every),
+            every=None if self.in_memory else fitted.every,
         )
 
     def _proof(self, back: Model) -> tuple[dict[str, ErrorTally], Columns, int]:
