@@ -20,7 +20,7 @@ def show(
     from ._show_tables import list_views
 
     shown = read_shown_list(file)
-    console = wide_console()
+    console = wide_console(wraps=True)
     for view in list_views(shown):
         console.print(view)
     if out is not None:
