@@ -358,7 +358,11 @@ def _with_partner(
         apart = [name for name in own if there.get(name, own[name]) != own[name]]
         # Where both were measured, each has the sign that its readings ask for.
         compared = () if fitted or lacking else whole.compensations
-        turned = [name for name in compared if acts_against(theirs, mine, name)]
+        turned, unread = list[str](), ""
+        try:
+            turned = [name for name in compared if acts_against(theirs, mine, name)]
+        except ExchangeError as error:
+            unread = str(error)
         where, advice = f"{partner} has all that acts on {axis}", ""
         if lacking:
             where = f"{partner} has no {' and no '.join(lacking)}"
@@ -369,6 +373,9 @@ def _with_partner(
         elif fitted and partner in stopped:
             where = f"{partner} is stopped by its own gate"
             advice = f"Mend what stops {partner}: both are let out together."
+        elif unread:
+            where = f"{partner} has a list that cannot be compared with that of {axis}"
+            advice = f"Mend it: {unread}."
         elif turned:
             where = f"{partner} acts with the opposite sign: {' and '.join(turned)}"
             advice = (
