@@ -155,8 +155,7 @@ def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]
 
 def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
     axis, lists = every[0].axis, every[0].lists
-    number, existing = job.spec.axes[axis].number, lists.compensation
-    name = compensation_file(number)
+    number, existing = lists.axis, lists.compensation
     drafts = [one for one in every if one.written]
     spreads = [spread for one in drafts if (spread := one.cycles) is not None]
     cycles = max(spreads, default=None)
@@ -171,18 +170,8 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
             entries |= one.entries()
         extra |= one.extra_files()
     listing, remarks = None, list[Remark]()
-    if entries and existing is None:
-        listing = _new(job, axis, entries)
-        words = (
-            f"{name} is a new list, since no list of {axis} was given: copied over"
-            " another one, it would lose that one's other compensations."
-        )
-        remarks.append(Remark.info(words))
-    elif entries and existing is not None:
-        listing, more = _edited(existing, number, entries, drafts)
-        remarks += more
-    if listing is not None:
-        listing = dataclasses.replace(listing, source=name)
+    if entries:
+        listing, remarks = _listing(job, drafts, entries)
         _refuse_misread(drafts[0], listing, entries)
     remarks += [unsettled(one) for one in drafts if not one.settled]
     machine, more = _machine_list(job, axis, lists, drafts, cycles)
@@ -226,45 +215,42 @@ def _refuse_misread(
             raise one.refusal(words)
 
 
-def _new(job: Job, axis: str, entries: Mapping[str, Value]) -> ListFile:
-    spec = job.spec.axes[axis]
-    name = spec.name or axis
-    head: dict[str, Value] = {
-        "kopf.achs_nr": spec.number,
-        "kopf.log_achs_name": name,
-    }
-    return new_list(
-        head | dict(entries),
-        comment=(
-            f"Compensation list of axis {name}, written by axcomp",
-            f"Job: {job.spec.title or job.path.name}",
-        ),
-    )
-
-
-def _edited(
-    existing: ListFile,
-    number: int,
-    entries: Mapping[str, Value],
-    drafts: Sequence[AbstractDraft],
+def _listing(
+    job: Job, drafts: Sequence[AbstractDraft], entries: Mapping[str, Value]
 ) -> tuple[ListFile, list[Remark]]:
-    """Return an existing list with new entries, and what was added to it."""
-    prefixes = [prefix for one in drafts for prefix in one.replaces]
-    edited = with_tables(existing, number, entries, prefixes)
+    """Return the compensation list of an axis, edited or new, and what changed in it."""
+    axis, existing = drafts[0].axis, drafts[0].lists.compensation
+    spec = job.spec.axes[axis]
+    name, file = spec.name or axis, compensation_file(spec.number)
+    edited = with_tables(
+        existing,
+        spec.number,
+        entries,
+        [prefix for one in drafts for prefix in one.replaces],
+        f"Compensation list of axis {name}, written by axcomp",
+        f"Job: {job.spec.title or job.path.name}",
+        name=name,
+    )
     remarks: list[Remark] = []
-    plain = [name for name in edited.added if "[" not in name]
-    rows = len(edited.added) - len(plain)
-    if edited.added:
-        words = plain + ([f"{rows} table entries"] if rows else [])
-        remarks.append(Remark.info(f"Added to {existing.source}: {', '.join(words)}."))
-    if edited.removed:
+    if existing is None:
+        words = (
+            f"{file} is a new list, since no list of {axis} was given: copied over"
+            " another one, it would lose that one's other compensations."
+        )
+        remarks.append(Remark.info(words))
+    elif edited.added:
+        plain = [name for name in edited.added if "[" not in name]
+        rows = len(edited.added) - len(plain)
+        words = ", ".join([*plain, *[f"{rows} table entries"] * bool(rows)])
+        remarks.append(Remark.info(f"Added to {existing.source}: {words}."))
+    if existing is not None and edited.removed:
         remarks.append(
             Remark.info(
                 f"Removed from {existing.source}: {len(edited.removed)} table entries"
                 " beyond the new table."
             )
         )
-    return edited.listing, remarks
+    return dataclasses.replace(edited.listing, source=file), remarks
 
 
 def _restart(
