@@ -92,9 +92,9 @@ def switching_remarks(one: "TableDraft") -> list[Remark]:
     axis, jump, limit = one.axis, one.jump, one.job.limits.max_switching
     if largest_step(jump, 0) <= limit:
         return []
-    table, unit = one.plan.table, one.job.spec.axes[axis].unit
+    unit = one.job.spec.axes[axis].unit
     start = (
-        f"Switching the {table.compensation} table of {axis} (COMP ON/OFF {table.keyword},"
+        f"Switching the {one.kind.name} table of {axis} (COMP ON/OFF {one.kind.keyword},"
         f" homing, reload) moves {axis} by up to {jump:.4g} {unit}"
     )
     if one.kind.cycles is None:

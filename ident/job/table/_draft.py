@@ -133,7 +133,6 @@ class TableDraft(AbstractDraft):
         return f"Works once {whose} referenced"
 
     def entries(self) -> dict[str, Value]:
-        prefix = self.plan.table.prefix
         found: dict[str, Value] = dict(
             self.plan.table.entries(self.integers, self.target)
         )
@@ -143,7 +142,7 @@ class TableDraft(AbstractDraft):
         }
         sizes = {key: value for key, value in found.items() if "[" not in key}
         chosen = {
-            f"{prefix}.{key}": int(value)
+            f"{self.kind.prefix}.{key}": int(value)
             for key, value in options.items()
             if value is not None
         }
