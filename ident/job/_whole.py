@@ -62,11 +62,11 @@ def judge_whole(
         found.append(dataclasses.replace(whole, switching=steps))
     stopped = {own.axis for own in files if own.failed}
     stopped |= {one.axis for one in found if one.failed}
-    whole = {one.axis: _with_partner(job, one, files, stopped) for one in found}
+    by_axis = {one.axis: _with_partner(job, one, files, stopped) for one in found}
     judged = tuple(
-        one.judged(whole[one.axis]) if one.axis in whole else one for one in files
+        one.judged(by_axis[one.axis]) if one.axis in by_axis else one for one in files
     )
-    return judged, tuple(whole.values())
+    return judged, tuple(by_axis.values())
 
 
 def _step(draft: AbstractDraft, gate: Sequence[GateCheck]) -> float:

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -234,9 +234,10 @@ class TableDraft(AbstractDraft):
         assert done.compensation is not None  # a table stands in it
         tally, view, beyond = self._proof(table.read(done.compensation))
         count, wild = tally["before"].counts
-        own = {name: view.pop(name) for name in ("wild", "residual")}
+        own: dict[str, Any] = {k: view.pop(k) for k in ("wild", "residual")}
         timed = fitted.readings is not None and fitted.readings.timed
-        samples = SampleView(**{"direction": None, "run": None, **view}, timed=timed)
+        columns: dict[str, Any] = {"direction": None, "run": None, **view}
+        samples = SampleView(**columns, timed=timed)
         places: tuple[str, ...] = ()
         if self.in_memory:
             places = places_of(samples, own["wild"], self.fit.over)
