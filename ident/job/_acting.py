@@ -31,6 +31,10 @@ def leftovers(job: Job) -> Leftovers:
         if not fit.kind.table:
             continue
         before = job.lists[fit.axis]
+        try:
+            used = before.used
+        except ExchangeError:
+            continue  # the checks of the lists say it
         _refuse_taken_over(job, fit, before)
         for name in _overlapping(job, fit, before):
             for source in fit.sources:
@@ -46,7 +50,7 @@ def leftovers(job: Job) -> Leftovers:
                         f'active = ["{name}"] with a measurement while it was on: fits of'
                         f" a group do not take it off; or {kind(name).activation} 0",
                     )  # fmt: skip
-                words = f"the {name} of {before.used[name].listing.source}"
+                words = f"the {name} of {used[name].listing.source}"
                 left.add(index, source, Acting(job, fit.axis, name, before, words))
     return left
 
@@ -136,14 +140,8 @@ def _overlapping(job: Job, fit: FitSpec, before: AxisLists) -> Iterator[str]:
     axes = job.spec.axes
     over = {axes[name].number for name in fit.over}
     fitted = {other.compensation for other in job.spec.fits if other.axis == fit.axis}
-    try:
-        used = before.used
-    except ExchangeError:
-        return  # the checks of the lists say it
-    for name in used:
-        if name in fitted or name in fit.switches_off:
-            continue
-        if not before.acts(name):
+    for name in before.used:
+        if name in fitted or name in fit.switches_off or not before.acts(name):
             continue
         if "acceleration" in kind(name).follows:
             continue
@@ -153,18 +151,14 @@ def _overlapping(job: Job, fit: FitSpec, before: AxisLists) -> Iterator[str]:
 
 def _refuse_taken_over(job: Job, fit: FitSpec, before: AxisLists) -> None:
     """Raise where a table takes over what may have acted while it was measured."""
-    try:
-        used = before.used
-    except ExchangeError:
-        return  # the checks of the lists say it
-    for name in set(fit.switches_off) & used.keys():
+    for name in set(fit.switches_off) & before.used.keys():
         for source in fit.sources:
             stated = "active" in job.spec.measurements[source].model_fields_set
             if stated or not before.acts(name):
                 continue
             raise job.error(
                 ("measurements", source),
-                f"found no active, and {used[name].listing.source} switches on the {name}"
+                f"found no active, and {before.used[name].listing.source} switches on the {name}"
                 f" of {fit.axis}, which this {fit.compensation} takes over: expected"
                 " active = [] if it was off while measuring; if it was on, measure"
                 " without it",
