@@ -21,7 +21,7 @@ pays for what only a fit needs:
 
 from typing import TYPE_CHECKING
 
-from .ident._lazy import importer
+from .ident._lazy import homes_of, importer
 
 if TYPE_CHECKING:
     from .ident._fit_linear import fit_linear as fit_linear
@@ -55,25 +55,9 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_HOME = {
-    "ident._fit_linear": ("fit_linear",),
-    "ident._fit_model": ("fit_model",),
-    "ident._library": ("Fit", "fit"),
-    "ident._model_fit": ("ModelFit",),
-    "ident._readings": ("Friction", "read"),
-    "ident.external": ("export_external",),
-    "ident.fit.joint": (
-        "Backlash", "Cross", "Crosstalk", "Leadscrew", "Plane", "Temperature",
-    ),
-    "ident.exchange": ("AxisModels", "ModelUnit", "load_model", "write_lists"),
-    "ident.volumetric": ("Geometry", "Points", "Volumetric", "fit_volumetric"),
-}  # fmt: skip
-_MODULES = {name: module for module, names in _HOME.items() for name in names}
-_MODULES["write"] = "ident.exchange:write_lists"
-
-__getattr__ = importer(__name__, _MODULES)
+__getattr__ = importer(__name__)
 
 
 def __dir__() -> list[str]:
     """Return all names of the library, those not loaded yet too."""
-    return sorted(_MODULES)
+    return sorted(homes_of(__name__))

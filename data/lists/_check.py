@@ -21,6 +21,7 @@ def check(
     build: str | None = None,
     increment: float | None = None,
     gantry: Iterable[tuple[int, int]] = (),
+    plane_index: str = "ji",
 ) -> list[Finding]:
     """Return what is wrong with lists of one machine, each alone and as a set.
 
@@ -29,6 +30,8 @@ def check(
         build: Controller build, such as ``V3.1.3108.4``; the newest where left out.
         increment: mm (or degrees) per encoder increment, where it is known.
         gantry: Pairs of logical axis numbers, master and partner, that form a gantry.
+        plane_index: First index of a plane table: master 2 (``ji``) or 1 (``ij``), as the
+            conventions of the controller say (S-17).
 
     Returns:
         Findings in the order of the files, then of their lines.
@@ -38,7 +41,7 @@ def check(
     """
     if build is not None:
         parse_build(build)
-    views = [ListView(file, build, increment) for file in files]
+    views = [ListView(file, build, increment, plane_index) for file in files]
     for view in views:
         _check_alone(view)
     check_set(views, gantry)

@@ -82,7 +82,8 @@ def _spacing(
         return None
     if structure == "kw.crosscomp2":
         square = view.value(f"{structure}.grid") != "RECTANGULAR"
-        names = ("interval", "interval") if square else ("interval2", "interval1")
+        order = "21" if view.plane_index == "ji" else "12"
+        names = ("interval", "interval") if square else map("interval".__add__, order)
         both = [view.integer(f"{structure}.{name}") for name in names]
         return lambda _, place: both[place]
     interval = view.integer(f"{structure}.interval") if structure == "kw.ssfk" else 0

@@ -149,7 +149,10 @@ def _check_plane(view: ListView) -> None:
     known = registry().by_key
     row = known["kw.crosscomp2.table[][].correction"]
     rows = view.rows(row.key)
-    ends = [view.integer(f"kw.crosscomp2.last_index_master{axis}") for axis in (1, 2)]
+    first, second = (2, 1) if view.plane_index == "ji" else (1, 2)
+    ends = [
+        view.integer(f"kw.crosscomp2.last_index_master{k}") for k in (first, second)
+    ]
     _check_plane_order(view, rows)
     grid_word = view.value("kw.crosscomp2.grid")
     is_square = grid_word != "RECTANGULAR"
@@ -161,21 +164,21 @@ def _check_plane(view: ListView) -> None:
             _unused(view, spare, f"the grid is {grid}")
     if ends[0] is None or ends[1] is None or not all(map(usable, ends)):
         return
-    last1, last2 = ends[0], ends[1]
-    count = (last1 + 1) * (last2 + 1)
+    last_j, last_i = ends[0], ends[1]
+    count = (last_j + 1) * (last_i + 1)
     present = rows.last if rows is not None else {}
     inside = len(present)
     if rows is not None and present:
         height = max(map(operator.itemgetter(0), present))
         width = max(map(operator.itemgetter(1), present))
-        if height > last2 or width > last1:
+        if height > last_j or width > last_i:
             beyond = [
-                at for at, (j, i) in enumerate(rows.indices) if j > last2 or i > last1
+                at for at, (j, i) in enumerate(rows.indices) if j > last_j or i > last_i
             ]
             inside -= len({rows.indices[at] for at in beyond})
-            swapped = height <= last1 and width <= last2
+            swapped = height <= last_i and width <= last_j
             hint = (
-                "; are the indices swapped? the first one is master 2"
+                f"; are the indices swapped? the first one is master {first}"
                 if swapped
                 else ""
             )
@@ -183,17 +186,18 @@ def _check_plane(view: ListView) -> None:
             view.add(
                 "error",
                 f"{row.key} goes beyond the table's end: {shown}, but "
-                f"last_index_master2 = {last2}, last_index_master1 = {last1}{hint}",
+                f"last_index_master{first} = {last_j}, last_index_master{second} ="
+                f" {last_i}{hint}",
                 view.name_place(rows, beyond[0]),
                 parameter=row,
                 found=shown,
-                expected=f"indices up to [{last2}][{last1}]",
+                expected=f"indices up to [{last_j}][{last_i}]",
             )
     if inside < count:
         cells = (
             _cell(j, i)
-            for j in range(last2 + 1)
-            for i in range(last1 + 1)
+            for j in range(last_j + 1)
+            for i in range(last_i + 1)
             if (j, i) not in present
         )
         view.add(

@@ -30,7 +30,11 @@ class ListView:
     """One list with its findings; the rules of the checker write into it."""
 
     def __init__(
-        self, file: ListFile, build: str | None, increment: float | None = None
+        self,
+        file: ListFile,
+        build: str | None,
+        increment: float | None = None,
+        plane_index: str = "ji",
     ) -> None:
         """Look at ``file`` as a controller of ``build`` would, the newest if None.
 
@@ -38,8 +42,10 @@ class ListView:
             file: The list.
             build: Of the controller.
             increment: mm (or degrees) per encoder increment, where it is known.
+            plane_index: First index of a plane table: master 2 (``ji``) or 1 (``ij``).
         """
         self.file = file
+        self.plane_index = plane_index
         self.build = build
         self.increment = increment
         self.columns: Mapping[str, Rows] = file.columns

@@ -32,4 +32,4 @@ from ._table import query_results as query_results, read_results as read_results
 if TYPE_CHECKING:
     from ._log import fit_log as fit_log
 
-__getattr__ = importer(__name__, {"fit_log": "_log"})
+__getattr__ = importer(__name__)

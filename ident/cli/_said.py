@@ -36,11 +36,15 @@ def print_json(tree: object) -> None:
     typer.echo(json.dumps(tree, ensure_ascii=False, indent=2))
 
 
-def wide_console() -> "Console":
-    """Return standard output for tables: a log or a pipe has no edge to wrap at."""
+def wide_console(*, wraps: bool = False) -> "Console":
+    """Return standard output for tables: a log or a pipe is as wide as they are.
+
+    Args:
+        wraps: Sentences are broken at its width.
+    """
     from rich.console import Console
 
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(highlight=False, soft_wrap=not wraps)
     if not console.is_terminal:
         console.width = 160
     return console

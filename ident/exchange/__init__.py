@@ -74,6 +74,7 @@ from ._units import (
     ExchangeError as ExchangeError,
     ModelUnit as ModelUnit,
 )
+from .controller._axis_lists import AxisLists as AxisLists
 from .controller._controller import (
     controller_from_lists as controller_from_lists,
     model_of as model_of,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, final
 
 from ...data.files import write_atomically
-from ...data.lists import ListFile, Value, new_list
+from ...data.lists import ListFile, Value
 from ...models import Conventions
 from ..kinds import kind, kinds
 from ._capacity import ListTarget
@@ -215,14 +215,11 @@ def _with_entries(
     existing: ListFile | None, axis: int, entries: Mapping[str, Value]
 ) -> ListFile:
     """Return a new list, or the existing one whose tables are replaced."""
-    if existing is None:
-        what = f"Compensation list of axis {axis}, written by axcomp"
-        head: dict[str, Value] = {"kopf.achs_nr": axis}
-        return new_list(head | dict(entries), comment=(what,))
     begin = [
         f"{each.prefix}.{part}"
         for each in kinds()
         if any(name.startswith(f"{each.prefix}.") for name in entries)
         for part in each.entries.stale
     ]
-    return with_tables(existing, axis, entries, begin).listing
+    what = f"Compensation list of axis {axis}, written by axcomp"
+    return with_tables(existing, axis, entries, begin, what).listing

@@ -42,19 +42,27 @@ class Edited:
 
 
 def with_tables(
-    existing: ListFile,
+    existing: ListFile | None,
     number: int,
     entries: Mapping[str, Value],
     prefixes: Sequence[str],
+    *comment: str,
+    name: str | None = None,
 ) -> Edited:
     """Return a list with new entries in place of those that begin with the prefixes.
 
     Args:
-        existing: The list; all else in it stays.
+        existing: The list, all else in which stays; None: a new one is made.
         number: Of its axis, which is added where the list does not say it.
         entries: What it is to hold.
         prefixes: Beginnings of the entries that go where they are not new.
+        comment: Lines at the top of a new list.
+        name: Of the axis, for a new list.
     """
+    if existing is None:
+        head: dict[str, Value] = {"kopf.achs_nr": number}
+        head |= {} if name is None else {"kopf.log_achs_name": name}
+        return Edited(new_list(head | dict(entries), comment=comment), [], [])
     there = _names(existing)
     begin = tuple(prefixes)
     stale = [name for name in there if name.startswith(begin) and name not in entries]

@@ -51,21 +51,6 @@ class AbstractTable(abc.ABC):
     value_bounds: ClassVar[tuple[int, int]] = SGN32
 
     @property
-    def compensation(self) -> str:
-        """As in the job file."""
-        return self.kind.name
-
-    @property
-    def prefix(self) -> str:
-        """Structure in the compensation list."""
-        return self.kind.prefix
-
-    @property
-    def keyword(self) -> str:
-        """Of the NC command ``COMP`` and of `prog_movement_requires_compensations`."""
-        return self.kind.keyword
-
-    @property
     def sign(self) -> int:
         """Offset = sign · entry."""
         return int(getattr(self.conventions, f"{self.kind.name}_sign"))
@@ -145,7 +130,7 @@ class AbstractTable(abc.ABC):
             ExchangeError: If one does not fit its type.
         """
         column = "pos" if "pos" in self.branch_names else "correction"
-        name = f"{self.prefix}.table[].{column}"
+        name = f"{self.kind.prefix}.table[].{column}"
         return round_to_list(self.sign * offset, name, self.value_bounds)
 
     def to_offsets(self, integers: Int[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
@@ -238,7 +223,7 @@ def refuse_lost_nodes(table: AbstractTable, old: Model, source: str) -> None:
             shown = ", ".join(f"{k / LIST_UNITS:g}" for k in lost[:5])
             more = f" and {len(lost) - 5} more" if len(lost) > 5 else ""
             raise ExchangeError(
-                where=f"{source}: {table.prefix}",
+                where=f"{source}: {table.kind.prefix}",
                 found=f"nodes of axis {master} at {shown}{more} in the table that was"
                 " active while measuring, but not in the new one",
                 expected="the old nodes or more of them",

@@ -26,14 +26,4 @@ if TYPE_CHECKING:
         verify_snapshot as verify_snapshot,
     )
 
-_HOMES = {
-    "_export": ("ExternalFiles", "Placed", "export_external"),
-    "_extremes": ("Extremes", "extremes"),
-    "_sources": ("ListSource", "list_source"),
-    "_trace": ("OffsetLaw", "UntraceableError"),
-    "_verify": ("Snapshot", "read_snapshot", "verify_external", "verify_snapshot"),
-}
-# `axcomp verify` needs no code generator.
-__getattr__ = importer(
-    __name__, {name: module for module, names in _HOMES.items() for name in names}
-)
+__getattr__ = importer(__name__)

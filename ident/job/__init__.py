@@ -58,7 +58,6 @@ from .result._result import (
     ConventionState as ConventionState,
     Remark as Remark,
     SampleView as SampleView,
-    Streamed as Streamed,
     TableResult as TableResult,
     by_level as by_level,
     some_of as some_of,
@@ -74,7 +73,7 @@ from .result._verdict import (
     Reason as Reason,
     Verdict as Verdict,
 )
-from .write._output import OutputError as OutputError
+from .write._output import OutFolder as OutFolder, OutputError as OutputError
 
 if TYPE_CHECKING:
     from ..kinds.backlash._result import BacklashResult as BacklashResult
@@ -92,7 +91,6 @@ if TYPE_CHECKING:
         TemperatureResult as TemperatureResult,
         ThermalView as ThermalView,
     )
-    from ._acting import reading_of as reading_of
     from .file._found_fits import (
         found_keys as found_keys,
         job_with_fits as job_with_fits,
@@ -112,19 +110,4 @@ if TYPE_CHECKING:
         trend_words as trend_words,
     )
 
-_NAMES = {
-    "_acting": "reading_of",
-    "file._found_fits": "found_keys job_with_fits nodes_for",
-    "file._schema": "Gate JobFile",
-    "table._trend": "Trend asks_for_owner trend_through trend_words",
-    "joint": "AxisSum EffectShare GroupResult LeftOutResult",
-    ".kinds.backlash._result": "BacklashResult",
-    ".kinds.crosstalk._result": "CrosstalkResult",
-    ".kinds.friction._listing": "LawCurve",
-    ".kinds.friction._result": "FrictionResult FrictionView choice_sentence",
-    ".kinds.temperature._result": "TemperatureResult ThermalView",
-    ".kinds.temperature._law": "ThermalLaw",
-}
-_HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}
-
-__getattr__ = importer(__name__, _HOMES)
+__getattr__ = importer(__name__)

@@ -1,7 +1,4 @@
-"""What acts on an axis: while its readings were taken, and with the files of a job.
-
-What will act beside a fit, and did not while it was measured, is handed on to it, or refused.
-"""
+"""What will act beside a fit, and did not while it was measured: handed on to it, or refused."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -9,86 +6,14 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
-from ...data.lists import ListFile, new_list
-from ..exchange import ExchangeError, Motion, Reading, entries_of_activation
-from ..kinds import kind, kinds
+from ...data.lists import new_list
+from ..exchange import AxisLists, ExchangeError
+from ..kinds import kind
 from ..kinds._keys import FitSpec
-from ..proof.axis import Loaded
 from ..readings import Rows
-from ._draft import AbstractDraft, AxisLists, Leftovers
+from ._draft import AbstractDraft, Leftovers
 from .file._load import Job
-from .write._lists import AxisFiles
-
-
-def acting_before(job: Job, axis: str) -> Loaded:
-    """Return what the existing lists of an axis hold and switch on.
-
-    Without an axis list everything in the compensation list counts.
-    """
-    number, lists = job.spec.axes[axis].number, job.lists[axis]
-    existing = _lists(number, lists.compensation, lists.machine)
-    return Loaded(number, existing, reading_of(job))
-
-
-def acting_after(job: Job, files: AxisFiles) -> Loaded:
-    """Return what acts on an axis with the files of a job, as they will be read."""
-    number, lists = files.number, files.existing
-    before = acting_before(job, files.axis)
-    listing = _read_back(files.compensation) or lists.compensation
-    machine = _read_back(files.machine) or lists.machine
-    if lists.machine is None and machine is not None:
-        machine = _with_all_on(machine, before)
-    drafts = [one for one in files.drafts if one.written]
-    lines = [line for one in drafts if (line := one.line(machine))]
-    return dataclasses.replace(
-        before,
-        lists=_lists(number, listing, machine),
-        reading=dataclasses.replace(
-            before.reading, lines={number: lines[-1]} if lines else {}
-        ),
-    )
-
-
-def acting_alone(draft: AbstractDraft) -> Loaded:
-    """Return what one fit adds, as if it were all that acts on its axis."""
-    job, number = draft.job, draft.job.spec.axes[draft.axis].number
-    with job.blaming(("fits", draft.index)):
-        entries = draft.entries()
-    listing = new_list({"kopf.achs_nr": number} | entries) if entries else None
-    return Loaded(number, _lists(number, _read_back(listing), None), reading_of(job))
-
-
-def reading_of(job: Job) -> Reading:
-    """Return how the lists of a job are read, what waits for COMP ON as switched on."""
-    return Reading(job.conventions, job.increments, job.ranges, commanded=True)
-
-
-def _lists(
-    number: int, listing: ListFile | None, machine: ListFile | None
-) -> tuple[ListFile, ...]:
-    pairs = ("compensation", listing), ("axis", machine)
-    return tuple(
-        # The job says whose list it is where the file does not.
-        one if one.integer("kopf.achs_nr") else one.merge({"kopf.achs_nr": number})
-        for kind, one in pairs
-        if one is not None and one.kind == kind
-    )
-
-
-def _read_back(listing: ListFile | None) -> ListFile | None:
-    """Return a list as its bytes read."""
-    return None if listing is None else ListFile.parse(listing.dumps(), listing.source)
-
-
-def _with_all_on(fragment: ListFile, before: Loaded) -> ListFile:
-    """Return the entries to add to an axis list beside what the list may switch on.
-
-    What the axis list itself says nobody knows: all that the compensation list holds is
-    taken to act.
-    """
-    known = {one.name for one in kinds() if fragment.get(one.activation) is not None}
-    tables = [name for name in before.used if name not in known]
-    return fragment.merge(entries_of_activation(tables))
+from .write._lists import read_back
 
 
 def leftovers(job: Job) -> Leftovers:
@@ -105,23 +30,27 @@ def leftovers(job: Job) -> Leftovers:
     for index, fit in enumerate(job.spec.fits):
         if not fit.kind.table:
             continue
-        lists, before = job.lists[fit.axis], acting_before(job, fit.axis)
+        before = job.lists[fit.axis]
+        try:
+            used = before.used
+        except ExchangeError:
+            continue  # the checks of the lists say it
         _refuse_taken_over(job, fit, before)
         for name in _overlapping(job, fit, before):
             for source in fit.sources:
                 if name in job.spec.measurements[source].active:
                     continue
                 shaped = "position" in kind(name).follows
-                if not shaped and not _is_stated(job, source, lists):
+                if not shaped and not _is_stated(job, source, before):
                     continue
-                _refuse_unclear(job, source, fit, name, before, lists)
+                _refuse_unclear(job, source, fit, name, before)
                 if index in grouped:
                     raise _unclear(
                         job, source, fit, name, before,
                         f'active = ["{name}"] with a measurement while it was on: fits of'
                         f" a group do not take it off; or {kind(name).activation} 0",
                     )  # fmt: skip
-                words = f"the {name} of {before.used[name].listing.source}"
+                words = f"the {name} of {used[name].listing.source}"
                 left.add(index, source, Acting(job, fit.axis, name, before, words))
     return left
 
@@ -142,10 +71,19 @@ def hand_on(draft: AbstractDraft, left: Leftovers) -> None:
         for source in fit.sources:
             active = job.spec.measurements[source].active
             if source not in draft.fit.sources and draft.compensation not in active:
-                alone = acting_alone(draft)
+                alone = _alone(draft)
                 words = f"the {draft.compensation} that this job fits first"
                 beside = Acting(job, draft.axis, draft.compensation, alone, words)
                 left.add(index, source, beside)
+
+
+def _alone(draft: AbstractDraft) -> AxisLists:
+    """Return what one fit adds, as if it were all that acts on its axis."""
+    job, number = draft.job, draft.lists.axis
+    with job.blaming(("fits", draft.index)):
+        entries = draft.entries()
+    listing = new_list({"kopf.achs_nr": number} | entries) if entries else None
+    return AxisLists(number, read_back(listing), None, job.reading)
 
 
 def _is_coupled(fit: FitSpec) -> bool:
@@ -168,7 +106,7 @@ class Acting:
     job: Job
     axis: str
     name: str
-    loaded: Loaded
+    loaded: AxisLists
     words: str
 
     def at(self, rows: Rows) -> Float[np.ndarray, " t"]:
@@ -177,20 +115,15 @@ class Acting:
         Raises:
             JobError: If they do not hold what it looks at.
         """
-        axes = self.job.spec.axes
-        places = {axes[key].number: at for key, at in rows.positions().items()}
-        directions = {}
-        if "direction" in kind(self.name).follows:
-            way = rows.direction(self.axis)
-            directions = {} if way is None else {self.loaded.axis: way}
-        motion = Motion(positions=places, directions=directions, time=None)
+        turns = "direction" in kind(self.name).follows
+        motion = rows.standing(self.axis if turns else None)
         added = self.loaded.parts(motion)
         if self.name not in added:
             missing = [
                 f"{name}.position"
-                for name, axis in axes.items()
+                for name, axis in self.job.spec.axes.items()
                 if axis.number in self.loaded.inputs(self.name)
-                and axis.number not in places
+                and axis.number not in motion.positions
             ]
             raise self.job.error(
                 (),
@@ -202,19 +135,13 @@ class Acting:
         return added[self.name]
 
 
-def _overlapping(job: Job, fit: FitSpec, before: Loaded) -> Iterator[str]:
+def _overlapping(job: Job, fit: FitSpec, before: AxisLists) -> Iterator[str]:
     """Yield what the lists of an axis hold that acts over axes of a new table."""
     axes = job.spec.axes
     over = {axes[name].number for name in fit.over}
     fitted = {other.compensation for other in job.spec.fits if other.axis == fit.axis}
-    try:
-        used = before.used
-    except ExchangeError:
-        return  # the checks of the lists say it
-    for name, one in used.items():
-        if name in fitted or name in fit.switches_off:
-            continue
-        if kind(name).entries.adds_nothing(one.listing):
+    for name in before.used:
+        if name in fitted or name in fit.switches_off or not before.acts(name):
             continue
         if "acceleration" in kind(name).follows:
             continue
@@ -222,36 +149,32 @@ def _overlapping(job: Job, fit: FitSpec, before: Loaded) -> Iterator[str]:
             yield name
 
 
-def _refuse_taken_over(job: Job, fit: FitSpec, before: Loaded) -> None:
+def _refuse_taken_over(job: Job, fit: FitSpec, before: AxisLists) -> None:
     """Raise where a table takes over what may have acted while it was measured."""
-    try:
-        used = before.used
-    except ExchangeError:
-        return  # the checks of the lists say it
-    for name in set(fit.switches_off) & used.keys():
+    for name in set(fit.switches_off) & before.used.keys():
         for source in fit.sources:
             stated = "active" in job.spec.measurements[source].model_fields_set
-            if stated or kind(name).entries.adds_nothing(used[name].listing):
+            if stated or not before.acts(name):
                 continue
             raise job.error(
                 ("measurements", source),
-                f"found no active, and {used[name].listing.source} switches on the {name}"
+                f"found no active, and {before.used[name].listing.source} switches on the {name}"
                 f" of {fit.axis}, which this {fit.compensation} takes over: expected"
                 " active = [] if it was off while measuring; if it was on, measure"
                 " without it",
             )
 
 
-def _is_stated(job: Job, source: str, lists: AxisLists) -> bool:
+def _is_stated(job: Job, source: str, before: AxisLists) -> bool:
     """Return whether it is known what was on while measuring, and what will be."""
     fields = job.spec.measurements[source].model_fields_set
-    return lists.machine is not None and "active" in fields
+    return before.machine is not None and "active" in fields
 
 
 def _refuse_unclear(
-    job: Job, source: str, fit: FitSpec, name: str, before: Loaded, lists: AxisLists
+    job: Job, source: str, fit: FitSpec, name: str, before: AxisLists
 ) -> None:
-    if lists.machine is None:
+    if before.machine is None:
         raise job.error(
             ("axes", fit.axis),
             f"found no axis list (machine_data), while {before.used[name].listing.source}"
@@ -261,7 +184,7 @@ def _refuse_unclear(
             f' says whether it acts, or active = ["{name}"] in [measurements.{source}]'
             " with a measurement while it was on",
         )
-    if not _is_stated(job, source, lists):
+    if not _is_stated(job, source, before):
         raise _unclear(
             job, source, fit, name, before,
             f'active = ["{name}"] if it was on, [] if it was off: the'
@@ -270,12 +193,12 @@ def _refuse_unclear(
 
 
 def _unclear(
-    job: Job, source: str, fit: FitSpec, name: str, before: Loaded, expected: str
+    job: Job, source: str, fit: FitSpec, name: str, before: AxisLists, expected: str
 ) -> Exception:
-    machine = next(one.source for one in before.lists if one.kind == "axis")
+    assert before.machine is not None  # it says that both act
     return job.error(
         ("measurements", source, "active"),
-        f"found no {name}, which {machine} switches on over the same axis as the"
+        f"found no {name}, which {before.machine.source} switches on over the same axis as the"
         f" {fit.compensation} fit of {fit.axis} ({kind(name).activation}): where it was off"
         f" while measuring, both would correct the same error; expected {expected}",
     )

@@ -12,11 +12,10 @@ from jaxtyping import Float
 
 from ...data.lists import ListFile, Value
 from ...models import Conventions, TemperatureLine
-from ..exchange import ListTarget
+from ..exchange import AxisLists, ListTarget
 from ..kinds._keys import FitSpec
 from ..kinds._kind import Kind
 from ..proof import GateCheck
-from .file._existing import AxisLists as AxisLists
 from .file._faults import JobError
 from .file._load import Job
 from .result._result import AbstractResult, ConventionState, Remark
@@ -246,21 +245,6 @@ class AbstractDraft(AbstractOfFit):
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         """Return every line of the gate."""
         return ()
-
-    def refuse_misread(self, listing: ListFile) -> None:
-        """Raise where the list, read back, does not hold what was fitted.
-
-        Raises:
-            JobError: Naming the list.
-        """
-        parsed = ListFile.parse(listing.dumps(), listing.source)
-        for name, value in self.entries().items():
-            text = isinstance(value, str)
-            found = parsed.text(name) if text else parsed.integer(name)
-            if found != value:
-                words = f"found {found} for {name} in {listing.source} when it was read"
-                words += f" back, expected {value}"
-                raise self.refusal(words)
 
     def restart(self, existing: ListFile, listing: ListFile) -> str | None:
         """Return why a restart is needed, or None where a reload is enough."""

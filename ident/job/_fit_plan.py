@@ -125,6 +125,17 @@ class AbstractPlan(AbstractOfFit):
         """
         raise self.refusal(_ALONE)
 
+    def left_out(self, why: str, share: "Share | None" = None) -> AbstractDraft:
+        """Return what stands for it where its readings do not tell it: the rest is written.
+
+        Args:
+            why: In words; empty: what the readings do not tell is said.
+            share: Its part of the joint fit; None where it was not fitted at all.
+        """
+        from .joint import LeftOutDraft  # takes long to load
+
+        return LeftOutDraft(self.job, self.index, self.fit, why, share)
+
 
 def plan_of(tables: Tables, index: int) -> AbstractPlan:
     """Return the plan of a fit of the job.

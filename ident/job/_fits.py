@@ -61,7 +61,7 @@ def fit_all(
     order = sorted(single, key=lambda k: not fits[k].kind.fitted_first)
     for place, k in enumerate(order):
         if k in alone and not fits[k].kind.partial:
-            drafts[k] = _left_out(job, k, alone[k])
+            drafts[k] = single[k].left_out(alone[k])
             continue
         say(f"fitting {fits[k].compensation} of {fits[k].axis}")
         try:
@@ -70,10 +70,10 @@ def fit_all(
         except FitError as error:
             if k not in alone:
                 undetermined[k] = error
-            drafts[k] = _left_out(job, k, alone.get(k, str(error)))
+            drafts[k] = single[k].left_out(alone.get(k, str(error)))
             continue
         if k in alone and one.written and not one.partial:
-            drafts[k] = _left_out(job, k, alone[k])
+            drafts[k] = single[k].left_out(alone[k])
             continue
         later = [fits[k].axis for k in order[place + 1 :]]
         if one.written and one.axis in later:
@@ -107,13 +107,6 @@ def _refuse_streams(job: Job, grouped: frozenset[int]) -> None:
                     f"found true, but {whose} needs its log in memory, expected it for"
                     " plane, cross and leadscrew fits of their own",
                 )
-
-
-def _left_out(job: Job, k: int, why: str) -> AbstractDraft:
-    """Return what stands for a fit that its readings do not tell: the rest is written."""
-    from .joint import LeftOutDraft
-
-    return LeftOutDraft(job, k, job.spec.fits[k], why)
 
 
 def _confounded_alone(

@@ -17,7 +17,7 @@ from .result._result import Remark
 
 if TYPE_CHECKING:
     from ._draft import AbstractDraft
-    from .table._draft import AbstractTableDraft
+    from .table._draft import TableDraft
 
 
 def spread_over(
@@ -40,7 +40,7 @@ def spread_over(
     return choose_cycles(jump, cycle_time, fastest, limits.max_acceleration, stated)
 
 
-def pass_gate(one: "AbstractTableDraft", cycles: int | None) -> tuple[GateCheck, ...]:
+def pass_gate(one: "TableDraft", cycles: int | None) -> tuple[GateCheck, ...]:
     """Return every line of the gate for a fitted table."""
     job, table, closed = one.job, one.plan.table, []
     for name, nodes in zip(one.fit.over, table.nodes, strict=True):
@@ -66,7 +66,7 @@ def pass_gate(one: "AbstractTableDraft", cycles: int | None) -> tuple[GateCheck,
     )
 
 
-def chosen_cycles(one: "AbstractTableDraft") -> int | None:
+def chosen_cycles(one: "TableDraft") -> int | None:
     """Return the `n_cycles` to write, or None where that of the list stays.
 
     As the job says; else the smallest that keeps every step within `max_switching`.
@@ -77,7 +77,7 @@ def chosen_cycles(one: "AbstractTableDraft") -> int | None:
     return switching_cycles(one.jump, limit, _existing(one))
 
 
-def switching_checks(one: "AbstractTableDraft") -> list[GateCheck]:
+def switching_checks(one: "TableDraft") -> list[GateCheck]:
     """Return the line of the gate for switching a table, where it can be spread."""
     if one.kind.cycles is None:  # a leadscrew table
         return []
@@ -87,14 +87,14 @@ def switching_checks(one: "AbstractTableDraft") -> list[GateCheck]:
     return [check_switching(one.jump, cycles, job.limits, unit, name)]
 
 
-def switching_remarks(one: "AbstractTableDraft") -> list[Remark]:
+def switching_remarks(one: "TableDraft") -> list[Remark]:
     """Return what the user must know of switching a table; nothing where it is small."""
     axis, jump, limit = one.axis, one.jump, one.job.limits.max_switching
     if largest_step(jump, 0) <= limit:
         return []
-    table, unit = one.plan.table, one.job.spec.axes[axis].unit
+    unit = one.job.spec.axes[axis].unit
     start = (
-        f"Switching the {table.compensation} table of {axis} (COMP ON/OFF {table.keyword},"
+        f"Switching the {one.kind.name} table of {axis} (COMP ON/OFF {one.kind.keyword},"
         f" homing, reload) moves {axis} by up to {jump:.4g} {unit}"
     )
     if one.kind.cycles is None:
@@ -136,13 +136,13 @@ def unsettled(one: "AbstractDraft") -> Remark:
     )
 
 
-def _cycles(one: "AbstractTableDraft") -> int:
+def _cycles(one: "TableDraft") -> int:
     """Return the `n_cycles` that the list will hold."""
     chosen = chosen_cycles(one)
     return (_existing(one) or 0) if chosen is None else chosen
 
 
-def _existing(one: "AbstractTableDraft") -> int | None:
+def _existing(one: "TableDraft") -> int | None:
     listing, cycles = one.lists.compensation, one.kind.cycles
     assert cycles is not None  # of a table that can be spread
     return None if listing is None else listing.integer(cycles[0])

@@ -18,7 +18,6 @@ from ...data.lists import ListFile
 from ..exchange import ExchangeError, StoredConventions, read_conventions
 from ..proof import Diagnosis, diagnose, not_judged
 from ..readings import Tables, errors_in, read_outside
-from ._acting import reading_of
 from ._draft import AbstractDraft
 from .file._load import Job, load_job, sha256
 from .result._job_result import JobResult
@@ -190,7 +189,7 @@ def _diagnoses(
             lists,
             read_outside(job),
             read_outside(second.job),
-            dataclasses.replace(reading_of(second.job), conventions=job.conventions),
+            dataclasses.replace(second.job.reading, conventions=job.conventions),
             names=names,
         )
     except ExchangeError as error:

@@ -15,14 +15,14 @@ from ..readings import Tables
 from ._draft import AbstractDraft, Written
 from ._fits import fit_all
 from ._measure_again import Second, measure_again, plan_second
-from ._whole import judge_whole, judged_whole
+from ._whole import judge_whole
 from .file._load import Job, load_job
 from .result._job_result import JobResult, result_json
 from .result._result import AbstractResult, Remark
 from .write._first_run import first_run_programs, program_names
 from .write._lists import AxisFiles, files_of, judge_files, startup_fragment
 from .write._loadsheet import load_sheet
-from .write._output import OutFolder
+from .write._output import REPORT, RESULT, OutFolder
 
 if TYPE_CHECKING:
     from .joint import GroupResult
@@ -76,7 +76,7 @@ def begin_job(
     start = time.perf_counter()
     say = progress or (lambda line: None)
     job = load_job(path)
-    folder = OutFolder(out, [path, *job.inputs], sync=sync)
+    folder = OutFolder(out, path, job.inputs, sync=sync)
     try:
         folder.refuse_sources(_names(job))
         tables = Tables(job)
@@ -86,8 +86,7 @@ def begin_job(
         raise
     say("writing lists")
     files, remarks = judge_files(job, files_of(job, drafts))
-    whole = judge_whole(tables, files)
-    files = tuple(judged_whole(one, whole) for one in files)
+    files, whole = judge_whole(tables, files)
     second, lost = plan_second(job, after, out, files)
     files, moved = _write(job, folder, files)
     by_axis = {one.axis: one for one in files}
@@ -162,10 +161,10 @@ class JobRun:
         result = dataclasses.replace(
             result,
             load_sheet=load_sheet(job, self.files, result.fits),
-            files=(*self.folder.written, Path("result.json")),
+            files=(*self.folder.written, Path(RESULT)),
             wall_time=time.perf_counter() - self.start,
         )
-        self.folder.write("result.json", result_json(result).encode())
+        self.folder.write(RESULT, result_json(result).encode())
         return result
 
 
@@ -181,7 +180,7 @@ def input_hashes(path: Path) -> dict[str, str]:
 
 def _names(job: Job) -> list[str]:
     """Return every name that a job may write."""
-    names = ["result.json", "report.html", "hochlauf.add.lis", *_DIAGNOSIS]
+    names = [RESULT, REPORT, "hochlauf.add.lis", *_DIAGNOSIS]
     names += program_names(job)
     for fit in job.spec.fits:
         number = job.spec.axes[fit.axis].number
@@ -197,6 +196,8 @@ def _write(
     job: Job, folder: OutFolder, files: Sequence[AxisFiles]
 ) -> tuple[tuple[AxisFiles, ...], list[Remark]]:
     """Write all lists and return the axes with their names, and what was moved away."""
+    for name in (RESULT, REPORT):  # written later, when the remarks are
+        folder.keep(name)
     found = []
     retired: list[tuple[str, Path | None]] = []
     for one in files:

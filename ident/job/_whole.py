@@ -8,13 +8,13 @@ import numpy as np
 
 from ...data.measurements import MeasurementError
 from ...models import TemperatureCurve
-from ..exchange import ExchangeError, Motion
+from ..exchange import AxisLists, ExchangeError, Motion
 from ..kinds import kind
 from ..proof import GateCheck, Measured, gate_check
 from ..proof.axis import (
-    Loaded,
     Together,
     Travel,
+    acts_against,
     added_beyond,
     judge_together,
     judge_workspace,
@@ -22,19 +22,20 @@ from ..proof.axis import (
     warm_states,
 )
 from ..readings import Tables, read_error, without_zero
-from ._acting import acting_after, acting_before
 from ._draft import AbstractDraft
 from .file._load import Job
 from .result._job_result import WholeAxis
 from .result._result import Remark
 from .write._lists import AxisFiles
 
-_Read = tuple[Measured, Mapping[str, np.ndarray]]
-"""The error of an axis in one measurement, and the temperatures in it."""
+_Read = tuple[Measured, Motion]
+"""The error of an axis in one measurement, and where all axes were."""
 
 
-def judge_whole(tables: Tables, files: Sequence[AxisFiles]) -> tuple[WholeAxis, ...]:
-    """Return what acts on each axis that is written, judged as one.
+def judge_whole(
+    tables: Tables, files: Sequence[AxisFiles]
+) -> tuple[tuple[AxisFiles, ...], tuple[WholeAxis, ...]]:
+    """Return what acts on each axis that is written, judged as one; its files before it.
 
     Args:
         tables: Files of the job.
@@ -49,7 +50,7 @@ def judge_whole(tables: Tables, files: Sequence[AxisFiles]) -> tuple[WholeAxis, 
         loaded = None
         try:
             if len(acting) > 1 or axis.has_others():
-                loaded = acting_after(job, own)
+                loaded = own.after
             names = axis.compensations(loaded)
             if loaded is not None and len(names) > 1:
                 whole = axis.together(loaded, names)
@@ -59,16 +60,13 @@ def judge_whole(tables: Tables, files: Sequence[AxisFiles]) -> tuple[WholeAxis, 
             whole = axis.unread(error)
         steps = {d.compensation: _step(d, own.gates[d.index]) for d in acting}
         found.append(dataclasses.replace(whole, switching=steps))
-    stopped = {own.axis for own in files if judged_whole(own, found).failed}
-    return tuple(_with_partner(job, one, files, stopped) for one in found)
-
-
-def judged_whole(files: AxisFiles, whole: Sequence[WholeAxis]) -> AxisFiles:
-    """Return the files of an axis with what was found of it as a whole."""
-    for one in whole:
-        if one.axis == files.axis:
-            return files.judged(one.gate, one.remarks)
-    return files
+    stopped = {own.axis for own in files if own.failed}
+    stopped |= {one.axis for one in found if one.failed}
+    by_axis = {one.axis: _with_partner(job, one, files, stopped) for one in found}
+    judged = tuple(
+        one.judged(by_axis[one.axis]) if one.axis in by_axis else one for one in files
+    )
+    return judged, tuple(by_axis.values())
 
 
 def _step(draft: AbstractDraft, gate: Sequence[GateCheck]) -> float:
@@ -104,9 +102,9 @@ class _Axis:
             ExchangeError: If an entry that decides it is unreadable.
         """
         fitted = {draft.compensation for draft in self.drafts}
-        return bool(acting_before(self.job, self.name).used.keys() - fitted)
+        return bool(self.files.existing.used.keys() - fitted)
 
-    def compensations(self, loaded: Loaded | None) -> tuple[str, ...]:
+    def compensations(self, loaded: AxisLists | None) -> tuple[str, ...]:
         """Return what acts on the axis; tables of zeros do not.
 
         Raises:
@@ -116,9 +114,7 @@ class _Axis:
         if loaded is None:
             return fitted
         return tuple(
-            name
-            for name, one in loaded.used.items()
-            if name in fitted or not kind(name).entries.adds_nothing(one.listing)
+            name for name in loaded.used if name in fitted or loaded.acts(name)
         )
 
     def alone(self, draft: AbstractDraft) -> WholeAxis:
@@ -130,7 +126,7 @@ class _Axis:
         values = {each.name: each.value for each in self.files.gates[draft.index]}
         return self._whole(names, (check,), values, (), [])
 
-    def together(self, loaded: Loaded, names: tuple[str, ...]) -> WholeAxis:
+    def together(self, loaded: AxisLists, names: tuple[str, ...]) -> WholeAxis:
         """Return an axis on which several compensations act.
 
         Raises:
@@ -144,7 +140,7 @@ class _Axis:
         remarks += [self._doubled(one, names) for one in readings if not one.passed]
         return self._whole(names, checks, values, readings, remarks)
 
-    def _abrupt(self, loaded: Loaded, jumps: Mapping[str, float]) -> list[Remark]:
+    def _abrupt(self, loaded: AxisLists, jumps: Mapping[str, float]) -> list[Remark]:
         """Return what to set for compensations of the list that come in too few cycles.
 
         The job does not write them, and leaves them as they are.
@@ -256,17 +252,21 @@ class _Axis:
         return found
 
     def _readings(
-        self, loaded: Loaded, names: tuple[str, ...], remarks: list[Remark]
+        self, loaded: AxisLists, names: tuple[str, ...], remarks: list[Remark]
     ) -> list[Together]:
         """Return what is left of each measurement; remarks of what cannot be told."""
-        before, found = acting_before(self.job, self.name), []
+        before, found = self.files.existing, []
         for draft, source, reading in self._measured:
             spec = self.job.spec.measurements[source]
             if isinstance(reading, str):
                 remarks.append(self._unknown(source, reading))
                 continue
-            measured, warmth = reading
-            motion = self._motion(measured, warmth)
+            measured, motion = reading
+            sensors = [name for draft in self.drafts for name in draft.sensors]
+            if not all(name in motion.temperatures for name in sensors):
+                sensors = []
+            warm = {name: motion.temperatures[name] for name in sensors}
+            motion = dataclasses.replace(motion, temperatures=warm)
             added = added_beyond(loaded, before, spec.active, motion)
             if lacking := [name for name in names if name not in added]:
                 reason = f"it lacks what {', '.join(lacking)} follows"
@@ -312,18 +312,6 @@ class _Axis:
         except MeasurementError as error:
             return str(error)
 
-    def _motion(self, measured: Measured, warmth: Mapping[str, np.ndarray]) -> Motion:
-        sensors = [name for draft in self.drafts for name in draft.sensors]
-        if not all(name in warmth for name in sensors):
-            sensors = []
-        way = measured.direction
-        return Motion(
-            positions=measured.positions,
-            directions={} if way is None else {measured.axis: way},
-            time=None,
-            temperatures={name: warmth[name] for name in sensors},
-        )
-
     def _doubled(self, one: Together, names: tuple[str, ...]) -> Remark:
         others = [name for name in names if name != one.compensation]
         warm = (
@@ -363,12 +351,18 @@ def _with_partner(
         if name == axes[axis].gantry or one.gantry == axis
     ]
     for partner in partners:
-        fitted, own = by_axis.get(partner), _waits(acting_after(job, by_axis[axis]))
-        there = _waits(
-            acting_after(job, fitted) if fitted else acting_before(job, partner)
-        )
+        fitted, mine = by_axis.get(partner), by_axis[axis].after
+        theirs = fitted.after if fitted else job.lists[partner]
+        own, there = _waits(mine), _waits(theirs)
         lacking = [name for name in whole.compensations if name not in there]
         apart = [name for name in own if there.get(name, own[name]) != own[name]]
+        # Where both were measured, each has the sign that its readings ask for.
+        compared = () if fitted or lacking else whole.compensations
+        turned, unread = list[str](), ""
+        try:
+            turned = [name for name in compared if acts_against(theirs, mine, name)]
+        except ExchangeError as error:
+            unread = str(error)
         where, advice = f"{partner} has all that acts on {axis}", ""
         if lacking:
             where = f"{partner} has no {' and no '.join(lacking)}"
@@ -379,6 +373,16 @@ def _with_partner(
         elif fitted and partner in stopped:
             where = f"{partner} is stopped by its own gate"
             advice = f"Mend what stops {partner}: both are let out together."
+        elif unread:
+            where = f"{partner} has a list that cannot be compared with that of {axis}"
+            advice = f"Mend it: {unread}."
+        elif turned:
+            where = f"{partner} acts with the opposite sign: {' and '.join(turned)}"
+            advice = (
+                f"Turn the sign of the list of {partner}, or fit {partner} as well"
+                f' ([[fits]] with axis = "{partner}"): where both are measured, each has'
+                " its own."
+            )
         elif apart:
             where = f"{partner} has another manual_activation of {' and '.join(apart)}"
             advice = "Let both wait for COMP ON, or none."
@@ -396,10 +400,6 @@ def _with_partner(
     return whole
 
 
-def _waits(loaded: Loaded) -> dict[str, bool]:
+def _waits(lists: AxisLists) -> dict[str, bool]:
     """Return whether it waits for COMP ON, of all that adds something to an axis."""
-    return {
-        name: one.manual
-        for name, one in loaded.used.items()
-        if not kind(name).entries.adds_nothing(one.listing)
-    }
+    return {name: lists.used[name].manual for name in lists.used if lists.acts(name)}

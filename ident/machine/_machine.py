@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from ...data.errors import FoundError
 from ...data.lists import ListFile
 from ...models import Conventions, Motion, PositionController, TemperatureLine
-from ..exchange import Reading, axes_in_use, controller_from_lists, machine_lists
+from ..exchange import Reading, controller_from_lists
 from ._sources import AbstractErrorSource, Positions, State
 
 _WHERE = "virtual machine"
@@ -52,19 +52,12 @@ class VirtualMachine:
             lines: Temperature lines as a PLC makes them, by axis number.
 
         Raises:
-            MachineError: If a list names an axis that the machine does not have.
-            ExchangeError: If a list makes no table.
+            ExchangeError: If a list makes no table, or names an axis that the machine
+                does not have.
         """
         lists = list(listings)
         if not lists and not lines:
             return dataclasses.replace(self, controller=None)
-        sorted_lists = machine_lists(lists)
-        used = sorted_lists.in_use(self.conventions, lines or ())
-        for number in axes_in_use(used, sorted_lists):
-            if number not in self.axes.values():
-                known = ", ".join(f"{n} ({a})" for a, n in self.axes.items())
-                asked = f"a list for axis {number}"
-                raise MachineError(_WHERE, asked, f"one of {known}")
         controller = controller_from_lists(
             lists,
             Reading(self.conventions, lines=lines or {}, commanded=True),

@@ -16,6 +16,7 @@ from .._lazy import importer
 from ._dynamics import GateTable as GateTable
 from ._figures import (
     ErrorFigures as ErrorFigures,
+    ErrorTally as ErrorTally,
     RunTable as RunTable,
     error_figures as error_figures,
     wild_readings as wild_readings,
@@ -58,11 +59,4 @@ if TYPE_CHECKING:
         verify_log as verify_log,
     )
 
-_NAMES = {
-    "_circle": "CircularTest ServoLoop circular_test",
-    "doctor": "Diagnosis Measured diagnose not_judged",
-    "verify": "Verdict Verification verify_log",
-}
-_HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}
-
-__getattr__ = importer(__name__, _HOMES)
+__getattr__ = importer(__name__)

@@ -69,6 +69,62 @@ class RunTable:
     direction: Int[np.ndarray, " t"]
 
 
+@dataclasses.dataclass(frozen=True)
+class ErrorTally:
+    """What the figures of an error are made of: those of parts of the readings add up.
+
+    Attributes:
+        sizes: Number, sum of squares and largest magnitude, of all readings and of those
+            that are not wild.
+        iso230: Figures of ISO 230-2, of readings that are in one part.
+    """
+
+    sizes: Float[np.ndarray, "2 3"]
+    iso230: Mapping[str, float] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        error: Float[np.ndarray, " t"],
+        runs: RunTable | None = None,
+        wild: Bool[np.ndarray, " t"] | None = None,
+    ) -> "ErrorTally":
+        """Return that of some readings; arguments as `error_figures`."""
+        iso: dict[str, float] | None = None
+        if runs is not None:
+            found = iso230_figures(runs.target, error, runs.run, runs.direction)
+            iso = {key: value for key, value in found.items() if value is not None}
+        sound = error if wild is None else error[~wild]
+        sizes = [
+            [len(own), np.square(own).sum(), np.abs(own).max(initial=0.0)]
+            for own in (error, sound)
+        ]
+        return cls(np.array(sizes, dtype=float), iso)
+
+    def __add__(self, other: "ErrorTally") -> "ErrorTally":
+        both = self.sizes + other.sizes
+        both[:, 2] = np.maximum(self.sizes[:, 2], other.sizes[:, 2])
+        return ErrorTally(both)
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Number of readings, and of wild ones."""
+        every, sound = self.sizes[:, 0]
+        return int(every), int(every - sound)
+
+    @property
+    def figures(self) -> ErrorFigures:
+        """What they come to."""
+        (every, square, largest), (sound, least, most) = self.sizes.tolist()
+        found = ErrorFigures(math.sqrt(square / max(every, 1)), largest, self.iso230)
+        if sound in (0, every):
+            return found
+        without = math.sqrt(least / sound)
+        return dataclasses.replace(
+            found, rms_without_wild=without, max_without_wild=most
+        )
+
+
 def error_figures(
     error: Float[np.ndarray, " t"],
     runs: RunTable | None = None,
@@ -82,14 +138,7 @@ def error_figures(
         wild: Readings that are the instrument's fault; figures without them are given
             beside those of all readings. ISO 230-2 knows no such thing.
     """
-    figures: dict[str, float] | None = None
-    if runs is not None:
-        found = iso230_figures(runs.target, error, runs.run, runs.direction)
-        figures = {key: value for key, value in found.items() if value is not None}
-    rms, largest = _size(error)
-    if wild is None or not wild.any() or wild.all():
-        return ErrorFigures(rms, largest, figures)
-    return ErrorFigures(rms, largest, figures, *_size(error[~wild]))
+    return ErrorTally.of(error, runs, wild).figures
 
 
 def wild_readings(
@@ -105,7 +154,3 @@ def wild_readings(
     """
     away = np.abs(error - np.median(error))
     return np.asarray(away > _WILD * 1.4826 * np.median(away) + least)
-
-
-def _size(error: Float[np.ndarray, " t"]) -> tuple[float, float]:
-    return math.sqrt(np.square(error).mean()), float(np.abs(error).max())

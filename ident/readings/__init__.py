@@ -51,12 +51,4 @@ if TYPE_CHECKING:
         read_outside as read_outside,
     )
 
-_HOMES = {
-    "Observation": "_observe",
-    "errors_in": "_outside",
-    "observe": "_observe",
-    "read_error": "_outside",
-    "read_outside": "_outside",
-}
-
-__getattr__ = importer(__name__, _HOMES)
+__getattr__ = importer(__name__)

@@ -1,10 +1,7 @@
 """What instruments outside of the controller measured: all axes of a job, no fits."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
-
-import numpy as np
-from jaxtyping import Float
 
 from ...data.measurements import Measurement, derive_error
 from ..proof import Measured
@@ -12,6 +9,7 @@ from ._rows import Rows, has_error
 from ._tables import Tables
 
 if TYPE_CHECKING:
+    from ..exchange import Motion
     from ..job.file._load import Job
 
 
@@ -54,18 +52,15 @@ def _errors_in(
         yield name, measured, axes
 
 
-def read_error(
-    tables: Tables, name: str, axis: str
-) -> tuple[Measured, Mapping[str, Float[np.ndarray, " t"]]]:
-    """Return the error of one axis in one measurement, and the temperatures, by sensor.
+def read_error(tables: Tables, name: str, axis: str) -> "tuple[Measured, Motion]":
+    """Return the error of one axis in one measurement, and where all axes were.
 
     Raises:
         MeasurementError: If the file holds nothing usable, or no error of the axis.
         JobError: If the measurement does not suit.
     """
     rows = Rows(tables.job, name, tables.measured(name), [axis])
-    warmth = {sensor: rows.temperature(sensor) for sensor in rows.sensors}
-    return _outside(rows, axis), warmth
+    return _outside(rows, axis), rows.standing(axis)
 
 
 def _outside(rows: Rows, axis: str) -> Measured:

@@ -23,6 +23,7 @@ from ...data.signals import Motion
 from ._zero import without_zero
 
 if TYPE_CHECKING:
+    from ..exchange import Motion as Commanded
     from ..job.file._load import Job
     from ..job.file._schema import MeasurementSpec
 
@@ -175,6 +176,19 @@ class Rows:
         """Return the positions of all axes that have one, by name."""
         axes = [axis for axis in self.job.spec.axes if self.has_place(axis, kinds)]
         return {axis: self.position(axis, kinds=kinds) for axis in axes}
+
+    def standing(self, axis: str | None) -> "Commanded":
+        """Return the rows as the controller takes them, each a position of its own.
+
+        Args:
+            axis: Whose direction of motion counts; None: that of none.
+        """
+        way = None if axis is None else self.direction(axis)
+        return self.job.standing(
+            positions=self.positions(),
+            directions={} if axis is None or way is None else {axis: way},
+            temperatures={sensor: self.temperature(sensor) for sensor in self.sensors},
+        )
 
     def raw_error(self, axis: str) -> Float[np.ndarray, " t"]:
         """Return the error of an axis as measured, in mm or °.

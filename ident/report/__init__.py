@@ -20,12 +20,4 @@ if TYPE_CHECKING:
     from ._verdict import headline_of as headline_of, short_verdict as short_verdict
     from ._write import write_report as write_report
 
-_HOMES = {
-    "headline_of": "_verdict",
-    "scale_of": "_scale",
-    "short_verdict": "_verdict",
-    "write_picture": "_overview",
-    "write_report": "_write",
-}
-
-__getattr__ = importer(__name__, _HOMES)
+__getattr__ = importer(__name__)

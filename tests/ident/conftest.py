@@ -98,6 +98,8 @@ def _fit(
         ),
         support=dict(zip(names, np.reshape(support, np.shape(shaped)), strict=True)),
         fit=table,
+        readings=len(view.before),
+        wild=int(wild.sum()),
         samples=view,
         error={
             "before": figures(view.before, view, iso),

@@ -228,6 +228,27 @@ def test_lists_of_the_user_in_the_output_folder_are_safe(tmp_path: Path) -> None
     assert (tmp_path / "achsmds1.lis").read_bytes() == mine["achsmds1.lis"]
 
 
+def test_what_other_programs_and_jobs_left_in_the_output_folder_is_kept(
+    tmp_path: Path,
+) -> None:
+    job, out = write_job(tmp_path), tmp_path / "out"
+    out.mkdir()
+    mine = {
+        "result.json": b'{"files": ["achskw1.lis"]}',
+        "report.html": b"<p>mine</p>",
+        "achskw1.lis": b"# mine\n",
+    }
+    for name, content in mine.items():
+        (out / name).write_bytes(content)
+    run_job(job, out)
+    assert {p.name: p.read_bytes() for p in (out / "kept").iterdir()} == mine
+    first = (out / "achskw1.lis").read_bytes()
+    run_job(job, out)  # its own files are written over
+    assert len([*(out / "kept").iterdir()]) == len(mine)
+    run_job(job.rename(tmp_path / "other.toml"), out)
+    assert (out / "kept" / "achskw1.1.lis").read_bytes() == first
+
+
 def test_second_list_of_the_user_is_kept_beside_the_first(tmp_path: Path) -> None:
     job = write_job(tmp_path)
     for content in (b"# one\n", b"# two\n"):

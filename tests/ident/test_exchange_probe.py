@@ -227,8 +227,10 @@ def test_command_makes_lists_of_lists_and_never_writes_onto_them(
     raw = PROBE.lists[2].dumps()
     Path("achskw2.lis").write_bytes(raw)
     command = ["probe", "achskw2.lis", "--travel", "A2=0:400", "--word", "A2=Y"]
-    assert main([*command, "--out", "."]) == 2
-    assert "achskw2.lis is what the probe is made from" in capsys.readouterr().err
+    assert main([*command, "--out", "."]) == 1
+    assert (
+        "achskw2.lis: is an input and is never written onto" in capsys.readouterr().err
+    )
     assert Path("achskw2.lis").read_bytes() == raw
     assert main(command) == 0
     assert "Y, cross: switch all off (Y[COMP OFF_ALL])" in capsys.readouterr().out

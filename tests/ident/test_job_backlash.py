@@ -69,6 +69,17 @@ def test_written_entries_take_the_reversal_error_away(tmp_path: Path) -> None:
     assert found.error["predicted"].rms < 1.4 * NOISE
 
 
+def test_backlash_that_does_not_settle_fails_its_gate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # With so few passes no robust fit comes to rest.
+    monkeypatch.setattr("axcomp.ident.core._regression._PASSES", 1)
+    readings(tmp_path)
+    found = run(tmp_path)
+    assert [check.name for check in found.gate if not check.passed] == ["settled"]
+    assert not (tmp_path / "out" / "achsmds1.add.lis").exists()
+
+
 def test_fragment_holds_size_selection_and_cycles_and_nothing_else(
     tmp_path: Path,
 ) -> None:

@@ -249,6 +249,16 @@ def test_accelerations_beyond_the_stated_one_are_named(tmp_path: Path) -> None:
     assert any("up to 13" in remark.message for remark in found.remarks)
 
 
+def test_crosstalk_that_does_not_settle_fails_its_gate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("axcomp.ident.core._regression._PASSES", 1)
+    log(tmp_path)
+    found = run(tmp_path)
+    assert [check.name for check in found.gate if not check.passed] == ["settled"]
+    assert not (tmp_path / "out" / "achskw3.lis").exists()
+
+
 def test_one_direction_only_writes_nothing_and_fails(tmp_path: Path) -> None:
     log(tmp_path, ways=(1,), moves=8)
     found = run(tmp_path)

@@ -105,8 +105,8 @@ def both(folder: Path, fits: str, fit: str = "", **parts: str) -> list[JobResult
 def assert_same(folder: Path, results: list[JobResult]) -> None:
     """The issue asks for 1e-9 mm; lists hold whole tenths of a micrometre."""
     memory, pieces = (result.tables[0] for result in results)
-    assert pieces.streamed is not None
-    assert memory.streamed is None
+    assert pieces.every is not None
+    assert memory.every is None
     assert memory.readings == pieces.readings
     name = "achskw3.lis"
     found = [
@@ -198,12 +198,12 @@ def test_a_large_log_is_read_in_pieces_without_being_asked(
 ) -> None:
     log(tmp_path / "log.parquet")
     path = job(tmp_path, PLANE, '"auto"', 'loss = "gauss"\nsmoothness = 1.0')
-    assert run_job(path, tmp_path / "out").tables[0].streamed is None
+    assert run_job(path, tmp_path / "out").tables[0].every is None
     monkeypatch.setattr("axcomp.data.measurements._large._LEAST", 0)
     monkeypatch.setattr(_log_readings, "LARGE", 3 * COUNT)
-    assert run_job(path, tmp_path / "out").tables[0].streamed is None
+    assert run_job(path, tmp_path / "out").tables[0].every is None
     monkeypatch.setattr(_log_readings, "LARGE", 3 * COUNT - 1)
-    assert run_job(path, tmp_path / "out").tables[0].streamed is not None
+    assert run_job(path, tmp_path / "out").tables[0].every is not None
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 
 from axcomp.data.lists import ListFile
 from axcomp.data.measurements import derive_error, measurement, read_table
+from axcomp.ident.exchange import ExchangeError
 from axcomp.ident.machine import (
     BeamBow,
     Instrument,
@@ -103,7 +104,7 @@ def test_lists_replace_each_other_when_loaded_again() -> None:
 
 def test_list_for_an_unknown_axis_is_refused() -> None:
     other = CROSS_OF_Y.replace({"kopf.achs_nr": 7})
-    with pytest.raises(MachineError, match=r"found a list for axis 7, expected one of"):
+    with pytest.raises(ExchangeError, match="found axis 7, which the machine lacks"):
         example_machine().with_lists([other])
 
 

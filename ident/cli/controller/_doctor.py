@@ -39,7 +39,7 @@ def doctor(
     Right, sign, unit, shift, wrong axis, applied twice, or that the measurements cannot
     tell. Exit status 0 where all is right.
     """
-    from ...job import load_job, reading_of, use_compilation_cache
+    from ...job import load_job, use_compilation_cache
     from ...proof import diagnose, not_judged
     from ...readings import read_outside
 
@@ -52,7 +52,7 @@ def doctor(
             lists,
             read_outside(old),
             read_outside(new),
-            reading_of(new),
+            new.reading,
             names=names,
         )
     for line in not_judged(lists, new.conventions, names):

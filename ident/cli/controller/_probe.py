@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ....data.errors import UsageError
 from .._options import AsJson, Increment, axis_ranges, by_axis, read_lists
 from .._said import print_json
 
@@ -54,7 +53,7 @@ def probe(
     order and owner of every table of this controller.
     """
     from ...exchange import make_probe, probe_programs, probe_steps, probe_text
-    from ...job import write_atomically
+    from ...job import OutFolder
 
     own = axis_ranges(travel, "--travel", "its travel as in A1=0:500", 1e5)
     pattern, example = "(?P<word>[A-Za-z][A-Za-z0-9_]*)", "its word as in A1=X"
@@ -70,17 +69,10 @@ def probe(
     }
     contents["probe.txt"] = probe_text(found).encode()
     contents |= {name: text.encode() for name, text in probe_programs(found).items()}
-    out.mkdir(parents=True, exist_ok=True)
-    taken = {file.resolve() for file in (*files, *given.files)}
-    for name in contents:
-        if (out / name).resolve() in taken:
-            message = (
-                f"{out / name} is what the probe is made from and is never written"
-                " onto, expected another folder (--out)"
-            )
-            raise UsageError(message)
+    folder = OutFolder(out, files[0], [*files[1:], *given.files])
+    folder.refuse_sources(contents)
     for name, content in contents.items():
-        write_atomically(out / name, content)
+        folder.write(name, content)
     if as_json:
         steps = [
             {**dataclasses.asdict(step), "sentence": step.sentence}
@@ -90,6 +82,8 @@ def probe(
         print_json({"files": list(contents), "steps": steps, **said})
     else:
         typer.echo(probe_text(found), nl=False)
+    for remark in folder.remarks:
+        typer.echo(f"axcomp: {remark}", err=True)
     typer.echo(f"{', '.join(contents)} in {out}", err=True)
 
 

@@ -182,16 +182,16 @@ def _print_gate(console: "Console", found: "AbstractResult", start: str = "") ->
 def _print_group(
     console: "Console", group: "GroupResult", fits: Sequence["AbstractResult"]
 ) -> None:
-    """Print what was identified together, what of it is written, and what is not told."""
+    """Print what was identified together, what of it is written, and what is undetermined."""
     _print_sums(console, group)
     _print_effects(console, group, fits)
     lost = dict.fromkeys(pair.sentence for pair in group.lost)
     for sentence in lost:
-        tell(console, f"not told: {sentence}")
+        tell(console, f"undetermined: {sentence}")
     said = " ".join(lost)
     for each in group.effects:
         if each.written and each.why and each.name not in said:
-            tell(console, f"not told: of the {each.name}: {each.why}")
+            tell(console, f"undetermined: of the {each.name}: {each.why}")
     for freedom in group.freedoms:
         tell(console, f"free: {freedom.sentence} {freedom.rule}")
     print_remarks(console, [r for r in group.remarks if r.message not in lost])
@@ -235,7 +235,7 @@ def _print_effects(
     table.add_column("effect")
     table.add_column("over")
     table.add_column("rms", justify="right")
-    table.add_column("told apart", justify="right")
+    table.add_column("information", justify="right")
     table.add_column("list")
     for each in group.effects:
         scale = scales.get(each.axis, scale_of("mm"))

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from ....data.errors import UsageError
-from .._options import AsJson, Increment, read_lists
+from .._options import AsJson, Increment, Rules, read_lists, rules_of
 from .._said import print_json
 
 
@@ -27,14 +27,21 @@ def check(
         ),
     ] = None,
     increment: Increment = None,
+    conventions: Rules = None,
     as_json: AsJson = False,
 ) -> None:
     """Check compensation, axis and start-up lists, each alone and as a set."""
     from ....data.lists import BuildError, check as check_lists
 
     lists = read_lists(files)
+    # The rules take the models: only where there are some.
+    index = (
+        "ji" if conventions is None else rules_of(conventions).conventions.plane_index
+    )
     try:
-        findings = check_lists(lists, build=build, increment=increment)
+        findings = check_lists(
+            lists, build=build, increment=increment, plane_index=index
+        )
     except BuildError as error:
         msg = f"--build: {error}"
         raise UsageError(msg) from error

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from .._options import Plots, read_shown_list
+from .._said import wide_console
 
 
 def show(
@@ -15,15 +16,11 @@ def show(
     out: Plots = None,
 ) -> None:
     """Show a list: its parameters with their meaning, its tables in mm and µm."""
-    from rich.console import Console
-
     from ....data.lists import offset_curves
     from ._show_tables import list_views
 
     shown = read_shown_list(file)
-    console = Console(highlight=False, soft_wrap=False)
-    if not console.is_terminal:
-        console.width = 120
+    console = wide_console(wraps=True)
     for view in list_views(shown):
         console.print(view)
     if out is not None:

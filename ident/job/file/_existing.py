@@ -1,29 +1,15 @@
 """The lists that the axes of a job have already."""
 
-import dataclasses
 from typing import TYPE_CHECKING
 
 from ....data.lists import ListFile
-from ...exchange import ExchangeError, axis_number
+from ...exchange import AxisLists, ExchangeError, axis_number
 
 if TYPE_CHECKING:
     from ._load import Job
 
 _TABLES = ("kw.", "frict_comp.")
 """What only a compensation list holds."""
-
-
-@dataclasses.dataclass(frozen=True)
-class AxisLists:
-    """The lists that an axis has already.
-
-    Attributes:
-        compensation: Its compensation list, or None.
-        machine: Its axis list, or None.
-    """
-
-    compensation: ListFile | None
-    machine: ListFile | None
 
 
 def existing_lists(job: "Job") -> dict[str, AxisLists]:
@@ -43,7 +29,8 @@ def existing_lists(job: "Job") -> dict[str, AxisLists]:
                 _refuse_other_kind(job, name, key, listing)
                 _refuse_other_axis(job, name, key, listing)
                 read[key] = listing
-        found[name] = AxisLists(read["list"], read["machine_data"])
+        both = read["list"], read["machine_data"]
+        found[name] = AxisLists(axis.number, *both, job.reading)
     return found
 
 

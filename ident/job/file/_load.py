@@ -9,14 +9,23 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pydantic
 
 from ....models import Conventions
-from ...exchange import ExchangeError, TomlError, read_conventions, read_toml
+from ...exchange import (
+    AxisLists,
+    ExchangeError,
+    Motion,
+    Reading,
+    TomlError,
+    read_conventions,
+    read_toml,
+)
 from ...kinds._keys import KeyPath
 from ...proof import GateLimits
 from ._checks import find_fault
-from ._existing import AxisLists, existing_lists
+from ._existing import existing_lists
 from ._faults import JobError, error_at, first_fault
 from ._schema import JobFile
 
@@ -54,6 +63,25 @@ class Job:
             JobError: If a file is another kind of list, or that of another axis.
         """
         return existing_lists(self)
+
+    @property
+    def reading(self) -> Reading:
+        """How lists are read, what waits for COMP ON as switched on."""
+        return Reading(self.conventions, self.increments, self.ranges, commanded=True)
+
+    def standing(self, **columns: Mapping[str, np.ndarray]) -> Motion:
+        """Return readings as the controller takes them: each a position of its own.
+
+        Args:
+            columns: Those of a `Motion`, by name of the axis (of the sensor).
+        """
+        axes = self.spec.axes
+        numbers = {name: axis.number for name, axis in axes.items()}
+        found: dict[str, Any] = {
+            key: {numbers.get(name, name): values for name, values in table.items()}
+            for key, table in columns.items()
+        }
+        return Motion(**found, time=None)
 
     @property
     def increments(self) -> dict[int, float]:

@@ -30,7 +30,7 @@ from .._draft import AbstractDraft
 from .._fit_plan import AbstractPlan
 from ..file._load import Job
 from ._recording import GroupRecording, read_group
-from ._share import LeftOutDraft, Share
+from ._share import Share
 
 _MOST = 10_000
 """Readings that are enough to see what goes together."""
@@ -138,22 +138,18 @@ def fit_group(
     }
     for one in every:
         if one.index in unfit:
-            drafts[one.index] = _left_out(one, unfit[one.index])
+            drafts[one.index] = one.left_out(unfit[one.index])
     return found, drafts
 
 
 def _draft(one: AbstractPlan, share: Share) -> AbstractDraft:
     if not share.group.written[share.number]:
-        return _left_out(one, "", share)
+        return one.left_out("", share)
     try:
         with one.job.blaming(("fits", one.index), f"{one.name}: "):
             return one.draft(share)
     except FitError as error:
-        return _left_out(one, str(error), share)
-
-
-def _left_out(one: AbstractPlan, why: str, share: Share | None = None) -> AbstractDraft:
-    return LeftOutDraft(one.job, one.index, one.fit, why, share)
+        return one.left_out(str(error), share)
 
 
 def _effects(

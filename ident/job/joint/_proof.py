@@ -7,14 +7,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...exchange import Motion
 from ...fit import RunEffect
 from ...fit.joint import Confusion, Gauge, Part
 from ...proof import ErrorFigures
 from ...proof.axis import added_beyond
-from .._acting import acting_after, acting_before
 from .._draft import AbstractDraft
-from ..file._load import Job
 from ..result._result import Remark, some_of, staged
 from ..write._lists import AxisFiles
 from ._group import IdentifiedGroup
@@ -326,37 +323,22 @@ def _added_by_files(
         rows: Readings of it that count.
     """
     job = drafts[0].job
-    before = acting_before(job, files.axis)
-    after = acting_after(job, files)
     active = job.spec.measurements[drafts[0].fit.sources[0]].active
-    motion = _motion(job, drafts, recording, rows)
-    own = {draft.compensation for draft in drafts} | set(active)
-    added = added_beyond(after, before, active, motion)
-    known = [value for name, value in added.items() if name in own]
-    return np.asarray(np.sum(known, axis=0)) if known else np.zeros(len(rows))
+    data = recording.data
 
+    def columns(table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        taken = {name: values[rows] for name, values in table.items()}
+        return {name: each for name, each in taken.items() if np.isfinite(each).all()}
 
-def _motion(
-    job: Job,
-    drafts: Sequence[AbstractDraft],
-    recording: GroupRecording,
-    rows: Int[np.ndarray, " n"],
-) -> Motion:
-    """Return the readings as independent positions: neither filters nor delays."""
-    data, axes = recording.data, job.spec.axes
-
-    def columns(table: Mapping[str, np.ndarray]) -> dict[int, np.ndarray]:
-        taken = {axes[name].number: values[rows] for name, values in table.items()}
-        return {axis: each for axis, each in taken.items() if np.isfinite(each).all()}
-
-    return Motion(
+    ways = columns(data.direction)
+    motion = job.standing(
         positions=columns(data.position),
-        directions={
-            axis: np.where(way < 0, -1, 1)
-            for axis, way in columns(data.direction).items()
-        },
-        time=None,
+        directions={axis: np.where(way < 0, -1, 1) for axis, way in ways.items()},
         velocities=columns(data.velocity),
         accelerations=columns(data.acceleration),
         temperatures={k: v for one in drafts for k, v in one.warmth.items()},
     )
+    own = {draft.compensation for draft in drafts} | set(active)
+    added = added_beyond(files.after, files.existing, active, motion)
+    known = [value for name, value in added.items() if name in own]
+    return np.asarray(np.sum(known, axis=0)) if known else np.zeros(len(rows))

@@ -7,7 +7,7 @@ from ...exchange import LIST_UNITS
 from ...fit import Samples, TableFit
 from ...proof import HeldOut
 from ...readings import Readings
-from ..table._draft import TableDraft
+from ..table._draft import TableDraft, fitted_in_memory
 from ..table._plan import Plan
 from ..table._trend import refuse_unowned_trend
 from ._share import Share
@@ -35,24 +35,18 @@ def table_draft(plan: Plan, share: Share) -> TableDraft:
     fit = _table_fit(plan, share)
     refuse_unowned_trend(plan, fit)
     spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
-    return TableDraft(
-        plan.job,
-        plan.index,
-        plan.fit,
-        plan=plan,
-        estimate=fit,
-        run_effects="offset" if share.fit.runs.get(plan.axis) else "none",
-        readings=readings,
-        remarks=tuple(share.remarks()),
-        samples=Samples(positions, share.error, branch=plan.branch(direction), run=run),
-        before=share.error,
-        held_out=HeldOut(
-            residual=share.predicted[rows],
-            standard_deviation=np.full(len(share.error), spread),
-            groups=recording.fold[rows],
-            by_run=recording.by_run,
-        ),
+    samples = Samples(positions, share.error, branch=plan.branch(direction), run=run)
+    left = HeldOut(
+        residual=share.predicted[rows],
+        standard_deviation=np.full(len(share.error), spread),
+        groups=recording.fold[rows],
+        by_run=recording.by_run,
     )
+    fitted = fitted_in_memory(
+        plan, readings, share.remarks(), samples, share.error, left, fit
+    )
+    effects = "offset" if share.fit.runs.get(plan.axis) else "none"
+    return TableDraft(plan.job, plan.index, plan.fit, plan, fit, effects, fitted)
 
 
 def _table_fit(plan: Plan, share: Share) -> TableFit:

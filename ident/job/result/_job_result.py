@@ -55,6 +55,12 @@ class WholeAxis:
     remarks: tuple[Remark, ...]
     switching: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
+    @property
+    def failed(self) -> bool:
+        """Whether its lists must not be loaded."""
+        loud = any(remark.level == "error" for remark in self.remarks)
+        return loud or not all(check.passed for check in self.gate)
+
     def as_tree(self) -> dict[str, Any]:
         """Return what result.json says of the axis; its remarks stand with its fits."""
         return {name: value for name, value in vars(self).items() if name != "remarks"}

@@ -140,21 +140,6 @@ class SampleView:
     timed: bool = False
 
 
-@dataclasses.dataclass(frozen=True)
-class Streamed:
-    """A fit whose readings were read in pieces; its `SampleView` shows every n-th one.
-
-    Attributes:
-        readings: How many there are.
-        wild: How many of them are wild.
-        every: n.
-    """
-
-    readings: int
-    wild: int
-    every: int
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class AbstractResult(abc.ABC):
     """One compensation of one axis: error before and after, gate, files.
@@ -257,8 +242,11 @@ class TableResult(AbstractResult):
         fit: The estimate behind it (sign of the error).
         samples: The readings with before / predicted / from file.
         rounding: Largest effect of rounding to list units, in ``unit``.
+        readings: Number of readings of the fit.
+        wild: How many of them it leaves out.
         cycles: Value chosen for P-AXIS-00243, None where the table has one branch.
-        streamed: What was read in pieces; None: all readings were in memory.
+        every: One reading in so many is among the samples, where they were read in pieces;
+            None: all readings were in memory.
     """
 
     masters: tuple[str, ...]
@@ -270,13 +258,10 @@ class TableResult(AbstractResult):
     fit: TableFit
     samples: SampleView
     rounding: float
+    readings: int
+    wild: int
     cycles: int | None = None
-    streamed: Streamed | None = None
-
-    @property
-    def readings(self) -> int:
-        """Number of readings of the fit."""
-        return self.streamed.readings if self.streamed else len(self.fit.residual)
+    every: int | None = None
 
     @property
     def over(self) -> tuple[str, ...]:
@@ -324,7 +309,7 @@ class TableResult(AbstractResult):
             "runs": self.fit.runs,
             "message": self.fit.message,
             "rounding": self.rounding,
-            "route": "in memory" if self.streamed is None else "stream",
+            "route": "in memory" if self.every is None else "stream",
             "readings": self.readings,
         }
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....data.errors import AxcompError
+from ....data.errors import FoundError
 from ....data.measurements import Iso230, iso230
 from ...proof import Diagnosis, ErrorFigures, RunTable, error_figures, wild_readings
 
@@ -16,15 +16,8 @@ SHOWN = 0.5
 """Share of what a list adds that may be left where the figures alone show its sign."""
 
 
-class SecondMeasurementError(AxcompError):
+class SecondMeasurementError(FoundError):
     """A second measurement cannot stand beside the first."""
-
-    def __init__(self, name: str, found: str, expected: str) -> None:
-        super().__init__(name, found, expected)
-        self.name, self.found, self.expected = name, found, expected
-
-    def __str__(self) -> str:
-        return f"{self.name}: found {self.found}, expected {self.expected}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,8 +31,9 @@ class SecondMeasurement:
             as in the first measurement), shape ``(t,)``.
         direction: ±1 per reading, or None.
         run: Run per reading, or None.
-        wild: Readings that are the instrument's fault, or None: rms and largest error
-            are given without them as well, as for the first measurement.
+        wild: Readings that are the instrument's fault: rms and largest error are given
+            without them as well, as for the first measurement; None: those far from all
+            others.
         added: What the list adds at these readings, standard deviation in mm or °; None
             where only a diagnosis can tell that it acts.
     """
@@ -59,25 +53,11 @@ class SecondMeasurement:
                 self.name, f"{found} of them numbers", "one number or more, and no gaps"
             )
 
-    @classmethod
-    def of(
-        cls,
-        name: str,
-        positions: Float[np.ndarray, "t d"],
-        error: Float[np.ndarray, " t"],
-        direction: Int[np.ndarray, " t"] | None = None,
-        run: Int[np.ndarray, " t"] | None = None,
-        added: float | None = None,
-    ) -> "SecondMeasurement":
-        """Return readings with the wild ones among them marked."""
-        wild = wild_readings(error)
-        return cls(name, positions, error, direction, run, wild, added)
-
     @property
     def sound(self) -> Bool[np.ndarray, " t"]:
         """Readings that are not wild."""
-        everything = np.ones(len(self.error), dtype=bool)
-        return everything if self.wild is None else np.asarray(~self.wild)
+        wild = wild_readings(self.error) if self.wild is None else self.wild
+        return np.asarray(~wild)
 
     @property
     def figures(self) -> ErrorFigures:
@@ -86,7 +66,7 @@ class SecondMeasurement:
         if self.iso230 is not None and self.run is not None:
             assert self.direction is not None  # else there is no evaluation
             runs = RunTable(self.positions[:, 0], self.run, self.direction)
-        return error_figures(self.error, runs, self.wild)
+        return error_figures(self.error, runs, ~self.sound)
 
     @property
     def iso230(self) -> Iso230 | None:

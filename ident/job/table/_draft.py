@@ -1,19 +1,18 @@
 """Plane, cross and leadscrew as a job handles every compensation."""
 
-import abc
 import dataclasses
 import functools
-from collections.abc import Mapping
-from typing import final
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from ....data.lists import ListFile, Value
+from ....data.lists import Value
 from ...exchange import LIST_UNITS, Model, by_branch
 from ...fit import Samples, TableFit
 from ...kinds._keys import FitSpec, TableSpec
-from ...proof import ErrorFigures, GateCheck, HeldOut
+from ...proof import ErrorTally, GateCheck, HeldOut, RunTable
 from ...readings import Readings, Tables, without_zero
 from .._draft import AbstractDraft, Leftovers, Written
 from .._gating import (
@@ -23,56 +22,81 @@ from .._gating import (
     switching_checks,
     switching_remarks,
 )
-from ..result._result import Remark, SampleView, Streamed, TableResult, staged
+from ..result._result import Remark, SampleView, TableResult
 from ..result._second import SecondMeasurement
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
 from ._remarks import fit_remarks, outside, places_of, use_remarks
 
+_WORST = 12
+"""Wild readings that are listed where not all readings are shown."""
+_STAGES = ("before", "predicted", "from_file")
 
+Columns = dict[str, np.ndarray]
+
+
+@final
 @dataclasses.dataclass(frozen=True)
-class Proof:
-    """A fit and its readings under the file as it lies in the folder.
+class Piece:
+    """Some readings of a fit, and what is left of their error in mm or °.
 
     Attributes:
-        fit: The estimate; its arrays over readings are those of ``samples``.
-        samples: The readings that are shown.
-        error: By stage, over all readings.
-        readings: How many there are.
-        wild: How many of them the fit leaves out.
-        outside: How many lie outside the table.
-        by_run: Whether runs were held out, else spatial blocks.
-        remarks: What is to be said of the readings.
-        places: Where each wild reading lies, in words; empty where nobody kept that.
-        streamed: What was read in pieces; None: all readings were in memory.
+        samples: As the estimator saw them.
+        before: Error, zero at the datum.
+        predicted: Error left under the list that was fitted without them.
+        wild: Readings that the fit leaves out.
+        columns: Gives, of some rows, the other columns of `SampleView`, and the ``residual``
+            of the fit.
+        row: Number of the first one in its part of the recording.
+        runs: How they lie in a run table, or None.
     """
 
-    fit: TableFit
-    samples: SampleView
-    error: Mapping[str, ErrorFigures]
-    readings: int
-    wild: int
-    outside: int
-    by_run: bool
-    remarks: tuple[Remark, ...]
-    places: tuple[str, ...] = ()
-    streamed: Streamed | None = None
+    samples: Samples
+    before: Float[np.ndarray, " t"]
+    predicted: Float[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+    columns: Callable[[Int[np.ndarray, " n"]], Columns]
+    row: int = 0
+    runs: RunTable | None = None
 
 
+@final
 @dataclasses.dataclass(frozen=True)
-class AbstractTableDraft(AbstractDraft):
-    """A fitted table, wherever its readings are.
+class Fitted:
+    """The readings that a table was fitted to: all that differs in memory and in pieces.
+
+    Attributes:
+        pieces: Hands them out.
+        remarks: Gives what is to be said of them, once all were handed out.
+        by_run: Whether runs were held out, else spatial blocks.
+        readings: All of them; None where they are handed out in pieces.
+        every: One reading in so many is shown.
+    """
+
+    pieces: Callable[[], Iterator[Piece]]
+    remarks: Callable[[], Sequence[Remark]]
+    by_run: bool
+    readings: Readings | None = None
+    every: int = 1
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class TableDraft(AbstractDraft):
+    """A fitted table.
 
     Attributes:
         plan: What is written.
         estimate: The fit, zero at the datum (sign of the error).
         run_effects: What each run was allowed of its own.
+        fitted: The readings.
     """
 
     fit: TableSpec
     plan: Plan
     estimate: TableFit
     run_effects: str
+    fitted: Fitted
 
     @functools.cached_property
     def integers(self) -> Int[np.ndarray, "..."]:
@@ -109,7 +133,6 @@ class AbstractTableDraft(AbstractDraft):
         return f"Works once {whose} referenced"
 
     def entries(self) -> dict[str, Value]:
-        prefix = self.plan.table.prefix
         found: dict[str, Value] = dict(
             self.plan.table.entries(self.integers, self.target)
         )
@@ -119,7 +142,7 @@ class AbstractTableDraft(AbstractDraft):
         }
         sizes = {key: value for key, value in found.items() if "[" not in key}
         chosen = {
-            f"{prefix}.{key}": int(value)
+            f"{self.kind.prefix}.{key}": int(value)
             for key, value in options.items()
             if value is not None
         }
@@ -165,14 +188,6 @@ class AbstractTableDraft(AbstractDraft):
         lines = pass_gate(self, cycles if self._bilateral else None)
         return (*lines, *switching_checks(self))
 
-    def refuse_misread(self, listing: ListFile) -> None:
-        table = self.plan.table
-        back = table.read(ListFile.parse(listing.dumps(), listing.source))
-        if not np.array_equal(table.to_integers(table.at_nodes(back)), self.integers):
-            words = f"found another table in {listing.source} when it was read back,"
-            words += " expected the one that was fitted"
-            raise self.refusal(words)
-
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, TableSpec)
         plan, table = self.plan, self.plan.table
@@ -185,20 +200,48 @@ class AbstractTableDraft(AbstractDraft):
         removed = {tables.job.spec.measurements[name].remove for name in fit.sources}
         if "line" in removed:  # a slope that no reading shows
             added = without_zero(added, [*found.positions.T], "line")
-        return SecondMeasurement.of(
+        return SecondMeasurement(
             ", ".join(fit.sources),
             found.positions,
             found.error - zero_at(found, datum, table),
             found.direction if own else None,
             found.run if run_table(found, table) is not None else None,
-            float(np.std(added)),
+            added=float(np.std(added)),
         )
 
+    @property
+    def in_memory(self) -> bool:
+        return self.fitted.readings is not None
+
+    @property
+    def predicted(self) -> float | None:
+        if not self.in_memory:
+            return None
+        (piece,) = self.fitted.pieces()
+        left = piece.predicted[~piece.wild]
+        return float(np.std(left)) if left.size else None
+
+    def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
+        plan, table, readings = self.plan, self.plan.table, self.fitted.readings
+        if readings is None:
+            return {}
+        at = readings.positions, plan.branch(readings.direction)
+        added = table.offset(table.model(self.integers), *at) - plan.acted(*at)
+        return {(self.axis, name): added[k] for name, k in readings.slices.items()}
+
     def prove(self, done: Written) -> TableResult:
-        plan, table = self.plan, self.plan.table
-        listing = done.compensation
-        assert listing is not None  # a table stands in it
-        proof = self.proof(table.read(listing))
+        plan, table, fitted = self.plan, self.plan.table, self.fitted
+        assert done.compensation is not None  # a table stands in it
+        tally, view, beyond = self._proof(table.read(done.compensation))
+        count, wild = tally["before"].counts
+        own: dict[str, Any] = {k: view.pop(k) for k in ("wild", "residual")}
+        timed = fitted.readings is not None and fitted.readings.timed
+        columns: dict[str, Any] = {"direction": None, "run": None, **view}
+        samples = SampleView(**columns, timed=timed)
+        places: tuple[str, ...] = ()
+        if self.in_memory:
+            places = places_of(samples, own["wild"], self.fit.over)
+        error = {name: each.figures for name, each in tally.items()}
         old, deviation = plan.old_offset, written_deviation(self.estimate)
         return TableResult(
             **self.frame(done),
@@ -208,100 +251,113 @@ class AbstractTableDraft(AbstractDraft):
             old_table=None if old is None else by_branch(table, table.sign * old),
             standard_deviation=by_branch(table, deviation),
             support=by_branch(table, self.estimate.support),
-            fit=proof.fit,
-            samples=proof.samples,
-            error=proof.error,
+            fit=dataclasses.replace(self.estimate, share=samples.share, **own),
+            samples=samples,
+            error=error,
             rounding=self.rounding,
+            readings=count,
+            wild=wild,
             remarks=(
                 *plan.remarks,
-                *proof.remarks,
-                *fit_remarks(self, proof),
-                *use_remarks(proof.error, proof.by_run),
+                *fitted.remarks(),
+                *fit_remarks(self, count, wild, beyond, places),
+                *use_remarks(error, fitted.by_run),
                 *switching_remarks(self),
                 *done.files.remarks,
             ),
             files=done.files.of_lists(done.names),
             cycles=done.cycles if self._bilateral else None,
-            held_out="run" if proof.by_run else "block",
-            streamed=proof.streamed,
+            held_out="run" if fitted.by_run else "block",
+            every=None if self.in_memory else fitted.every,
         )
 
-    @abc.abstractmethod
-    def proof(self, back: Model) -> Proof:
-        """Return the proof of the fit; ``back`` is the written table, read back."""
+    def _proof(self, back: Model) -> tuple[dict[str, ErrorTally], Columns, int]:
+        """Return what all readings are under the written table, read back.
+
+        Their error by stage; the columns of those that are shown: every n-th one, and the
+        largest wild ones; and how many lie outside the table.
+        """
+        plan, table, every = self.plan, self.plan.table, self.fitted.every
+        tally, views, beyond = dict[str, ErrorTally](), list[Columns](), 0
+        for piece in self.fitted.pieces():
+            at = piece.samples.positions, piece.samples.branch
+            left = piece.before + table.offset(back, *at) - plan.acted(*at)
+            stages = (piece.before, piece.predicted, left)
+            columns = dict(zip(_STAGES, stages, strict=True))
+            for name, error in columns.items():
+                own = ErrorTally.of(error, piece.runs, piece.wild)
+                tally[name] = tally[name] + own if name in tally else own
+            beyond += int(outside(table, piece.samples.positions).sum())
+            keep = np.zeros(len(left), bool)
+            keep[-piece.row % every :: every] = True
+            beside = _largest(piece.before, piece.wild) & ~keep
+            rows = np.flatnonzero(keep | beside)
+            columns |= {"positions": piece.samples.positions, "wild": piece.wild}
+            view = {
+                name: own[rows] for name, own in (columns | {"beside": beside}).items()
+            }
+            views.append(view | piece.columns(rows))
+        view = {name: np.concatenate([one[name] for one in views]) for name in views[0]}
+        keep = ~view.pop("beside") | _largest(view["before"], view["wild"])
+        return tally, {name: column[keep] for name, column in view.items()}, beyond
 
     @property
     def _bilateral(self) -> bool:
         return self.plan.table.branches == 2
 
 
-@final
-@dataclasses.dataclass(frozen=True)
-class TableDraft(AbstractTableDraft):
-    """A table fitted to readings in memory.
+def _largest(
+    error: Float[np.ndarray, " t"], wild: Bool[np.ndarray, " t"]
+) -> Bool[np.ndarray, " t"]:
+    """Tell which are the largest of the wild readings."""
+    rows = np.flatnonzero(wild)
+    rows = rows[np.argsort(-np.abs(error[rows]), kind="stable")][:_WORST]
+    found = np.zeros(len(error), bool)
+    found[rows] = True
+    return found
 
-    Attributes:
+
+def fitted_in_memory(
+    plan: Plan,
+    readings: Readings,
+    remarks: Sequence[Remark],
+    samples: Samples,
+    before: Float[np.ndarray, " t"],
+    left: HeldOut,
+    estimate: TableFit,
+) -> Fitted:
+    """Return readings in memory, all in one piece.
+
+    Args:
+        plan: What is written.
         readings: What was measured.
         remarks: What is to be said of them.
         samples: The same as the estimator saw it.
         before: Error of each reading, zero at the datum, in mm or °.
-        held_out: Each reading under the list that was fitted without it.
+        left: Each reading under the list that was fitted without it.
+        estimate: The fit.
     """
+    every = {
+        "direction": readings.direction,
+        "run": readings.run,
+        "order": readings.order,
+        "predicted_sd": left.standard_deviation,
+        "share": estimate.share,
+        "residual": estimate.residual,
+    }
 
-    readings: Readings
-    remarks: tuple[Remark, ...]
-    samples: Samples
-    before: Float[np.ndarray, " t"]
-    held_out: HeldOut
+    def columns(rows: Int[np.ndarray, " n"]) -> Columns:
+        return {name: own[rows] for name, own in every.items() if own is not None}
 
-    @property
-    def predicted(self) -> float | None:
-        left = self.held_out.residual[~self.estimate.wild]
-        return float(np.std(left)) if left.size else None
-
-    def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
-        added = self._added(self.plan.table.model(self.integers)) - self._acted
-        return {
-            (self.axis, name): added[rows]
-            for name, rows in self.readings.slices.items()
-        }
-
-    def proof(self, back: Model) -> Proof:
-        readings, table, estimate = self.readings, self.plan.table, self.estimate
-        from_file = self.before + self._added(back) - self._acted
-        runs = run_table(readings, table)
-        wild, left = estimate.wild, self.held_out
-        return Proof(
-            fit=estimate,
-            samples=SampleView(
-                positions=readings.positions,
-                direction=readings.direction,
-                run=readings.run,
-                order=readings.order,
-                before=self.before,
-                predicted=left.residual,
-                from_file=from_file,
-                predicted_sd=left.standard_deviation,
-                share=estimate.share,
-                timed=readings.timed,
-            ),
-            error=staged(self.before, left.residual, from_file, wild, runs),
-            readings=len(self.before),
-            wild=int(wild.sum()),
-            outside=int(outside(table, readings.positions).sum()),
-            places=places_of(readings, wild, self.fit.over),
-            by_run=left.by_run,
-            remarks=self.remarks,
-        )
-
-    def _added(self, model: Model) -> Float[np.ndarray, " t"]:
-        """Return what a table adds at each reading, in mm or °."""
-        positions, branch = self.readings.positions, self.samples.branch
-        return self.plan.table.offset(model, positions, branch)
-
-    @functools.cached_property
-    def _acted(self) -> Float[np.ndarray, " t"]:
-        return self.plan.acted(self.readings.positions, self.samples.branch)
+    piece = Piece(
+        samples,
+        before,
+        left.residual,
+        estimate.wild,
+        columns,
+        runs=run_table(readings, plan.table),
+    )
+    return Fitted(lambda: iter([piece]), lambda: remarks, left.by_run, readings)
 
 
 def written_deviation(fit: TableFit) -> Float[np.ndarray, "..."]:

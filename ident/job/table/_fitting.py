@@ -13,7 +13,7 @@ from ...proof import held_out
 from ...readings import Readings, Tables, place_in_run, runs_overlap
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
-from ._draft import AbstractTableDraft, TableDraft
+from ._draft import TableDraft, fitted_in_memory
 from ._layout import grid_words, suit
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
@@ -33,7 +33,6 @@ def fit_alone(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
             and the job does not say whose.
     """
     log, words = in_pieces(tables, plan.fit, plan.table)
-    found: AbstractTableDraft
     if log is not None:
         _refuse_beside(plan, left)
         found = fit_log(plan, log)
@@ -100,22 +99,12 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
     late = _late(table, samples, readings.late)
-    return TableDraft(
-        plan.job,
-        plan.index,
-        spec,
-        plan=plan,
-        estimate=dataclasses.replace(
-            estimate,
-            standard_deviation=np.hypot(estimate.standard_deviation, late),
-        ),
-        run_effects=effects,
-        readings=readings,
-        remarks=tuple(remarks),
-        samples=samples,
-        before=before,
-        held_out=held_out(table, samples, fit, plan.integers, before, acted),
+    estimate = dataclasses.replace(
+        estimate, standard_deviation=np.hypot(estimate.standard_deviation, late)
     )
+    left = held_out(table, samples, fit, plan.integers, before, acted)
+    fitted = fitted_in_memory(plan, readings, remarks, samples, before, left, estimate)
+    return TableDraft(plan.job, plan.index, spec, plan, estimate, effects, fitted)
 
 
 def _is_repeated(readings: Readings, table: AbstractTable) -> bool:

@@ -1,40 +1,33 @@
 """A table fitted to a log in pieces, and its proof: one more pass, with the written file."""
 
 import dataclasses
-import itertools
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from functools import partial, reduce
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
-from ...exchange import Model
 from ...fit import Grouping, Samples, StreamedFit, fit_streamed, predict
-from ...proof import ErrorFigures, blocks_of, held_out_deviation, run_groups
+from ...proof import blocks_of, held_out_deviation, run_groups
 from ...readings import places_of, visits_overlap
-from ..result._result import Remark, SampleView, Streamed
-from ._draft import AbstractTableDraft, Proof
+from ..result._result import Remark
+from ._draft import Columns, Fitted, Piece, TableDraft
 from ._log_readings import LogReadings
 from ._plan import Plan
-from ._remarks import outside
 
 _SHOWN = 20_000
 """Readings, and up to twice as many, that plots show."""
-_WORST = 12
-"""Wild readings that are listed."""
-_STAGES = ("before", "predicted", "from_file")
-
-Columns = dict[str, np.ndarray]
 
 
 @final
 @dataclasses.dataclass(frozen=True)
-class StreamedDraft(AbstractTableDraft):
-    """A table fitted to a log in pieces.
+class _Log:
+    """A log that a table was fitted to piece by piece.
 
     Attributes:
+        plan: What is written.
         readings: What was measured.
         found: What the passes over it gave, with a table for every group left out.
         grouping: Tells the group of each reading.
@@ -43,6 +36,7 @@ class StreamedDraft(AbstractTableDraft):
         zero: What was taken off the error, so that it is zero at the datum, in mm or °.
     """
 
+    plan: Plan
     readings: LogReadings
     found: StreamedFit
     grouping: Grouping
@@ -51,78 +45,23 @@ class StreamedDraft(AbstractTableDraft):
     zero: float
 
     @property
-    def in_memory(self) -> bool:
-        return False
+    def every(self) -> int:
+        """One reading in so many is shown."""
+        return max(1, self.found.count // _SHOWN)
 
-    def proof(self, back: Model) -> Proof:
-        count, wild = self.found.count, self.found.wild
-        every = max(1, count // _SHOWN)
-        pieces = [*self._pieces(back, every)]
-        view = {
-            name: np.concatenate([piece.view[name] for piece in pieces])
-            for name in pieces[0].view
-        }
-        keep = ~view.pop("beside") | _largest(view["before"], view["wild"])
-        view = {name: column[keep] for name, column in view.items()}
-        return Proof(
-            fit=dataclasses.replace(
-                self.estimate,
-                residual=view["residual"],
-                share=view["share"],
-                wild=view["wild"],
-            ),
-            samples=SampleView(
-                positions=view["positions"],
-                direction=view.get("direction"),
-                run=None,
-                order=view["row"].astype(float),
-                before=view["before"],
-                predicted=view["predicted"],
-                from_file=view["from_file"],
-                predicted_sd=view["predicted_sd"],
-                share=view["share"],
-            ),
-            error=_figures(pieces),
-            readings=count,
-            wild=wild,
-            outside=sum(piece.outside for piece in pieces),
-            by_run=self.by_run,
-            remarks=(*self.readings.remarks, *self._of_the_stream(every)),
-            streamed=Streamed(count, wild, every),
-        )
-
-    def _pieces(self, back: Model, every: int) -> Iterator["_Piece"]:
-        """Yield what is known of each piece of the log, with the written table read back."""
-        table, first = self.plan.table, 0
-        for number, part in enumerate(self.readings.parts):
+    def pieces(self) -> Iterator[Piece]:
+        """Yield all readings, in one more pass."""
+        first = 0
+        for part in self.readings.parts:
             row = 0
             for samples in part():
                 wild, share = self.found.judged(samples)
-                before = samples.error - self.zero
+                before, groups = samples.error - self.zero, self.grouping(samples)
                 acted = self.plan.acted(samples.positions, samples.branch)
-                groups = self.grouping(samples)
-                written = table.offset(back, samples.positions, samples.branch)
-                errors = (
-                    before,
-                    before + self._held_out(samples, groups) - acted,
-                    before + written - acted,
-                )
-                keep = np.zeros(len(before), bool)
-                keep[-row % every :: every] = True
-                worst = _largest(before, wild) & ~keep
-                keep |= worst
-                view = dict(zip(_STAGES, (one[keep] for one in errors), strict=True))
-                view |= self._view(samples.take(keep), groups[keep])
-                view |= {
-                    "wild": wild[keep],
-                    "share": share[keep],
-                    "beside": worst[keep],
-                }
-                view["row"] = first + row + np.flatnonzero(keep)
-                sizes = [[_size(error), _size(error[~wild])] for error in errors]
-                out = int(outside(table, samples.positions).sum())
+                held_out = before + self._held_out(samples, groups) - acted
+                columns = partial(self._columns, samples, groups, share, first + row)
                 if len(before):
-                    yield _Piece(number, np.array(sizes), out, view)
+                    yield Piece(samples, before, held_out, wild, columns, row)
                 row += len(before)
             first += row
 
@@ -130,8 +69,7 @@ class StreamedDraft(AbstractTableDraft):
         self, samples: Samples, groups: Int[np.ndarray, " t"]
     ) -> Float[np.ndarray, " t"]:
         """Return what the list fitted without it adds at each reading."""
-        table = self.plan.table
-        found = np.zeros(len(samples.error))
+        table, found = self.plan.table, np.zeros(len(samples.error))
         for group, integers in self.folds.items():
             own = groups == group
             if own.any():
@@ -140,28 +78,39 @@ class StreamedDraft(AbstractTableDraft):
                 found[own] = table.offset(model, part.positions, part.branch)
         return found
 
-    def _view(self, samples: Samples, groups: Int[np.ndarray, " t"]) -> Columns:
-        """Return what is known of readings beside their errors."""
-        deviation = np.zeros(len(groups))
+    def _columns(
+        self,
+        samples: Samples,
+        groups: Int[np.ndarray, " t"],
+        share: Float[np.ndarray, " t"],
+        first: int,
+        rows: Int[np.ndarray, " n"],
+    ) -> Columns:
+        """Return what is known of some readings beside their errors."""
+        deviation, samples = np.zeros(len(rows)), samples.take(rows)
         for group, fold in self.found.folds.items():
-            own = groups == group
+            own = groups[rows] == group
             deviation[own] = held_out_deviation(fold, samples.take(own))
-        said, _ = predict(self.found.fit, samples.positions, samples.branch)
+        fitted, _ = predict(self.found.fit, samples.positions, samples.branch)
         found = {
-            "positions": samples.positions,
+            "order": (first + rows).astype(float),
             "predicted_sd": deviation,
-            "residual": samples.error - said,
+            "share": share[rows],
+            "residual": samples.error - fitted,
         }
         if samples.branch is not None:
             found["direction"] = 1 - 2 * samples.branch
         return found
 
-    def _of_the_stream(self, every: int) -> Iterator[Remark]:
-        """Return what the route changes, and what it cannot do."""
-        names = ", ".join(map(repr, self.fit.sources))
+    def remarks(self) -> Sequence[Remark]:
+        """Return what was taken for granted, what the route changes and cannot do."""
+        return (*self.readings.remarks, *self._of_the_route())
+
+    def _of_the_route(self) -> Iterator[Remark]:
+        names = ", ".join(map(repr, self.plan.fit.sources))
         shown = ""
-        if every > 1:
-            shown = f"; plots and tables of readings show one reading in {every}"
+        if self.every > 1:
+            shown = f"; plots and tables of readings show one reading in {self.every}"
         yield Remark.info(
             f"{names}: {self.found.count} readings were read in pieces and not into"
             f" memory{shown}."
@@ -182,7 +131,7 @@ class StreamedDraft(AbstractTableDraft):
             )
 
 
-def fit_log(plan: Plan, readings: LogReadings) -> StreamedDraft:
+def fit_log(plan: Plan, readings: LogReadings) -> TableDraft:
     """Fit the table of a plan to a log.
 
     Raises:
@@ -200,20 +149,10 @@ def fit_log(plan: Plan, readings: LogReadings) -> StreamedDraft:
         loss=spec.loss,
     )
     zero, estimate = plan.zeroed(found.fit)
-    return StreamedDraft(
-        plan.job,
-        plan.index,
-        spec,
-        plan=plan,
-        estimate=estimate,
-        run_effects="none",
-        readings=readings,
-        found=found,
-        grouping=grouping,
-        by_run=by_run,
-        folds={k: plan.integers([fold])[0] for k, fold in found.folds.items()},
-        zero=zero,
-    )
+    folds = {k: plan.integers([fold])[0] for k, fold in found.folds.items()}
+    log = _Log(plan, readings, found, grouping, by_run, folds, zero)
+    fitted = Fitted(log.pieces, log.remarks, by_run, every=log.every)
+    return TableDraft(plan.job, plan.index, spec, plan, estimate, "none", fitted)
 
 
 def _grouping(readings: LogReadings) -> tuple[Grouping, bool]:
@@ -252,65 +191,3 @@ def _visits(readings: LogReadings) -> tuple[Int[np.ndarray, "v 2"], Counter[int]
             pairs = np.unique(np.concatenate([pairs, found]), axis=0)
             counts.update(samples.run.tolist())
     return pairs, counts
-
-
-@dataclasses.dataclass(frozen=True)
-class _Piece:
-    """What the last pass gives of one piece.
-
-    Attributes:
-        part: Of the log.
-        sizes: Number, sum of squares and largest magnitude of each stage of the error, over
-            all readings and over those that are not wild, shape ``(stage, 2, 3)``.
-        outside: Readings outside the table.
-        view: Every n-th reading and the largest wild ones, column by column.
-    """
-
-    part: int
-    sizes: Float[np.ndarray, "3 2 3"]
-    outside: int
-    view: Columns
-
-
-def _figures(pieces: list[_Piece]) -> dict[str, ErrorFigures]:
-    """Return the figures of every stage, as `error_figures` gives them."""
-
-    def together(
-        one: Float[np.ndarray, "3 2 3"], other: Float[np.ndarray, "3 2 3"]
-    ) -> Float[np.ndarray, "3 2 3"]:
-        both = np.array(one + other)
-        both[..., 2] = np.maximum(one[..., 2], other[..., 2])
-        return both
-
-    parts = itertools.groupby(pieces, key=lambda piece: piece.part)
-    sizes = [reduce(together, (p.sizes for p in own)) for _, own in parts]
-    found = {}
-    for name, ((count, square, most), (sound, least, largest)) in zip(
-        _STAGES, reduce(together, sizes).tolist(), strict=True
-    ):
-        rms = float(np.sqrt(square / max(count, 1)))
-        others = (None, float(np.sqrt(least / max(sound, 1))), largest)
-        if sound in (0, count):
-            found[name] = ErrorFigures(rms, most)
-        else:
-            found[name] = ErrorFigures(rms, most, *others)
-    return found
-
-
-def _size(error: Float[np.ndarray, " t"]) -> list[float]:
-    return [
-        float(len(error)),
-        float(error @ error),
-        float(np.abs(error).max(initial=0.0)),
-    ]
-
-
-def _largest(
-    error: Float[np.ndarray, " t"], wild: Bool[np.ndarray, " t"]
-) -> Bool[np.ndarray, " t"]:
-    """Tell which are the largest of the wild readings."""
-    rows = np.flatnonzero(wild)
-    rows = rows[np.argsort(-np.abs(error[rows]), kind="stable")][:_WORST]
-    found = np.zeros(len(error), bool)
-    found[rows] = True
-    return found

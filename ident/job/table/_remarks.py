@@ -8,11 +8,10 @@ from jaxtyping import Bool, Float
 
 from ...exchange import AbstractTable
 from ...proof import ErrorFigures
-from ...readings import Readings
-from ..result._result import Remark, some_of
+from ..result._result import Remark, SampleView, some_of
 
 if TYPE_CHECKING:
-    from ._draft import AbstractTableDraft, Proof
+    from ._draft import TableDraft
 
 _MANY = 0.05
 """Share of wild readings from which on the instrument deserves a look."""
@@ -24,35 +23,40 @@ _MOST, _MOST_WILD = 6, 20
 """Nodes, and wild readings, that are named one by one."""
 
 
-def fit_remarks(one: "AbstractTableDraft", proof: "Proof") -> Iterator[Remark]:
+def fit_remarks(
+    one: "TableDraft", count: int, wild: int, beyond: int, places: Sequence[str]
+) -> Iterator[Remark]:
     """Return gaps, suspicious nodes and runs, and what each run was allowed.
 
     Args:
         one: The fit.
-        proof: Its readings under the written file.
+        count: Its readings.
+        wild: How many of them it leaves out.
+        beyond: How many lie outside the table.
+        places: Where each wild reading lies, in words; empty where nobody kept that.
     """
     fit, unit = one.estimate, one.job.spec.axes[one.axis].small_unit
     empty = int(np.sum(fit.support == 0))
     if empty:
         why = "were not measured"
-        if proof.wild:
+        if wild:
             why = "rest on no reading (not measured, or only wild ones)"
         yield Remark.warning(
             f"{empty} of {fit.support.size} node values {why}; they are"
             " filled by the prior and marked with support 0."
         )
-    if proof.outside:
+    if beyond:
         yield Remark.info(
-            f"{proof.outside} readings lie outside the table, where its edge is held."
+            f"{beyond} readings lie outside the table, where its edge is held."
         )
-    if wild := proof.wild:
+    if wild:
         yield Remark(
-            "warning" if wild > _MANY * proof.readings else "info",
-            f"{wild} of {proof.readings} readings are wild: the fit leaves them out."
+            "warning" if wild > _MANY * count else "info",
+            f"{wild} of {count} readings are wild: the fit leaves them out."
             " rms and max are given with and without them.",
         )
-    if proof.places:
-        words = f"Wild readings lie at {some_of(proof.places, _MOST_WILD)}."
+    if places:
+        words = f"Wild readings lie at {some_of(places, _MOST_WILD)}."
         yield Remark.info(words)
     if fit.suspect_nodes:
         words = some_of([_node(one, k) for k in fit.suspect_nodes], _MOST)
@@ -71,7 +75,7 @@ def fit_remarks(one: "AbstractTableDraft", proof: "Proof") -> Iterator[Remark]:
             " mean."
         )
     elif not one.run_effects or one.run_effects == "none":
-        if proof.readings <= _SPARSE * fit.support.size:
+        if count <= _SPARSE * fit.support.size:
             known = "is not in the standard deviations"
             if fit.line_offset:
                 known = (
@@ -128,7 +132,7 @@ def outside(
 
 
 def places_of(
-    readings: Readings, which: Bool[np.ndarray, " t"], masters: Sequence[str]
+    readings: SampleView, which: Bool[np.ndarray, " t"], masters: Sequence[str]
 ) -> tuple[str, ...]:
     """Return where some of the readings lie: positions, direction and run, in words."""
     found = []
@@ -145,7 +149,7 @@ def places_of(
     return tuple(found)
 
 
-def _node(one: "AbstractTableDraft", index: int) -> str:
+def _node(one: "TableDraft", index: int) -> str:
     """Return a node of the flattened table in words."""
     table = one.plan.table
     place = np.unravel_index(index, table.layout.shape)

@@ -1,15 +1,25 @@
 """The lists of an axis after its fits: edited entry by entry, or new, and checked."""
 
 import dataclasses
+import functools
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ....data.lists import Finding, ListFile, Value, check, compare, new_list
-from ...exchange import axis_file, compensation_file, to_add, with_tables
+from ...exchange import (
+    AxisLists,
+    axis_file,
+    compensation_file,
+    entries_of_activation,
+    to_add,
+    with_tables,
+)
+from ...kinds import kinds
 from ...proof import GateCheck
-from .._draft import AbstractDraft, AxisLists
+from .._draft import AbstractDraft
 from .._gating import settled_checks, unsettled
 from ..file._load import Job
+from ..result._job_result import WholeAxis
 from ..result._result import Remark
 
 
@@ -74,6 +84,30 @@ class AxisFiles:
         )
         return tuple((name, one) for name, one in pairs if one is not None)
 
+    @functools.cached_property
+    def after(self) -> AxisLists:
+        """What the axis has with these files, as they will be read."""
+        before, machine = self.existing, read_back(self.machine)
+        if before.machine is None and machine is not None:
+            # What the axis list itself says nobody knows: all that the compensation list
+            # holds is taken to act.
+            known = [
+                one.name for one in kinds() if machine.get(one.activation) is not None
+            ]
+            tables = [name for name in before.used if name not in known]
+            machine = machine.merge(entries_of_activation(tables))
+        machine = machine or before.machine
+        drafts = [one for one in self.drafts if one.written]
+        lines = [line for one in drafts if (line := one.line(machine))]
+        return AxisLists(
+            self.number,
+            read_back(self.compensation) or before.compensation,
+            machine,
+            dataclasses.replace(
+                before.reading, lines={self.number: lines[-1]} if lines else {}
+            ),
+        )
+
     @property
     def failed(self) -> bool:
         """Whether its lists must not be loaded."""
@@ -81,9 +115,7 @@ class AxisFiles:
         loud = any(remark.level == "error" for remark in self.remarks)
         return loud or not all(check.passed for check in checks)
 
-    def judged(
-        self, gate: Sequence[GateCheck], remarks: Sequence[Remark]
-    ) -> "AxisFiles":
+    def judged(self, whole: WholeAxis) -> "AxisFiles":
         """Return it with what was found of the axis as a whole.
 
         A list is let out with all that acts on its axis, or not at all: every fit that is
@@ -91,14 +123,20 @@ class AxisFiles:
         """
         drafts = {one.index: one for one in self.drafts}
         gates = {
-            k: (*own, *gate) if drafts[k].written else own
+            k: (*own, *whole.gate) if drafts[k].written else own
             for k, own in self.gates.items()
         }
-        return dataclasses.replace(self, gates=gates, remarks=(*self.remarks, *remarks))
+        remarks = (*self.remarks, *whole.remarks)
+        return dataclasses.replace(self, gates=gates, remarks=remarks)
 
     def of_lists(self, written: Sequence[Path]) -> tuple[Path, ...]:
         """Return those of the written files that are lists, not the PLC's."""
         return tuple(file for file in written if file.name not in self.extra)
+
+
+def read_back(listing: ListFile | None) -> ListFile | None:
+    """Return a list as its bytes read."""
+    return None if listing is None else ListFile.parse(listing.dumps(), listing.source)
 
 
 def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]:
@@ -117,8 +155,7 @@ def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]
 
 def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
     axis, lists = every[0].axis, every[0].lists
-    number, existing = job.spec.axes[axis].number, lists.compensation
-    name = compensation_file(number)
+    number, existing = lists.axis, lists.compensation
     drafts = [one for one in every if one.written]
     spreads = [spread for one in drafts if (spread := one.cycles) is not None]
     cycles = max(spreads, default=None)
@@ -133,20 +170,9 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
             entries |= one.entries()
         extra |= one.extra_files()
     listing, remarks = None, list[Remark]()
-    if entries and existing is None:
-        listing = _new(job, axis, entries)
-        words = (
-            f"{name} is a new list, since no list of {axis} was given: copied over"
-            " another one, it would lose that one's other compensations."
-        )
-        remarks.append(Remark.info(words))
-    elif entries and existing is not None:
-        listing, more = _edited(existing, number, entries, drafts)
-        remarks += more
-    if listing is not None:
-        listing = dataclasses.replace(listing, source=name)
-        for one in drafts:
-            one.refuse_misread(listing)
+    if entries:
+        listing, remarks = _listing(job, drafts, entries)
+        _refuse_misread(drafts[0], listing, entries)
     remarks += [unsettled(one) for one in drafts if not one.settled]
     machine, more = _machine_list(job, axis, lists, drafts, cycles)
     pairs = (existing, listing), (lists.machine, machine)
@@ -172,45 +198,59 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
     )
 
 
-def _new(job: Job, axis: str, entries: Mapping[str, Value]) -> ListFile:
-    spec = job.spec.axes[axis]
-    name = spec.name or axis
-    head: dict[str, Value] = {
-        "kopf.achs_nr": spec.number,
-        "kopf.log_achs_name": name,
-    }
-    return new_list(
-        head | dict(entries),
-        comment=(
-            f"Compensation list of axis {name}, written by axcomp",
-            f"Job: {job.spec.title or job.path.name}",
-        ),
-    )
+def _refuse_misread(
+    one: AbstractDraft, listing: ListFile, entries: Mapping[str, Value]
+) -> None:
+    """Raise where a list, read back, does not hold what was fitted.
+
+    Raises:
+        JobError: Naming the list.
+    """
+    parsed = ListFile.parse(listing.dumps(), listing.source)
+    for name, value in entries.items():
+        found = parsed.text(name) if isinstance(value, str) else parsed.integer(name)
+        if found != value:
+            words = f"found {found} for {name} in {listing.source} when it was read"
+            words += f" back, expected {value}"
+            raise one.refusal(words)
 
 
-def _edited(
-    existing: ListFile,
-    number: int,
-    entries: Mapping[str, Value],
-    drafts: Sequence[AbstractDraft],
+def _listing(
+    job: Job, drafts: Sequence[AbstractDraft], entries: Mapping[str, Value]
 ) -> tuple[ListFile, list[Remark]]:
-    """Return an existing list with new entries, and what was added to it."""
-    prefixes = [prefix for one in drafts for prefix in one.replaces]
-    edited = with_tables(existing, number, entries, prefixes)
+    """Return the compensation list of an axis, edited or new, and what changed in it."""
+    axis, existing = drafts[0].axis, drafts[0].lists.compensation
+    spec = job.spec.axes[axis]
+    name, file = spec.name or axis, compensation_file(spec.number)
+    edited = with_tables(
+        existing,
+        spec.number,
+        entries,
+        [prefix for one in drafts for prefix in one.replaces],
+        f"Compensation list of axis {name}, written by axcomp",
+        f"Job: {job.spec.title or job.path.name}",
+        name=name,
+    )
     remarks: list[Remark] = []
-    plain = [name for name in edited.added if "[" not in name]
-    rows = len(edited.added) - len(plain)
-    if edited.added:
-        words = plain + ([f"{rows} table entries"] if rows else [])
-        remarks.append(Remark.info(f"Added to {existing.source}: {', '.join(words)}."))
-    if edited.removed:
+    if existing is None:
+        words = (
+            f"{file} is a new list, since no list of {axis} was given: copied over"
+            " another one, it would lose that one's other compensations."
+        )
+        remarks.append(Remark.info(words))
+    elif edited.added:
+        plain = [name for name in edited.added if "[" not in name]
+        rows = len(edited.added) - len(plain)
+        words = ", ".join([*plain, *[f"{rows} table entries"] * bool(rows)])
+        remarks.append(Remark.info(f"Added to {existing.source}: {words}."))
+    if existing is not None and edited.removed:
         remarks.append(
             Remark.info(
                 f"Removed from {existing.source}: {len(edited.removed)} table entries"
                 " beyond the new table."
             )
         )
-    return edited.listing, remarks
+    return dataclasses.replace(edited.listing, source=file), remarks
 
 
 def _restart(
@@ -336,7 +376,8 @@ def _check(job: Job, lists: Sequence[ListFile]) -> list[Finding]:
         for axis in axes.values()
         if axis.gantry is not None
     ]
-    return check(lists, build=job.spec.controller.build, gantry=pairs)
+    build, index = job.spec.controller.build, job.conventions.plane_index
+    return check(lists, build=build, gantry=pairs, plane_index=index)
 
 
 def _identity(item: Finding) -> tuple[str | None, str, str]:

@@ -12,7 +12,9 @@ from ....data.files import write_atomically
 
 REJECTED = "rejected"
 KEPT = "kept"
-"""Where files go that lay in the folder and are not of an earlier run."""
+"""Where files go that lay in the folder and are not of an earlier run of the job."""
+RESULT, REPORT = "result.json", "report.html"
+"""What a run writes last; the report is drawn of the result, which does not name it."""
 
 
 class OutputError(AxcompError, OSError):
@@ -26,13 +28,15 @@ class OutputError(AxcompError, OSError):
         return f"{self.path}: {self.reason}"
 
 
-def _files_of(result: Path) -> frozenset[str]:
-    """Return the files that an earlier run says it wrote; none where it says nothing."""
+def _files_of(result: Path, job: Path) -> frozenset[str]:
+    """Return what an earlier run of a job wrote, as its result says; else nothing."""
     try:
-        files = json.loads(result.read_bytes())["files"]
-        return frozenset(str(Path(file)) for file in files)
+        tree = json.loads(result.read_bytes())
+        own = job.name in tree["inputs"] and "load_sheet" in tree
+        files = [str(Path(file)) for file in tree["files"]] if own else []
     except (OSError, ValueError, KeyError, TypeError):
         return frozenset()
+    return frozenset([*files, REPORT] if files else [])
 
 
 class OutFolder:
@@ -40,7 +44,8 @@ class OutFolder:
 
     Args:
         root: The folder; made where it does not exist.
-        sources: Files of the user that must never be written onto.
+        job: The job file.
+        sources: Other files of the user that must never be written onto.
         sync: Every file survives a power cut from the moment it is there. False for a
             folder that nobody looks at before `sync_folder` was called.
 
@@ -49,13 +54,13 @@ class OutFolder:
     """
 
     def __init__(
-        self, root: Path, sources: Iterable[Path], *, sync: bool = True
+        self, root: Path, job: Path, sources: Iterable[Path], *, sync: bool = True
     ) -> None:
         self.root = root
         self._sync = sync
         self._written: dict[str, Path] = {}
         self.remarks: list[str] = []
-        self._sources = tuple(sources)
+        self._sources = (job, *sources)
         self._made = not root.exists()
         try:
             root.mkdir(parents=True, exist_ok=True)
@@ -67,7 +72,8 @@ class OutFolder:
             raise OutputError(
                 path=str(root), reason=f"cannot write into the output folder: {reason}"
             ) from None
-        self._earlier = frozenset() if self._made else _files_of(root / "result.json")
+        # What may be written over.
+        self._own = set() if self._made else set(_files_of(root / RESULT, job))
 
     @property
     def written(self) -> tuple[Path, ...]:
@@ -81,12 +87,8 @@ class OutFolder:
                 self.root.rmdir()
 
     def _is_strange(self, name: str) -> bool:
-        """Return whether a file lies in the folder that no earlier run wrote."""
-        return (
-            not self._made
-            and (self.root / name).is_file()
-            and name not in self._earlier
-        )
+        """Return whether a file lies in the folder that no run of the job wrote."""
+        return not self._made and (self.root / name).is_file() and name not in self._own
 
     def refuse_sources(self, names: Iterable[str]) -> None:
         """Raise where a file to be written is one that the job reads.
@@ -102,16 +104,19 @@ class OutFolder:
             if target.resolve() in theirs:
                 raise OutputError(
                     path=str(target),
-                    reason="is an input of the job and is never written onto,"
+                    reason="is an input and is never written onto,"
                     " expected another output folder (--out)",
                 )
 
     def write(self, name: str, content: bytes) -> Path:
         """Write a file and return its name, relative to the folder.
 
+        A file of the user's own that has this name is kept in ``kept/``.
+
         Raises:
             OutputError: If it cannot be written.
         """
+        self.keep(name, content)
         target = self.root / name
         try:
             if "/" in name or not self._made:
@@ -123,17 +128,11 @@ class OutFolder:
         return self._written.setdefault(name, Path(name))
 
     def accept(self, name: str, content: bytes) -> Path:
-        """Write a list that passed; what an earlier run rejected goes.
-
-        A list of the user's own that has this name is kept in ``kept/``.
-        """
-        if self._is_strange(name) and (self.root / name).read_bytes() != content:
-            self._keep(name)
+        """Write a list that passed; what an earlier run rejected goes."""
         written = self.write(name, content)
-        if self._made:
-            return written  # no earlier run has rejected anything here
-        with contextlib.suppress(OSError):
-            (self.root / REJECTED / name).unlink()
+        if (rejected := f"{REJECTED}/{name}") in self._own:
+            with contextlib.suppress(OSError):
+                (self.root / rejected).unlink()
         return written
 
     def renew(self, names: Iterable[str], contents: Mapping[str, bytes]) -> None:
@@ -144,7 +143,20 @@ class OutFolder:
             else:
                 self.retire(name)
 
-    def _keep(self, name: str) -> None:
+    def keep(self, name: str, content: bytes | None = None) -> None:
+        """Copy a file into ``kept/`` that no run of the job wrote; then it may be written over.
+
+        Args:
+            name: Of the file.
+            content: What will be written there.
+
+        Raises:
+            OutputError: If it cannot be copied.
+        """
+        is_lost = self._is_strange(name) and (self.root / name).read_bytes() != content
+        self._own.add(name)
+        if not is_lost:
+            return
         stem, _, tail = name.rpartition(".")
         names = (f"{stem}.{k}.{tail}" if k else name for k in itertools.count())
         kept = next(
@@ -152,14 +164,14 @@ class OutFolder:
         )
         target = self.root / name
         try:
-            (self.root / KEPT).mkdir(exist_ok=True)
+            (self.root / kept).parent.mkdir(parents=True, exist_ok=True)
             write_atomically(self.root / kept, target.read_bytes())
         except OSError as error:
             reason = f"cannot keep a copy of it in {KEPT}/: {error.strerror or error}"
             raise OutputError(path=str(target), reason=reason) from None
         self.remarks.append(
-            f"{name} lay in the output folder and was not written by the last run:"
-            f" it was kept as {kept}."
+            f"{name} lay in the output folder and is none of what was written there"
+            f" before: it was kept as {kept}."
         )
 
     def reject(self, name: str, content: bytes) -> tuple[Path, Path | None]:

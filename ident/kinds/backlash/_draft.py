@@ -117,6 +117,10 @@ class BacklashDraft(AbstractDraft):
         return self.found.significant
 
     @property
+    def settled(self) -> bool:
+        return self.found.converged
+
+    @property
     def needs(self) -> str:
         return "Works from start-up on, referenced or not"
 

@@ -90,6 +90,7 @@ class BacklashFit:
         support: Readings (reversals) used per direction of motion, positive first.
         residual: Reading − fit in mm or ° (readings, or reversals).
         wild: Readings (reversals) that the loss rejected outright.
+        converged: Whether the robust passes converged.
         dependence: How it changes along the axis; None where the positions are too few.
         drift: Change of the readings within a run, and the width with that taken off, where
             it shows and counts as backlash; None elsewhere.
@@ -107,6 +108,7 @@ class BacklashFit:
     support: tuple[int, int]
     residual: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
+    converged: bool
     dependence: Dependence | None = None
     drift: tuple[float, float] | None = None
     delay: tuple[float, float] | None = None
@@ -142,6 +144,7 @@ class BacklashFit:
             support=(int((used > 0).sum()), int((used < 0).sum())),
             residual=found.residual,
             wild=found.wild,
+            converged=found.converged,
         )
 
     @property

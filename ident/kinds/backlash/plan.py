@@ -95,6 +95,7 @@ class BacklashPlan(AbstractPlan):
             dependence=None if alone is None else alone.dependence,
             residual=share.left,
             wild=share.wild,
+            converged=share.fit.converged,
         )
         return BacklashDraft(
             job=self.job,

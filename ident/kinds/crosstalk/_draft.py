@@ -132,6 +132,10 @@ class CrosstalkDraft(AbstractDraft):
         return dataclasses.replace(model, cycles=cycles)
 
     @property
+    def settled(self) -> bool:
+        return self.found.fit.converged
+
+    @property
     def needs(self) -> str:
         if not self.found.masters:
             return "Works from start-up on"

@@ -61,6 +61,7 @@ class CrosstalkFit:
         noise: Standard deviation of one event of median weight in mm, per row of `BRANCHES`.
         events: All that were cut out.
         scores: Choices compared by hold-out; empty where the tests were given.
+        converged: Whether the robust passes converged.
         conventions: How accelerations and directions are defined.
     """
 
@@ -76,6 +77,7 @@ class CrosstalkFit:
     noise: Float[np.ndarray, "4"]
     events: Events
     scores: tuple[ModeScore, ...]
+    converged: bool
     conventions: Conventions
 
     @property
@@ -244,11 +246,12 @@ def fit_events(
     shape = len(BRANCHES), len(points)
     values, deviation = np.full(shape, np.nan), np.full(shape, np.inf)
     support, noise = np.zeros(shape, np.int64), np.full(len(BRANCHES), np.nan)
-    wild = np.zeros(len(events), bool)
+    wild, converged = np.zeros(len(events), bool), True
     for group in np.unique(table.group):
         mine, rows = table.group == group, np.array(groups) == group
         found = table.take(mine).fit(columns[mine], loss)
         wild[mine] = found.wild
+        converged &= found.converged
         touching = (columns[mine][~found.wild] > _TOUCHED).sum(axis=0)
         known = ~found.undetermined & (touching > 0)
         values[rows] = np.where(known, found.coefficients, np.nan)
@@ -267,6 +270,7 @@ def fit_events(
         noise=noise,
         events=dataclasses.replace(events, wild=wild),
         scores=scores,
+        converged=converged,
         conventions=rules,
     )
 

@@ -165,6 +165,7 @@ class CrosstalkPlan(AbstractPlan):
             noise=np.array([np.median(own) if own.size else np.nan for own in scatter]),
             events=events,
             scores=(),
+            converged=share.fit.converged,
             conventions=self.job.conventions,
         )
         found = Identified(

@@ -132,7 +132,7 @@ class TemperatureDraft(AbstractDraft):
         known = np.isfinite(recording.error)
         error, place = recording.error[known], recording.position
         positions = np.zeros((len(error), 1)) if place is None else place[known, None]
-        return SecondMeasurement.of(
+        return SecondMeasurement(
             ", ".join(fit.sources), positions, error - np.median(error)
         )
 

@@ -1,8 +1,7 @@
 """All that acts on one axis, judged together: offsets, motion, and what switching does.
 
-Read `_loaded` (what acts with given lists, by the controller itself), `_workspace` (all of it
-over the travel) and `_together` (all of it on the readings of a measurement); one compensation
-that comes or goes is the gate's.
+Read `_workspace` (all that the lists of an axis add, over the travel) and `_together` (on the
+readings of a measurement); one compensation that comes or goes is the gate's.
 """
 
 from .._gate import check_switching as check_switching
@@ -10,9 +9,9 @@ from .._reversal import (
     largest_step as largest_step,
     switching_cycles as switching_cycles,
 )
-from ._loaded import Loaded as Loaded
 from ._together import (
     Together as Together,
+    acts_against as acts_against,
     added_beyond as added_beyond,
     judge_together as judge_together,
 )

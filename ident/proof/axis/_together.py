@@ -6,13 +6,15 @@ from collections.abc import Collection
 import numpy as np
 from jaxtyping import Float
 
-from ...exchange import LIST_UNITS, Motion
+from ....models import AbstractLookup
+from ...exchange import LIST_UNITS, AxisLists, Motion
 from .._figures import wild_readings
 from .._gate import GateCheck, gate_check
-from ._loaded import Loaded
 
 _SURE = 3.0
 """Standard deviations of an rms figure, 1/√(2n) each, up to which it is no other."""
+_TURNED = 0.5
+"""Share of their difference that the sum of two tables stays below where one is turned over."""
 _SLACK = 1.1
 """What other tables add by their own noise: a tenth of the error that is left."""
 
@@ -51,7 +53,7 @@ class Together:
 
 
 def added_beyond(
-    after: Loaded, before: Loaded, active: Collection[str], motion: Motion
+    after: AxisLists, before: AxisLists, active: Collection[str], motion: Motion
 ) -> dict[str, Float[np.ndarray, " t"]]:
     """Return what each compensation adds beyond what acted while measuring, mm or °.
 
@@ -107,6 +109,39 @@ def judge_together(
         together=_rms(together[sound], about_zero),
         limit=float(max(left, predicted or 0.0) * sure) + 1.0 / LIST_UNITS,
     )
+
+
+def acts_against(partner: AxisLists, own: AxisLists, name: str) -> bool:
+    """Return whether a compensation of a gantry partner is that of an axis turned over.
+
+    At the nodes of the axis and in both directions: both together are then less than half
+    of what lies between them. What follows more than positions is not compared.
+
+    Raises:
+        ExchangeError: If a list makes no table.
+    """
+    model, axes = own.models[name], own.inputs(name) or (own.axis,)
+    ways = [np.array([0.0, 1000.0])] * len(axes)
+    if isinstance(model, AbstractLookup):
+        ways = [np.asarray(one.positions) for one in model.ways]
+    grid = np.meshgrid(*ways)
+    places = {
+        axis: np.tile(one.ravel(), 2) for axis, one in zip(axes, grid, strict=True)
+    }
+    direction = np.repeat([1, -1], grid[0].size)
+    places |= dict.fromkeys(
+        (own.axis, partner.axis), places.get(own.axis, np.zeros(len(direction)))
+    )
+    added = [
+        one.parts(
+            Motion(positions=places, directions={one.axis: direction}, time=None)
+        ).get(name)
+        for one in (own, partner)
+    ]
+    if added[0] is None or added[1] is None:
+        return False
+    both = np.linalg.norm(added[0] + added[1])
+    return bool(both < _TURNED * np.linalg.norm(added[0] - added[1]))
 
 
 def _rms(values: Float[np.ndarray, " t"], about_zero: bool) -> float:

@@ -9,10 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ....models import AbstractLookup
-from ...exchange import Motion, reversal_cycles
+from ...exchange import AxisLists, Motion, reversal_cycles
 from .._dynamics import GateTable
 from .._gate import GateCheck, GateLimits, gate_check, judge
-from ._loaded import Loaded
 
 Span = tuple[float, float]
 
@@ -40,7 +39,7 @@ class Travel:
 
 
 def judge_workspace(
-    loaded: Loaded, travel: Travel, limits: GateLimits
+    loaded: AxisLists, travel: Travel, limits: GateLimits
 ) -> tuple[tuple[GateCheck, ...], dict[str, float]]:
     """Return the lines of the gate for the sum of all that acts on an axis.
 
@@ -86,7 +85,7 @@ class _Part:
     lines: tuple[GateCheck, ...]
 
 
-def _parts(loaded: Loaded) -> list[tuple[tuple[int, ...], tuple[str, ...]]]:
+def _parts(loaded: AxisLists) -> list[tuple[tuple[int, ...], tuple[str, ...]]]:
     """Return which compensations look at the same axes, and at which."""
     found: list[tuple[tuple[int, ...], tuple[str, ...]]] = []
     for name in loaded.used:
@@ -103,7 +102,7 @@ def _parts(loaded: Loaded) -> list[tuple[tuple[int, ...], tuple[str, ...]]]:
 
 
 def _judged(
-    loaded: Loaded,
+    loaded: AxisLists,
     travel: Travel,
     limits: GateLimits,
     part: tuple[tuple[int, ...], tuple[str, ...]],
@@ -152,13 +151,12 @@ def _judged(
 
 
 def _table(
-    loaded: Loaded,
+    loaded: AxisLists,
     travel: Travel,
     axes: Sequence[int],
     nodes: Sequence[Float[np.ndarray, " _n"]],
     branches: Sequence[Float[np.ndarray, "..."]],
 ) -> GateTable:
-    machine = next((one for one in loaded.lists if one.kind == "axis"), None)
     return GateTable(
         names=tuple(travel.names.get(axis, f"axis {axis}") for axis in axes),
         nodes=tuple(nodes),
@@ -167,13 +165,13 @@ def _table(
         closed=tuple(axis in travel.closed for axis in axes),
         periodic=False,
         unit=travel.unit,
-        cycles=reversal_cycles(machine),
+        cycles=reversal_cycles(loaded.machine),
         cycle_time=travel.cycle_time,
     )
 
 
 def _nodes(
-    loaded: Loaded, travel: Travel, names: Sequence[str], axis: int
+    loaded: AxisLists, travel: Travel, names: Sequence[str], axis: int
 ) -> Float[np.ndarray, " n"]:
     """Return the nodes of all tables over one axis, and the ends of its travel."""
     found = [np.asarray(travel.spans.get(axis, ()), dtype=float)]

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...exchange import InUse, Reading
-from ..verify import AbstractChannel, LogMotion
+from ..verify import AbstractChannel, Hypothesis, LogMotion
 from ._measured import Difference
 
 _SCALES = {
@@ -57,37 +57,37 @@ class Case:
 
     Attributes:
         word: Of the interface.
-        value: Of the verdict.
         likelihood: Its logarithm.
         prior: Probability beforehand.
-        note: ``master`` where another master is followed, ``axis`` where it acts on
-            another axis, ``nowhere`` where it acts on none that was measured.
-        sign: 1 where the list acts here with its sign, −1 with the opposite one, 0 where
-            it does neither.
+        applied: How the list acts on its axis; None where it does not, or nobody can say.
+        axis: Number of the axis on which it acts instead.
     """
 
     word: str
-    value: float | None
     likelihood: float
     prior: float
-    note: str = ""
-    sign: int = 0
+    applied: Hypothesis | None = None
+    axis: int | None = None
 
+    @property
+    def follows_another(self) -> bool:
+        """Whether another master is followed."""
+        return self.applied is not None and self.applied.change.masters is not None
 
-@dataclasses.dataclass(frozen=True)
-class Explained:
-    """What may have made a change.
+    @property
+    def value(self) -> float | None:
+        """Of the verdict: a factor, a shift in mm or °, or the number of an axis."""
+        if self.applied is None or self.follows_another:
+            return None if self.axis is None else float(self.axis)
+        change = self.applied.change
+        return max(change.shift, key=abs) if change.is_shifted else self.applied.scale
 
-    Attributes:
-        cases: Every explanation.
-        factor: Factor of the offset that fits best.
-        blind: Shift in mm or ° that the readings cannot exclude and that would matter;
-            None where there is none.
-    """
-
-    cases: Sequence[Case]
-    factor: float
-    blind: float | None
+    @property
+    def sign(self) -> int:
+        """1 where the list acts here with its sign, −1 with the opposite one, else 0."""
+        if self.applied is None or self.follows_another:
+            return 0
+        return 1 if self.applied.scale > 0 else -1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,56 +148,52 @@ class Scene:
         )
 
 
-def cases_of(use: InUse, scene: Scene) -> Explained:
-    """Return every explanation of a change, and what else the fits say of it."""
+def cases_of(use: InUse, scene: Scene) -> tuple[Sequence[Case], float, float | None]:
+    """Return every explanation of a change, and what else the fits say of it.
+
+    That is the factor of the offset that fits best, and the largest shift in mm or ° that
+    the readings cannot exclude and that would matter; None where there is none.
+    """
     channel = scene.channel(use, use.axis)
-    plain = channel.column(channel.plain)
+    change, plain = channel.plain, channel.column(channel.plain)
     scales = [*_SCALES, 0.0, np.nan]
     scaled = scene.fits(use, use.axis, [plain] * len(scales), scales)
     likely = scaled.likelihood.tolist()
     cases = [
-        Case(word, scale, likely[k], prior, sign=1 if scale > 0 else -1)
+        Case(word, likely[k], prior, Hypothesis(change, scale=scale))
         for k, (scale, (word, prior)) in enumerate(_SCALES.items())
     ]
     blind: float | None = None
     shifts = _shifts(channel)
+    moved = np.zeros((0, len(plain)))
     if len(shifts):
-        sizes = shifts[np.arange(len(shifts)), np.argmax(np.abs(shifts), axis=1)]
-        moved = channel.columns_at(channel.plain, shifts, np.arange(len(plain)))
-        # A shift that changes less than the band of every factor counts as none.
-        apart = np.linalg.norm(moved - plain, axis=1)
-        effect = np.linalg.norm(plain - plain.mean())
-        seen = apart >= _BAND * effect
-        if seen.any():
-            many = int(seen.sum())
-            tried = scene.fits(
-                use, use.axis, list(moved[seen]), [1.0] * many
-            ).likelihood
-            value = float(sizes[seen][int(np.argmax(tried))])
-            matters = apart[seen] >= _MATTERS * effect
-            kept = matters & (tried > likely[0] - _EXCLUDED)
-            if kept.any():
-                blind = float(np.abs(sizes[seen][kept]).max())
-            cases.append(
-                Case(
-                    "shift",
-                    value,
-                    float(np.logaddexp.reduce(tried) - np.log(many)),
-                    _SHIFTED,
-                    sign=1,
-                )
-            )
+        moved = channel.columns_at(change, shifts, np.arange(len(plain)))
+    # A shift that changes less than the band of every factor counts as none.
+    apart = np.linalg.norm(moved - plain, axis=1)
+    effect = np.linalg.norm(plain - plain.mean())
+    seen = apart >= _BAND * effect
+    if seen.any():
+        many, shifts = int(seen.sum()), shifts[seen]
+        tried = scene.fits(use, use.axis, list(moved[seen]), [1.0] * many).likelihood
+        matters = apart[seen] >= _MATTERS * effect
+        kept = matters & (tried > likely[0] - _EXCLUDED)
+        if kept.any():
+            blind = float(np.abs(shifts[kept]).max())
+        best = tuple(shifts[int(np.argmax(tried))].tolist())
+        further = Hypothesis(dataclasses.replace(change, shift=best))
+        together = float(np.logaddexp.reduce(tried) - np.log(many))
+        cases.append(Case("shift", together, _SHIFTED, further))
     for swap in channel.swaps:
-        column = channel.column(dataclasses.replace(channel.plain, masters=swap))
+        other = dataclasses.replace(change, masters=swap)
+        left = scene.fits(use, use.axis, [channel.column(other)], [1.0]).likelihood
         prior = 0.5 * _ELSEWHERE / len(channel.swaps)
-        other = float(scene.fits(use, use.axis, [column], [1.0]).likelihood[0])
-        cases.append(Case("wrong axis", None, other, prior, "master"))
+        cases.append(Case("wrong axis", float(left[0]), prior, Hypothesis(other)))
     cases += _elsewhere(use, scene, likely[-2])
     # Any factor at all, up to `_LARGEST`: the share of that range that fits.
     factor, width = float(scaled.factor[-1]), float(scaled.deviation[-1])
     range_cost = min(0.0, float(np.log(2.5 * width / (2.0 * _LARGEST))))
-    cases.append(Case("cannot tell", None, likely[-1] + range_cost, _UNKNOWN))
-    return Explained(cases, factor, blind)
+    cases.append(Case("cannot tell", likely[-1] + range_cost, _UNKNOWN))
+    return cases, factor, blind
 
 
 def _shifts(channel: AbstractChannel) -> Float[np.ndarray, "s k"]:
@@ -225,13 +221,13 @@ def _elsewhere(use: InUse, scene: Scene, nothing: float) -> list[Case]:
             continue
         there, absent = scene.fits(use, axis, [column] * 2, [1.0, 0.0]).likelihood
         likely = nothing + float(there - absent)
-        found.append(Case("wrong axis", float(axis), likely, 0.0, "axis"))
+        found.append(Case("wrong axis", likely, 0.0, axis=axis))
     if not found:
-        return [Case("wrong axis", None, nothing, _ELSEWHERE, "nowhere")]
+        return [Case("wrong axis", nothing, _ELSEWHERE)]
     share = _ELSEWHERE / len(found)
     found = [dataclasses.replace(one, prior=share) for one in found]
     # Not where it was measured: not active, or on an axis that nobody looked at.
-    return [*found, Case("cannot tell", None, nothing, _ELSEWHERE, "nowhere")]
+    return [*found, Case("cannot tell", nothing, _ELSEWHERE)]
 
 
 @dataclasses.dataclass(frozen=True)

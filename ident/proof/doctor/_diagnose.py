@@ -143,8 +143,7 @@ def _state(use: InUse, measured: Sequence[Measured], loaded: bool) -> int:
 def _judged(
     use: InUse, scene: Scene, names: Mapping[int, str], *, blurred: bool
 ) -> Diagnosis:
-    explained = cases_of(use, scene)
-    cases = explained.cases
+    cases, factor, blind = cases_of(use, scene)
     total = np.array([one.likelihood + np.log(one.prior) for one in cases])
     shares = np.exp(total - np.logaddexp.reduce(total)).tolist()
     by_word: dict[str, float] = {}
@@ -154,7 +153,7 @@ def _judged(
     best = max(
         zip(shares, cases, strict=True), key=lambda one: (one[1].word == word, one[0])
     )[1]
-    blind = explained.blind if word == "right" else None
+    blind = blind if word == "right" else None
     told = by_word[word] >= SURE and word != "cannot tell"
     told = told and (word == "right" or not blurred)
     verdict = word if told and blind is None else "cannot tell"
@@ -168,7 +167,7 @@ def _judged(
             verdict,
             best,
             by_word,
-            explained.factor,
+            factor,
             blind=blind,
             unit="°" if use.axis in scene.reading.modulo else "mm",
             axis=names.get(use.axis, f"A{use.axis}"),
@@ -210,9 +209,9 @@ def _sentence(
             words += f" and {-value:g} times as large"
         return words
     if verdict == "wrong axis":
-        if best.note == "axis":
+        if best.axis is not None:
             return f"acts on {other} instead of {axis}"
-        if best.note == "master":
+        if best.follows_another:
             return "follows another master: masters swapped"
         return (
             f"does nothing to {axis}: it acts on another axis, follows another master, or"

@@ -18,6 +18,7 @@ from ._channel import (
     Shift as Shift,
     Way as Way,
 )
+from ._hypothesis import Hypothesis as Hypothesis
 from ._judge import Verdict as Verdict
 from ._motion import LogMotion as LogMotion
 from ._tables import TableChannel as TableChannel, ways_of as ways_of

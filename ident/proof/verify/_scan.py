@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._channel import EDGES, AbstractChannel, Change, Edge, lagged
+from ._channel import EDGES, AbstractChannel, Change, lagged
 from ._hypothesis import FREE_BAND, SCALES, Hypothesis
 from ._target import Target
 
@@ -58,20 +58,23 @@ def scaled(
 
 def structures(channel: AbstractChannel) -> list[Change]:
     """Return every choice of masters, edge or rule, without shift, lag or filter."""
-    plain = channel.plain
-    rules = [
-        dataclasses.replace(plain, conventions=one)
-        for one in channel.rules(channel.conventions)
-    ]
-    masters: list[Change] = [plain]
-    masters += [dataclasses.replace(plain, masters=swap) for swap in channel.swaps]
-    edges: list[Change] = []
-    if any(way.ends for way in channel.ways):
-        own = channel.edge(channel.conventions)
-        other: list[Edge] = [edge for edge in EDGES if edge != own]
-        for one, edge in itertools.product(masters, other):
-            edges.append(dataclasses.replace(one, edge=edge))
-    return masters + edges + rules
+    masters, edges, rules = otherwise(channel, channel.plain)
+    edges += [other for one in masters[1:] for other in otherwise(channel, one)[1]]
+    return list(dict.fromkeys([*masters, *edges, *rules]))
+
+
+def otherwise(channel: AbstractChannel, change: Change) -> tuple[list[Change], ...]:
+    """Return a change with every choice of masters, then of edges, and with other rules."""
+    own, rules = channel.edge(change.conventions), channel.rules(change.conventions)
+    edges = EDGES if any(way.ends for way in channel.ways) else ()
+    return (
+        [dataclasses.replace(change, masters=one) for one in (None, *channel.swaps)],
+        [
+            dataclasses.replace(change, edge=None if edge == own else edge)
+            for edge in edges
+        ],
+        [dataclasses.replace(change, conventions=one) for one in rules],
+    )
 
 
 def few_rows(rows: slice) -> Int[np.ndarray, " r"]:

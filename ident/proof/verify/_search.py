@@ -1,6 +1,7 @@
 """The search for the hypothesis that explains a column of a log, and its rivals."""
 
 import dataclasses
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -8,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
 
-from ._channel import EDGES, AbstractChannel, Change, lagged
+from ._channel import AbstractChannel, Change, lagged
 from ._hypothesis import Hypothesis
-from ._scan import few_rows, place, scaled, structures, timed
+from ._scan import few_rows, otherwise, place, scaled, structures, timed
 from ._target import RESOLUTION, Target
 
 _MOST_PLACES = 30
@@ -226,12 +227,7 @@ def neighbours(channel: AbstractChannel, best: Hypothesis) -> list[Hypothesis]:
         dataclasses.replace(best, scale=scale, is_free=False)
         for scale in (1.0, -best.scale if not best.is_free else -1.0)
     ]
-    changes: list[dict[str, Any]] = [
-        {"masters": swap} for swap in (None, *channel.swaps)
-    ]
-    if any(way.ends for way in channel.ways):
-        own = channel.edge(change.conventions)
-        changes += [{"edge": None if edge == own else edge} for edge in EDGES]
+    changes: list[dict[str, Any]] = []
     if channel.motion.cycle is not None:
         found += [
             dataclasses.replace(best, lag=lag)
@@ -242,8 +238,6 @@ def neighbours(channel: AbstractChannel, best: Hypothesis) -> list[Hypothesis]:
         changes += [{"cycles": None}]
         changes += [{"cycles": cycles // 2}] * (cycles > 1)
     changes += [{"shift": ()}] * change.is_shifted
-    changes += [{"conventions": one} for one in channel.rules(change.conventions)]
-    return found + [
-        dataclasses.replace(best, change=dataclasses.replace(change, **one))
-        for one in changes
-    ]
+    others = [dataclasses.replace(change, **one) for one in changes]
+    others += itertools.chain.from_iterable(otherwise(channel, change))
+    return found + [dataclasses.replace(best, change=one) for one in others]

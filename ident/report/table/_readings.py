@@ -83,8 +83,8 @@ def readings_of(fit: TableResult, scale: Scale) -> Readings:
     return Readings(
         **vars(samples) | shown,
         wild=np.asarray(wild, dtype=bool),
-        total=size if fit.streamed is None else fit.streamed.readings,
-        total_wild=int(np.sum(wild)) if fit.streamed is None else fit.streamed.wild,
+        total=fit.readings,
+        total_wild=fit.wild,
     )
 
 

@@ -43,11 +43,11 @@ def how_it_was_made(
         f"Rounding to whole list units moves the table by at most "
         f"{number(fit.rounding * scale.factor)} {unit}.",
     )
-    if fit.streamed is not None and fit.streamed.every > 1:
+    if fit.every is not None and fit.every > 1:
         shown = (
             f"{grouped(fit.readings)} readings were read in pieces, and the table and the "
             "errors above rest on all of them. What is drawn of single readings, and said of "
-            f"slices and cells, is one reading in {grouped(fit.streamed.every)} "
+            f"slices and cells, is one reading in {grouped(fit.every)} "
             f"({grouped(readings.size)})."
         )
         yield ("Shown", shown)
@@ -196,9 +196,7 @@ def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRo
         run = "" if readings.run is None else str(int(readings.run[row]))
         found.append(
             WildRow(
-                grouped(
-                    (row if fit.streamed is None else int(readings.order[row])) + 1
-                ),
+                grouped((row if fit.every is None else int(readings.order[row])) + 1),
                 f"{where} {scale.position}{direction}",
                 run,
                 f"{number(float(readings.before[row]), signed=True)} {scale.error}",

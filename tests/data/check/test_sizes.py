@@ -175,6 +175,9 @@ def test_swapped_plane_indices_are_named(write: Write) -> None:
     assert "are the indices swapped?" in beyond.message
     lacking = next(finding for finding in findings if finding.level == "warning")
     assert "lacks 6 of 15 entries" in lacking.message
+    # A controller that counts them the other way round reads just that.
+    findings = check([write({**kept, **turned})], plane_index="ij")
+    assert {finding.level for finding in findings} == {"info"}
 
 
 def test_plane_size_behind_its_table_is_doubted(judge: Judge) -> None:

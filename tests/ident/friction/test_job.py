@@ -135,6 +135,19 @@ def test_gate_judges_the_share_of_the_rated_current(
     assert check_.passed
 
 
+def test_friction_that_does_not_settle_fails_its_gate(
+    done: tuple[Path, JobResult], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The search for the shape of the law ends where it begins.
+    monkeypatch.setattr(
+        "axcomp.ident.friction._separable._search", lambda *given: (given[-1], False)
+    )
+    (tmp_path / "trace.csv").write_bytes((done[0] / "trace.csv").read_bytes())
+    found = friction(run(tmp_path))
+    assert [check.name for check in found.gate if not check.passed] == ["settled"]
+    assert not (tmp_path / "out" / "achskw1.lis").exists()
+
+
 def test_report_says_what_a_list_cannot(done: tuple[Path, JobResult]) -> None:
     page, *plots = write_report(done[1], done[0] / "out")
     text = page.read_text()

@@ -80,7 +80,8 @@ n_cycles = 20
     assert written.integer("kw.crosscomp.master_ax_nr") == 1
 
 
-def test_written_plane_list_takes_the_error_away(tmp_path: Path) -> None:
+def plane_job(tmp_path: Path, rules: str = "") -> tuple[np.ndarray, ...]:
+    """Write a probed plane and its job; return X, Y and the true error."""
     rng = np.random.default_rng(5)
     x, y = np.meshgrid(np.arange(-40.0, 61.0, 10.0), np.arange(-70.0, 31.0, 10.0))
     x, y = x.ravel(), y.ravel()
@@ -88,7 +89,10 @@ def test_written_plane_list_takes_the_error_away(tmp_path: Path) -> None:
     truth = 1e-4 * x - 3e-4 * y + 2e-6 * x * y
     noise = 1e-4 * rng.standard_normal(len(x))
     table(tmp_path / "probe.csv", "x,y,dz", x, y, 1e3 * (truth + noise))
+    (tmp_path / "rules.toml").write_text(rules)
     (tmp_path / "job.toml").write_text("""
+[machine]
+conventions = "rules.toml"
 [axes.X]
 number = 1
 [axes.Y]
@@ -113,6 +117,22 @@ start = [-40.0, -70.0]
 interval = [20.0, 10.0]
 points = [6, 11]
 """)
+    return x, y, truth
+
+
+def test_oblong_plane_passes_with_either_order_of_its_indices(tmp_path: Path) -> None:
+    _, _, truth = plane_job(tmp_path, 'plane_index = "ij"\n')
+    result = run_job(tmp_path / "job.toml", tmp_path / "out")
+    assert result.passed
+    assert {one["level"] for one in result.fits[0].findings} <= {"info"}
+    listing = ListFile.read(tmp_path / "out" / "achskw3.lis")
+    # The last node along master 1, the first along master 2; 0.5 µm as below.
+    entry = listing.integer("kw.crosscomp2.table[5][0].correction")
+    assert entry == pytest.approx(-1e4 * truth[10], abs=5)
+
+
+def test_written_plane_list_takes_the_error_away(tmp_path: Path) -> None:
+    x, y, truth = plane_job(tmp_path)
     result = run_job(tmp_path / "job.toml", tmp_path / "out")
     left = truth + offsets(tmp_path / "out", 3, A1=x, A2=y)
     assert result.passed

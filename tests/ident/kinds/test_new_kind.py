@@ -15,6 +15,7 @@ from axcomp.data.measurements import read_log
 from axcomp.ident import kinds
 from axcomp.ident.cli import main
 from axcomp.ident.exchange import (
+    AxisLists,
     AxisModels,
     Motion,
     Reading,
@@ -24,7 +25,7 @@ from axcomp.ident.exchange import (
     write_lists,
 )
 from axcomp.ident.proof import GateLimits
-from axcomp.ident.proof.axis import Loaded, Travel, judge_workspace
+from axcomp.ident.proof.axis import Travel, judge_workspace
 from axcomp.ident.proof.verify import verify_log
 from axcomp.models import Conventions, Motion as ControllerMotion
 
@@ -104,7 +105,7 @@ def test_controller_is_differentiable_in_the_parameter_of_a_new_kind() -> None:
 
 
 def test_new_kind_is_judged_with_the_whole_axis() -> None:
-    loaded = Loaded(1, (listing(LIST + SCREW),), Reading(Conventions()))
+    loaded = AxisLists(1, listing(LIST + SCREW), None, Reading(Conventions()))
     travel = Travel({1: "X"}, {1: (0.0, 90.0)}, frozenset(), ({},), "mm", 0.001)
     checks, jumps = judge_workspace(loaded, travel, GateLimits(max_jump=0.2))
     assert jumps[NEW] == pytest.approx(0.0123, rel=1e-12)

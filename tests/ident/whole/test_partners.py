@@ -191,6 +191,19 @@ def test_gantry_whose_partner_has_its_own_list_passes(tmp_path: Path) -> None:
     assert [c["passed"] for c in whole["gate"] if c["name"] == "gantry"] == [True]
 
 
+def test_gantry_whose_partner_acts_with_the_opposite_sign_is_stopped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gantry(tmp_path)
+    (tmp_path / "achskw4.lis").write_text(cross_list(number=4, master=1, size=-0.02))
+    assert fit(tmp_path, GANTRY.format(partner='list = "achskw4.lis"')) == 1
+    assert gantry_gates(tmp_path) == [False]
+    said = " ".join(capsys.readouterr().out.split())
+    assert (
+        "Y2 is the gantry partner of Y and acts with the opposite sign: cross" in said
+    )
+
+
 def gantry(folder: Path, size: float = 0.03, name: str = "line") -> None:
     rng = np.random.default_rng(22)
     x = np.tile(np.arange(0.0, 401.0, 25.0), 2)

@@ -1,4 +1,4 @@
-"""What acts on one axis with its lists as they lie on the controller."""
+"""The lists of one axis, and what acts on it with them."""
 
 import dataclasses
 import functools
@@ -9,31 +9,40 @@ from jaxtyping import Float
 
 from ....data.lists import ListFile
 from ....models import TemperatureCurve
-from ...exchange import (
-    InUse,
-    Motion,
-    Reading,
-    machine_lists,
-    model_of,
-    simulate,
-)
 from ...kinds import kinds
+from .._machine_lists import InUse, Reading, machine_lists
+from ._controller import model_of
+from ._motion import Motion
+from ._simulate import simulate
 
 
-@dataclasses.dataclass(frozen=True)
-class Loaded:
-    """What acts on one axis: its lists, and how the controller reads them.
+@dataclasses.dataclass(frozen=True, eq=False)
+class AxisLists:
+    """The lists of one axis, and how the controller reads them.
 
     Attributes:
         axis: Logical number.
-        lists: Compensation list and axis list, as far as there are any. Without an axis
-            list everything in the compensation list acts.
+        compensation: Its compensation list, or None.
+        machine: Its axis list, or None: then everything in the compensation list acts.
         reading: How they are read; what waits for COMP ON is taken as switched on.
     """
 
     axis: int
-    lists: tuple[ListFile, ...]
+    compensation: ListFile | None
+    machine: ListFile | None
     reading: Reading
+
+    @functools.cached_property
+    def files(self) -> tuple[ListFile, ...]:
+        """Those that say something, as lists of this axis also where they do not say so."""
+        pairs = ("compensation", self.compensation), ("axis", self.machine)
+        return tuple(
+            one
+            if one.integer("kopf.achs_nr")
+            else one.merge({"kopf.achs_nr": self.axis})
+            for kind, one in pairs
+            if one is not None and one.kind == kind
+        )
 
     @functools.cached_property
     def used(self) -> Mapping[str, InUse]:
@@ -42,7 +51,7 @@ class Loaded:
         Raises:
             ExchangeError: If an entry that decides it is unreadable.
         """
-        found = machine_lists(self.lists).in_use(
+        found = machine_lists(self.files).in_use(
             self.reading.conventions, self.reading.lines
         )
         mine = {one.name: one for one in found if one.axis == self.axis}
@@ -53,6 +62,15 @@ class Loaded:
         """Return the axes over whose positions a compensation acts at standstill."""
         one = self.used[name]
         return one.kind.entries.inputs(one.masters)
+
+    def acts(self, name: str) -> bool:
+        """Return whether it adds something: a table of zeros does not.
+
+        Raises:
+            ExchangeError: If an entry that decides it is unreadable.
+        """
+        one = self.used.get(name)
+        return one is not None and not one.kind.entries.adds_nothing(one.listing)
 
     @functools.cached_property
     def models(self) -> Mapping[str, object]:
@@ -72,21 +90,21 @@ class Loaded:
         Raises:
             ExchangeError: If a list makes no table.
         """
-        if not any(self._is_told(one, motion) for one in self.used.values()):
+        if not any(self._is_known(one, motion) for one in self.used.values()):
             return {}
         whole = motion
         if self.axis not in motion.positions and self._has_no_slope:
             still = {self.axis: np.zeros(motion.rows)}
             whole = dataclasses.replace(motion, positions={**motion.positions, **still})
         (found,) = simulate(
-            self.lists,
+            self.files,
             whole,
             self.reading,
-            only=lambda one: self._is_told(one, motion),
+            only=lambda one: self._is_known(one, motion),
         )
         return dict(found.parts)
 
-    def _is_told(self, one: InUse, motion: Motion) -> bool:
+    def _is_known(self, one: InUse, motion: Motion) -> bool:
         """Return whether it adds to this axis, and a motion has what it looks at."""
         if one.axis != self.axis or one.kind.adds_current:
             return False
