@@ -19,12 +19,11 @@ from scipy.optimize import least_squares
 
 from ...models import Setpoints
 from ._errors import FitError
-from ._factor import SINGULAR
 from ._regression import (
     LOOSE,
+    SINGULAR,
     TIGHT,
     Regression,
-    estimate,
     iterate,
     least_scale,
     refuse_confounded,
@@ -89,7 +88,7 @@ def regress_curve(
     Args:
         columns_at: Columns per reading for values of the non-linear parameters.
         target: Readings.
-        start: Of these parameters, inside the bounds.
+        start: Of these parameters, inside the bounds; empty: a regression is all.
         width: Step to both sides for the derivative of the columns: small against their
             curvature, large against the noise in them.
         bounds: Lowest and highest values.
@@ -108,6 +107,10 @@ def regress_curve(
     known = np.ones(len(target))
     first = columns_at(start)
     size = first.shape[1]
+    if not len(start):
+        return start, regress(
+            first, target, time=time, names=names, loss=loss, quick=quick
+        )
     if len(target) <= size + len(start):
         msg = f"{len(target)} readings for {size + len(start)} unknowns, expected more."
         raise FitError(msg)
@@ -156,7 +159,7 @@ def regress_curve(
         )
         return project(found.x)[0]
 
-    last = iterate(
+    found = iterate(
         np.concatenate([begin, start]),
         residual_at,
         solve,
@@ -166,13 +169,10 @@ def regress_curve(
         loss,
         LOOSE if quick else TIGHT,
     )
-    columns = columns_at(last.value[size:])
-    design = np.hstack([columns, slopes(last.value)])
+    value = found.coefficients
+    design = np.hstack([columns_at(value[size:]), slopes(value)])
     refuse_confounded(design, names)
-    scale = np.sqrt(np.square(design).sum(axis=0))
-    residual = target - columns @ last.value[:size]
-    result = estimate(design, residual, known, last)
     if not quick:
-        unit = design / scale
-        result = with_covariance(result, unit, scale, known, last.pseudo, time)
-    return last.value[size:], result
+        scale = np.sqrt(np.square(design).sum(axis=0))
+        found = with_covariance(found, design / scale, scale, known, time)
+    return value[size:], found
