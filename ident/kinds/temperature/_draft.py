@@ -128,7 +128,9 @@ class TemperatureDraft(AbstractDraft):
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
-        recording = read_thermal(tables, fit)
+        from .plan import TemperaturePlan  # it makes such drafts
+
+        recording = read_thermal(TemperaturePlan(tables.job, self.index, fit, tables))
         known = np.isfinite(recording.error)
         error, place = recording.error[known], recording.position
         positions = np.zeros((len(error), 1)) if place is None else place[known, None]

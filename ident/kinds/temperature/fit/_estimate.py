@@ -175,8 +175,12 @@ class TemperatureFit:
 
     @property
     def offset(self) -> Law:
-        """$o(T)$ in mm."""
-        return self.laws["offset"]
+        """$o(T)$ in mm: 0 where nothing but the coefficient was fitted."""
+        if "offset" in self.laws:
+            return self.laws["offset"]
+        other = self.laws["coefficient"]
+        zero = np.zeros(1)
+        return Law(other.sensor, other.temperature[:1], zero, zero)
 
     @property
     def coefficient(self) -> Law | None:
