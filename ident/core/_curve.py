@@ -19,6 +19,7 @@ from scipy.optimize import least_squares
 
 from ...models import Setpoints
 from ._errors import FitError
+from ._readings import filled
 from ._regression import (
     LOOSE,
     SINGULAR,
@@ -33,23 +34,13 @@ from ._regression import (
 
 _TRIALS = 8
 """Evaluations of a curve in each robust pass; the next pass goes on from there."""
-_SIZES, _NODES = (1 << 10, 1 << 12), 12
-"""Rows are filled up to these, beyond to powers of two, and nodes up to so many: compiled code
-serves again."""
+_PLACES, _NODES = 1 << 12, 12
+"""Places up to which nodes are filled up to so many: compiled code serves again."""
 
 
 @jax.jit
 def _shares(nodes: Float[Array, " n"], places: Float[Array, " t"]) -> Array:
     return Setpoints(nodes).stencil(places).matrix()
-
-
-def filled(rows: Float[np.ndarray, "t *k"]) -> Float[Array, "n *k"]:
-    """Return rows with the last one repeated up to a length that compiled code knows."""
-    count = len(rows)
-    further = 1 << max(count - 1, 0).bit_length()
-    length = next((each for each in _SIZES if count <= each), further)
-    more = np.repeat(rows[-1:], length - count, axis=0)
-    return jnp.asarray(np.concatenate([rows, more]))
 
 
 def node_shares(
@@ -63,10 +54,10 @@ def node_shares(
     # Held here, since further nodes stand behind the last one.
     held = np.clip(np.where(known, places, nodes[0]), nodes[0], nodes[-1])
     # Many places outweigh a compilation, and their columns the memory.
-    room = max(size, _NODES if count <= _SIZES[-1] else 0)
+    room = max(size, _NODES if count <= _PLACES else 0)
     more = nodes[-1] + max(1.0, abs(nodes[-1])) * np.arange(1, room - size + 1)
     line = jnp.asarray(np.concatenate([nodes, more]))
-    result = np.array(_shares(line, filled(held)))[:count, :size]
+    result = np.array(_shares(line, jnp.asarray(filled(held))))[:count, :size]
     result[~known] = np.nan
     return result
 

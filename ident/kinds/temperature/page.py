@@ -14,7 +14,6 @@ from ...report._body import Body, Plot, WildRow
 from ...report._scale import Scale, count, grouped, number, place
 from .._drawing import left_out_words, marks, side_by_side
 from ._law import RATE, ThermalLaw
-from ._remarks import lag_words, meeting_words
 from ._result import TemperatureResult, ThermalView
 from .fit import LawScore, TemperatureFit
 
@@ -54,7 +53,7 @@ def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
         )
         if view.position is not None:
             warm = f"{fit.axis} = {place(float(view.position[row]))} mm, {warm}"
-        error = f"{number(float(view.before[row]) * scale.factor, signed=True)} {scale.error}"
+        error = scale.shown(float(view.before[row]), signed=True)
         found.append(WildRow(grouped(int(view.row[row]) + 1), warm, "", error))
     return found
 
@@ -62,10 +61,6 @@ def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
 def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
     found = fit.fit
     yield ("Law of the error", _law_words(fit, scale))
-    if found.coefficient is not None:
-        yield ("Reference position", meeting_words(found))
-    lags = [lag_words(lag, fit.sensors[lag.sensor]) for lag in found.lags]
-    yield ("Lag", " ".join(lags) or "Not looked for.")
     yield ("Scatter", _scatter_words(fit, scale))
     if found.scores:
         yield ("Choice of the law", _choice_words(found, scale))
@@ -110,7 +105,7 @@ def _choice_words(found: TemperatureFit, scale: Scale) -> str:
         laws = [
             f"{law} {_NODES.get(n, f'{n} nodes')}" for law, n in counts.items() if n
         ]
-        return f"{', '.join(laws)}: {number(one.held_out * scale.factor)} {scale.error}"
+        return f"{', '.join(laws)}: {scale.shown(one.held_out)}"
 
     best = sorted(found.scores, key=lambda one: one.held_out)[:_MOST_LAWS]
     chosen = next(one for one in found.scores if one.chosen)
@@ -124,7 +119,7 @@ def _choice_words(found: TemperatureFit, scale: Scale) -> str:
 def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
     noise, used = fit.fit.noise, int(np.sum(fit.fit.used))
     words = (
-        f"{number(scale.factor * noise.white)} {scale.error} from reading to reading,"
+        f"{scale.shown(noise.white)} from reading to reading,"
         f" {count(used, 'complete reading')}."
     )
     if noise.drift > 0:
@@ -134,7 +129,7 @@ def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
             else "rows"
         )
         words += (
-            f" Beside it a drift of {number(scale.factor * noise.drift)} {scale.error}"
+            f" Beside it a drift of {scale.shown(noise.drift)}"
             f" that forgets in {unit}: the readings tell as much as"
             f" {max(fit.fit.independent, 1):.0f} independent ones."
         )
@@ -257,7 +252,7 @@ def _lines_caption(
 
 def _rms(fit: TemperatureResult, stage: str, scale: Scale) -> str:
     """Return what is left of the readings that are not wild, with its unit."""
-    return f"{number(fit.error[stage].sound.rms * scale.factor)} {scale.error}"
+    return scale.shown(fit.error[stage].sound.rms)
 
 
 def over_temperature_plot(fit: TemperatureResult, scale: Scale) -> Plot:
