@@ -324,7 +324,11 @@ def steady(
 def _common(tables: Tables, fit: Spec) -> tuple[float | None, float]:
     """Return datum and reference temperature, which all measurements share."""
     specs = [tables.job.spec.measurements[name] for name in fit.sources]
-    datums = {None if spec.datum is None else _first(spec.datum.at) for spec in specs}
+    # One number, or a list of one.
+    datums = {
+        None if spec.datum is None else float(np.ravel(spec.datum.at)[0])
+        for spec in specs
+    }
     warmth = {spec.reference_temperature for spec in specs}
     if len(datums) > 1 or len(warmth) > 1:
         what = "datums" if len(datums) > 1 else "reference temperatures"
@@ -334,7 +338,3 @@ def _common(tables: Tables, fit: Spec) -> tuple[float | None, float]:
             " that are joined",
         )
     return datums.pop(), warmth.pop()
-
-
-def _first(at: float | list[float]) -> float:
-    return float(at[0] if isinstance(at, list) else at)

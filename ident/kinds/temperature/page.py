@@ -14,7 +14,7 @@ from ...report._body import Body, Plot, WildRow
 from ...report._scale import Scale, count, grouped, number, place
 from .._drawing import left_out_words, marks, side_by_side
 from ._law import RATE, ThermalLaw
-from ._result import TemperatureResult, ThermalView
+from ._result import TemperatureResult
 from .fit import LawScore, TemperatureFit
 
 _MOST_WILD = 12
@@ -152,7 +152,18 @@ def law_plot(fit: TemperatureResult, law: ThermalLaw) -> Plot:
         # Beyond its own sensor's range a column of the common table repeats its end.
         low, high = own.temperature[[0, -1]] + np.array([-0.01, 0.01])
         rows = (law.temperature >= low) & (law.temperature <= high)
-        _draw_law(panel, law.temperature[rows], values[rows], 2.0 * deviation[rows])
+        warm, line, band = law.temperature[rows], values[rows], 2.0 * deviation[rows]
+        panel.fill_between(
+            warm, line - band, line + band,
+            color=style.BLUE, alpha=0.18, linewidth=0, label="± 2 sd",
+        )  # fmt: skip
+        room = 0.12 * float(np.ptp(warm)) * np.array([-1.0, 1.0])
+        panel.plot(
+            np.concatenate([room[:1] + warm[:1], warm, warm[-1:] + room[1:]]),
+            np.pad(line, 1, mode="edge"),
+            color=style.GREY, linestyle="--", linewidth=1.0, label="held",
+        )  # fmt: skip
+        panel.plot(warm, line, color=style.BLUE, marker="o", markersize=4, label="law")
         panel.axvline(fit.zero, color=style.GREY, linewidth=0.8, linestyle=":")
         panel.axhline(0, color=style.INK, linewidth=0.7)
         panel.set_ylabel(name)
@@ -166,24 +177,6 @@ def law_plot(fit: TemperatureResult, law: ThermalLaw) -> Plot:
         f" {place(round(fit.zero, 2))} °C by choice, dotted, and held outside."
     )
     return Plot("law", "What the PLC writes, over the temperature", figure, caption)
-
-
-def _draw_law(
-    panel: Axes,
-    warm: Float[np.ndarray, " n"],
-    values: Float[np.ndarray, " n"],
-    band: Float[np.ndarray, " n"],
-) -> None:
-    room = 0.12 * float(np.ptp(warm))
-    panel.fill_between(
-        warm, values - band, values + band,
-        color=style.BLUE, alpha=0.18, linewidth=0, label="± 2 sd",
-    )  # fmt: skip
-    panel.plot(
-        [warm[0] - room, *warm, warm[-1] + room], [values[0], *values, values[-1]],
-        color=style.GREY, linestyle="--", linewidth=1.0, label="held",
-    )  # fmt: skip
-    panel.plot(warm, values, color=style.BLUE, marker="o", markersize=4, label="law")
 
 
 def _over(fit: TemperatureResult) -> str:
@@ -280,7 +273,11 @@ def over_temperature_plot(fit: TemperatureResult, scale: Scale) -> Plot:
 def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
     """Draw the error over the time before and after, and the temperatures below."""
     view, sound = fit.view, ~fit.view.wild
-    clock, label = _clock(view)
+    clock, label = view.row.astype(float), "row of the measurement"
+    if view.time is not None:
+        long = float(np.ptp(view.time)) > _MINUTES
+        clock = view.time / (3600.0 if long else 60.0)
+        label = f"time in {'hours' if long else 'minutes'}"
     figure, panels = style.new_figure(4.2, rows=2, sharex=True, height_ratios=[1.4, 1])
     before, predicted = (_rms(fit, stage, scale) for stage in ("before", "predicted"))
     marks(
@@ -329,15 +326,6 @@ def _draw_temperatures(
             )  # fmt: skip
     panel.set_ylabel("°C")
     panel.legend(loc="best")
-
-
-def _clock(view: ThermalView) -> tuple[Float[np.ndarray, " t"], str]:
-    time = view.time
-    if time is None:
-        return view.row.astype(float), "row of the measurement"
-    if float(np.ptp(time)) <= _MINUTES:
-        return time / 60.0, "time in minutes"
-    return time / 3600.0, "time in hours"
 
 
 def _by_temperature(

@@ -62,9 +62,9 @@ def fit_temperature(
     if meet and "coefficient" in complete.moved:
         met, own = fit, found
         try:
-            if shape[0] == 1:
-                # Where the lines meet shows in what the offset does, however little.
-                met, own = of((2, *shape[1:]))
+            if shape[0] < shape[1]:
+                # Where the lines meet, the offset bends as the coefficient does.
+                met, own = of((shape[1], shape[1]))
             met = about_meeting(met, float(np.ptp(complete.position)))
         except FitError:
             met = dataclasses.replace(met, meeting="too few")

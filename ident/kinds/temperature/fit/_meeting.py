@@ -1,8 +1,9 @@
 r"""Where the lines of all temperatures meet: about that position only the slope changes.
 
 At a distance $a$ from the reference the error is $o(T) + c(T)\,a$, which there is the same at all
-temperatures. Offset and coefficient are estimates with a covariance: each temperature counts by
-the variance of that sum, and what is left must be within it.
+temperatures. Offset and coefficient are estimates with a covariance: $a$ is that of generalised
+least squares over what both change with the temperature, what is left must be within its
+deviation, and the law is then the one given that nothing is left.
 """
 
 import dataclasses
@@ -14,7 +15,7 @@ from ._estimate import Meeting, TemperatureFit
 
 _SURE = 3.0
 """Deviations by which the coefficient must change, and up to which lines meet in a point."""
-_ROUNDS = 3
+_ROUNDS = 4
 """In which the weights of the temperatures follow the position."""
 _FAR = 1e3
 """Distance of the position, in measured ranges, from which on there is none."""
@@ -50,38 +51,46 @@ def about_meeting(fit: TemperatureFit, span: float) -> TemperatureFit:
     variance = ((tilt @ fit.covariance) * tilt).sum(axis=1)
     if not (change**2 > _SURE**2 * variance).any():
         return stays("unsure slope")
-    away, weight = 0.0, np.ones(len(warm))
-    for _ in range(_ROUNDS):
-        pull = weight * change
+    weight, rounds = np.eye(len(warm)), 0
+    while True:
+        rounds += 1
+        pull = weight @ change
         away = -float(pull @ shift) / float(pull @ change)
         rows = rise + away * tilt
-        variance = ((rows @ fit.covariance) * rows).sum(axis=1)
-        weight = 1.0 / np.maximum(variance, 1e-18)
+        spread = rows @ fit.covariance @ rows.T
+        if rounds == _ROUNDS or not spread.any():
+            break
+        # What moves together counts once: the rows sum to zero.
+        weight = np.linalg.pinv(spread, rcond=1e-6, hermitian=True)
     moves = -(pull @ rows) / float(pull @ change)
     sure = float(np.sqrt(max(moves @ fit.covariance @ moves, 0.0)))
     if abs(away) > _FAR * span:
         return stays("too far")
-    if ((rows @ value) ** 2 > _SURE**2 * np.maximum(variance, 1e-18)).any():
+    if ((rows @ value) ** 2 > _SURE**2 * np.maximum(np.diag(spread), 1e-18)).any():
         return stays("not one point")
     if not sure < max(10.0 * span, abs(fit.reference + away)):
         return stays("uncertain", sure)
+    # The laws given that the lines meet, and what they are beside the position.
+    gain = fit.covariance @ rows.T @ weight
+    value = value - gain @ (rows @ value)
+    given = np.eye(every) - gain @ (rows + np.outer(change, moves))
     level = (offset + away * slope).mean(axis=0)
-    given = np.eye(every)
     # Offset, coefficient, position, then what comes behind the values.
     turn = np.vstack(
         [
-            level + float((slope @ value).mean()) * moves,
+            level @ given + float((slope @ value).mean()) * moves,
             given[own["coefficient"]],
             moves,
             given[size:],
         ]
     )
-    law = {"offset": warm.mean(keepdims=True), "coefficient": nodes["coefficient"]}
+    own_nodes = nodes["coefficient"]
+    law = {"offset": own_nodes.mean(keepdims=True), "coefficient": own_nodes}
     first = len(own["offset"])
     return dataclasses.replace(
         fit,
         line=dataclasses.replace(line, law=law, reference=fit.reference + away),
-        values=np.append(level @ value, fit.values[first:]),
+        values=np.append(level @ value, value[own["coefficient"]]),
         covariance=turn @ fit.covariance @ turn.T,
         names=(
             "offset",
