@@ -209,11 +209,10 @@ class CrosstalkEntries(AbstractEntries):
         count, axes = points.shape
         words = f"{axes + 1}: the axis that accelerates and {axes} adaptation axes"
         expect(len(masters) == axes + 1, f"{PREFIX} masters", len(masters), words)
-        for name, number, most in (
-            ("max_points", count, SAFE_TESTS),
-            ("n_cycles", model.cycles, MOST_CYCLES),
-        ):
-            expect(number <= most, f"{PREFIX}.{name}", number, f"at most {most}")
+        words = f"{count} tests", f"at most {SAFE_TESTS}"
+        expect(count <= SAFE_TESTS, f"{PREFIX}.max_points", *words)
+        most = f"at most {MOST_CYCLES}"
+        expect(model.cycles <= MOST_CYCLES, f"{PREFIX}.n_cycles", model.cycles, most)
         entries: dict[str, int | str] = {f"{PREFIX}.mode": axes + 1}
         entries |= {f"{PREFIX}.{n}": k for n, k in zip(_MASTERS, masters, strict=False)}
         if axes:

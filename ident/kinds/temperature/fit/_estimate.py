@@ -73,7 +73,8 @@ class Law:
     ) -> Float[np.ndarray, " t"]:
         """Return the standard deviation of the value at temperatures in °C."""
         share = node_shares(temperature, self.temperature)
-        return np.sqrt(np.maximum(((share @ self.covariance) * share).sum(axis=1), 0.0))
+        variance = ((share @ self.covariance) * share).sum(axis=1)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 @dataclasses.dataclass(frozen=True)
