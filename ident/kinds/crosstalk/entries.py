@@ -209,8 +209,8 @@ class CrosstalkEntries(AbstractEntries):
         count, axes = points.shape
         words = f"{axes + 1}: the axis that accelerates and {axes} adaptation axes"
         expect(len(masters) == axes + 1, f"{PREFIX} masters", len(masters), words)
-        words = f"{count} tests", f"at most {SAFE_TESTS}"
-        expect(count <= SAFE_TESTS, f"{PREFIX}.max_points", *words)
+        words, most = f"{count} tests", f"at most {SAFE_TESTS}"
+        expect(count <= SAFE_TESTS, f"{PREFIX}.max_points", words, most)
         most = f"at most {MOST_CYCLES}"
         expect(model.cycles <= MOST_CYCLES, f"{PREFIX}.n_cycles", model.cycles, most)
         entries: dict[str, int | str] = {f"{PREFIX}.mode": axes + 1}

@@ -200,16 +200,11 @@ def _state(found: Identified) -> Iterator[Remark]:
         fit.sensors[law.sensor]: float(np.clip(zero, *law.temperature[[0, -1]]))
         for law in fit.moving
     }
-    if len(far) > 1 and any(abs(warm - wished) > 0.05 for warm in far.values()):
+    if any(abs(warm - wished) > 0.05 for warm in far.values()):
         at = " and ".join(f"{name} at {warm:.4g} °C" for name, warm in far.items())
         yield Remark.info(
-            f"Nothing is corrected with {at}, the measured temperatures next to the"
-            f" reference of {wished:g} °C."
-        )
-    elif abs(zero - wished) > 0.05:
-        yield Remark.info(
-            f"Nothing is corrected at {zero:.4g} °C, the measured temperature next to"
-            f" the reference of {wished:g} °C, which was not measured itself."
+            f"Nothing is corrected with {at}, measured next to the reference of"
+            f" {wished:g} °C, which was not measured itself."
         )
     if recording.carriers:
         words = f"What {recording.line.axis} shows at {zero:.4g} °C is held by the"

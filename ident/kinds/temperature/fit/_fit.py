@@ -171,19 +171,16 @@ def _confusions(data: Data, line: Temperature) -> tuple[Confusion, ...]:
         return ()
     offset, slope = data.warmth(line)
     away = data.position - data.position.mean()
-    product = (slope - slope.mean()) * away
-    effects: dict[Effect, Float[np.ndarray, " t"]] = {}
+    effects: dict[Effect, Float[np.ndarray, " t"]] = {"level": np.ones(len(away))}
     if "offset" in data.moved:
         effects["offset"] = offset - offset.mean()
-    effects |= {"slope": away, "slope change": product - product.mean()}
+    effects |= {"slope": away, "slope change": (slope - slope.mean()) * away}
     result = []
-    level = abs(product.mean()) / np.sqrt(max(float(np.mean(product**2)), 1e-300))
-    if level > _ALIKE:
-        # As warm as it is far out: the change of the slope is the same number everywhere.
-        result.append(Confusion("level", "slope change", float(level)))
     for (first, one), (second, other) in itertools.combinations(effects.items(), 2):
-        size = float(np.linalg.norm(one) * np.linalg.norm(other))
-        correlation = float(one @ other) / size if size > 0 else 0.0
+        # As warm as it is far out: the change of the slope is the same number everywhere.
+        beside = other if first == "level" else other - other.mean()
+        size = float(np.linalg.norm(one) * np.linalg.norm(beside))
+        correlation = float(one @ beside) / size if size > 0 else 0.0
         if abs(correlation) > _ALIKE:
             result.append(Confusion(first, second, correlation))
     return tuple(result)
