@@ -22,11 +22,7 @@ columns with noise that drifts (`_regression`, `_curve`, `_drift`).
 """
 
 from ._chain import chain as chain
-from ._curve import (
-    filled as filled,
-    node_shares as node_shares,
-    regress_curve as regress_curve,
-)
+from ._curve import node_shares as node_shares, regress_curve as regress_curve
 from ._drift import DriftNoise as DriftNoise
 from ._effect import (
     AbstractEffect as AbstractEffect,
@@ -52,7 +48,7 @@ from ._prior import (
     NoPrior as NoPrior,
     Smooth as Smooth,
 )
-from ._readings import Readings as Readings
+from ._readings import Readings as Readings, filled as filled
 from ._regression import (
     Regression as Regression,
     refuse_confounded as refuse_confounded,

@@ -19,12 +19,12 @@ from scipy.optimize import least_squares
 
 from ...models import Setpoints
 from ._errors import FitError
-from ._factor import SINGULAR
+from ._readings import filled
 from ._regression import (
     LOOSE,
+    SINGULAR,
     TIGHT,
     Regression,
-    estimate,
     iterate,
     least_scale,
     refuse_confounded,
@@ -34,23 +34,13 @@ from ._regression import (
 
 _TRIALS = 8
 """Evaluations of a curve in each robust pass; the next pass goes on from there."""
-_SIZES, _NODES = (1 << 10, 1 << 12), 12
-"""Rows are filled up to these, beyond to powers of two, and nodes up to so many: compiled code
-serves again."""
+_PLACES, _NODES = 1 << 12, 12
+"""Places up to which nodes are filled up to so many: compiled code serves again."""
 
 
 @jax.jit
 def _shares(nodes: Float[Array, " n"], places: Float[Array, " t"]) -> Array:
     return Setpoints(nodes).stencil(places).matrix()
-
-
-def filled(rows: Float[np.ndarray, "t *k"]) -> Float[Array, "n *k"]:
-    """Return rows with the last one repeated up to a length that compiled code knows."""
-    count = len(rows)
-    further = 1 << max(count - 1, 0).bit_length()
-    length = next((each for each in _SIZES if count <= each), further)
-    more = np.repeat(rows[-1:], length - count, axis=0)
-    return jnp.asarray(np.concatenate([rows, more]))
 
 
 def node_shares(
@@ -64,10 +54,10 @@ def node_shares(
     # Held here, since further nodes stand behind the last one.
     held = np.clip(np.where(known, places, nodes[0]), nodes[0], nodes[-1])
     # Many places outweigh a compilation, and their columns the memory.
-    room = max(size, _NODES if count <= _SIZES[-1] else 0)
+    room = max(size, _NODES if count <= _PLACES else 0)
     more = nodes[-1] + max(1.0, abs(nodes[-1])) * np.arange(1, room - size + 1)
     line = jnp.asarray(np.concatenate([nodes, more]))
-    result = np.array(_shares(line, filled(held)))[:count, :size]
+    result = np.array(_shares(line, jnp.asarray(filled(held))))[:count, :size]
     result[~known] = np.nan
     return result
 
@@ -89,7 +79,7 @@ def regress_curve(
     Args:
         columns_at: Columns per reading for values of the non-linear parameters.
         target: Readings.
-        start: Of these parameters, inside the bounds.
+        start: Of these parameters, inside the bounds; empty: a regression is all.
         width: Step to both sides for the derivative of the columns: small against their
             curvature, large against the noise in them.
         bounds: Lowest and highest values.
@@ -108,6 +98,10 @@ def regress_curve(
     known = np.ones(len(target))
     first = columns_at(start)
     size = first.shape[1]
+    if not len(start):
+        return start, regress(
+            first, target, time=time, names=names, loss=loss, quick=quick
+        )
     if len(target) <= size + len(start):
         msg = f"{len(target)} readings for {size + len(start)} unknowns, expected more."
         raise FitError(msg)
@@ -156,7 +150,7 @@ def regress_curve(
         )
         return project(found.x)[0]
 
-    last = iterate(
+    found = iterate(
         np.concatenate([begin, start]),
         residual_at,
         solve,
@@ -166,13 +160,10 @@ def regress_curve(
         loss,
         LOOSE if quick else TIGHT,
     )
-    columns = columns_at(last.value[size:])
-    design = np.hstack([columns, slopes(last.value)])
+    value = found.coefficients
+    design = np.hstack([columns_at(value[size:]), slopes(value)])
     refuse_confounded(design, names)
-    scale = np.sqrt(np.square(design).sum(axis=0))
-    residual = target - columns @ last.value[:size]
-    result = estimate(design, residual, known, last)
     if not quick:
-        unit = design / scale
-        result = with_covariance(result, unit, scale, known, last.pseudo, time)
-    return last.value[size:], result
+        scale = np.sqrt(np.square(design).sum(axis=0))
+        found = with_covariance(found, design / scale, scale, known, time)
+    return value[size:], found

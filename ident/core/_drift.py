@@ -118,19 +118,16 @@ def find_drift(
         inner[1] += counts
         try:
             factor = cholesky_banded(inner)
+            sums = plain - gathered.T @ cho_solve_banded((factor, False), gathered)
+            # The residuals come last: their own element is what the columns leave.
+            own = np.diag(np.linalg.cholesky(sums))
         except np.linalg.LinAlgError:
             return np.inf, np.nan
-        sums = plain - gathered.T @ cho_solve_banded((factor, False), gathered)
-        known, cross = sums[:-1, :-1], sums[:-1, -1]
-        sign, shrink = np.linalg.slogdet(known)
-        if sign <= 0:
-            return np.inf, np.nan
-        left = float(sums[-1, -1] - cross @ np.linalg.solve(known, cross))
-        if not left > 0:
-            return np.inf, np.nan
+        left = float(own[-1]) ** 2
         spread = 2.0 * float(np.log(factor[1]).sum()) - logdet
         spread += chain.size * float(np.log(ratio)) - constant
-        return spread + float(shrink) + free * float(np.log(left / free)), left / free
+        shrink = 2.0 * float(np.log(own[:-1]).sum())
+        return spread + shrink + free * float(np.log(left / free)), left / free
 
     shrink = float(np.linalg.slogdet(plain[:-1, :-1])[1])
     independent = shrink - constant + free * float(np.log(square / free))

@@ -3,18 +3,17 @@
 The unknowns of one large table come first and couple to their neighbours only (the band);
 everything else stands beside them (the border). With an empty band the matrix is dense,
 with an empty border it is a band. Elements of the inverse come from the same factor.
-`PivotedFactor` is the factor of a few columns that need not be independent.
 """
 
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, final
+from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 from numpy.lib.stride_tricks import as_strided
-from scipy.linalg import get_blas_funcs, get_lapack_funcs, qr, solve_triangular
+from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
 dsyrk, dtrsm = get_blas_funcs(("syrk", "trsm"), dtype=np.float64)
 dpbtrf, dtbtrs, dpotrf, dpotri, dpotrs, dtrtri = get_lapack_funcs(
@@ -27,9 +26,6 @@ _BLOCK = 64
 """Columns of the inverse that are found at once."""
 _MANY = 8
 """Right-hand sides from which on a band is solved in blocks, by matrix products."""
-
-SINGULAR = 1e-9
-"""Part of a scaled column beside all others below which it is one of their sums."""
 
 Columns = Float[np.ndarray, "n w"]
 """Lower band of a matrix: ``[j, d]`` is element ``(j + d, j)``."""
@@ -242,52 +238,3 @@ def band_inverse(band: Columns, offsets: Sequence[int]) -> Float[np.ndarray, "n 
     for slot, k in enumerate(offsets):
         result[n - k :, slot] = 0.0
     return result
-
-
-@final
-@dataclasses.dataclass(frozen=True)
-class PivotedFactor:
-    """Pivoted QR of a weighted design, which knows its rank.
-
-    Attributes:
-        triangle: Of the columns that stand by themselves, in their order.
-        kept: Numbers of these columns.
-        null: Combinations of columns that the readings do not see, one per column.
-    """
-
-    triangle: Float[np.ndarray, "r r"]
-    kept: Int[np.ndarray, " r"]
-    null: Float[np.ndarray, "k n"]
-
-    @classmethod
-    def of(cls, design: Float[np.ndarray, "t k"]) -> "PivotedFactor":
-        """Return the factor of a design whose columns are about of length 1."""
-        size = design.shape[1]
-        # Stubs of SciPy do not tell the results of the modes apart.
-        factorise: Any = qr
-        triangle, order = factorise(design, mode="r", pivoting=True, check_finite=False)
-        diagonal = np.abs(np.diag(triangle))
-        rank = int((diagonal > SINGULAR * max(1e-300, float(diagonal.max()))).sum())
-        inner, beside = triangle[:rank, :rank], triangle[:rank, rank:]
-        null = np.zeros((size, size - rank))
-        null[order[:rank]] = -solve_triangular(inner, beside) if rank else 0.0
-        null[order[rank:]] = np.eye(size - rank)
-        return cls(inner, order[:rank], null)
-
-    @property
-    def undetermined(self) -> Bool[np.ndarray, " k"]:
-        """Columns that take part in what the readings do not see."""
-        return np.asarray((np.abs(self.null) > SINGULAR**0.5).any(axis=1))
-
-    def solve(self, right: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        """Return the solution of the normal equations, 0 for columns left out."""
-        result = np.zeros(len(self.null))
-        half = solve_triangular(self.triangle, right[self.kept], trans=1)
-        result[self.kept] = solve_triangular(self.triangle, half)
-        return result
-
-    def inverse(self) -> Float[np.ndarray, "k k"]:
-        """Return the inverse of the normal matrix, 0 for columns left out."""
-        root = np.zeros((len(self.null), len(self.kept)))
-        root[self.kept] = solve_triangular(self.triangle, np.eye(len(self.kept)))
-        return np.asarray(root @ root.T)

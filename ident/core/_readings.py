@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
 Rows = Any
 """A slice, a mask of shape ``(t,)`` or row numbers."""
@@ -42,17 +42,23 @@ class Readings:
         return Readings(self.value[rows], inputs, weight)
 
 
-def padded(arrays: Mapping[str, np.ndarray], least: int = 64) -> dict[str, np.ndarray]:
-    """Return arrays filled up to the next power of two by their last row.
+def filled(
+    rows: Shaped[np.ndarray, "t *k"], least: int = 1024
+) -> Shaped[np.ndarray, "n *k"]:
+    """Return rows with the last one repeated up to the next power of two.
 
     Compiled functions then see few different lengths: nobody waits for a compilation per
     recording.
+
+    Args:
+        rows: One or more.
+        least: Length below which none comes out.
     """
-    count = len(next(iter(arrays.values())))
-    room = max(least, 1 << max(count - 1, 0).bit_length())
-    if room == count:
-        return dict(arrays)
-    return {
-        name: np.concatenate([array, np.repeat(array[-1:], room - count, axis=0)])
-        for name, array in arrays.items()
-    }
+    room = max(least, 1 << max(len(rows) - 1, 0).bit_length())
+    more = np.repeat(rows[-1:], room - len(rows), axis=0)
+    return np.concatenate([rows, more]) if len(more) else rows
+
+
+def padded(arrays: Mapping[str, np.ndarray], least: int = 64) -> dict[str, np.ndarray]:
+    """Return arrays as `filled`, by their names."""
+    return {name: filled(array, least) for name, array in arrays.items()}

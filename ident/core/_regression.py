@@ -1,9 +1,9 @@
 """Robust regression on few columns.
 
 For curves (thermal line, backlash, acceleration events) what the fit of a table is for tables:
-`iterate` is the one robust loop (residuals at a value → loss → pseudo-readings → solve), the
-factor of the design decides what the readings determine, and the covariance is that of the
-estimate under residuals that drift (`_drift`).
+`iterate` is the robust loop (residuals at a value → loss → pseudo-readings → solve), the
+singular values of the design decide what the readings determine, and the covariance is that of
+the estimate under residuals that drift (`_drift`).
 """
 
 import dataclasses
@@ -14,8 +14,7 @@ from jaxtyping import Bool, Float
 
 from ._drift import DriftNoise, find_drift, scatter_of_sums
 from ._errors import FitError
-from ._factor import PivotedFactor
-from ._loss import Loss, choose_loss
+from ._loss import choose_loss
 
 _PASSES = 60
 """Robust passes at most."""
@@ -25,6 +24,8 @@ _FREE_PASSES = 20
 """Passes after which a reading that was rejected once stays out."""
 _MAGNITUDES = 10
 """Passes of least magnitudes, which only begin."""
+SINGULAR = 1e-9
+"""Size of a combination of scaled columns, in that of the largest, from which on it is 0."""
 _EXACT = 1e-6
 """Smallest scatter relative to the spread of the readings."""
 _MEMBER = 0.3
@@ -37,55 +38,38 @@ _BELIEF = 2.0
 
 @dataclasses.dataclass(frozen=True)
 class Regression:
-    """A fitted model.
+    """A fitted model; from the robust passes alone its covariance is 0.
 
     Attributes:
         coefficients: One per column, then one per non-linear parameter; 0 where undetermined.
-        covariance: Of the coefficients, drift of the residuals counted in; infinite on the
-            diagonal where undetermined.
         noise: How the residuals scatter, wild ones left out.
         residual: Reading − fit per row.
+        pseudo: Pseudo-residuals that led to the coefficients, 0 where wild.
         share: Weight that the loss left each reading, 0 to 1.
         wild: Readings that the loss rejected outright.
+        converged: Whether the robust passes converged.
+        covariance: Of the coefficients, drift of the residuals counted in; infinite on the
+            diagonal where undetermined.
         independent: Number of independent readings of the same total scatter that would leave
             the same uncertainty, per coefficient; the rows kept where nothing drifts.
         undetermined: Coefficients that the readings that were kept do not determine.
-        converged: Whether the robust passes converged.
     """
 
     coefficients: Float[np.ndarray, " k"]
-    covariance: Float[np.ndarray, "k k"]
     noise: DriftNoise
     residual: Float[np.ndarray, " t"]
+    pseudo: Float[np.ndarray, " t"]
     share: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
+    converged: bool
+    covariance: Float[np.ndarray, "k k"]
     independent: Float[np.ndarray, " k"]
     undetermined: Bool[np.ndarray, " k"]
-    converged: bool
 
     @property
     def standard_deviation(self) -> Float[np.ndarray, " k"]:
         """Of the coefficients; infinite where undetermined."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-
-
-@dataclasses.dataclass(frozen=True)
-class RobustPass:
-    """Where the robust passes stand.
-
-    Attributes:
-        value: What is fitted.
-        loss: Its scale is that of the residuals before this pass.
-        pseudo: Pseudo-residuals that led to the value, 0 where wild.
-        wild: Readings that the loss rejected outright.
-        converged: Whether this pass hardly moved any residual.
-    """
-
-    value: Float[np.ndarray, " p"]
-    loss: Loss
-    pseudo: Float[np.ndarray, " t"]
-    wild: Bool[np.ndarray, " t"]
-    converged: bool
 
 
 def iterate(
@@ -97,8 +81,8 @@ def iterate(
     floor: float,
     loss: str = "student",
     tolerance: float = TIGHT,
-) -> RobustPass:
-    """Return the last robust pass.
+) -> Regression:
+    """Return where the robust passes end: coefficients, residuals and weights.
 
     Args:
         start: Where to begin.
@@ -135,7 +119,18 @@ def iterate(
         move = float(np.abs((residual - before) * root).max())
         still = move <= tolerance * chosen.scale or (loss == "gauss" and step > 1)
         if still or step == _PASSES:
-            return RobustPass(value, chosen, pseudo, wild, still)
+            return Regression(
+                coefficients=value,
+                noise=DriftNoise(chosen.scale),
+                residual=residual,
+                pseudo=pseudo,
+                share=np.where(wild, 0.0, chosen.share(residual * root / chosen.scale)),
+                wild=wild,
+                converged=still,
+                covariance=np.zeros((len(value), len(value))),
+                independent=np.full(len(value), float(count)),
+                undetermined=np.zeros(len(value), bool),
+            )
         if step > _FREE_PASSES:
             # Readings at the very edge must not let the passes go round in circles.
             out = wild
@@ -180,13 +175,13 @@ def regress(
     design = columns / np.where(scale > 0, scale, 1.0)
     scale = np.where(scale > 0, scale, 1.0)
     if noise is not None:
-        size = len(PivotedFactor.of(design * root[:, None]).kept)
+        size = _spectrum(design * root[:, None])[0].shape[1]
     if count < size or (count == size and noise is None):
         msg = f"{count} readings for {size} unknowns, expected more than {size}."
         raise FitError(msg)
     if noise is None:
         refuse_confounded(columns * root[:, None], names)
-    factors: dict[bytes, PivotedFactor] = {}
+    inverses: dict[bytes, Float[np.ndarray, "k k"]] = {}
 
     def solve(
         value: Float[np.ndarray, " k"],
@@ -194,13 +189,13 @@ def regress(
         wild: Bool[np.ndarray, " t"],
     ) -> Float[np.ndarray, " k"]:
         kept, readings = known * ~wild, wild.tobytes()
-        if readings not in factors:
-            factors.clear()
-            factors[readings] = PivotedFactor.of(np.sqrt(kept)[:, None] * design)
-        move = factors[readings].solve(design.T @ (kept * pseudo))
-        return np.asarray(value + move)
+        if readings not in inverses:
+            inverses.clear()
+            seen, _ = _spectrum(np.sqrt(kept)[:, None] * design)
+            inverses[readings] = seen @ seen.T
+        return np.asarray(value + inverses[readings] @ (design.T @ (kept * pseudo)))
 
-    last = iterate(
+    found = iterate(
         _least_magnitudes(design * root[:, None], target * root, loss),
         lambda value: target - design @ value,
         solve,
@@ -210,33 +205,10 @@ def regress(
         loss,
         LOOSE if quick else TIGHT,
     )
-    result = estimate(design, target - design @ last.value, known, last)
-    result = dataclasses.replace(result, coefficients=last.value / scale)
+    found = dataclasses.replace(found, coefficients=found.coefficients / scale)
     if quick:
-        return result
-    return with_covariance(result, design, scale, known, last.pseudo, time, noise)
-
-
-def estimate(
-    design: Float[np.ndarray, "t k"],
-    residual: Float[np.ndarray, " t"],
-    known: Float[np.ndarray, " t"],
-    last: RobustPass,
-) -> Regression:
-    """Return what is known without the covariance."""
-    count, size = design.shape
-    ratio = residual * np.sqrt(known) / last.loss.scale
-    return Regression(
-        coefficients=last.value,
-        covariance=np.zeros((size, size)),
-        noise=DriftNoise(last.loss.scale),
-        residual=residual,
-        share=np.where(last.wild, 0.0, last.loss.share(ratio)),
-        wild=last.wild,
-        independent=np.full(size, float(count)),
-        undetermined=np.zeros(size, bool),
-        converged=last.converged,
-    )
+        return found
+    return with_covariance(found, design, scale, known, time, noise)
 
 
 def with_covariance(
@@ -244,26 +216,25 @@ def with_covariance(
     design: Float[np.ndarray, "t k"],
     scale: Float[np.ndarray, " k"],
     known: Float[np.ndarray, " t"],
-    pseudo: Float[np.ndarray, " t"],
     time: Float[np.ndarray, " t"] | None,
     belief: float | None = None,
 ) -> Regression:
     """Return the result with covariance, drift and what is not determined."""
     rows = ~result.wild
     clock = np.arange(len(rows), dtype=float) if time is None else np.asarray(time)
-    weight, part = known[rows], design[rows]
-    factor = PivotedFactor.of(np.sqrt(weight)[:, None] * part)
-    lacking = factor.undetermined
-    # The likelihood needs the columns that stand by themselves only.
-    own = part[:, np.sort(factor.kept)]
+    weight, part, pseudo = known[rows], design[rows], result.pseudo[rows]
+    seen, unseen = _spectrum(np.sqrt(weight)[:, None] * part)
+    lacking = (np.abs(unseen) > SINGULAR**0.5).any(axis=1)
+    # The likelihood needs as many columns as the readings see.
+    own = part @ seen
     if belief is None:
-        noise = find_drift(clock[rows], own, pseudo[rows], weight)
+        noise = find_drift(clock[rows], own, pseudo, weight)
     else:
         # Known beforehand: counts as a few readings.
-        square = float((weight * pseudo[rows] ** 2).sum()) + _BELIEF * belief**2
+        square = float((weight * pseudo**2).sum()) + _BELIEF * belief**2
         free = float(rows.sum() - own.shape[1]) + _BELIEF
         noise = DriftNoise(float(np.sqrt(square / max(free, 1.0))))
-    inverse = factor.inverse()
+    inverse = seen @ seen.T
     scatter = scatter_of_sums(noise, clock[rows], part, weight)
     covariance = inverse @ scatter @ inverse / np.outer(scale, scale)
     plain = (noise.white**2 + noise.drift**2) * np.diag(inverse) / scale**2
@@ -286,6 +257,21 @@ def with_covariance(
     )
 
 
+def _spectrum(
+    design: Float[np.ndarray, "t k"],
+) -> tuple[Float[np.ndarray, "k r"], Float[np.ndarray, "k n"]]:
+    """Return combinations of columns of about length 1: those that the readings see, and others.
+
+    The first make orthonormal columns: their products with themselves are the inverse of the
+    normal matrix, 0 for what the readings do not see.
+    """
+    size = design.shape[1]
+    _, values, right = np.linalg.svd(np.linalg.qr(design, mode="r"))
+    values = np.append(values, np.zeros(size - len(values)))
+    seen = values > SINGULAR * max(float(values[0]), 1e-300)
+    return right[seen].T / values[seen], right[~seen].T
+
+
 def refuse_confounded(
     columns: Float[np.ndarray, "t k"], names: Sequence[str] = ()
 ) -> None:
@@ -301,7 +287,7 @@ def refuse_confounded(
     for k in np.flatnonzero(scale == 0.0):
         msg = f"no reading tells {called[int(k)]}: it is 0 in all of them."
         raise FitError(msg)
-    null = PivotedFactor.of(columns / scale).null
+    _, null = _spectrum(columns / scale)
     if not null.shape[1]:
         return
     weak = np.abs(null[:, 0])

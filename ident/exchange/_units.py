@@ -13,6 +13,16 @@ class ExchangeError(FoundError):
     """A list that has no model, or a model that no list can hold."""
 
 
+def expect(holds: object, where: str, found: object, expected: str) -> None:
+    """Raise where something does not hold.
+
+    Raises:
+        ExchangeError: Saying where, what was found, and what was expected.
+    """
+    if not holds:
+        raise ExchangeError(where, str(found), expected)
+
+
 LIST_UNITS = 10_000
 """List units per mm or per degree; dividing by it rounds once."""
 

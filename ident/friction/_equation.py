@@ -364,12 +364,10 @@ def weigh(equation: Equation, loss: str) -> Weights:
     own, limit, share = np.ones(count), np.inf, np.zeros(len(used))
     if loss != "gauss" and count > 2 * size:
         floor = least_scale(target)
-        last = iterate(
+        found = iterate(
             np.zeros(size), lambda x: target - rows @ x, solve, own, size, floor, loss
         )
-        ratio = (target - rows @ last.value) / last.loss.scale
-        own = np.where(last.wild, 0.0, last.loss.share(ratio))
-        limit = _WILD * last.loss.scale
+        own, limit = found.share, _WILD * found.noise.white
     share[used] = own
     return Weights(share, limit, free, sums(own))
 

@@ -48,6 +48,11 @@ class AbstractPlan(AbstractOfFit):
         return ()
 
     @property
+    def without_position(self) -> str:
+        """What a job may ask for where no position was recorded, to end a sentence."""
+        return ""
+
+    @property
     def turning(self) -> tuple[str, ...]:
         """Axes whose direction of motion it uses."""
         return ()

@@ -58,8 +58,8 @@ def share_plot(group: "GroupResult") -> Plot:
             largest = max(effects, key=lambda each: each.rms)
             words.append(
                 f"{one.axis}: most is the {largest.name}"
-                f" ({number(largest.rms * scale.factor)} {scale.error}); what"
-                f" is written leaves {number(left * scale.factor)} {scale.error}"
+                f" ({scale.shown(largest.rms)}); what"
+                f" is written leaves {scale.shown(left)}"
             )
     caption = (
         f"{'; '.join(words)}. Each bar is what one effect does to the readings, about its"
@@ -167,7 +167,7 @@ def _say(one: "AxisSum", scale: Scale) -> str:
     ratio = after / one.noise if one.noise > 0 else float("nan")
     return (
         f"{one.axis}: {before} {scale.error} rms before,"
-        f" {number(after * scale.factor)} {scale.error} predicted,"
+        f" {scale.shown(after)} predicted,"
         f" {ratio:.2f} times the scatter of a reading (line at the right)."
     )
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ..job import Code, Remark, by_level
 from ._body import Plot
 from ._group_plots import share_plot, sum_plot
-from ._scale import Scale, count, number, scale_of
+from ._scale import Scale, count, scale_of
 from ._section import Section
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def _facts(group: "GroupResult") -> Iterator[tuple[str, str]]:
             largest = max(abs(run.offset) for run in one.runs)
             words += (
                 f"; offsets of {count(len(one.runs), 'run')} up to"
-                f" {number(largest * scale.factor)} {scale.error}"
+                f" {scale.shown(largest)}"
             )
         yield (f"Readings of {one.axis}", f"{words}.")
     yield ("The fit itself", group.message)

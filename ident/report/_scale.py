@@ -18,6 +18,10 @@ class Scale:
     error: str
     factor: float = 1000.0
 
+    def shown(self, value: float, *, signed: bool = False) -> str:
+        """Return an error in library units for reading, with its unit."""
+        return f"{number(value * self.factor, signed=signed)} {self.error}"
+
     def figure(self, value: float) -> str:
         """Return an error in library units for reading.
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..job import AbstractResult, ErrorFigures, Remark, by_level, some_of
 from ..kinds import kind
 from ._body import Body
-from ._scale import Scale, count, number, percent, scale_of
+from ._scale import Scale, count, percent, scale_of
 from ._verdict import Headline, headline_of
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ def _left_out_body(fit: "LeftOutResult", scale: Scale) -> Body:
             f"Beside the other effects of the group {percent(part.share)} of what these"
             " readings would tell of it alone is left.",
         ),
-        ("Scatter of a reading", f"{number(fit.noise * scale.factor)} {scale.error}."),
+        ("Scatter of a reading", f"{scale.shown(fit.noise)}."),
     ]
     lost = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
     if lost.size:

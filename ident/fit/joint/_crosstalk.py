@@ -10,13 +10,9 @@ import numpy as np
 from jaxtyping import Float
 
 from .... import models
-from ...core import FitError
-from ...core._readings import padded
+from ...core import FitError, filled
 from ...kinds.crosstalk.effect import BRANCHES, MOST_TESTS
 from ._effect import AbstractEffect, Inputs, Number, Ranges, Rank, Rows
-
-_LEAST_ROWS = 1024
-"""Rows are filled up to powers of two from here on, so that compiled code is used again."""
 
 
 @final
@@ -160,8 +156,7 @@ class Crosstalk(AbstractEffect):
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
         """See `AbstractEffect`."""
         count, tests = len(columns[0]), len(self.points)
-        filled = padded({str(k): own for k, own in enumerate(columns)}, _LEAST_ROWS)
-        pull, speed, *places = filled.values()
+        pull, speed, *places = map(filled, columns)
         stencil = self.to_model(np.zeros((4, tests)), 1.0).stencil(
             pull, speed, np.reshape(places, (-1, len(pull))).T
         )

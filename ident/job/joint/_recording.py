@@ -132,13 +132,16 @@ def _columns(
 ) -> JointData:
     """Return every column of a measurement that the effects of a group need."""
     fits = [one.fit for one in members]
-    why = f"for group {fits[0].group!r}"
+    why = f"for the {fits[0].compensation} fit of {fits[0].axis}"
+    if fits[0].group is not None:
+        why = f"for group {fits[0].group!r}"
     asked = [axis for axis in axes if _has_error(rows, axis)]
     if not asked:
         derive_error(rows.measured, axes[0])  # says what is missing
     kinds = ("position", "encoder") if rows.moving else ("position",)
     placed = _unique(one.positions for one in members)
-    position = {axis: rows.position(axis, why, kinds) for axis in placed}
+    hint = why + "".join(dict.fromkeys(one.without_position for one in members))
+    position = {axis: rows.position(axis, hint, kinds) for axis in placed}
     error = {}
     for axis in asked:
         lengths = any(fit.lengths for fit in fits if fit.axis == axis)

@@ -10,7 +10,7 @@ from ...exchange._capacity import ANY_LIST, ListTarget
 from ...exchange._identity import not_negative, optional, refuse_many
 from ...exchange._machine_lists import REVERSAL_CYCLES, InUse, Reading
 from ...exchange._nodes import as_array
-from ...exchange._units import LIST_UNITS, SGN16, ExchangeError, round_to_list
+from ...exchange._units import LIST_UNITS, SGN16, ExchangeError, expect, round_to_list
 from ...exchange.controller._motion import Motion
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
@@ -40,12 +40,8 @@ class BacklashEntries(AbstractEntries):
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Backlash | None:
         # The size is that of the first gear, ``getriebe[0]``.
         selection = optional(listing, KIND.activation)
-        if selection not in (0, 1, 2):
-            raise ExchangeError(
-                where=f"{listing.source}: {KIND.activation}",
-                found=str(selection),
-                expected="0, 1 or 2",
-            )
+        name = f"{listing.source}: {KIND.activation}"
+        expect(selection in (0, 1, 2), name, selection, "0, 1 or 2")
         if selection == 0:
             return None
         first: Literal[1, -1] = reading.conventions.backlash_reference

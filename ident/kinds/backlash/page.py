@@ -34,11 +34,11 @@ def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
         half = -0.5 * way * fit.fit.width * scale.factor
         panels[0].axhline(half, color=style.DIRECTION_COLOR[way], linewidth=1.0)
     panels[0].legend(loc="best")
-    half = abs(fit.fit.width) / 2 * scale.factor
+    half = abs(fit.fit.width) / 2
     where = "reversal" if fit.moving else "reading"
     caption = (
         f"Each {where} about the mean of both directions: the two lie"
-        f" {number(half)} {scale.error} to either side before, and about the same line"
+        f" {scale.shown(half)} to either side before, and about the same line"
         " with the entry that was written."
     )
     if not fit.fit.significant:
@@ -52,19 +52,19 @@ def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
 def _facts(fit: BacklashResult, scale: Scale) -> Iterator[tuple[str, str]]:
     found = fit.fit
     width = number(found.width * scale.factor, signed=True)
-    sd = number(found.standard_deviation * scale.factor)
-    yield ("Size", f"{width} ± {sd} {scale.error} (1 sd): {found.kind}.")
+    sd = scale.shown(found.standard_deviation)
+    yield ("Size", f"{width} ± {sd} (1 sd): {found.kind}.")
     yield (
         "Readings",
         f"{count(found.support[0], 'reading')} moving +, {found.support[1]} moving −;"
-        f" their scatter is {number(found.noise.white * scale.factor)} {scale.error}.",
+        f" their scatter is {scale.shown(found.noise.white)}.",
     )
     yield ("Along the axis", _dependence(fit, scale))
     if fit.width:
         way = "positive" if fit.reference > 0 else "negative"
         yield (
             "As written",
-            f"{number(fit.width * scale.factor, signed=True)} {scale.error}; the axis"
+            f"{scale.shown(fit.width, signed=True)}; the axis"
             f" is taken as right when it moves in {way} direction; a reversal is"
             f" spread over {fit.cycles} cycles (n_backlash_cyc, P-AXIS-00243).",
         )
@@ -81,13 +81,13 @@ def _dependence(fit: BacklashResult, scale: Scale) -> str:
     along = fit.fit.dependence
     if along is None:
         return "Too few places to say whether it changes along the axis."
-    size = number(along.variation * scale.factor)
+    size = scale.shown(along.variation)
     if along.significant:
         return (
-            f"It changes along the axis by {size} {scale.error} rms: a bilateral"
+            f"It changes along the axis by {size} rms: a bilateral"
             " leadscrew table follows that, one number does not."
         )
     return (
-        f"No change along the axis beyond chance ({size} {scale.error} rms, probability"
+        f"No change along the axis beyond chance ({size} rms, probability"
         f" {along.probability:.2g})."
     )

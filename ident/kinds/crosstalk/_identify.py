@@ -317,25 +317,22 @@ def instrument_delay(readings: CrosstalkReadings, fit: CrosstalkFit) -> int:
     chosen = sound.take(np.unique(picks.astype(int)))
     rates = fit.acceleration, fit.deceleration
     share, branch = shares_of(readings, *rates, fit.conventions)
+    columns = np.where(branch[:, None] == np.arange(4), share[:, None], 0.0)
     step = float(np.median(np.diff(readings.time)))
     reach = min(math.ceil(_FARTHEST / step), _MOST_ROWS)
     lags = np.arange(-reach, reach + 1)
     cost = np.zeros(len(lags))
     rows_in_all = 0
     for start, stop in zip(chosen.start, chosen.stop, strict=True):
-        length = stop - start
-        rows = np.arange(start - length, stop + length)
-        rows = rows[(rows >= reach) & (rows < len(readings.time) - reach)]
-        shifted = readings.error[rows[:, None] + lags]
-        rows, shifted = (
-            each[np.isfinite(shifted).all(axis=1)] for each in (rows, shifted)
-        )
-        clock = readings.time[rows] - readings.time[rows].mean()
-        columns = [np.where(branch[rows] == k, share[rows], 0.0) for k in range(4)]
-        columns = [column for column in columns if column.any()]
-        design = np.column_stack([*columns, np.ones(len(rows)), clock])
+        first, last = max(2 * start - stop, reach), 2 * stop - start
+        rows = np.arange(first, min(last, len(share) - reach))
+        rows = rows[np.isfinite(readings.error[rows[:, None] + lags]).all(axis=1)]
+        own, clock = columns[rows], readings.time[rows] - readings.time[start]
+        line = np.ones(len(rows)), clock
+        design = np.column_stack([own[:, own.any(axis=0)], *line])
         if len(rows) <= 2 * design.shape[1]:
             continue
+        shifted = readings.error[rows[:, None] + lags]
         base, _ = np.linalg.qr(design)
         left = shifted - base @ (base.T @ shifted)
         spread = np.maximum((left**2).mean(axis=0), 1e-24)

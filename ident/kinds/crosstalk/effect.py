@@ -241,7 +241,7 @@ def fit_events(
         surface = surface_through(points)
     except ValueError as error:
         raise FitError(str(error)) from error
-    stencil = surface.stencil(filled(table.positions[:, list(axes)]))
+    stencil = surface.stencil(jnp.asarray(filled(table.positions[:, list(axes)])))
     columns = np.array(stencil.matrix())[: len(events)]
     shape = len(BRANCHES), len(points)
     values, deviation = np.full(shape, np.nan), np.full(shape, np.inf)

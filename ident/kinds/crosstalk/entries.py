@@ -25,6 +25,7 @@ from ...exchange._units import (
     SGN64,
     ExchangeError,
     exact_in_list,
+    expect,
     from_list_units,
     round_to_list,
 )
@@ -87,10 +88,7 @@ def _is_old(listing: ListFile) -> bool:
 def _mode(listing: ListFile) -> int:
     given = listing.get(f"{PREFIX}.mode") is not None
     mode = required(listing, f"{PREFIX}.mode") if given else 1
-    if mode not in (1, 2, 3):
-        raise ExchangeError(
-            where=f"{listing.source}: {PREFIX}.mode", found=str(mode), expected="1 to 3"
-        )
+    expect(mode in (1, 2, 3), f"{listing.source}: {PREFIX}.mode", mode, "1 to 3")
     return mode
 
 
@@ -110,12 +108,12 @@ def _old_from_list(listing: ListFile, conventions: Conventions) -> LegacyCrossta
     rates = column(listing, PREFIX, "acceleration")
     values = column(listing, PREFIX, "correction")
     nodes = np.array([rates.get(k, 0) for k in range(count)], dtype=np.int64)
-    if count < 1 or (np.diff(nodes) <= 0).any():
-        raise ExchangeError(
-            where=f"{listing.source}: {PREFIX}.table[].acceleration",
-            found=", ".join(map(str, nodes[:8].tolist())) or "no entry",
-            expected="ascending accelerations (70659)",
-        )
+    expect(
+        count >= 1 and (np.diff(nodes) > 0).all(),
+        f"{listing.source}: {PREFIX}.table[].acceleration",
+        ", ".join(map(str, nodes[:8].tolist())) or "no entry",
+        "ascending accelerations (70659)",
+    )
     table = np.array([values.get(k, 0) for k in range(count)], dtype=np.int64)
     return LegacyCrosstalk(
         nodes=Setpoints(as_array(nodes.astype(float))),
@@ -136,12 +134,9 @@ def _four(model: Crosstalk) -> Float[np.ndarray, "4 p"]:
 
 def _rate(value: object, name: str) -> int:
     number = float(np.asarray(value))
-    if number != round(number) or not SGN32[0] <= number <= SGN32[1]:
-        raise ExchangeError(
-            where=f"{PREFIX}.{name}",
-            found=f"{number:.10g} mm/s²",
-            expected="a whole number of mm/s²",
-        )
+    whole = number == round(number) and SGN32[0] <= number <= SGN32[1]
+    words = f"{number:.10g} mm/s²"
+    expect(whole, f"{PREFIX}.{name}", words, "a whole number of mm/s²")
     return round(number)
 
 
@@ -182,12 +177,9 @@ class CrosstalkEntries(AbstractEntries):
         table = np.array([[given.get(k, 0) for k in range(count)] for given in values])
         rates = {name: required(listing, f"{PREFIX}.{name}") for name in _RATES}
         for name, sign in _RATES.items():
-            if rates[name] * sign <= 0:
-                raise ExchangeError(
-                    where=f"{listing.source}: {PREFIX}.{name}",
-                    found=f"{rates[name]} mm/s²",
-                    expected=f"{'more' if sign > 0 else 'less'} than 0 (70659)",
-                )
+            where, words = f"{listing.source}: {PREFIX}.{name}", f"{rates[name]} mm/s²"
+            bound = f"{'more' if sign > 0 else 'less'} than 0 (70659)"
+            expect(rates[name] * sign > 0, where, words, bound)
         return Crosstalk(
             surface=_surface(from_list_units(points), conventions, listing.source),
             values=as_array(from_list_units(table)),
@@ -215,24 +207,12 @@ class CrosstalkEntries(AbstractEntries):
             )
         points = np.asarray(model.surface.points)
         count, axes = points.shape
-        if len(masters) != axes + 1:
-            raise ExchangeError(
-                where=f"{PREFIX} masters",
-                found=str(len(masters)),
-                expected=f"{axes + 1}: the axis that accelerates and {axes} adaptation axes",
-            )
-        if count > SAFE_TESTS:
-            raise ExchangeError(
-                where=f"{PREFIX}.max_points",
-                found=f"{count} tests",
-                expected=f"at most {SAFE_TESTS}",
-            )
-        if model.cycles > MOST_CYCLES:
-            raise ExchangeError(
-                where=f"{PREFIX}.n_cycles",
-                found=str(model.cycles),
-                expected=f"at most {MOST_CYCLES}",
-            )
+        words = f"{axes + 1}: the axis that accelerates and {axes} adaptation axes"
+        expect(len(masters) == axes + 1, f"{PREFIX} masters", len(masters), words)
+        words, most = f"{count} tests", f"at most {SAFE_TESTS}"
+        expect(count <= SAFE_TESTS, f"{PREFIX}.max_points", words, most)
+        most = f"at most {MOST_CYCLES}"
+        expect(model.cycles <= MOST_CYCLES, f"{PREFIX}.n_cycles", model.cycles, most)
         entries: dict[str, int | str] = {f"{PREFIX}.mode": axes + 1}
         entries |= {f"{PREFIX}.{n}": k for n, k in zip(_MASTERS, masters, strict=False)}
         if axes:

@@ -1,5 +1,6 @@
 """Plots and sentences of a crosstalk and its list."""
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,6 +14,7 @@ from ...report._scale import Scale, count, number, percent, place
 from .._drawing import directed_marks, left_out_words, side_by_side
 from ._events import QUIET
 from ._result import SHORT, CrosstalkResult
+from ._tests import ModeScore
 from .effect import BRANCHES
 
 _WAY = (1, -1, 1, -1)
@@ -40,27 +42,11 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
     if noise:
         yield (
             "Events",
-            f"{count(len(own.events), 'acceleration')} cut out of the log; one"
-            f" scatters by {number(max(noise) * scale.factor)} {scale.error} (1 sd)"
-            " about the list at most.",
-        )
-    if fit.adaptation and len(fit.points):
-        spans = ", ".join(
-            f"{name} {place(low)} … {place(high)} mm"
-            for name, (low, high) in zip(fit.adaptation, fit.workspace, strict=True)
-        )
-        yield (
-            "Coverage",
-            f"The tests cover {percent(fit.coverage)} of the workspace ({spans}).",
+            f"{count(len(own.events), 'acceleration')} cut out of the log; one scatters"
+            f" by {scale.shown(max(noise))} (1 sd) about the list at most.",
         )
     if own.scores:
         yield ("Choice of tests", _choice(fit, scale))
-    if len(fit.points):
-        yield (
-            "Filter",
-            f"The values pass a sin² filter over {fit.cycles} cycles (n_cycles,"
-            " P-COMP-00064).",
-        )
 
 
 def _law(fit: CrosstalkResult) -> str:
@@ -78,62 +64,52 @@ def _law(fit: CrosstalkResult) -> str:
     )
 
 
-def _tests(fit: CrosstalkResult, scale: Scale) -> list[tuple[str, str]]:
+def _tests(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
     """Return one line per written test: entries, deviations and support."""
-    facts = []
+    numbers = fit.entries, fit.standard_deviation, fit.support
     for k, point in enumerate(fit.points):
-        parts = []
-        for name, entry, sd, support in zip(
-            SHORT,
-            fit.entries[:, k],
-            fit.standard_deviation[:, k],
-            fit.support[:, k],
-            strict=True,
-        ):
-            value = number(entry * scale.factor, signed=True)
-            spread = number(sd * scale.factor)
-            events = count(int(support), "event")
-            parts.append(f"{name} {value} ± {spread} {scale.error} ({events})")
-        facts.append((f"Test {k + 1}{_at(fit, point)}", "; ".join(parts) + "."))
-    return facts
+        parts = [
+            f"{name} {number(entry * scale.factor, signed=True)} ± {scale.shown(sd)}"
+            f" ({count(int(support), 'event')})"
+            for name, entry, sd, support in zip(
+                SHORT, *(each[:, k] for each in numbers), strict=True
+            )
+        ]
+        yield (f"Test {k + 1}{_at(fit, point)}", "; ".join(parts) + ".")
 
 
-def _left_out(fit: CrosstalkResult, scale: Scale) -> list[tuple[str, str]]:
+def _left_out(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
     """Return what is known of tests that are not written."""
     own = fit.fit
-    facts = []
     for k in np.flatnonzero(~own.complete):
-        known = [
-            f"{name} {number(value * scale.factor, signed=True)} {scale.error}"
-            for name, value in zip(BRANCHES, own.values[:, k], strict=True)
-            if np.isfinite(value)
-        ]
-        lost = [
-            name
-            for name, value in zip(BRANCHES, own.values[:, k], strict=True)
-            if not np.isfinite(value)
-        ]
+        values = dict(zip(BRANCHES, own.values[:, k], strict=True))
+        lost = [name for name, value in values.items() if not np.isfinite(value)]
         words = f"Not known: {', '.join(lost)}."
+        known = [
+            f"{name} {scale.shown(value, signed=True)}"
+            for name, value in values.items()
+            if name not in lost
+        ]
         if known:
             words += f" Error measured: {', '.join(known)}."
-        facts.append((f"Not measured{_at(fit, own.points[k])}", words))
-    return facts
+        yield (f"Not measured{_at(fit, own.points[k])}", words)
 
 
 def _choice(fit: CrosstalkResult, scale: Scale) -> str:
+    def tests(score: ModeScore) -> str:
+        return count(math.prod(score.counts), "test")
+
     worst_first = sorted(reversed(fit.fit.scores), key=lambda score: -score.held_out)
     best = {score.mode: score for score in worst_first}
     parts = [
-        f"mode {mode} {number(best[mode].held_out * scale.factor)} {scale.error} with"
-        f" {count(int(np.prod(best[mode].counts, dtype=int)), 'test')}"
+        f"mode {mode} {scale.shown(best[mode].held_out)} with {tests(best[mode])}"
         for mode in sorted(best)
     ]
     chosen = next(score for score in fit.fit.scores if score.chosen)
-    tests = count(int(np.prod(chosen.counts, dtype=int)), "test")
     return (
         f"Events held out at other places are predicted within (rms, best of each mode):"
-        f" {'; '.join(parts)}. Taken: mode {chosen.mode} with {tests}, the fewest that"
-        " are not worse than the best by more than chance."
+        f" {'; '.join(parts)}. Taken: mode {chosen.mode} with {tests(chosen)}, the fewest"
+        " that are not worse than the best by more than chance."
     )
 
 
@@ -170,8 +146,8 @@ def events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
         caption += " No list is written."
     else:
         caption += (
-            f" At full acceleration events show {number(before * scale.factor)}"
-            f" {scale.error} rms, with the written list {number(after * scale.factor)}."
+            f" At full acceleration events show {scale.shown(before)} rms, with the"
+            f" written list {scale.shown(after)}."
         )
         if fit.adaptation:
             caption += (

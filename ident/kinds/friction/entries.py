@@ -17,6 +17,7 @@ from ...exchange._units import (
     SGN32,
     ExchangeError,
     ModelUnit,
+    expect,
     round_to_list,
 )
 from ...exchange.controller._motion import Motion
@@ -76,22 +77,19 @@ def friction_from_list(
         ExchangeError: If an entry is missing, or the velocities do not ascend from 0.
     """
     mode = required(listing, f"{PREFIX}.mode")
-    if mode != BY_SPEED:
-        raise ExchangeError(
-            where=f"{listing.source}: {PREFIX}.mode", found=str(mode), expected="3"
-        )
+    expect(mode == BY_SPEED, f"{listing.source}: {PREFIX}.mode", mode, "3")
     count = required(listing, f"{PREFIX}.table_entries")
     refuse_huge(count, f"{listing.source}: {PREFIX}.table_entries")
     # A missing entry is 0 in the controller.
     speeds = column(listing, PREFIX, "in")
     currents = column(listing, PREFIX, "out")
     knots = np.array([speeds.get(k, 0) for k in range(count)], dtype=np.int64)
-    if count < 1 or (knots < 0).any() or (np.diff(knots) <= 0).any():
-        raise ExchangeError(
-            where=f"{listing.source}: {PREFIX}.table[].in",
-            found=", ".join(map(str, knots[:8].tolist())) or "no entry",
-            expected="ascending velocities, none below 0 (110591)",
-        )
+    expect(
+        count >= 1 and (knots >= 0).all() and (np.diff(knots) > 0).all(),
+        f"{listing.source}: {PREFIX}.table[].in",
+        ", ".join(map(str, knots[:8].tolist())) or "no entry",
+        "ascending velocities, none below 0 (110591)",
+    )
     scale = listing.integer(f"{PREFIX}.scaling_factor")
     if scale is None:
         stated = listing.get(f"{PREFIX}.scaling_factor") is not None
@@ -151,12 +149,8 @@ def entries_of_friction(
         "delay_cycles": friction.delay_cycles,
     }
     for name, number in numbers.items():
-        if number > _MOST[name]:
-            raise ExchangeError(
-                where=f"{PREFIX}.{name}",
-                found=str(number),
-                expected=f"0 to {_MOST[name]}",
-            )
+        most = _MOST[name]
+        expect(number <= most, f"{PREFIX}.{name}", number, f"0 to {most}")
     entries |= {
         f"{PREFIX}.mode": BY_SPEED,
         f"{PREFIX}.table_entries": len(speeds),
@@ -179,12 +173,12 @@ def _numbers_of(friction: FrictionCompensation) -> FrictionNumbers:
             found=f"a {type(table).__name__}",
             expected="a friction table (sample_friction makes one of a law)",
         )
-    if not (table.held_below and table.held_above):
-        raise ExchangeError(
-            where=PREFIX,
-            found="a table that is not held at its ends",
-            expected="one that is held: only the list can say what happens there",
-        )
+    expect(
+        table.held_below and table.held_above,
+        PREFIX,
+        "a table that is not held at its ends",
+        "one that is held: only the list can say what happens there",
+    )
     return FrictionNumbers(
         speeds=np.asarray(table.nodes.points),
         currents=np.asarray(table.scaling) * np.asarray(table.values),
@@ -218,12 +212,12 @@ def _with_ends(
     end = int(speeds[-1]) + 1
     flat = len(speeds) > 1 and currents[-1] == currents[-2]
     if not flat:
-        if end > _FASTEST_ENTRY:
-            raise ExchangeError(
-                where=f"{PREFIX}.table[].in",
-                found=f"{end / VELOCITY_UNITS:.6g} mm/s",
-                expected=f"at most {_FASTEST_ENTRY / VELOCITY_UNITS:.10g}",
-            )
+        expect(
+            end <= _FASTEST_ENTRY,
+            f"{PREFIX}.table[].in",
+            f"{end / VELOCITY_UNITS:.6g} mm/s",
+            f"at most {_FASTEST_ENTRY / VELOCITY_UNITS:.10g}",
+        )
         speeds = np.append(speeds, end)
         currents = np.append(currents, currents[-1])
     return speeds, currents

@@ -32,7 +32,13 @@ from ...exchange._nodes import (
     refuse_unordered,
 )
 from ...exchange._table import AbstractTable, Model
-from ...exchange._units import SGN16, ExchangeError, from_list_units, round_to_list
+from ...exchange._units import (
+    SGN16,
+    ExchangeError,
+    expect,
+    from_list_units,
+    round_to_list,
+)
 from .. import kind
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
@@ -69,12 +75,7 @@ def read_leadscrew(
     """
     size = unit_size(listing, PREFIX, axis_number(listing), increment)
     count = required(listing, f"{PREFIX}.kw_nr_max")
-    if count < 1:
-        raise ExchangeError(
-            where=f"{listing.source}: {PREFIX}.kw_nr_max",
-            found=str(count),
-            expected="1 or more",
-        )
+    expect(count >= 1, f"{listing.source}: {PREFIX}.kw_nr_max", count, "1 or more")
     refuse_huge(count, f"{listing.source}: {PREFIX}.kw_nr_max")
     # Missing values are 0 in the controller.
     columns = [column(listing, PREFIX, "pos")]
@@ -258,12 +259,12 @@ class LeadscrewEntries(AbstractEntries):
         if not model.bilateral:
             return {}
         play = kind("backlash")
-        if play.name in others:
-            raise ExchangeError(
-                where=play.activation,
-                found="a backlash beside a leadscrew table for both directions",
-                expected="one of the two: the table contains the backlash",
-            )
+        expect(
+            play.name not in others,
+            play.activation,
+            "a backlash beside a leadscrew table for both directions",
+            "one of the two: the table contains the backlash",
+        )
         return {play.activation: 0}
 
     def installed(

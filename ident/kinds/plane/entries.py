@@ -20,7 +20,7 @@ from ...exchange._identity import (
 from ...exchange._machine_lists import Reading
 from ...exchange._nodes import GridNodes, as_array, nodes_of_model, refuse_jump, wrapped
 from ...exchange._table import AbstractTable
-from ...exchange._units import ExchangeError, from_list_units, round_to_list
+from ...exchange._units import ExchangeError, expect, from_list_units, round_to_list
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
@@ -71,12 +71,12 @@ class PlaneEntries(AbstractEntries):
         slave = axis_number(listing)
         # The grid is QUADRATIC where nothing else is said (P-COMP-00031).
         grid = (listing.text(f"{PREFIX}.grid") or "QUADRATIC").upper()
-        if grid not in ("QUADRATIC", "RECTANGULAR"):
-            raise ExchangeError(
-                where=f"{listing.source}: {PREFIX}.grid",
-                found=repr(listing.text(f"{PREFIX}.grid")),
-                expected="QUADRATIC or RECTANGULAR",
-            )
+        expect(
+            grid in ("QUADRATIC", "RECTANGULAR"),
+            f"{listing.source}: {PREFIX}.grid",
+            repr(listing.text(f"{PREFIX}.grid")),
+            "QUADRATIC or RECTANGULAR",
+        )
         rectangular = grid == "RECTANGULAR"
         nodes: list[EquidistantNodes] = []
         for k, master in ((1, first), (2, second)):
@@ -84,12 +84,12 @@ class PlaneEntries(AbstractEntries):
             interval = f"{PREFIX}.interval{k if rectangular else ''}"
             step = required(listing, interval)
             last = required(listing, f"{PREFIX}.last_index_master{k}")
-            if step <= 0 or last < 0:
-                raise ExchangeError(
-                    where=f"{listing.source}: {PREFIX} master {k}",
-                    found=f"interval {step}, last index {last}",
-                    expected="an interval above 0 and an index of 0 or more",
-                )
+            expect(
+                step > 0 and last >= 0,
+                f"{listing.source}: {PREFIX} master {k}",
+                f"interval {step}, last index {last}",
+                "an interval above 0 and an index of 0 or more",
+            )
             # The start position is 0 where it is not given, as in the controller.
             start = optional(listing, f"{PREFIX}.start_position_master{k}")
             nodes.append(

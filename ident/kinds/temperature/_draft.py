@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float
@@ -21,7 +21,6 @@ from .._keys import FitSpec
 from . import KIND
 from ._identify import Identified, read_thermal
 from ._law import (
-    PlcProgram,
     ThermalLaw,
     judge_law,
     plc_objects,
@@ -128,7 +127,9 @@ class TemperatureDraft(AbstractDraft):
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
-        recording = read_thermal(tables, fit)
+        from .plan import TemperaturePlan  # it makes such drafts
+
+        recording = read_thermal(TemperaturePlan(tables.job, self.index, fit, tables))
         known = np.isfinite(recording.error)
         error, place = recording.error[known], recording.position
         positions = np.zeros((len(error), 1)) if place is None else place[known, None]
@@ -213,20 +214,20 @@ class TemperatureDraft(AbstractDraft):
         return [Remark(level, words)]
 
     @property
-    def _program(self) -> PlcProgram:
+    def _program(self) -> dict[str, Any]:
         job, recording, lags = self.job, self.found.recording, self.found.fit.lags
         applied = {lag.sensor: lag.time_constant for lag in lags if lag.applied}
         offset, coefficient = recording.followed
-        return PlcProgram(
-            axis=self.axis,
-            number=job.spec.axes[self.axis].number,
-            title=job.spec.title or job.path.name,
-            law=self._law,
-            position=self._position,
-            zero=self.found.zero,
-            sensors={name: applied.get(k, 0.0) for k, name in enumerate(self.sensors)},
-            offset=offset,
-            coefficient=coefficient,
-            rates=rates(self._places - self._position),
-            sign=int(job.conventions.temperature_sign),
-        )
+        return {
+            "axis": self.axis,
+            "number": job.spec.axes[self.axis].number,
+            "title": job.spec.title or job.path.name,
+            "law": self._law,
+            "position": self._position,
+            "zero": self.found.zero,
+            "sensors": {k: applied.get(n, 0.0) for n, k in enumerate(self.sensors)},
+            "offset": offset,
+            "coefficient": coefficient,
+            "rates": rates(self._places - self._position),
+            "sign": int(job.conventions.temperature_sign),
+        }

@@ -3,19 +3,24 @@
 import dataclasses
 import functools
 import itertools
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....data.measurements import Measurement, MeasurementError
-from ..._recording import JointData, stacked
+from ..._recording import JointData
 from ...discover import AgainstDrift, against_drift
 from ...fit import FitError
 from ...fit.joint import Temperature
 from ...job.result._result import Remark
-from ...readings import Rows, Tables, sensor_name
+from ...readings import Tables, sensor_name
 from .fit import TemperatureFit, fit_temperature
 from .keys import Spec
+
+if TYPE_CHECKING:
+    from ...job.joint._recording import GroupRecording
+    from .plan import TemperaturePlan
 
 
 @dataclasses.dataclass(frozen=True)
@@ -190,7 +195,7 @@ def line_of(
     )
 
 
-def read_thermal(tables: Tables, fit: Spec) -> ThermalRecording:
+def read_thermal(plan: "TemperaturePlan") -> ThermalRecording:
     """Return the readings of a temperature fit, all its measurements joined.
 
     Raises:
@@ -198,56 +203,27 @@ def read_thermal(tables: Tables, fit: Spec) -> ThermalRecording:
         FitError: If there is no plateau where one is asked for.
         JobError: If the measurements do not suit each other.
     """
-    effects, remarks = effects_of(tables, fit), list[Remark]()
-    parts, plateau = list[JointData](), list[np.ndarray]()
-    for name in fit.sources:
-        measured = tables.measured(name, fit.axis, (fit.axis,))
-        rows = Rows(tables.job, name, measured, [fit.axis], gaps=True)
-        parts.append(_part(rows, fit, effects))
-        remarks += map(Remark.info, rows.remarks)
-        if fit.steady is not None:
-            plateau.append(rows.temperature(fit.steady.sensor, "for steady"))
-    counts = [len(part) for part in parts]
-    time, words = _one_clock([part.time for part in parts])
-    remarks += words
-    data = JointData(
-        position=stacked(parts, "position", counts),
-        error=stacked(parts, "error", counts),
-        temperature=stacked(parts, "temperature", counts),
-        time=time,
-    )
+    from ...job.joint._recording import read_group  # takes long to load
+
+    fit, effects = plan.fit, plan.effects
+    group = read_group(plan.tables, [plan])
+    time, words = _one_clock(group)
+    remarks = [*group.remarks, *words]
+    warm = group.data.temperature
+    own = {name: warm[name] for name in dict.fromkeys(effects.values())}
+    data = JointData(group.data.position, group.data.error, temperature=own, time=time)
     kept = np.arange(len(data))
-    if plateau:
-        keep, said = _plateau(fit, np.concatenate(plateau), time)
+    if fit.steady is not None:
+        keep, said = _plateau(fit, warm[sensor_name(fit.steady.sensor)], time)
         remarks.append(said)
         data, kept = data.take(keep), kept[keep]
-    datum, warmth = _common(tables, fit)
+    datum, warmth = _common(plan.tables, fit)
     line = line_of(fit, effects, data, warmth)
     if datum is not None and "coefficient" in effects:
         # The instrument was set to zero there: what the offset does, nobody saw.
-        own = {"coefficient": effects["coefficient"]}
-        line = dataclasses.replace(line, sensors=own, reference=datum)
+        only = {"coefficient": effects["coefficient"]}
+        line = dataclasses.replace(line, sensors=only, reference=datum)
     return ThermalRecording(data, kept, line, effects, datum, tuple(remarks))
-
-
-def _part(rows: Rows, fit: Spec, effects: dict[str, str]) -> JointData:
-    """Return the readings of one measurement."""
-    why = f"for the temperature fit of {fit.axis}"
-    names = dict.fromkeys(effects.values())
-    temperature = {name: rows.temperature(name, why) for name in names}
-    places = {}
-    if "coefficient" in effects:
-        why += (
-            ", or sensors = { offset = … } where the error was measured at one position"
-        )
-        places[fit.axis] = rows.position(fit.axis, why)
-    error = rows.error(fit.axis, places, lengths=False)
-    return JointData(
-        position=places,
-        error={fit.axis: error},
-        temperature=temperature,
-        time=rows.time,
-    )
 
 
 def _only_sensor(measured: Measurement, axis: str) -> str:
@@ -267,28 +243,21 @@ def _only_sensor(measured: Measurement, axis: str) -> str:
 
 
 def _one_clock(
-    times: list[np.ndarray | None],
-) -> tuple[np.ndarray | None, list[Remark]]:
+    group: "GroupRecording",
+) -> tuple[Float[np.ndarray, " t"] | None, list[Remark]]:
     """Return the instants of all measurements, where they follow each other."""
-    known = [time for time in times if time is not None]
-    if len(known) < len(times):
-        return None, [
-            Remark.info(
-                "The rows have no time: they are taken in the order of the file, and a"
-                " lag behind the sensor cannot be seen."
-            )
-        ]
-    for before, after in itertools.pairwise(known):
-        if not np.nanmax(before) < np.nanmin(after):
-            return None, [
-                Remark.info(
-                    "The clocks of the measurements do not follow each other: rows are"
-                    " taken in the order of the job, and a lag behind the sensor cannot"
-                    " be seen."
-                )
-            ]
-    time = np.concatenate(known)
-    return time - np.nanmin(time), []
+    time = group.data.time
+    if time is None:
+        order = "The rows have no time: they are taken in the order of the file"
+    else:
+        parts = [time[rows] for rows in group.slices.values()]
+        if all(np.nanmax(a) < np.nanmin(b) for a, b in itertools.pairwise(parts)):
+            return time - np.nanmin(time), []
+        order = (
+            "The clocks of the measurements do not follow each other: rows are taken in"
+            " the order of the job"
+        )
+    return None, [Remark.info(f"{order}, and a lag behind the sensor cannot be seen.")]
 
 
 def _plateau(
@@ -355,7 +324,11 @@ def steady(
 def _common(tables: Tables, fit: Spec) -> tuple[float | None, float]:
     """Return datum and reference temperature, which all measurements share."""
     specs = [tables.job.spec.measurements[name] for name in fit.sources]
-    datums = {None if spec.datum is None else _first(spec.datum.at) for spec in specs}
+    # One number, or a list of one.
+    datums = {
+        None if spec.datum is None else float(np.ravel(spec.datum.at)[0])
+        for spec in specs
+    }
     warmth = {spec.reference_temperature for spec in specs}
     if len(datums) > 1 or len(warmth) > 1:
         what = "datums" if len(datums) > 1 else "reference temperatures"
@@ -365,7 +338,3 @@ def _common(tables: Tables, fit: Spec) -> tuple[float | None, float]:
             " that are joined",
         )
     return datums.pop(), warmth.pop()
-
-
-def _first(at: float | list[float]) -> float:
-    return float(at[0] if isinstance(at, list) else at)

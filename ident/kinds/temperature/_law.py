@@ -88,17 +88,16 @@ def thermal_law(relative: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
         nodes = np.append(nodes, zero)
     rows = np.unique(np.round(nodes, 4))
     rows = rows[np.append(True, np.diff(rows) > _SAME)]
-    coefficient = np.zeros(len(rows))
-    if relative.coefficient is not None:
-        coefficient = -sign * 1e6 * relative.coefficient.at(rows)
-    first, second = relative.deviation_at(rows)
+    offset, slope = relative.offset, relative.coefficient
+    none = np.zeros(len(rows))
+    coefficient = none if slope is None else -sign * 1e6 * slope.at(rows)
     return ThermalLaw(
         temperature=rows,
         # 1 nm and 0.1 nm over a metre: far below the unit of the controller.
-        offset=np.round(-sign * relative.offset.at(rows), 6) + 0.0,
+        offset=np.round(-sign * offset.at(rows), 6) + 0.0,
         coefficient=np.round(coefficient, 4) + 0.0,
-        offset_deviation=first,
-        coefficient_deviation=1e6 * second,
+        offset_deviation=offset.deviation_at(rows),
+        coefficient_deviation=none if slope is None else 1e6 * slope.deviation_at(rows),
     )
 
 
@@ -149,49 +148,25 @@ def rates(away: Float[np.ndarray, " p"]) -> tuple[float, float]:
     return 0.5 * RATE, 0.5 * RATE / (1e-6 * max(float(np.abs(away).max()), 1.0))
 
 
-@dataclasses.dataclass(frozen=True)
-class PlcProgram:
-    """What the PLC program of an axis holds.
+def structured_text(program: Mapping[str, Any]) -> str:
+    """Return the PLC program, in ASCII.
 
-    Attributes:
-        axis: Name in the job.
-        number: Of the axis.
-        title: Of the job, for the first comment.
-        law: In the sign of the entries.
-        position: Reference position in mm.
-        zero: Temperature at which nothing is corrected, in °C.
-        sensors: Lag of the structure behind each sensor in s, by its name.
-        offset: Sensor that moves the offset, and
-        coefficient: the one that moves the coefficient.
-        rates: What may change per second: offset in mm, coefficient in µm/m.
-        sign: With which the CNC adds the line to the position, +1 or −1.
+    Args:
+        program: What the template names: axis, its number, title of the job, law, position
+            of the reference in mm, zero (°C at which nothing is corrected), sensors (lag of
+            the structure behind each in s, by name), those of offset and coefficient, rates
+            per second, and the sign with which the CNC adds the line.
     """
-
-    axis: str
-    number: int
-    title: str
-    law: ThermalLaw
-    position: float
-    zero: float
-    sensors: Mapping[str, float]
-    offset: str
-    coefficient: str
-    rates: tuple[float, float]
-    sign: int = 1
-
-
-def structured_text(program: PlcProgram) -> str:
-    """Return the PLC program, in ASCII."""
     return str(_parts(program))
 
 
-def plc_objects(program: PlcProgram) -> dict[str, str]:
+def plc_objects(program: Mapping[str, Any]) -> dict[str, str]:
     """Return each function block as XAE imports it: XML by name of the block.
 
     The comment at the head of the program stands before the block that is called.
     """
     parts: Any = _parts(program)
-    law, access = block_names(program.axis)
+    law, access = block_names(program["axis"])
     head = f"{parts.head()}\n{parts.access_declaration()}"
     texts = {
         law: (parts.law_declaration(), parts.law_body()),
@@ -214,28 +189,24 @@ def _templates() -> jinja2.Environment:
     return environment
 
 
-def _parts(program: PlcProgram) -> jinja2.environment.TemplateModule:
+def _parts(program: Mapping[str, Any]) -> jinja2.environment.TemplateModule:
     """Return the program; its parts are functions of the module."""
-    several = len(program.sensors) > 1
+    lags = program["sensors"]
     # Names of variables that differ: the PLC knows no upper and lower case.
     words = {
-        name: f"{k if several else ''}{plain_name(name).capitalize()}"
-        for k, name in enumerate(program.sensors, 1)
+        name: f"{k if len(lags) > 1 else ''}{plain_name(name).capitalize()}"
+        for k, name in enumerate(lags, 1)
     }
     sensors = [
-        {
-            "name": name,
-            "word": word,
-            "input": f"Temp{word}",
-            "lag": program.sensors[name],
-        }
+        {"name": name, "word": word, "input": f"Temp{word}", "lag": lags[name]}
         for name, word in words.items()
     ]
-    values = vars(program) | {
-        "name": plain_name(program.axis),
+    values = {
+        **program,
+        "name": plain_name(program["axis"]),
         "sensors": sensors,
-        "offset_word": words[program.offset],
-        "coefficient_word": words[program.coefficient],
+        "offset_word": words[program["offset"]],
+        "coefficient_word": words[program["coefficient"]],
     }
     return _templates().get_template("program.st.jinja").make_module(values)
 

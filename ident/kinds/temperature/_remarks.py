@@ -55,10 +55,10 @@ def remarks_of(found: Identified, sign_known: bool) -> Iterator[Remark]:
         )
     if fit.meeting != "given":
         level = "warning" if fit.meeting in _UNSURE else "info"
-        yield Remark(level, meeting_words(fit))
+        yield Remark(level, _meeting_words(fit))
     for lag in fit.lags:
         level = "warning" if lag.sensor_late else "info"
-        yield Remark(level, lag_words(lag, fit.sensors[lag.sensor]))
+        yield Remark(level, _lag_words(lag, fit.sensors[lag.sensor]))
     wild, missed = int(fit.wild.sum()), int((~fit.used).sum())
     if wild:
         yield Remark.warning(f"{wild} wild readings were left out.")
@@ -94,7 +94,7 @@ def _undetermined(found: Identified) -> Iterator[Remark]:
         )
 
 
-def meeting_words(fit: TemperatureFit) -> str:
+def _meeting_words(fit: TemperatureFit) -> str:
     """Return whether the lines of all temperatures meet, and where the reference is."""
     sure = fit.meeting_deviation
     words = _MEETINGS[fit.meeting].format(at=fit.reference, sure=sure or 0.0)
@@ -103,7 +103,7 @@ def meeting_words(fit: TemperatureFit) -> str:
     return f"{words}.".replace("-", "−")
 
 
-def lag_words(lag: Lag, name: str) -> str:
+def _lag_words(lag: Lag, name: str) -> str:
     """Return what a lag means for the machine."""
     if lag.sensor_late:
         return (
@@ -200,16 +200,11 @@ def _state(found: Identified) -> Iterator[Remark]:
         fit.sensors[law.sensor]: float(np.clip(zero, *law.temperature[[0, -1]]))
         for law in fit.moving
     }
-    if len(far) > 1 and any(abs(warm - wished) > 0.05 for warm in far.values()):
+    if any(abs(warm - wished) > 0.05 for warm in far.values()):
         at = " and ".join(f"{name} at {warm:.4g} °C" for name, warm in far.items())
         yield Remark.info(
-            f"Nothing is corrected with {at}, the measured temperatures next to the"
-            f" reference of {wished:g} °C."
-        )
-    elif abs(zero - wished) > 0.05:
-        yield Remark.info(
-            f"Nothing is corrected at {zero:.4g} °C, the measured temperature next to"
-            f" the reference of {wished:g} °C, which was not measured itself."
+            f"Nothing is corrected with {at}, measured next to the reference of"
+            f" {wished:g} °C, which was not measured itself."
         )
     if recording.carriers:
         words = f"What {recording.line.axis} shows at {zero:.4g} °C is held by the"

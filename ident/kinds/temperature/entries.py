@@ -20,7 +20,7 @@ from ....models import (
 from ...exchange._capacity import ANY_LIST, ListTarget
 from ...exchange._identity import flag, not_negative, optional, real, refuse_many
 from ...exchange._machine_lists import Reading
-from ...exchange._units import LIST_UNITS, SGN32, ExchangeError, round_to_list
+from ...exchange._units import LIST_UNITS, SGN32, ExchangeError, expect, round_to_list
 from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
@@ -73,17 +73,16 @@ def read_columns(path: Path) -> dict[str, Float[np.ndarray, " n"]]:
 
     table = read_table(path)
     names = [column.name for column in table.columns]
-    if not set(COLUMNS) <= set(names):
-        found = f"columns {', '.join(names)}"
-        raise ExchangeError(str(path), found, ", ".join(COLUMNS))
+    found = f"columns {', '.join(names)}"
+    expect(set(COLUMNS) <= set(names), str(path), found, ", ".join(COLUMNS))
     values = {name: table.numbers(table.column(name)) for name in COLUMNS}
     warmth = values["temperature"]
-    if not len(warmth) or not (np.diff(warmth) > 0).all():
-        raise ExchangeError(
-            where=f"{path}: temperature",
-            found=", ".join(f"{value:g}" for value in warmth[:8]) or "no row",
-            expected="ascending temperatures",
-        )
+    expect(
+        len(warmth) and (np.diff(warmth) > 0).all(),
+        f"{path}: temperature",
+        ", ".join(f"{value:g}" for value in warmth[:8]) or "no row",
+        "ascending temperatures",
+    )
     return values
 
 
@@ -141,12 +140,12 @@ class TemperatureEntries(AbstractEntries):
     def model(
         self, listing: ListFile, axis: int, reading: Reading
     ) -> TemperatureLine | None:
-        if axis in reading.modulo:
-            raise ExchangeError(
-                where=f"{listing.source}: {KIND.prefix}_coefficient",
-                found=f"temperature compensation of the rotary axis {axis}",
-                expected="a linear axis: the manuals give no unit for a rotary one",
-            )
+        expect(
+            axis not in reading.modulo,
+            f"{listing.source}: {KIND.prefix}_coefficient",
+            f"temperature compensation of the rotary axis {axis}",
+            "a linear axis: the manuals give no unit for a rotary one",
+        )
         if axis in reading.lines:
             return reading.lines[axis]
         if not flag(listing, KIND.activation):
@@ -182,12 +181,9 @@ class TemperatureEntries(AbstractEntries):
             values[name] = float(found.value)
         refuse_many(model.cycles, f"{KIND.prefix}_n_cycles")
         coefficient = values.pop("coefficient") / _PER_METRE
-        if not abs(coefficient) <= 10_000:
-            raise ExchangeError(
-                where=f"{KIND.prefix}_coefficient",
-                found=f"{coefficient:.6g} µm/m",
-                expected="-10000 to 10000",
-            )
+        words = f"{coefficient:.6g} µm/m"
+        name = f"{KIND.prefix}_coefficient"
+        expect(abs(coefficient) <= 10_000, name, words, "-10000 to 10000")
         entries: dict[str, int | float | str] = {KIND.activation: 1}
         for name, value in values.items():
             bounds = (SGN32[0] + 1, SGN32[1])

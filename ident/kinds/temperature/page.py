@@ -14,8 +14,7 @@ from ...report._body import Body, Plot, WildRow
 from ...report._scale import Scale, count, grouped, number, place
 from .._drawing import left_out_words, marks, side_by_side
 from ._law import RATE, ThermalLaw
-from ._remarks import lag_words, meeting_words
-from ._result import TemperatureResult, ThermalView
+from ._result import TemperatureResult
 from .fit import LawScore, TemperatureFit
 
 _MOST_WILD = 12
@@ -54,7 +53,7 @@ def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
         )
         if view.position is not None:
             warm = f"{fit.axis} = {place(float(view.position[row]))} mm, {warm}"
-        error = f"{number(float(view.before[row]) * scale.factor, signed=True)} {scale.error}"
+        error = scale.shown(float(view.before[row]), signed=True)
         found.append(WildRow(grouped(int(view.row[row]) + 1), warm, "", error))
     return found
 
@@ -62,10 +61,6 @@ def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
 def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
     found = fit.fit
     yield ("Law of the error", _law_words(fit, scale))
-    if found.coefficient is not None:
-        yield ("Reference position", meeting_words(found))
-    lags = [lag_words(lag, fit.sensors[lag.sensor]) for lag in found.lags]
-    yield ("Lag", " ".join(lags) or "Not looked for.")
     yield ("Scatter", _scatter_words(fit, scale))
     if found.scores:
         yield ("Choice of the law", _choice_words(found, scale))
@@ -110,7 +105,7 @@ def _choice_words(found: TemperatureFit, scale: Scale) -> str:
         laws = [
             f"{law} {_NODES.get(n, f'{n} nodes')}" for law, n in counts.items() if n
         ]
-        return f"{', '.join(laws)}: {number(one.held_out * scale.factor)} {scale.error}"
+        return f"{', '.join(laws)}: {scale.shown(one.held_out)}"
 
     best = sorted(found.scores, key=lambda one: one.held_out)[:_MOST_LAWS]
     chosen = next(one for one in found.scores if one.chosen)
@@ -124,7 +119,7 @@ def _choice_words(found: TemperatureFit, scale: Scale) -> str:
 def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
     noise, used = fit.fit.noise, int(np.sum(fit.fit.used))
     words = (
-        f"{number(scale.factor * noise.white)} {scale.error} from reading to reading,"
+        f"{scale.shown(noise.white)} from reading to reading,"
         f" {count(used, 'complete reading')}."
     )
     if noise.drift > 0:
@@ -134,7 +129,7 @@ def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
             else "rows"
         )
         words += (
-            f" Beside it a drift of {number(scale.factor * noise.drift)} {scale.error}"
+            f" Beside it a drift of {scale.shown(noise.drift)}"
             f" that forgets in {unit}: the readings tell as much as"
             f" {max(fit.fit.independent, 1):.0f} independent ones."
         )
@@ -157,7 +152,18 @@ def law_plot(fit: TemperatureResult, law: ThermalLaw) -> Plot:
         # Beyond its own sensor's range a column of the common table repeats its end.
         low, high = own.temperature[[0, -1]] + np.array([-0.01, 0.01])
         rows = (law.temperature >= low) & (law.temperature <= high)
-        _draw_law(panel, law.temperature[rows], values[rows], 2.0 * deviation[rows])
+        warm, line, band = law.temperature[rows], values[rows], 2.0 * deviation[rows]
+        panel.fill_between(
+            warm, line - band, line + band,
+            color=style.BLUE, alpha=0.18, linewidth=0, label="± 2 sd",
+        )  # fmt: skip
+        room = 0.12 * float(np.ptp(warm)) * np.array([-1.0, 1.0])
+        panel.plot(
+            np.concatenate([room[:1] + warm[:1], warm, warm[-1:] + room[1:]]),
+            np.pad(line, 1, mode="edge"),
+            color=style.GREY, linestyle="--", linewidth=1.0, label="held",
+        )  # fmt: skip
+        panel.plot(warm, line, color=style.BLUE, marker="o", markersize=4, label="law")
         panel.axvline(fit.zero, color=style.GREY, linewidth=0.8, linestyle=":")
         panel.axhline(0, color=style.INK, linewidth=0.7)
         panel.set_ylabel(name)
@@ -171,24 +177,6 @@ def law_plot(fit: TemperatureResult, law: ThermalLaw) -> Plot:
         f" {place(round(fit.zero, 2))} °C by choice, dotted, and held outside."
     )
     return Plot("law", "What the PLC writes, over the temperature", figure, caption)
-
-
-def _draw_law(
-    panel: Axes,
-    warm: Float[np.ndarray, " n"],
-    values: Float[np.ndarray, " n"],
-    band: Float[np.ndarray, " n"],
-) -> None:
-    room = 0.12 * float(np.ptp(warm))
-    panel.fill_between(
-        warm, values - band, values + band,
-        color=style.BLUE, alpha=0.18, linewidth=0, label="± 2 sd",
-    )  # fmt: skip
-    panel.plot(
-        [warm[0] - room, *warm, warm[-1] + room], [values[0], *values, values[-1]],
-        color=style.GREY, linestyle="--", linewidth=1.0, label="held",
-    )  # fmt: skip
-    panel.plot(warm, values, color=style.BLUE, marker="o", markersize=4, label="law")
 
 
 def _over(fit: TemperatureResult) -> str:
@@ -257,7 +245,7 @@ def _lines_caption(
 
 def _rms(fit: TemperatureResult, stage: str, scale: Scale) -> str:
     """Return what is left of the readings that are not wild, with its unit."""
-    return f"{number(fit.error[stage].sound.rms * scale.factor)} {scale.error}"
+    return scale.shown(fit.error[stage].sound.rms)
 
 
 def over_temperature_plot(fit: TemperatureResult, scale: Scale) -> Plot:
@@ -285,7 +273,11 @@ def over_temperature_plot(fit: TemperatureResult, scale: Scale) -> Plot:
 def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
     """Draw the error over the time before and after, and the temperatures below."""
     view, sound = fit.view, ~fit.view.wild
-    clock, label = _clock(view)
+    clock, label = view.row.astype(float), "row of the measurement"
+    if view.time is not None:
+        long = float(np.ptp(view.time)) > _MINUTES
+        clock = view.time / (3600.0 if long else 60.0)
+        label = f"time in {'hours' if long else 'minutes'}"
     figure, panels = style.new_figure(4.2, rows=2, sharex=True, height_ratios=[1.4, 1])
     before, predicted = (_rms(fit, stage, scale) for stage in ("before", "predicted"))
     marks(
@@ -334,15 +326,6 @@ def _draw_temperatures(
             )  # fmt: skip
     panel.set_ylabel("°C")
     panel.legend(loc="best")
-
-
-def _clock(view: ThermalView) -> tuple[Float[np.ndarray, " t"], str]:
-    time = view.time
-    if time is None:
-        return view.row.astype(float), "row of the measurement"
-    if float(np.ptp(time)) <= _MINUTES:
-        return time / 60.0, "time in minutes"
-    return time / 3600.0, "time in hours"
 
 
 def _by_temperature(

@@ -15,7 +15,7 @@ from ...fit.joint import Leadscrew, Temperature, examine_design
 from ...job._draft import Leftovers
 from ...job._fit_plan import AbstractPlan
 from ...job.table._plan import refuse_unstated
-from ...readings import Tables
+from ...readings import Tables, sensor_name
 from . import KIND
 from ._draft import TemperatureDraft
 from ._identify import (
@@ -26,15 +26,13 @@ from ._identify import (
     line_of,
     read_thermal,
 )
-from .fit import LEAST_RANGE, Lag, Law, TemperatureFit
+from .fit import LEAST_RANGE, Lag, TemperatureFit, about_meeting
 from .keys import Spec
 
 if TYPE_CHECKING:
     from ...job.joint._recording import GroupRecording
     from ...job.joint._share import Share
 
-_SURE = 3.0
-"""Deviations up to which lines of all temperatures count as meeting in a point."""
 _TWICE = 1.96
 _NODES = 11
 """Of the leadscrew that a thermal line is compared with."""
@@ -75,7 +73,7 @@ class TemperaturePlan(AbstractPlan):
         return effects_of(self.tables, self.fit)
 
     def alone(self, tables: Tables, left: Leftovers) -> TemperatureDraft:
-        found = identify(read_thermal(tables, self.fit), self.fit)
+        found = identify(read_thermal(self), self.fit)
         return TemperatureDraft(self.job, self.index, self.fit, found)
 
     @property
@@ -84,7 +82,15 @@ class TemperaturePlan(AbstractPlan):
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(self.effects.values()))
+        asked = self.fit.steady
+        steady = () if asked is None else (sensor_name(asked.sensor),)
+        return tuple(dict.fromkeys((*self.effects.values(), *steady)))
+
+    @property
+    def without_position(self) -> str:
+        return (
+            ", or sensors = { offset = … } where the error was measured at one position"
+        )
 
     def unfit(self, recording: "GroupRecording") -> str:
         known = np.isfinite(recording.data.error[self.axis])
@@ -186,17 +192,11 @@ class TemperaturePlan(AbstractPlan):
             support=tuple(part.support.tolist()),
             converged=share.fit.converged,
         )
-        meeting = None
-        if len(fit.laws) > 1 and not isinstance(self.fit.reference, float):
-            meeting = _meeting(fit.laws["offset"], fit.laws["coefficient"])
-        if meeting is not None:
-            place, sure = meeting
-            fit = dataclasses.replace(
-                _turned(fit, place), meeting_deviation=sure, meeting="met"
-            )
-        elif "offset" not in fit.laws:
-            fit = _turned(fit, 0.0)
-        return fit
+        if len(fit.laws) < 2 or isinstance(self.fit.reference, float):
+            return fit
+        span = float(np.ptp(share.column("position", self.axis)))
+        met = about_meeting(fit, span)
+        return met if met.meeting == "met" else fit
 
     def _lags(self, share: "Share") -> tuple[Lag, ...]:
         found = []
@@ -206,52 +206,3 @@ class TemperaturePlan(AbstractPlan):
             interval = max(constant - half, 0.0), constant + half
             found.append(Lag(number, constant, interval, applied=constant > 0.0))
         return tuple(found)
-
-
-def _turned(fit: TemperatureFit, away: float) -> TemperatureFit:
-    """Return a line that turns about another position: nothing moves its offset.
-
-    Args:
-        fit: With a coefficient.
-        away: Distance of the position from the reference in mm.
-    """
-    line, laws = fit.line, fit.laws
-    nodes = {"offset": laws["coefficient"].temperature} | line.nodes
-    first = len(line.nodes.get("offset", ()))
-    middle = np.array([float(np.mean(nodes["offset"]))])
-    line = dataclasses.replace(
-        line,
-        sensors={"offset": line.sensors["coefficient"]} | dict(line.sensors),
-        law={"offset": middle, "coefficient": nodes["coefficient"]},
-        reference=fit.reference + away,
-    )
-    return dataclasses.replace(
-        fit,
-        line=line,
-        values=np.append(0.0, fit.values[first:]),
-        covariance=np.asarray(block_diag(0.0, fit.covariance[first:, first:])),
-        names=line.labels,
-        support=(len(fit.used), *fit.support[first:]),
-    )
-
-
-def _meeting(offset: Law, coefficient: Law) -> tuple[float, float] | None:
-    """Return where the lines of all temperatures meet, from the reference, in mm, ± 1 sd.
-
-    None where they are parallel or pass each other.
-    """
-    if len(coefficient.value) < 2 or offset.sensor != coefficient.sensor:
-        return None
-    known = np.abs(coefficient.value) > _SURE * coefficient.standard_deviation
-    warm = np.union1d(offset.temperature, coefficient.temperature)
-    own, slope = offset.at(warm), coefficient.at(warm)
-    sure = np.interp(warm, offset.temperature, offset.standard_deviation)
-    if not known.any() or not np.isfinite(sure).all():
-        return None
-    weight = 1.0 / np.maximum(sure, 1e-9) ** 2
-    normal = float(np.sum(weight * slope**2))
-    shift = -float(np.sum(weight * slope * own)) / normal
-    left = own + slope * shift
-    if np.any(np.abs(left) > _SURE * np.maximum(sure, 1e-9)):
-        return None
-    return shift, float(1.0 / np.sqrt(normal))

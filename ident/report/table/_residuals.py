@@ -230,13 +230,13 @@ def _say_runs(fit: TableResult, scale: Scale, drifts: bool) -> str:
     text = (
         f"Run {far.run} lies farthest from the mean of the {len(effects)} runs: "
         f"{number(far.offset * scale.factor, signed=True)} ± "
-        f"{number(2 * far.offset_sd * scale.factor)} {scale.error} (2 sd)."
+        f"{scale.shown(2 * far.offset_sd)} (2 sd)."
     )
     if drifts:
         fast = max(effects, key=lambda effect: abs(effect.drift))
         text += (
             f" Run {fast.run} drifts most, by "
-            f"{number(fast.drift * scale.factor, signed=True)} {scale.error} from its "
+            f"{scale.shown(fast.drift, signed=True)} from its "
             "start to its end against the mean drift of all runs."
         )
     return text + " This belongs to the runs and is kept out of the table."

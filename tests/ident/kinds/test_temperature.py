@@ -88,6 +88,27 @@ def test_lines_that_meet_are_found_with_their_intersection(
     assert fit.confounded == ()
 
 
+def test_lines_meet_where_the_coefficient_bends_over_the_temperature_too() -> None:
+    data = warm_up(2)
+    warm, away = data.temperature["1"] - 20.0, data.position["X"] + 200.0
+    # At the node in the middle, else a law of three nodes would be another one.
+    more = np.maximum(warm - 0.5 * (warm.min() + warm.max()), 0.0)
+    bent = data.error["X"] + 1.1e-5 * more * away
+    fit = fitted(
+        dataclasses.replace(data, error={"X": bent}), law=("constant", 3), lag=0.0
+    )
+    assert fit.meeting == "met"
+    assert fit.offset.kind == "constant"
+    assert fit.reference_deviation is not None
+    # Three stated deviations: a fair fit misses that once in 370 seeds.
+    assert abs(fit.reference + 200.0) < 3.0 * fit.reference_deviation < 6.0
+    # Each half of the coefficient by itself: 2 %.
+    slopes = np.diff(fit.laws["coefficient"].value) / np.diff(
+        fit.laws["coefficient"].temperature
+    )
+    np.testing.assert_allclose(slopes, [1.1e-5, 2.2e-5], rtol=0.02)
+
+
 def test_lines_that_meet_nowhere_are_told_from_the_middle_of_the_positions() -> None:
     fit = fitted(warm_up(2, crossing=None), law=(3, "linear"), lag=0.0)
     assert fit.meeting == "not one point"

@@ -10,7 +10,6 @@ import pytest
 
 from axcomp.ident.job import ThermalLaw
 from axcomp.ident.kinds.temperature._law import (
-    PlcProgram,
     plc_objects,
     structured_text,
 )
@@ -31,13 +30,13 @@ RATES = (0.0005, 0.4)
 
 def program_of(
     lag: float = 0.0, names: tuple[str, ...] = ("frame",), **changes: Any
-) -> PlcProgram:
+) -> dict[str, Any]:
     given: dict[str, Any] = {
         "axis": "X", "number": 1, "title": "Mill", "law": LAW, "position": -200.1996,
-        "zero": 20.0, "offset": names[0], "coefficient": names[-1], "rates": RATES,
+        "zero": 20.0, "offset": names[0], "coefficient": names[-1], "rates": RATES, "sign": 1,
     }  # fmt: skip
     sensors = dict.fromkeys(names, lag)
-    return PlcProgram(**{**given, "sensors": sensors, **changes})
+    return {**given, "sensors": sensors, **changes}
 
 
 def text_of(

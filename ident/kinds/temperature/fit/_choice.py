@@ -1,20 +1,19 @@
-"""Which law, which lag, which intersection: what predicts readings best that it has not seen.
+"""Which law and which lag: what predicts readings best that it has not seen.
 
 A law is fitted robustly to all readings once; with the weights that the loss left them it is
 fitted again without each block and judged on that block. Neighbours in time share their
 drift, and readings of one stay their temperature: they are held out together.
 """
 
-import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....core import FitError, Regression, node_shares, simplest
+from ....core import FitError, Regression, simplest
 from ....fit.joint import Temperature
-from ._estimate import LawScore, Meeting
+from ._estimate import LawScore
 from ._line import FOLDS, Data, Shape, fit_line, laid_out, shape_of
 
 Fitted = tuple[Temperature, Regression]
@@ -31,10 +30,6 @@ _LIMIT = 5.0
 """Residuals in scales beyond which a reading counts no more for a lag."""
 _GRID = 14
 """Lags that are tried, over what the clock can show."""
-_SURE = 3.0
-"""Deviations by which the coefficient must change for the lines to meet somewhere."""
-_FAR = 1e3
-"""Distance of the intersection, in measured ranges, from which on there is none."""
 
 
 def choose_law(
@@ -109,67 +104,12 @@ def choose_lags(data: Data) -> dict[str, float]:
     free = [sensor for sensor in data.open_lags if lags[sensor] > 0]
     fitted = _fitted(data, shape, lags)
     if free and fitted is not None:
-        line, _ = fit_line(fitted[0], data, False, free, quick=True)
+        line, _ = fit_line(fitted[0], data, free, quick=True)
         lags = {sensor: float(line.lags[sensor]) for sensor in data.sensors}
         fitted = _fitted(data, shape, lags)
     if fitted is None or not _better(data, fitted, still):
         return none
     return lags
-
-
-def find_meeting(
-    fitted: Fitted, data: Data, free: Sequence[str]
-) -> tuple[Fitted, Meeting, float | None]:
-    """Return the line with a constant offset where those of all temperatures meet.
-
-    Args:
-        fitted: With an offset of its own.
-        data: All readings.
-        free: Sensors whose lag is fitted.
-
-    Returns:
-        The line, as it was where they meet nowhere; the reason; and the deviation of the
-        intersection in mm, where it was looked for.
-    """
-    line, found = fitted
-    count, last = len(line.nodes["offset"]), line.size - 1
-    values = line.split(found.coefficients)
-    slopes = values["coefficient"]
-    if len(slopes) < 2:
-        return fitted, "parallel", None
-    ends = found.covariance[np.ix_([count, last], [count, last])]
-    deviation = np.sqrt(max(ends[0, 0] + ends[1, 1] - 2.0 * ends[0, 1], 0.0))
-    if not abs(slopes[-1] - slopes[0]) > _SURE * deviation:
-        return fitted, "unsure slope", None
-    if len(data.sensors) > 1 and count > 1:
-        return fitted, "two sensors", None
-    offset, slope = (
-        node_shares(warm, line.nodes[law]) @ values[law]
-        for law, warm in zip(line.sensors, data.warmth(line), strict=True)
-    )
-    rise = slope - slope.mean()
-    away = -float(rise @ (offset - offset.mean())) / float(rise @ rise)
-    span = float(np.ptp(data.position))
-    if abs(away) > _FAR * span:
-        return fitted, "too far", None
-    begin = laid_out(
-        dataclasses.replace(line, reference=line.reference + away),
-        data.warmth(line),
-        (1, len(slopes)),
-    )
-    if begin is None:
-        return fitted, "too few", None
-    few = data.thinned()
-    begin, _ = fit_line(begin, few, True, free, quick=True)
-    met, regression = fit_line(begin, data, True, free)
-    if count > 1:
-        point, free_offset = (fit_line(each, few, quick=True) for each in (met, line))
-        if _left_out(few, point) is None or _better(few, free_offset, point):
-            return fitted, "not one point", None
-    sure = float(regression.standard_deviation[met.size])
-    if not sure < max(10.0 * span, abs(met.reference)):
-        return fitted, "uncertain", sure
-    return (met, regression), "met", sure
 
 
 def _fitted(data: Data, shape: Shape, lags: Mapping[str, float]) -> Fitted | None:

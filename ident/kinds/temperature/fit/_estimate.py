@@ -29,13 +29,18 @@ class Law:
         sensor: Number of the sensor, from 0.
         temperature: Nodes in °C, ascending; one = constant, two = linear.
         value: At the nodes, in mm (offset) or mm/mm (coefficient); the sign of the *error*.
-        standard_deviation: Of the values, same unit.
+        covariance: Of the values.
     """
 
     sensor: int
     temperature: Float[np.ndarray, " n"]
     value: Float[np.ndarray, " n"]
-    standard_deviation: Float[np.ndarray, " n"]
+    covariance: Float[np.ndarray, "n n"]
+
+    @property
+    def standard_deviation(self) -> Float[np.ndarray, " n"]:
+        """Of the values, same unit."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def kind(self) -> str:
@@ -45,14 +50,31 @@ class Law:
     @property
     def slope(self) -> float:
         """Change of the value per K between the first and the last node."""
-        if len(self.value) == 1:
-            return 0.0
-        rise = self.value[-1] - self.value[0]
-        return float(rise / (self.temperature[-1] - self.temperature[0]))
+        return float(self._ends @ self.value)
+
+    @property
+    def slope_deviation(self) -> float:
+        """Standard deviation of that."""
+        return math.sqrt(max(float(self._ends @ self.covariance @ self._ends), 0.0))
+
+    @property
+    def _ends(self) -> Float[np.ndarray, " n"]:
+        ends = np.zeros(len(self.value))
+        if len(ends) > 1:
+            ends[[0, -1]] = np.array([-1.0, 1.0]) / np.ptp(self.temperature)
+        return ends
 
     def at(self, temperature: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Return the value at temperatures in °C."""
         return np.asarray(node_shares(temperature, self.temperature) @ self.value)
+
+    def deviation_at(
+        self, temperature: Float[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " t"]:
+        """Return the standard deviation of the value at temperatures in °C."""
+        share = node_shares(temperature, self.temperature)
+        variance = ((share @ self.covariance) * share).sum(axis=1)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -161,22 +183,25 @@ class TemperatureFit:
     @functools.cached_property
     def laws(self) -> dict[str, Law]:
         """Offset and coefficient by name."""
-        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        own, spread = self.line.split(self.values), self.line.split(deviation)
+        places = self.line.split(np.arange(self.line.size))
         return {
             name: Law(
                 self.sensors.index(self.line.sensors[name]),
-                nodes,
-                own[name],
-                spread[name],
+                self.line.nodes[name],
+                self.values[own],
+                self.covariance[np.ix_(own, own)],
             )
-            for name, nodes in self.line.nodes.items()
+            for name, own in places.items()
         }
 
     @property
     def offset(self) -> Law:
-        """$o(T)$ in mm."""
-        return self.laws["offset"]
+        """$o(T)$ in mm: 0 where nothing but the coefficient was fitted."""
+        if "offset" in self.laws:
+            return self.laws["offset"]
+        other = self.laws["coefficient"]
+        none = np.zeros((1, 1))
+        return Law(other.sensor, other.temperature[:1], none[0], none)
 
     @property
     def coefficient(self) -> Law | None:
@@ -206,13 +231,7 @@ class TemperatureFit:
     @property
     def slope(self) -> tuple[float, float]:
         """Change of the offset in mm/K over the measured temperatures, and its deviation."""
-        count = len(self.offset.value)
-        if count == 1:
-            return 0.0, 0.0
-        span = float(self.offset.temperature[-1] - self.offset.temperature[0])
-        ends = self.covariance[np.ix_([0, count - 1], [0, count - 1])]
-        rise = float(ends[0, 0] + ends[1, 1] - 2.0 * ends[0, 1])
-        return self.offset.slope, math.sqrt(max(rise, 0.0)) / span
+        return self.offset.slope, self.offset.slope_deviation
 
     def predict(
         self,
@@ -242,16 +261,3 @@ class TemperatureFit:
             values=move[:size, :size] @ self.values,
             covariance=move @ self.covariance @ move.T,
         )
-
-    def deviation_at(
-        self, temperature: Float[np.ndarray, " t"]
-    ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
-        """Return the deviations of offset (mm) and coefficient (mm/mm) at temperatures."""
-        result = {
-            name: np.zeros(len(temperature)) for name in ("offset", "coefficient")
-        }
-        for name, own in self.line.split(np.arange(self.line.size)).items():
-            share = node_shares(temperature, self.line.nodes[name])
-            variance = ((share @ self.covariance[np.ix_(own, own)]) * share).sum(axis=1)
-            result[name] = np.sqrt(np.maximum(variance, 0.0))
-        return result["offset"], result["coefficient"]

@@ -1,17 +1,19 @@
 """Temperature: errors over position and temperature in, the thermal line out."""
 
+import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ...._recording import JointData
 from ....core import FitError, Regression, one_blas_thread
 from ....fit.joint import Temperature
-from ._choice import choose_lags, choose_law, find_meeting, leave_out
-from ._estimate import Confusion, Effect, Lag, Meeting, TemperatureFit
-from ._line import FOLDS, Data, fit_line, names_of
+from ._choice import choose_lags, choose_law, leave_out
+from ._estimate import Confusion, Effect, Lag, TemperatureFit
+from ._line import FOLDS, Data, Shape, fit_line, names_of
+from ._meeting import about_meeting
 
 _ALIKE = 0.98
 """Partial correlation of two effects from which the readings do not tell them apart."""
@@ -52,87 +54,111 @@ def fit_temperature(
     laws = zip(complete.line.sensors.items(), shape, strict=True)
     follows = {sensor for (_, sensor), count in laws if count > 1}
     lags = {name: lags[name] * (name in follows) for name in lags}
-    placed = complete.laid_out(shape, lags)
-    if placed is None:
+
+    def of(shape: Shape) -> tuple[TemperatureFit, Regression]:
+        return _fitted(complete, few, data, rows, shape, lags)
+
+    fit, found = of(shape)
+    if meet and "coefficient" in complete.moved:
+        met, own = fit, found
+        try:
+            if shape[0] < shape[1]:
+                # Where the lines meet, the offset bends as the coefficient does.
+                met, own = of((shape[1], shape[1]))
+            met = about_meeting(met, float(np.ptp(complete.position)))
+        except FitError:
+            met = dataclasses.replace(met, meeting="too few")
+        if met.meeting == "met":
+            fit, found = met, own
+        fit = dataclasses.replace(
+            fit, meeting=met.meeting, meeting_deviation=met.meeting_deviation
+        )
+    residual, predicted = np.full((2, len(data)), np.nan)
+    columns = complete.columns(fit.line)
+    residual[rows] = complete.error - columns @ fit.values
+    left, _ = leave_out(complete, (fit.line, found), complete.stretches % FOLDS)
+    level = complete.error - np.median(complete.error)
+    predicted[rows] = np.where(np.isnan(left), level, left)
+    return dataclasses.replace(
+        fit,
+        lags=tuple(
+            dataclasses.replace(lag, sensor_late=sensor in late)
+            for lag, sensor in zip(fit.lags, fit.line.lags, strict=True)
+        ),
+        residual=residual,
+        predicted=predicted,
+        scores=scores,
+        confounded=_confusions(complete, fit.line),
+        support=tuple((np.abs(columns[~found.wild]) > 0).sum(axis=0).tolist()),
+    )
+
+
+def _fitted(
+    complete: Data,
+    few: Data,
+    data: JointData,
+    rows: Int[np.ndarray, " r"],
+    shape: Shape,
+    lags: Mapping[str, float],
+) -> tuple[TemperatureFit, Regression]:
+    """Return the fit of a law with what its regression says, residuals left open.
+
+    Args:
+        complete: Readings of the line.
+        few: Some of them, by which lags are found.
+        data: All readings, and
+        rows: where the complete ones stand among them.
+        shape: Of the law.
+        lags: In s by sensor; those that a job leaves open are where to begin.
+    """
+    line = complete.laid_out(shape, lags)
+    if line is None:
         msg = f"too few readings between {max(shape)} nodes."
         raise FitError(msg)
     free = [name for name in complete.open_lags if lags[name] > 0]
     if free:
-        placed, _ = fit_line(placed, few, False, free, quick=True)
-    fitted = fit_line(placed, complete, False, free)
-    _refuse_undetermined(*fitted)
-    meeting: Meeting = "given"
-    unsure = None
-    if meet and "coefficient" in complete.moved:
-        fitted, meeting, unsure = find_meeting(fitted, complete, free)
-        _refuse_undetermined(*fitted)
-    line, found = fitted
-    columns, value = complete.columns(line), found.coefficients[: line.size]
-    sensors = tuple(data.temperature)
+        line, _ = fit_line(line, few, free, quick=True)
+    line, found = fit_line(line, complete, free)
+    names = names_of(line, len(free))
+    if lacking := ", ".join(itertools.compress(names, found.undetermined)):
+        msg = (
+            f"the readings that agree with each other do not determine {lacking}: "
+            f"{int(found.wild.sum())} wild ones are left out."
+        )
+        raise FitError(msg)
+    sensors, unknown = tuple(data.temperature), np.full(len(data), np.nan)
     used, wild = np.zeros((2, len(data)), bool)
-    residual, predicted = np.full((2, len(data)), np.nan)
-    temperature: Float[np.ndarray, "t s"] = np.full((len(data), len(sensors)), np.nan)
     used[rows], wild[rows] = True, found.wild
-    residual[rows] = complete.error - columns @ value
-    left, _ = leave_out(complete, fitted, complete.stretches % FOLDS)
-    level = complete.error - np.median(complete.error)
-    predicted[rows] = np.where(np.isnan(left), level, left)
+    temperature: Float[np.ndarray, "t s"] = np.full((len(data), len(sensors)), np.nan)
     for name in complete.sensors:
         structure = line.structure(complete.whole, name)
         temperature[rows, sensors.index(name)] = structure
-    return TemperatureFit(
+    logs = dict(zip(free, found.standard_deviation[line.size :].tolist(), strict=True))
+    reported = list[Lag]()
+    for name, lag in line.lags.items():
+        constant = float(lag)
+        factor = float(np.exp(min(1.96 * logs.get(name, 0.0), 50.0)))
+        interval = (constant / factor, constant * factor)
+        reported.append(Lag(sensors.index(name), constant, interval, constant > 0))
+    fit = TemperatureFit(
         line=line,
         sensors=sensors,
-        values=value,
+        values=found.coefficients[: line.size],
         covariance=found.covariance,
-        names=names_of(line, meeting == "met", len(free)),
-        meeting=meeting,
-        meeting_deviation=unsure,
-        lags=_reported_lags(sensors, line, found, free, late),
+        names=names,
+        meeting="given",
+        lags=tuple(reported),
         noise=found.noise,
         independent=float(found.independent[: line.size].min()),
         used=used,
         wild=wild,
-        residual=residual,
-        predicted=predicted,
+        residual=unknown,
+        predicted=unknown,
         temperature=temperature,
-        scores=scores,
-        confounded=_confusions(complete, line),
-        support=tuple((np.abs(columns[~found.wild]) > 0).sum(axis=0).tolist()),
+        support=(0,) * line.size,
         converged=found.converged,
     )
-
-
-def _refuse_undetermined(line: Temperature, found: Regression) -> None:
-    """Refuse a law of which the kept readings do not determine every value."""
-    lacking = itertools.compress(names_of(line), found.undetermined)
-    if words := ", ".join(lacking):
-        msg = (
-            f"the readings that agree with each other do not determine {words}: "
-            f"{int(found.wild.sum())} wild ones are left out."
-        )
-        raise FitError(msg)
-
-
-def _reported_lags(
-    names: Sequence[str],
-    line: Temperature,
-    found: Regression,
-    free: Sequence[str],
-    late: set[str],
-) -> tuple[Lag, ...]:
-    """Return the lag of each sensor with its 95 % interval; logarithms come last."""
-    logs = found.standard_deviation[len(found.coefficients) - len(free) :]
-    own = dict(zip(free, logs.tolist(), strict=True))
-    result = []
-    for sensor, lag in line.lags.items():
-        constant = float(lag)
-        factor = float(np.exp(min(1.96 * own.get(sensor, 0.0), 50.0)))
-        interval = (constant / factor, constant * factor)
-        result.append(
-            Lag(names.index(sensor), constant, interval, constant > 0, sensor in late)
-        )
-    return tuple(result)
+    return fit, found
 
 
 def _confusions(data: Data, line: Temperature) -> tuple[Confusion, ...]:
@@ -145,19 +171,16 @@ def _confusions(data: Data, line: Temperature) -> tuple[Confusion, ...]:
         return ()
     offset, slope = data.warmth(line)
     away = data.position - data.position.mean()
-    product = (slope - slope.mean()) * away
-    effects: dict[Effect, Float[np.ndarray, " t"]] = {}
+    effects: dict[Effect, Float[np.ndarray, " t"]] = {"level": np.ones(len(away))}
     if "offset" in data.moved:
         effects["offset"] = offset - offset.mean()
-    effects |= {"slope": away, "slope change": product - product.mean()}
+    effects |= {"slope": away, "slope change": (slope - slope.mean()) * away}
     result = []
-    level = abs(product.mean()) / np.sqrt(max(float(np.mean(product**2)), 1e-300))
-    if level > _ALIKE:
-        # As warm as it is far out: the change of the slope is the same number everywhere.
-        result.append(Confusion("level", "slope change", float(level)))
     for (first, one), (second, other) in itertools.combinations(effects.items(), 2):
-        size = float(np.linalg.norm(one) * np.linalg.norm(other))
-        correlation = float(one @ other) / size if size > 0 else 0.0
+        # As warm as it is far out: the change of the slope is the same number everywhere.
+        beside = other if first == "level" else other - other.mean()
+        size = float(np.linalg.norm(one) * np.linalg.norm(beside))
+        correlation = float(one @ beside) / size if size > 0 else 0.0
         if abs(correlation) > _ALIKE:
             result.append(Confusion(first, second, correlation))
     return tuple(result)

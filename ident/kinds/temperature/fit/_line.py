@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.ndimage import median_filter
 
 from ...._recording import JointData
-from ....core import FitError, Regression, regress, regress_curve
+from ....core import FitError, Regression, regress_curve
 from ....fit.joint import Temperature
 from ....fit.joint._temperature import LAWS
 
@@ -21,8 +21,6 @@ _LEAST = 4
 """Readings of a fit, and between two nodes below which no node is set."""
 _STEP = 0.02
 """Step in the logarithm of a time constant for slopes."""
-_REACH = 1e3
-"""Distance of the reference in measured ranges that is looked at."""
 BLOCKS, FOLDS = 20, 5
 """Stretches of time, and in how many turns they are left out, far from each other."""
 _VISIT = 0.05
@@ -238,67 +236,44 @@ def shape_of(line: Temperature) -> Shape:
     return tuple(len(nodes) for nodes in line.nodes.values())
 
 
-def names_of(line: Temperature, met: bool = False, lags: int = 0) -> tuple[str, ...]:
-    """Return what is fitted in words: node values, the reference, lags."""
+def names_of(line: Temperature, lags: int = 0) -> tuple[str, ...]:
+    """Return what is fitted in words: node values, then lags."""
     words = [
         law + ("" if len(nodes) == 1 else f" at {node:.4g} °C")
         for law, nodes in line.nodes.items()
         for node in nodes
     ]
-    return (*words, *["reference position"] * met, *["time constant"] * lags)
+    return (*words, *["time constant"] * lags)
 
 
 def fit_line(
-    line: Temperature,
-    data: Data,
-    free_reference: bool = False,
-    free_lags: Sequence[str] = (),
-    quick: bool = False,
+    line: Temperature, data: Data, free_lags: Sequence[str] = (), quick: bool = False
 ) -> tuple[Temperature, Regression]:
     """Return the line with all that is free fitted, and the regression behind it.
 
     Args:
-        line: Start; its temperatures stay.
+        line: Start; its temperatures and its reference stay.
         data: Readings.
-        free_reference: Fit the reference position (needs a constant offset).
         free_lags: Sensors whose lag is fitted.
         quick: The regression needs no covariance.
 
     Returns:
-        Line and regression; its coefficients are node values, then the reference in mm and
-        the logarithms of the lags, as far as they are free.
+        Line and regression; its coefficients are node values, then the logarithms of the
+        lags that are free.
     """
-    names = names_of(line, free_reference, len(free_lags))
-    start, widths, ends = list[float](), list[float](), list[tuple[float, float]]()
-    if free_reference:
-        span = max(float(np.ptp(data.position)), 1e-9)
-        start.append(line.reference)
-        widths.append(1e-3 * span)
-        ends.append((line.reference - _REACH * span, line.reference + _REACH * span))
-    for sensor in free_lags:
-        low, high = np.log(data.lag_range)
-        start.append(float(np.log(line.lags[sensor])))
-        widths.append(_STEP)
-        ends.append((float(low), float(high)))
+    first, last = np.log(data.lag_range) if free_lags else (0.0, 0.0)
+    count = len(free_lags)
 
-    def at(shapes: Float[np.ndarray, " s"]) -> Temperature:
-        lags = np.exp(shapes[int(free_reference) :]).tolist()
-        place = float(shapes[0]) if free_reference else line.reference
-        moved = dataclasses.replace(line, reference=place)
-        return moved.lagging(dict(zip(free_lags, lags, strict=True)))
+    def at(logs: Float[np.ndarray, " s"]) -> Temperature:
+        return line.lagging(dict(zip(free_lags, np.exp(logs).tolist(), strict=True)))
 
-    if not start:
-        return line, regress(
-            data.columns(line), data.error, time=data.time, names=names,
-            loss=data.loss, quick=quick,
-        )  # fmt: skip
-    first, last = np.array(ends).T
-    shapes, found = regress_curve(
-        lambda trial: data.columns(at(trial)), data.error,
-        np.clip(np.array(start), first, last), width=np.array(widths),
-        bounds=(first, last), time=data.time, names=names, loss=data.loss, quick=quick,
+    start = np.log([float(line.lags[sensor]) for sensor in free_lags])
+    logs, found = regress_curve(
+        lambda trial: data.columns(at(trial)), data.error, np.clip(start, first, last),
+        width=np.full(count, _STEP), bounds=(np.full(count, first), np.full(count, last)),
+        time=data.time, names=names_of(line, count), loss=data.loss, quick=quick,
     )  # fmt: skip
-    return at(shapes), found
+    return at(logs), found
 
 
 def missed_temperatures(
