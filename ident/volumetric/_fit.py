@@ -5,13 +5,14 @@ from functools import cached_property
 from typing import Any, final
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from ..core import Estimate, FitError, Stack, estimate, memory, one_blas_thread
 from ..fit._table import floor_of
 from ._blocks import FRAME_NAME, ZEROS_NAME, Block, zeros
 from ._effects import AbstractVolumetric
-from ._freedoms import Freedoms, Gauge, Undetermined, degrees_of, dense
+from ._freedoms import Freedoms, Gauge, Undetermined, degrees_of, rows_of
 from ._points import Points
 
 _SAME_TOOL = 1e-3
@@ -152,10 +153,11 @@ class VolumetricFit:
                 without, what the model takes off.
         """
         where = Points(position, np.zeros(np.shape(position)), tool=tool).readings
-        rows = dense(self.stack, where)
+        kept = np.ones(self.stack.size)
         for name in (ZEROS_NAME,) if frame else (ZEROS_NAME, FRAME_NAME):
-            rows[:, self._places.get(name, slice(0))] = 0.0
-        variance = np.einsum("tn,tn->t", rows @ self.covariance, rows)
+            kept[self._places.get(name, slice(0))] = 0.0
+        rows = sp.csr_array(rows_of(self.stack, where) * kept)
+        variance = (rows * (rows @ self.covariance)).sum(axis=1)
         deviation = np.sqrt(np.maximum(variance, 0.0))
         deviation[~self.freedoms.shown(rows)] = np.inf
         if self.left_out:
