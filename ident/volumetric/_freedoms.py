@@ -36,8 +36,8 @@ _VALUE = 1e-3
 """Part of a value in a hidden direction, relative to the largest of its block."""
 _ROUNDING = 1e-10
 """Information, relative to a shape's own, that keeps ideal information invertible."""
-_DEGREE = 4
-"""Of the shapes by which a function is judged."""
+_DEGREE = 2, 4
+"""Of the shapes by which a function is judged: at least, at most."""
 _ROWS_PER_SHAPE, _MORE_ROWS = 8, 500
 _SAME = 1e-3
 """Share of the range of an axis below which two positions count as one."""
@@ -268,12 +268,12 @@ def rows_of(stack: Stack, readings: Readings) -> sp.csr_array:
 
 
 def degrees_of(place: Float[np.ndarray, "t 3"]) -> list[int]:
-    """Return the degree of shapes along each axis that so many positions can show."""
+    """Return the degree of shapes along each axis: what so many positions can show, and a curve."""
     result = []
     for along in place.T:
         step = max(_SAME * float(np.ptp(along)), 1e-9)
         count = len(np.unique(np.round((along - along.min()) / step)))
-        result.append(int(np.clip(count - 1, 1, _DEGREE)))
+        result.append(int(np.clip(count - 1, *_DEGREE)))
     return result
 
 
