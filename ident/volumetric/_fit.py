@@ -135,9 +135,10 @@ class VolumetricFit:
         Raises:
             FitError: If the points have several and none is given.
         """
+        offset: Callable[..., Any] = self.model.offset
         if not self._angles:
-            return self.model.offset
-        return partial(self.model.offset, tool=jnp.asarray(self._tool(tool)))
+            return offset
+        return partial(offset, tool=jnp.asarray(self._tool(tool)))
 
     def remarks(self, tool: Tool = None) -> tuple[str, ...]:
         """Return in sentences what whoever switches on the `law` of a tool must know."""

@@ -231,11 +231,12 @@ def make_probe(
                 found=f"{', '.join(sorted(twice))} twice",
                 expected="a word of its own for each (nc_name in the job)",
             )
-    for each in {axis for own in sets for axis in own}:
-        if not re.fullmatch(AXIS_WORD, each.name):
+    used = {axes[k].name for one in tables for k in (one.axis, *one.masters)}
+    for word in sorted(used):
+        if not re.fullmatch(AXIS_WORD, word):
             raise ExchangeError(
                 where="names of axes",
-                found=repr(each.name),
+                found=repr(word),
                 expected=f"a word of NC programs, {WORD_SHAPE} (nc_name in the job)",
             )
     lists, additions = {}, {}
