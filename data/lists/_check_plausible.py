@@ -108,8 +108,8 @@ def _is_narrow(row: Parameter, rows: Rows, unit: float) -> bool:
         return False
     low, high = min(numbers) * unit, max(numbers) * unit
     is_inside = row.plausible is None or row.plausible.holds(low, high)
-    if row.step is None:
-        return is_inside
+    if row.step is None or row.step.least:
+        return is_inside and row.step is None
     return is_inside and high - low <= (_SMALL if row.step.slope else row.step.largest)
 
 
@@ -163,10 +163,12 @@ def _check_steps(
             if before not in values:
                 continue
             other = values[before][1]
-            apart = abs(value - other) * unit
-            if apart > _SMALL and apart > limit(index, place):
+            apart, most = abs(value - other) * unit, max(limit(index, place), _SMALL)
+            # What does not ascend has a finding of its own.
+            close = other < value and apart < step.least
+            if close or apart > most:
                 pair = full_name(row.key, before), full_name(row.key, index)
-                change = step._replace(largest=limit(index, place))
+                change = step._replace(largest=most, least=step.least if close else 0)
                 _report(view, rows, row, change, at, pair, (other, value))
                 return
 
@@ -208,12 +210,17 @@ def _report(
     found = f"{names[0]} = {values[0]}, {names[1]} = {values[1]}"
     view.add(
         "warning",
-        f"{found}: {abs(values[1] - values[0])} apart, more than a sound machine needs",
+        f"{found}: {abs(values[1] - values[0])} apart,"
+        f" {'less' if change.least else 'more'} than a sound machine needs",
         view.value_place(rows, at),
         parameter=row,
-        number=change.number,
+        number=None if change.least else change.number,
         found=found,
-        expected=f"at most {change.largest} {_unit_text(row)}".rstrip(),
+        expected=(
+            f"at least {change.least} {_unit_text(row)}"
+            if change.least
+            else f"at most {change.largest} {_unit_text(row)}"
+        ).rstrip(),
     )
 
 

@@ -22,6 +22,16 @@ def check_startup(view: ListView, lists: ListSet) -> None:
     if names is not None:
         for (index,), at in names.last.items():
             files[base_name(names.texts[at])] = by_index.get(index)
+            if names.texts[at] in names.texts[:at]:
+                view.add(
+                    "error",
+                    f"{names.texts[at]} is named for two axes",
+                    view.value_place(names, at),
+                    parameter=known["achs_kw[]"],
+                    number=AXIS_DIFFERS,
+                    found=names.texts[at],
+                    expected="a list for each axis",
+                )
     stated = max(len(files), len(by_index))
     whole = not is_fragment(view)
     if whole and (names is not None or numbers is not None) and count != stated:

@@ -161,12 +161,12 @@ def _check_masters(view: ListView, function: Function) -> None:
                 found=both,
                 expected="one master axis",
             )
-    if own is not None and {view.integer(key) for key in there} == {own}:
+    if own is not None and (same := [k for k in there if view.integer(k) == own]):
         view.add(
             "warning",
             f"axis {own} is its own master in the {function.name}",
-            view.place(there[0]),
-            parameter=registry().by_key[there[0]],
+            view.place(same[0]),
+            parameter=registry().by_key[same[0]],
             found=str(own),
             expected="another axis",
         )

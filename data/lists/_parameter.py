@@ -89,6 +89,8 @@ class Change(NamedTuple):
     """Flag of the structure without which the other column is not used."""
     slope: int | None = None
     """Largest plausible change of neighbours in list units per 1000 of their distance."""
+    least: int = 0
+    """Least plausible change: of points, which must not lie too close."""
 
 
 class Parameter(NamedTuple):

@@ -37,6 +37,7 @@ class CncObject:
         source: Manual and page.
         reports: What it tells a log of the offset: after the filters over cycles, or before
             them; None: not an offset.
+        tells_state: Whether it tells that the compensation acts in this cycle.
         writable: Whether it can be written as well.
         of_axis: Whether each axis has its own.
     """
@@ -49,6 +50,7 @@ class CncObject:
     meaning: str
     source: str
     reports: Literal["filtered", "unfiltered"] | None = None
+    tells_state: bool = False
     writable: bool = False
     of_axis: bool = True
 
@@ -74,6 +76,7 @@ def _marked() -> tuple[CncObject, ...]:
         dataclasses.replace(
             one,
             reports=_REPORTS.get(one.name),
+            tells_state=one.name in _STATES,
             writable=one.name in _WRITABLE,
             of_axis=one.name not in _OF_PLATFORM,
         )
@@ -151,6 +154,7 @@ _REPORTS: dict[str, Literal["filtered", "unfiltered"]] = {
     "CROSSTALK::actual_offset": "filtered",
     "CROSSTALK::end_offset": "unfiltered",
 }
+_STATES = {"TEMPC::f_is_active", "CROSSC::f_is_active", "LSEC::active"}
 _WRITABLE = {
     "TEMPC::activated",
     "TEMPC::coefficient",

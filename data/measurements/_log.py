@@ -5,7 +5,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ._errors import CellError, MeasurementError
 from ._log_names import COMPENSATIONS, LogName, log_name, plain_axis
@@ -31,6 +31,7 @@ class LoggedOffset:
         values: In mm or °; friction in the unit of the file.
         filtered: Filters over cycles have acted on it.
         step: Worth of its last digit in mm or °; 0 where it is not counted in steps.
+        acts: Whether the compensation was on, per row, where another column says so.
     """
 
     axis: str | None
@@ -39,6 +40,7 @@ class LoggedOffset:
     values: Float[np.ndarray, " t"]
     filtered: bool
     step: float
+    acts: Bool[np.ndarray, " t"] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,9 +86,16 @@ def read_log(
     roles: dict[str, ColumnSpec] = {}
     offsets: list[LoggedOffset] = []
     ignored: list[str] = []
+    states: dict[tuple[str | None, str], Column] = {}
     seen: dict[tuple[str | None, str, bool], str] = {}
     for column in table.columns:
         name = log_name(column.name, names)
+        if name is not None and name.is_state:
+            if column.text is None and column.bad is None:
+                states[name.axis, name.compensation] = column
+            else:
+                ignored.append(column.name)
+            continue
         if name is not None:
             key = (name.axis, name.compensation, name.filtered)
             if key in seen:
@@ -105,6 +114,12 @@ def read_log(
             raise MeasurementError(str(path), f"{reason}, expected one")
         else:
             roles[role] = ColumnSpec(column.header or column.name)
+    for at, one in enumerate(offsets):
+        state = states.pop((one.axis, one.compensation), None)
+        if state is not None:
+            acts = table.numbers(state) != 0.0
+            offsets[at] = dataclasses.replace(one, acts=acts)
+    ignored += [column.name for column in states.values()]
     if not any(role.endswith(".position") for role in roles):
         names = ", ".join(column.name for column in table.columns[:12])
         reason = f"found columns {names}, expected a position such as A1.position"

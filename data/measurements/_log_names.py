@@ -32,6 +32,7 @@ _OBJECTS = {
     if one.reports is not None
 }
 """CNC object, letters and digits only: compensation, and whether filters have acted."""
+_STATES = {_plain(one.name): one.compensation for one in CNC_OBJECTS if one.tells_state}
 _VARIABLES = {
     "BACKLASH": "backlash",
     "TEMP": "temperature",
@@ -75,16 +76,18 @@ class LogName:
         compensation: One of `COMPENSATIONS`, `TOTAL` or `EXTERNAL_LOG`.
         filtered: Filters over cycles have acted on it.
         increments: In encoder increments where the header states no unit.
+        is_state: It tells no offset, but whether the compensation acts.
     """
 
     axis: str | None
     compensation: str
     filtered: bool = True
     increments: bool = False
+    is_state: bool = False
 
 
 def log_name(text: str, names: Collection[str] = COMPENSATIONS) -> LogName | None:
-    """Return what a column name of a log means, or None where it is no offset.
+    """Return what a column name of a log means; None: neither offset nor state of one.
 
     Known are the roles of ``simulate`` (``A3.cross``, ``A3.offset``), variables such as
     ``V.A.CROSS_COMP_CURR.Z`` (mm) and CNC objects such as ``CROSSC::actual_offset``
@@ -110,13 +113,13 @@ def log_name(text: str, names: Collection[str] = COMPENSATIONS) -> LogName | Non
     match = _OBJECT.fullmatch(text)
     if match is None:
         return None
-    known = _OBJECTS.get(_plain(match["object"]))
-    if known is None:
-        return None
     axis = match["before"] or match["after"]
     if match["index"] is not None:
         axis = f"A{int(match['index'])}"
-    return LogName(axis and plain_axis(axis), *known, increments=True)
+    axis, name = axis and plain_axis(axis), _plain(match["object"])
+    if name in _STATES:
+        return LogName(axis, _STATES[name], is_state=True)
+    return LogName(axis, *_OBJECTS[name], increments=True) if name in _OBJECTS else None
 
 
 def plain_axis(text: str) -> str:

@@ -8,6 +8,7 @@ with an empty border it is a band. Elements of the inverse come from the same fa
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import pairwise
 from typing import final
 
 import numpy as np
@@ -70,9 +71,13 @@ class ArrowFactor:
         if len(columns) and len(border):
             beside = _half_solved(band, np.ascontiguousarray(cross.T))
             border = dsyrk(-1.0, beside.T, 1.0, border, lower=1)
-        schur, info = dpotrf(border, lower=1, clean=1) if len(border) else (border, 0)
+        schur = np.zeros(border.shape, order="F")
+        for own in _uncoupled(border):
+            schur[own, own], info = dpotrf(border[own, own], lower=1, clean=1)
+            if info != 0:
+                return None
         found = cls(band, beside, schur)
-        return found if info == 0 and np.isfinite(found.logdet) else None
+        return found if np.isfinite(found.logdet) else None
 
     @property
     def size(self) -> int:
@@ -103,14 +108,14 @@ class ArrowFactor:
     @cached_property
     def border_inverse(self) -> Float[np.ndarray, "m m"]:
         """Inverse over the border."""
-        if not len(self.schur):
-            return self.schur
-        lower, info = dpotri(self.schur, lower=1)
-        assert info == 0
-        # The factor is clean: above the diagonal stands nothing.
-        whole = lower + lower.T
+        whole = np.zeros(self.schur.shape)
+        for own in _uncoupled(self.schur):
+            lower, info = dpotri(self.schur[own, own], lower=1)
+            assert info == 0
+            # The factor is clean: above the diagonal stands nothing.
+            whole[own, own] = lower + lower.T
         np.einsum("ii->i", whole)[:] *= 0.5
-        return np.asarray(whole)
+        return whole
 
     def selected(self, offsets: Sequence[int]) -> Float[np.ndarray, "n s"]:
         """Return diagonals of the inverse over the band.
@@ -139,6 +144,19 @@ class ArrowFactor:
         if not len(self.band):
             return border
         return np.concatenate([self.selected([0])[:, 0], border])
+
+
+def _uncoupled(lower: Float[np.ndarray, "m m"]) -> list[slice]:
+    """Return blocks along the diagonal of a large lower triangle that nothing couples.
+
+    Three tables of equal size side by side take a ninth of the work of one matrix.
+    """
+    size = len(lower)
+    if size <= _DENSE:
+        return [slice(0, size)] if size else []
+    last = size - 1 - np.argmax(lower[::-1] != 0.0, axis=0)
+    ends = np.flatnonzero(np.maximum.accumulate(last) <= np.arange(size)) + 1
+    return [slice(a, b) for a, b in pairwise([0, *ends.tolist()])]
 
 
 def _half_solved(

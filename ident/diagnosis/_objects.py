@@ -15,7 +15,10 @@ from ..kinds import kind
 _NO_ADDRESS = (
     "no manual gives its address: choose it in the object browser of the target"
 )
-_VARIABLE = "NC variable without an ADS address; each reading flushes the channel"
+_VARIABLE = (
+    "NC variable without an ADS address, the word of the axis behind it (….X); each reading"
+    " flushes the channel"
+)
 _OPEN_TYPE = "the manual leaves the type open: set it before recording"
 
 

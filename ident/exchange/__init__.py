@@ -98,6 +98,7 @@ from .controller._motion import (
 )
 from .controller._simulate import AxisOffsets as AxisOffsets, simulate as simulate
 from .probe._nc import (
+    AXIS_WORD as AXIS_WORD,
     CompState as CompState,
     declared as declared,
     numbered as numbered,

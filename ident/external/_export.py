@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 from ...data.files import write_atomically
 from ...models import ExternalCompensation
 from ..exchange import ExchangeError, ExternalAxis
+from ..volumetric import Tool, VolumetricFit
 from ._code import LAW, code_files, plain, rendered
 from ._entries import limits_of, list_fragments
 from ._extremes import Extremes, extremes
@@ -35,6 +36,15 @@ class Placed(eqx.Module):
     """From their positions, shape ``(t, c)``, to their offsets: ``GeometricErrors.offset``."""
     columns: tuple[int, ...] = eqx.field(static=True)
     """Column of each of its axes among all."""
+    remarks: tuple[str, ...] = eqx.field(default=(), static=True)
+    """What the user must know of the model."""
+
+    @classmethod
+    def fitted(
+        cls, fit: VolumetricFit, columns: tuple[int, int, int], tool: Tool = None
+    ) -> "Placed":
+        """Return a fit over X, Y and Z for a tool, with what its points do not tell."""
+        return cls(fit.law(tool), columns, fit.remarks(tool))
 
     def __call__(self, positions: Float[Array, "t a"]) -> Float[Array, "t a"]:
         """Return the offsets of all axes in mm or °; 0 for those that it does not know."""
@@ -102,7 +112,8 @@ def export_external(
         OSError: If a file cannot be written.
     """
     folder = Path(out)
-    law = _sum_of(models)
+    parts = _parts_of(models)
+    law = _sum_of(parts)
     box = _box(axes, workspace)
     if (folder / "result.json").exists():
         raise ExchangeError(
@@ -118,7 +129,8 @@ def export_external(
     zone = max(_SMALLEST_ZONE, _ZONE_PER_OFFSET * float(found.offset.max()))
     limits = limits_of(found, cycle_time, acceleration / zone)
     cycles = max(round(ramp / cycle_time), 1)
-    remarks = (*remarks, *_fast(axes, limits, acceleration, feed))
+    told = (each for part in parts if isinstance(part, Placed) for each in part.remarks)
+    remarks = (*remarks, *told, *_fast(axes, limits, acceleration, feed))
     facts = {
         "acceleration": acceleration,
         "axes": list(axes),
@@ -148,13 +160,15 @@ def export_external(
     return ExternalFiles(paths, found, limits, remarks)
 
 
-def _sum_of(
+def _parts_of(
     models: ExternalCompensation | OffsetLaw | Sequence[OffsetLaw],
-) -> OffsetLaw:
+) -> tuple[OffsetLaw, ...]:
     if isinstance(models, ExternalCompensation):
-        return models.law
-    parts = tuple(models) if isinstance(models, Sequence) else (models,)
+        return (models.law,)
+    return tuple(models) if isinstance(models, Sequence) else (models,)
 
+
+def _sum_of(parts: Sequence[OffsetLaw]) -> OffsetLaw:
     def total(positions: Float[Array, "t a"]) -> Float[Array, "t a"]:
         found = jnp.zeros_like(positions)
         for part in parts:

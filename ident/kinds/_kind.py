@@ -56,6 +56,7 @@ class Kind:
         adds: What the controller does with its entries, in a sentence.
         raw_tables: Names of its tables that are shown with their entries as they stand.
         unseen: Why readings at standstill do not show it, in words; empty: they do.
+        build: First one of the controller that knows its keyword ([001] p.94); empty: all do.
     """
 
     name: str
@@ -85,6 +86,7 @@ class Kind:
     adds: str = ""
     raw_tables: tuple[str, ...] = ()
     unseen: str = ""
+    build: str = ""
 
     def part(self, name: str) -> ModuleType:
         """Return a module of its folder (``entries``, ``page``), imported on first use."""

@@ -13,6 +13,7 @@ from ._effects import (
 )
 from ._fit import (
     Prediction as Prediction,
+    Tool as Tool,
     VolumetricFit as VolumetricFit,
     fit_volumetric as fit_volumetric,
 )

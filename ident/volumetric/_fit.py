@@ -1,21 +1,30 @@
 """The fit of a volumetric error: points in, model with uncertainty out."""
 
 import dataclasses
-from functools import cached_property
+from collections.abc import Callable
+from functools import cached_property, partial
 from typing import Any, final
 
+import jax.numpy as jnp
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float, Int
 
+from ...models import GeometricErrors
 from ..core import Estimate, FitError, Stack, estimate, memory, one_blas_thread
 from ..fit._table import floor_of
 from ._blocks import FRAME_NAME, ZEROS_NAME, Block, zeros
 from ._effects import AbstractVolumetric
-from ._freedoms import Freedoms, Gauge, Undetermined, degrees_of, dense
+from ._freedoms import Freedoms, Gauge, Undetermined, degrees_of, rows_of
 from ._points import Points
+from ._words import hidden_sentence, tool_sentence, undetermined_sentence
+
+Tool = tuple[float, float, float] | None
 
 _SAME_TOOL = 1e-3
 """Difference in mm up to which a tool is the one that was measured with."""
+_PLACES = 1000
+"""All over the volume, at which it is asked whether the points tell the offsets."""
 
 
 @final
@@ -117,6 +126,45 @@ class VolumetricFit:
         """The model whose offsets take the error off; errors that nothing shows are 0."""
         return self.effect.to_model(self._by_name(self.values, 0.0), -1.0)
 
+    def law(self, tool: Tool = None) -> Callable[[Any], Any]:
+        """Return the offsets of the model as a function of positions, for one tool.
+
+        Args:
+            tool: That the machine works with, as in `Points`; None: that of the points.
+
+        Raises:
+            FitError: If the points have several and none is given.
+        """
+        offset: Callable[..., Any] = self.model.offset
+        if not self._angles:
+            return offset
+        return partial(offset, tool=jnp.asarray(self._tool(tool)))
+
+    def remarks(self, tool: Tool = None) -> tuple[str, ...]:
+        """Return in sentences what whoever switches on the `law` of a tool must know."""
+        own = self._tool(tool)
+        places = np.random.default_rng(0).uniform(*self.effect.volume, (_PLACES, 3))
+        found = self.predict(places, own, frame=False)
+        told = float(np.isfinite(found.standard_deviation).all(axis=1).mean())
+        sentences = (
+            tool_sentence(own.tolist()) if self._angles else "",
+            hidden_sentence(1.0 - told) if told < 1.0 else "",
+            *map(undetermined_sentence, self.undetermined),
+        )
+        return tuple(filter(None, sentences))
+
+    @property
+    def _angles(self) -> bool:
+        """Whether tools make a difference."""
+        return isinstance(self.model, GeometricErrors)
+
+    def _tool(self, tool: Tool) -> Float[np.ndarray, "3"]:
+        tools = self.points.tools if tool is None else np.reshape(tool, (1, 3))
+        if np.ptp(tools, axis=0).any() and self._angles:
+            msg = "tool: found points with several, expected the one that the machine works with"
+            raise FitError(msg)
+        return np.asarray(tools[0], float)
+
     @cached_property
     def standard_deviation(self) -> Any:
         """Standard deviations, shaped like the model; inf where the points tell no value."""
@@ -152,10 +200,11 @@ class VolumetricFit:
                 without, what the model takes off.
         """
         where = Points(position, np.zeros(np.shape(position)), tool=tool).readings
-        rows = dense(self.stack, where)
+        kept = np.ones(self.stack.size)
         for name in (ZEROS_NAME,) if frame else (ZEROS_NAME, FRAME_NAME):
-            rows[:, self._places.get(name, slice(0))] = 0.0
-        variance = np.einsum("tn,tn->t", rows @ self.covariance, rows)
+            kept[self._places.get(name, slice(0))] = 0.0
+        rows = sp.csr_array(rows_of(self.stack, where) * kept)
+        variance = (rows * (rows @ self.covariance)).sum(axis=1)
         deviation = np.sqrt(np.maximum(variance, 0.0))
         deviation[~self.freedoms.shown(rows)] = np.inf
         if self.left_out:

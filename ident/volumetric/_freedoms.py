@@ -13,6 +13,7 @@ from typing import final
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.sparse.csgraph import connected_components
 
@@ -35,8 +36,8 @@ _VALUE = 1e-3
 """Part of a value in a hidden direction, relative to the largest of its block."""
 _ROUNDING = 1e-10
 """Information, relative to a shape's own, that keeps ideal information invertible."""
-_DEGREE = 4
-"""Of the shapes by which a function is judged."""
+_DEGREE = 2, 4
+"""Of the shapes by which a function is judged: at least, at most."""
 _ROWS_PER_SHAPE, _MORE_ROWS = 8, 500
 _SAME = 1e-3
 """Share of the range of an axis below which two positions count as one."""
@@ -145,7 +146,7 @@ class Freedoms:
     undetermined: tuple[Undetermined, ...]
     free: int
 
-    def shown(self, rows: Float[np.ndarray, "t n"]) -> Bool[np.ndarray, " t"]:
+    def shown(self, rows: sp.csr_array) -> Bool[np.ndarray, " t"]:
         """Return whether sums of the unknowns keep clear of all that is hidden."""
         return np.asarray(np.linalg.norm(rows @ self.hidden, axis=1) <= _MOVED)
 
@@ -221,9 +222,9 @@ class _Seen:
     @classmethod
     def of(cls, stack: Stack, shapes: Shapes, readings: Readings) -> "_Seen":
         """Return what readings show of shapes."""
-        rows = dense(stack, readings)
+        rows = rows_of(stack, readings)
         columns = rows @ shapes.basis
-        return cls(columns.T @ columns / len(rows), np.square(rows).sum(axis=0))
+        return cls(columns.T @ columns / len(columns), (rows * rows).sum(axis=0))
 
     @cached_property
     def scale(self) -> Float[np.ndarray, " m"]:
@@ -261,19 +262,18 @@ class _Seen:
         return result[0], result[1], share[few]
 
 
-def dense(stack: Stack, readings: Readings) -> Float[np.ndarray, "t n"]:
-    """Return the rows of a stack with all their zeros."""
-    design = stack.matrix(readings)
-    return design if isinstance(design, np.ndarray) else np.asarray(design.toarray())
+def rows_of(stack: Stack, readings: Readings) -> sp.csr_array:
+    """Return the rows of a stack without their zeros, few as they are."""
+    return sp.csr_array(stack.matrix(readings))
 
 
 def degrees_of(place: Float[np.ndarray, "t 3"]) -> list[int]:
-    """Return the degree of shapes along each axis that so many positions can show."""
+    """Return the degree of shapes along each axis: what so many positions can show, and a curve."""
     result = []
     for along in place.T:
         step = max(_SAME * float(np.ptp(along)), 1e-9)
         count = len(np.unique(np.round((along - along.min()) / step)))
-        result.append(int(np.clip(count - 1, 1, _DEGREE)))
+        result.append(int(np.clip(count - 1, *_DEGREE)))
     return result
 
 

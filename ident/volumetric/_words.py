@@ -1,5 +1,7 @@
 """What a volumetric fit found, in sentences."""
 
+from collections.abc import Sequence
+
 from ._freedoms import Gauge, Undetermined
 
 _NAMED = 6
@@ -31,6 +33,23 @@ def gauge_sentence(gauge: Gauge) -> str:
     """Return what may be moved between errors without any effect, and how it was fixed."""
     others = [_shape(each) for each in gauge.among if each != gauge.zero]
     return f"The {_shape(gauge.zero)} is zero by rule: it acts like the {_and(others)}."
+
+
+def hidden_sentence(share: float) -> str:
+    """Return where a model extrapolates: in which share of its volume, from 0 to 1."""
+    return (
+        f"The measured points do not tell the offsets in {100.0 * share:.0f} % of the volume of "
+        "the model: there they are a guess, with the standard deviation inf. Measure there, or "
+        "do not work there with the compensation switched on."
+    )
+
+
+def tool_sentence(tool: Sequence[float]) -> str:
+    """Return for which tool, in mm from the point that positions name, offsets hold."""
+    return (
+        f"The offsets hold for a tool of {', '.join(f'{one:g}' for one in tool)} mm in X, Y and Z "
+        "from the point that positions name: another one has other levers."
+    )
 
 
 def _shape(named: tuple[str, str]) -> str:

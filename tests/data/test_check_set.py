@@ -20,7 +20,7 @@ def cross(number: int = 3, master: int = 1, **more: object) -> dict[str, object]
         "kw.crosscomp.last_index": 1,
         "kw.crosscomp.table[0].setpoint": 0,
         "kw.crosscomp.table[0].correction": 1,
-        "kw.crosscomp.table[1].setpoint": 10,
+        "kw.crosscomp.table[1].setpoint": 10_000,
         "kw.crosscomp.table[1].correction": 2,
         **more,
     }
@@ -30,7 +30,7 @@ def leadscrew(number: int = 3, bilateral: int = 1) -> dict[str, object]:
     return {
         "kopf.achs_nr": number,
         "kw.ssfk.unit": 1,
-        "kw.ssfk.interval": 10,
+        "kw.ssfk.interval": 10_000,
         "kw.ssfk.kw_nr_max": 1,
         "kw.ssfk.bilateral": bilateral,
         "kw.ssfk.set_pos_without_comp": 1,
@@ -90,7 +90,7 @@ def test_switch_that_is_off_is_named(value: int | None) -> None:
         (
             {
                 "kw.crosscomp2.unit": 1,
-                "kw.crosscomp2.interval": 10,
+                "kw.crosscomp2.interval": 10_000,
                 "kw.crosscomp2.master1_ax_nr": 1,
                 "kw.crosscomp2.master2_ax_nr": 2,
                 "kw.crosscomp2.table[0][0].correction": 1,
@@ -110,8 +110,8 @@ def test_switch_that_is_off_is_named(value: int | None) -> None:
         (
             {
                 "kw.crosstalk.master_dyn_ax_nr": 1,
-                "kw.crosstalk.acceleration": 1,
-                "kw.crosstalk.deceleration": -1,
+                "kw.crosstalk.acceleration": 1000,
+                "kw.crosstalk.deceleration": -1000,
                 "kw.crosstalk.position[0].correction_accelerate_dir_pos": 1,
                 "kw.crosstalk.position[0].correction_decelerate_dir_pos": 1,
             },

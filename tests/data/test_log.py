@@ -44,10 +44,16 @@ def test_a_column_is_known_by_its_name(
 
 
 @pytest.mark.parametrize(
-    "text", ["A3.position", "CROSSC::delta_offset", "CROSSC::f_is_active", "A3.power"]
+    "text", ["A3.position", "CROSSC::delta_offset", "CROSSC::activated", "A3.power"]
 )
 def test_what_is_no_offset_is_not_taken_for_one(text: str) -> None:
     assert log_name(text) is None
+
+
+def test_a_state_is_told_from_an_offset() -> None:
+    found = log_name("A2.CROSSC::f_is_active")
+    assert found is not None
+    assert (found.axis, found.compensation, found.is_state) == ("A2", "cross", True)
 
 
 def test_role_of_a_compensation_that_is_named_besides_is_known() -> None:

@@ -284,15 +284,31 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def verdicts_of(
-    folder: Path, names: list[str], path: Motion, sign: float = 1.0
+    folder: Path,
+    names: list[str],
+    path: Motion,
+    sign: float = 1.0,
+    off: slice = slice(0),
 ) -> tuple[int, dict[str, list[str]]]:
-    """Record what a controller shows of some lists, and verify the export as it is."""
+    """Record what a controller shows of some lists, and verify the export as it is.
+
+    Args:
+        folder: Where the lists lie.
+        names: Theirs.
+        path: Motion of the record.
+        sign: With which it adds its offsets.
+        off: Rows in which the cross table of A2 is switched off.
+    """
     assert main(["objects", *names, "--out", "look"]) == 0
     assert {file.name for file in (folder / "look").iterdir()} == {OBJECTS, SCOPE}
     configured = channels((folder / "look" / SCOPE).read_bytes())
     shown = recorded([ListFile.read(Path(name)) for name in names], path, sign)
     on = np.ones(path.rows)  # states; changes per cycle are of no interest here
     enabled = {n: on for n, one in configured.items() if one["Enabled"] == "true"}
+    for name in ("A2.CROSSC::f_is_active", "A2.CROSSC::actual_offset"):
+        column = (enabled | shown).get(name, on).copy()
+        column[off] = 0.0
+        (shown if name in shown else enabled)[name] = column
     assert {name for name in shown if "::" in name} <= set(enabled)
     export(folder / "log.csv", configured, enabled | shown)
     command = ["verify", *names, "--increment", str(INCREMENT), "--log", "log.csv"]
@@ -323,6 +339,39 @@ def test_export_of_one_list_is_judged_as_any_log(
 ) -> None:
     found = verdicts_of(folder, ["achskw2.lis"], path, sign)
     assert found == (status, {"A2 cross": [verdict]})
+
+
+@pytest.mark.parametrize(
+    ("sign", "status", "verdict"), [(1.0, 0, "agrees"), (-1.0, 1, "sign")]
+)
+def test_what_was_switched_off_in_a_record_is_judged_where_its_state_says_on(
+    folder: Path,
+    path: Motion,
+    capsys: pytest.CaptureFixture[str],
+    sign: float,
+    status: int,
+    verdict: str,
+) -> None:
+    off = slice(500, 1100)
+    found = verdicts_of(folder, ["achskw2.lis"], path, sign, off)
+    assert found == (status, {"A2 cross": [verdict]})
+    assert (
+        "A2.CROSSC::actual_offset: off in 40 % of the rows" in capsys.readouterr().err
+    )
+
+
+def test_a_record_without_states_names_the_rows_that_hold_nothing(
+    folder: Path, path: Motion, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place, rows = path.positions[1], path.rows
+    offset = 2e-2 * np.sin(place / 40) * (np.arange(rows) < rows // 2)
+    columns = np.column_stack([CYCLE * np.arange(rows), place, offset])
+    header = "time,A1.position,A2.cross"
+    np.savetxt("log.csv", columns, delimiter=",", header=header, comments="")
+    assert main(["verify", "achskw2.lis", "--log", "log.csv"]) == 1
+    assert "% of the rows hold exactly 0: where it was switched" in " ".join(
+        capsys.readouterr().out.split()
+    )
 
 
 def test_table_is_printed_where_no_folder_is_named(

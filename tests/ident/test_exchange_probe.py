@@ -261,6 +261,21 @@ def test_two_axes_of_one_name_are_refused() -> None:
         make_probe(axes, [Probed(1, "cross", (2,))], RULES)
 
 
+@pytest.mark.parametrize("word", ["Y AXIS", "1X", "PORTAL", "x", "Ä", "X=1", "Z" * 17])
+def test_a_word_that_no_nc_program_understands_is_refused(word: str) -> None:
+    axes = {1: ProbeAxis(1, "X_1", (0.0, 500.0)), 2: ProbeAxis(2, word, (0.0, 500.0))}
+    with pytest.raises(
+        ExchangeError, match="expected a word of NC programs, A, B, C, Q"
+    ):
+        make_probe(axes, [Probed(1, "cross", (2,))], RULES)
+
+
+def test_keywords_that_an_older_controller_does_not_know_are_named() -> None:
+    program = probe_programs(PROBE)["probe.nc"]
+    assert "; BACKLASH is known from build V3.1.3081.05 on: delete its" in program
+    assert program.index("M00") < program.index("G01")
+
+
 def test_each_channel_has_a_program_that_names_its_own_axes_only() -> None:
     axes = {
         1: ProbeAxis(1, "X", (0.0, 500.0)),
@@ -273,8 +288,9 @@ def test_each_channel_has_a_program_that_names_its_own_axes_only() -> None:
         machine = Machine({word}, {(word, each) for each in KEYWORDS}, set())
         machine.run(programs.pop(name))
         assert {each for _, each, _ in machine.switched} == {word}
-        # The master of Y belongs to the other channel: a person leads it, there and back.
-        assert machine.halts == (3 if word == "Y" else 0)
+        # It waits once before it moves. The master of Y belongs to the other channel: a person
+        # leads it, there and back.
+        assert machine.halts == 1 + (3 if word == "Y" else 0)
     assert not programs
 
 

@@ -52,11 +52,17 @@ def probe(
     One short log, or one reading of a dial gauge per axis, then settles sign, unit,
     order and owner of every table of this controller.
     """
-    from ...exchange import make_probe, probe_programs, probe_steps, probe_text
+    from ...exchange import (
+        AXIS_WORD,
+        make_probe,
+        probe_programs,
+        probe_steps,
+        probe_text,
+    )
     from ...job import OutFolder
 
     own = axis_ranges(travel, "--travel", "its travel as in A1=0:500", 1e5)
-    pattern, example = "(?P<word>[A-Za-z][A-Za-z0-9_]*)", "its word as in A1=X"
+    pattern, example = f"(?P<word>{AXIS_WORD})", "its word as in A1=X"
     words = by_axis(word, "--word", pattern, example)
     given = _inputs(files, own, {k: m["word"] for k, m in words.items()}, increment)
     found = make_probe(

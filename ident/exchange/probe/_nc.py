@@ -4,6 +4,11 @@ import dataclasses
 from collections.abc import Iterable
 from typing import final
 
+from ...kinds import kinds
+
+AXIS_WORD = "[ABCQU-Z][A-Za-z0-9_]{0,15}"
+"""Axis in an NC program, as a pattern (P-CHAN-00006 of the channel parameters)."""
+WORD_SHAPE = "A, B, C, Q or U to Z, then up to 15 letters and digits"
 _STEP = 10
 
 
@@ -42,8 +47,16 @@ class CompState:
 
 def declared(states: Iterable[CompState]) -> list[str]:
     """Return the lines that declare the variables of former states."""
-    lines = [f"{state.memory} = 0" for state in states]
-    return ["#VAR", *lines, "#ENDVAR"] if lines else []
+    memory, used = [], set()
+    for state in states:
+        memory.append(f"{state.memory} = 0")
+        used.add(state.keyword)
+    notes = [
+        f"; {each.keyword} is known from build {each.build} on: delete its blocks before."
+        for each in kinds()
+        if each.build and each.keyword in used
+    ]
+    return [*notes, "#VAR", *memory, "#ENDVAR"] if memory else []
 
 
 def numbered(lines: Iterable[str]) -> str:

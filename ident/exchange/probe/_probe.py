@@ -6,6 +6,7 @@ at one place.
 """
 
 import dataclasses
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -20,6 +21,7 @@ from .._machine_lists import Reading, machine_lists
 from .._nodes import GridNodes
 from .._units import LIST_UNITS, ExchangeError
 from ..controller._controller import model_of
+from ._nc import AXIS_WORD, WORD_SHAPE
 
 HEIGHT = 0.01
 """Height of a plateau: 10 µm, or 0.01° of a rotary axis."""
@@ -197,7 +199,8 @@ def make_probe(
 
     Raises:
         ExchangeError: If there is nothing to probe, an axis is not known, its travel is too
-            short, or two axes that are told apart have one name.
+            short, or two axes that are told apart have one name, or no NC program
+            understands it.
     """
     if not tables:
         raise ExchangeError(
@@ -227,6 +230,14 @@ def make_probe(
                 where="names of axes",
                 found=f"{', '.join(sorted(twice))} twice",
                 expected="a word of its own for each (nc_name in the job)",
+            )
+    used = {axes[k].name for one in tables for k in (one.axis, *one.masters)}
+    for word in sorted(used):
+        if not re.fullmatch(AXIS_WORD, word):
+            raise ExchangeError(
+                where="names of axes",
+                found=repr(word),
+                expected=f"a word of NC programs, {WORD_SHAPE} (nc_name in the job)",
             )
     lists, additions = {}, {}
     for number in sorted({one.axis for one in tables}):

@@ -9,6 +9,7 @@ from ._probe import Outcome, Probe, ProbeAxis, Probed, number_text, places_text
 
 _FEED = 1000
 """mm/min."""
+_BEGIN = "M00 ; Is all of that so, and the way free? Next: motion."
 
 
 @dataclasses.dataclass(frozen=True)
@@ -172,10 +173,12 @@ def _program(steps: Sequence[ProbeStep]) -> str:
     return numbered(
         [
             "; Probe: log positions and offsets while this runs. Check the way first.",
+            "; It goes to positions of the axes in mm or degrees: G71, no zero offset, no tool",
+            "; offset, no transformation. Probe lists loaded, all axes referenced, drives on.",
             *declared(states),
             *(
                 block if block.startswith(";") else f"N {block}"
-                for block in (*kept, *blocks, *after, "M30")
+                for block in (_BEGIN, *kept, *blocks, *after, "M30")
             ),
         ]
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 
 from ....data.measurements import ColumnSpec, Lines
+from ...exchange import AXIS_WORD
 from ...kinds import NAMES, kind
 from ...kinds._keys import FitSpec, JobPart
 
@@ -63,8 +64,9 @@ class Axis(JobPart, frozen=True):
     name: Annotated[str, Field(min_length=1), AfterValidator(_plain)] | None = None
     """Name of the axis in its list (`kopf.log_achs_name`), for people only; left out:
     the key. Example: `"Z_ACHSE"`."""
-    nc_name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")] | None = None
-    """Word of the axis in NC programs; left out: the key. Example: `"X1"`."""
+    nc_name: Annotated[str, Field(pattern=f"^{AXIS_WORD}$")] | None = None
+    """Word of the axis in NC programs, as the channel calls it: A, B, C, Q or U to Z, then up to
+    15 letters and digits; left out: the key. Example: `"X1"`."""
     channel: Annotated[int, Field(ge=1)] = 1
     """Channel of the controller whose NC programs move the axis. Example: `2`."""
     kind: Literal["linear", "rotary", "spindle"] = Field("linear", alias="type")

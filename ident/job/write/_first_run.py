@@ -11,11 +11,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..._templates import templates
-from ...exchange import CompState, declared, numbered
+from ...exchange import AXIS_WORD, CompState, declared, numbered
 from ..file._load import Job
 from ._lists import AxisFiles
-
-_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 def program_name(channel: int) -> str:
@@ -78,7 +76,9 @@ def _together(job: Job, axis: str) -> frozenset[str]:
 
 def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
     """Return those axes whose word no NC program understands."""
-    return tuple(axis for axis in axes if not _WORD.fullmatch(job.spec.nc_word(axis)))
+    return tuple(
+        axis for axis in axes if not re.fullmatch(AXIS_WORD, job.spec.nc_word(axis))
+    )
 
 
 def _program(channel: int, steps: Sequence[Mapping[str, Any]], title: str) -> str:

@@ -16,4 +16,5 @@ KIND = Kind(
     fitted_first=True,
     shows_init=False,
     noun="the backlash",
+    build="V3.1.3081.05",
 )

@@ -27,6 +27,7 @@ KIND = Kind(
     raw_tables=("position", "table"),
     unseen="it acts while another axis accelerates, and readings at standstill do not show"
     " it; compare a log of the controller (axcomp verify)",
+    build="V3.1.3079.32",
 )
 SAFE_TESTS = 14
 """Tests that satisfy both statements of the manuals: at most 15, fewer than 15 (S-39)."""

@@ -137,9 +137,11 @@ class CrosstalkDraft(AbstractDraft):
 
     @property
     def needs(self) -> str:
-        if not self.found.masters:
+        masters = self.found.masters
+        if not masters:
             return "Works from start-up on"
-        return f"Works once {' and '.join(self.found.masters)} are referenced"
+        verb = "is" if len(masters) == 1 else "are"
+        return f"Works once {' and '.join(masters)} {verb} referenced"
 
     @property
     def _masters(self) -> tuple[int, ...]:

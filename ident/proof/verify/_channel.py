@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+import functools
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
@@ -202,6 +203,16 @@ class AbstractChannel(abc.ABC):
         """The channel as lists and conventions have it."""
         return Change(self.conventions)
 
+    @functools.cached_property
+    def acting(self) -> Float[np.ndarray, " t"] | None:
+        """Share that acts per row, switched over cycles; None where the log does not say."""
+        state = self.motion.acting.get((self.axis, self.compensation))
+        if state is None:
+            return None
+        timed = self.motion.cycle is not None and self.listed > 1
+        share = state.astype(float)
+        return smoothed(share, self.listed) if timed else share
+
     def column(self, change: Change) -> Float[np.ndarray, " t"]:
         """Return what is added per row, in mm or °."""
         return self.over_cycles(self.parts(change, slice(None)), change)
@@ -229,6 +240,8 @@ class AbstractChannel(abc.ABC):
             if parts.change is not None:
                 share = self.share(change)[rows] if share is None else share
                 ahead = ahead + share * parts.change.reshape(ahead.shape)
+            if self.acting is not None:
+                ahead = ahead * self.acting[rows]
             found.append(ahead)
         return np.concatenate(found)
 
@@ -244,6 +257,8 @@ class AbstractChannel(abc.ABC):
             if timed:
                 share = smoothed(share, cycles, late)
             found = np.asarray(parts.ahead + share * parts.change)
+        if self.acting is not None:
+            found = found * self.acting
         return delayed(found, self.motion.clock)
 
 

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from ._channel import AbstractChannel
 from ._hypothesis import RULES, Hypothesis, other_rules
 from ._search import EQUAL, Found
+from ._target import RESOLUTION
 from ._words import Phrase, joined, phrases
 
 SETTLED = 2.0 * math.log(1000.0)
@@ -24,6 +25,8 @@ _NO_VALUE = "other"
 _EDGE_VALUES = {"held": "hold", "zero": "zero", "line": _NO_VALUE}
 """Value of the convention of an edge; a straight line onward is none."""
 
+_IDLE = 0.05
+"""Share of rows without any offset from which on it may have been switched off meanwhile."""
 _ROUGH = 0.25
 """Share of an offset that may be left unexplained before it is said not to agree."""
 
@@ -87,6 +90,12 @@ def judge_found(channel: AbstractChannel, found: Found) -> Verdict:
         text = f"not explained: {rest} of {whole} follow no rule that was tried"
         if faults:
             text += f" (nearest: {_said(faults)})"
+        idle = np.abs(found.residual + found.column[judged]) < RESOLUTION / 100.0
+        if idle.mean() > _IDLE and channel.acting is None:
+            text += (
+                f"; {100.0 * idle.mean():.0f} % of the rows hold exactly 0: where it was"
+                " switched meanwhile, log one state only"
+            )
         return silent(text)
     named_rules = [
         f"{name} = {value}"

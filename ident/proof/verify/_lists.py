@@ -105,8 +105,15 @@ def motion_of(
         for role in log.motion.values
         if role.endswith(".drive_position")
     }
+    acting = {
+        (number(one.axis), one.compensation): one.acts
+        for one in log.offsets
+        if one.axis is not None and one.acts is not None and one.acts.any()
+    }
     path = vars(Motion.of(log.motion, number))
-    return LogMotion(**path, cycle=log.cycle, ranges=ranges, drives=drives)
+    return LogMotion(
+        **path, cycle=log.cycle, ranges=ranges, drives=drives, acting=acting
+    )
 
 
 def reports_of(
@@ -121,6 +128,10 @@ def reports_of(
     for one in log.offsets:
         if one.compensation == "offset":
             continue
+        if one.acts is not None and not one.acts.all():
+            off = 100.0 * (1.0 - float(one.acts.mean()))
+            words = "its state says so, and nothing is expected there"
+            remarks.append(f"{one.column}: off in {off:.0f} % of the rows; {words}.")
         if one.axis is None:
             having = [
                 axis for axis, parts in channels.items() if one.compensation in parts

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ...exchange import ExchangeError, Motion, Ranges, direction_of_motion
 
@@ -26,12 +26,16 @@ class LogMotion(Motion):
         clock: Cycles by which what was reported was recorded later.
         ranges: Of the axes that turn, in °.
         drives: Position on the drive bus by axis, which contains the compensations.
+        acting: Whether a compensation is on, per row, by axis and name, where the log says so.
     """
 
     cycle: float | None = None
     clock: float = 0.0
     ranges: Ranges = dataclasses.field(default_factory=dict)
     drives: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+    acting: Mapping[tuple[int, str], Bool[np.ndarray, " t"]] = dataclasses.field(
         default_factory=dict
     )
     _kept: dict[tuple[int, int, bool], np.ndarray] = dataclasses.field(

@@ -178,7 +178,19 @@ FURTHER: list[Planted] = [
     ("a thermal zero 200 m away", "lr_param.temp_comp_position_0 2000000000",
      "warning P-AXIS-00272 None"),
     ("friction scaled to nothing", "frict_comp.scaling_factor 0", "warning P-COMP-00045 None"),
-    ("friction of 2e9 units", "frict_comp.table[0].out 2000000000", "warning P-COMP-00047 None"),
+    ("friction beyond 16 bits", "frict_comp.table[0].out 40000", "warning P-COMP-00047 None"),
+    ("points of a cross table 0.1 µm apart", "kw.crosscomp.table[1].setpoint 1",
+     "warning P-COMP-00006 None"),
+    ("points of a leadscrew in mm", "kw.ssfk.table[0].setpoint 0\nkw.ssfk.table[1].setpoint 100\n"
+     "kw.ssfk.table[2].setpoint 200", "warning P-COMP-00025 None"),
+    ("a distance of points in mm", EVEN.replace("1000000", "100"), "warning P-COMP-00018 None"),
+    ("accelerations in m/s²", "kw.crosstalk.acceleration 5", "warning P-COMP-00066 None"),
+    ("decelerations in m/s²", "kw.crosstalk.deceleration -5", "warning P-COMP-00067 None"),
+    ("memory for 10⁹ points", "kw.crosscomp.max_points 1000000000", "warning P-COMP-00060 None"),
+    ("a plane over its own axis", "kw.crosscomp2.master1_ax_nr 3", "warning P-COMP-00014 None"),
+    ("a list for axis 0", "achs_kw_log_ax_nr[0] 0", "error None 110229"),
+    ("one list for two axes", "zahl_kw 2\nachs_kw[1] achskw3.lis\nachs_kw_log_ax_nr[1] 4",
+     "error None 110229"),
 ]  # fmt: skip
 
 
@@ -190,6 +202,7 @@ def planted(changes: str) -> dict[str, str]:
         files = [file for file, text in lists.items() if f"\n{name} " in text]
         axis = name.startswith(("lr_param.", "getriebe"))
         file = files[0] if files else "achsmds3.lis" if axis else "achskw3.lis"
+        file = "hochlauf.lis" if name.startswith("achs_kw") else file
         line = "" if value == "-" else f"{change}\n"
         kept = re.sub(rf"^{re.escape(name)} .*\n", "", lists[file], flags=re.MULTILINE)
         lists[file] = kept + line

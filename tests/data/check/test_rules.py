@@ -178,7 +178,7 @@ RULES: list[tuple[str, str | Entries, Entries, list[Brief]]] = [
         "one interval for a rectangular grid and none for each",
         "plane",
         {
-            "kw.crosscomp2.interval": 10,
+            "kw.crosscomp2.interval": 1000,
             "kw.crosscomp2.interval1": None,
             "kw.crosscomp2.interval2": None,
         },
@@ -193,7 +193,7 @@ RULES: list[tuple[str, str | Entries, Entries, list[Brief]]] = [
     (
         "an unknown grid",
         "plane",
-        {"kw.crosscomp2.grid": "HEXAGONAL", "kw.crosscomp2.interval": 70},
+        {"kw.crosscomp2.grid": "HEXAGONAL", "kw.crosscomp2.interval": 7000},
         [("error", "P-COMP-00031", 70478)],
     ),
     (
@@ -250,7 +250,7 @@ RULES: list[tuple[str, str | Entries, Entries, list[Brief]]] = [
         {
             "kopf.achs_nr": 3,
             "kw.ssfk.unit": 1,
-            "kw.ssfk.interval": 10,
+            "kw.ssfk.interval": 1000,
             "kw.ssfk.kw_nr_max": 4,
         },
         {},

@@ -28,7 +28,7 @@ def cross(count: int, **sizes: int) -> dict[str, object]:
         "kw.crosscomp.master_ax_nr": 1,
         "kw.crosscomp.last_index": count - 1,
         **{f"kw.crosscomp.{name}": value for name, value in sizes.items()},
-        **{f"kw.crosscomp.table[{i}].setpoint": i for i in range(count)},
+        **{f"kw.crosscomp.table[{i}].setpoint": 1000 * i for i in range(count)},
         **{f"kw.crosscomp.table[{i}].correction": 0 for i in range(count)},
     }
 
@@ -60,7 +60,7 @@ def plane(width: int, height: int, **sizes: int) -> dict[str, object]:
     return {
         "kopf.achs_nr": 3,
         "kw.crosscomp2.unit": 1,
-        "kw.crosscomp2.interval": 10,
+        "kw.crosscomp2.interval": 1000,
         "kw.crosscomp2.last_index_master1": width - 1,
         "kw.crosscomp2.last_index_master2": height - 1,
         "kw.crosscomp2.master1_ax_nr": 1,
@@ -113,7 +113,7 @@ def test_leadscrew_size_against_max_points(
     entries: dict[str, object] = {
         "kopf.achs_nr": 3,
         "kw.ssfk.unit": 1,
-        "kw.ssfk.interval": 100,
+        "kw.ssfk.interval": 1000,
         "kw.ssfk.kw_nr_max": size,
         "kw.ssfk.max_points": points,
         **{f"kw.ssfk.table[{i}].pos": 1 for i in range(size)},

@@ -7,6 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.sparse as sp
 
 from axcomp.ident.core import (
@@ -310,6 +311,24 @@ def test_a_factor_solves_and_inverts_what_dense_algebra_does(
         found = factor.selected([0, width - 1])[: band - width + 1, 1]
         expected = np.diagonal(inverse[:band, :band], 1 - width)
         np.testing.assert_allclose(found, expected, atol=1e-14)
+
+
+def test_parts_that_nothing_couples_are_factorised_as_one_matrix_would_be() -> None:
+    rng = np.random.default_rng(11)
+    sizes = 250, 1, 300  # together beyond what is looked at as a whole
+    mixed = [rng.normal(size=(size, size)) for size in sizes]
+    parts = [each @ each.T + 2 * len(each) * np.eye(len(each)) for each in mixed]
+    matrix = np.asarray(scipy.linalg.block_diag(*parts))
+    right = rng.normal(size=sum(sizes))
+    factor = ArrowFactor.of(np.zeros((0, 1)), np.zeros((sum(sizes), 0)), matrix)
+    assert factor is not None
+    inverse = np.linalg.inv(matrix)
+    # Condition below 10.
+    np.testing.assert_allclose(factor.border_inverse, inverse, atol=1e-15)
+    np.testing.assert_allclose(factor.solve(right), inverse @ right, atol=1e-13)
+    assert factor.logdet == pytest.approx(
+        float(np.linalg.slogdet(matrix)[1]), rel=1e-13
+    )
 
 
 def test_a_matrix_that_is_not_definite_gives_no_factor() -> None:

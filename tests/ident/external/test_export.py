@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import axcomp
 from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
 from axcomp.ident.exchange import (
@@ -17,6 +18,7 @@ from axcomp.ident.exchange import (
     StoredConventions,
 )
 from axcomp.ident.external import (
+    Placed,
     UntraceableError,
     export_external,
     extremes,
@@ -89,6 +91,36 @@ def test_a_model_that_is_too_rough_for_the_feed_is_named(folder: Path) -> None:
     (remark,) = found.remarks
     assert "A2: at 30000 mm/min the offsets need" in remark
     assert remark in (folder / "out" / "README.md").read_text()
+
+
+def test_what_the_points_of_a_fit_do_not_tell_stands_in_the_export(
+    folder: Path,
+) -> None:
+    machine = axcomp.Geometry((0.0, 0.0, 0.0), (100.0, 100.0, 100.0), (3, 3, 3))
+    rng, tool = np.random.default_rng(0), np.array([0.0, 0.0, -80.0])
+    position = rng.uniform(0.0, 200.0, (100, 3)) * [1, 1, 0]
+    error = np.column_stack([1e-4 * position[:, 0], np.zeros((100, 2))])
+    error += 1e-4 * rng.normal(size=error.shape)
+    fit = axcomp.fit_volumetric(machine, axcomp.Points(position, error, tool=tool))
+    placed = Placed.fitted(fit, (0, 1, 2))
+    # The tool that was measured with is a lever of the offsets.
+    np.testing.assert_allclose(
+        placed(jnp.asarray(position)),
+        -fit.predict(position, tool, frame=False).error,
+        atol=1e-12,
+    )
+    found = export_external(
+        placed,
+        folder / "out",
+        axes=(1, 2, 3),
+        workspace=dict.fromkeys((1, 2, 3), (0.0, 200.0)),
+    )
+    readme = (folder / "out" / "README.md").read_text("utf-8")
+    assert all(remark in readme for remark in found.remarks)
+    tools, hidden, *sums = found.remarks
+    assert "a tool of 0, 0, -80 mm" in tools
+    assert "do not tell the offsets in 100 % of the volume" in hidden
+    assert any("only sums of EXX" in each for each in sums)
 
 
 def test_any_title_leaves_the_files_whole(folder: Path) -> None:

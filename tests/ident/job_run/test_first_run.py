@@ -73,14 +73,17 @@ def test_axis_words_and_channels_come_from_the_job_and_never_from_a_list(
     assert not (tmp_path / "out" / "first_run_1.nc").exists()
 
 
-def test_an_axis_without_a_word_is_named_and_has_no_program(tmp_path: Path) -> None:
+@pytest.mark.parametrize("key", ["X-1", "PORTAL"])
+def test_an_axis_without_a_word_is_named_and_has_no_program(
+    tmp_path: Path, key: str
+) -> None:
     laser(tmp_path / "laser.csv")
     path = screw_job(tmp_path)
-    text = path.read_text().replace("[axes.X]", "[axes.X-1]").replace('"X"', '"X-1"')
-    path.write_text(text)
+    text = path.read_text().replace("[axes.X]", f"[axes.{key}]")
+    path.write_text(text.replace('"X"', f'"{key}"'))
     result = run_job(path, tmp_path / "out")
     assert not list((tmp_path / "out").glob("*.nc"))
-    step = next(s for s in result.load_sheet if s.action == "Give X-1 a word")
+    step = next(s for s in result.load_sheet if s.action == f"Give {key} a word")
     assert "set nc_name" in step.detail
 
 

@@ -282,7 +282,7 @@ def test_one_plane_leaves_what_z_does_and_angles_that_act_like_functions() -> No
         ("EBX", ("slope", "curve")),
     )
     assert ("EYY", "EAY") in groups
-    assert groups[("EZZ", "frame")].shapes[0] == ("EZZ", ("slope",))
+    assert groups[("EZZ", "frame")].shapes[0] == ("EZZ", ("slope", "curve"))
     sentence = undetermined_sentence(groups[("EXX", "EBX")])
     assert "show only sums of EXX (slope, curve) and EBX (slope, curve)" in sentence
     # What the plane does tell stays good: the field on it, and the yaw of X.
@@ -293,6 +293,17 @@ def test_one_plane_leaves_what_z_does_and_angles_that_act_like_functions() -> No
     assert np.isfinite(fit.standard_deviation["ECX"]).all()
     above = inside + np.array([0.0, 0.0, 150.0])
     assert np.isinf(fit.predict(above).standard_deviation).mean() > 0.9
+
+
+def test_two_planes_leave_what_bends_along_z() -> None:
+    position = plane()
+    position[::2, 2] += 200.0
+    fit = axcomp.fit_volumetric(MACHINE, axcomp.Points(position, measured(position)))
+    found = named(fit)
+    assert all("curve" in found[name] for name in ("EXZ", "EYZ", "EZZ"))
+    assert np.isfinite(fit.predict(position).standard_deviation).mean() > 0.9
+    between = position * [1, 1, 0] + [0, 0, 220]
+    assert np.isinf(fit.predict(between).standard_deviation).mean() > 0.9
 
 
 def test_a_plane_of_points_leaves_a_grid_without_its_third_axis() -> None:
