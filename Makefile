@@ -16,6 +16,9 @@ demo: $(INSTALLED)
 # `make test-all`.
 test: export XLA_FLAGS += --xla_cpu_use_fusion_emitters=false
 test: export JAX_DISABLE_MOST_OPTIMIZATIONS := 1
+# A machine may ask Python to keep no bytecode: then both workers and each command that a
+# test starts would compile all sources again, 4 s of CPU a time.
+test test-all: export PYTHONDONTWRITEBYTECODE :=
 test: $(INSTALLED)
 	$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not heavy"
 
