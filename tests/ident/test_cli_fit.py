@@ -177,7 +177,7 @@ DATA = Path(__file__).parents[2] / "../shared/data/iso230"
 
 
 @pytest.fixture
-def ess_b02(tmp_path: Path) -> Path:
+def ess_b02(tmp_path: Path, no_drawing: None) -> Path:
     source = DATA / "ess_b02_X_9pos5cyc_ISO230.dat"
     if not source.is_file():
         pytest.skip("needs ../shared/data/iso230/ess_b02_X_9pos5cyc_ISO230.dat")
