@@ -16,6 +16,13 @@ demo: $(INSTALLED)
 # `make test-all`.
 test: export XLA_FLAGS += --xla_cpu_use_fusion_emitters=false
 test: export JAX_DISABLE_MOST_OPTIMIZATIONS := 1
+# A machine may ask Python to keep no bytecode: then both workers and each command that a
+# test starts would compile all sources again, 4 s of CPU a time.
+test test-all: export PYTHONDONTWRITEBYTECODE :=
+# What JAX compiles is kept from run to run, beside the source and not in the user's cache.
+test test-all: export JAX_COMPILATION_CACHE_DIR := $(CURDIR)/build/jax
+test test-all: export JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS := 0
+test test-all: export JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES := -1
 test: $(INSTALLED)
 	$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not heavy"
 
@@ -61,4 +68,4 @@ $(INSTALLED): pyproject.toml constraints.txt
 	touch $(INSTALLED)
 
 clean:
-	rm -rf $(VENV) $(WHEEL_VENV) axcomp-demo axcomp-out dist
+	rm -rf $(VENV) $(WHEEL_VENV) axcomp-demo axcomp-out build dist

@@ -160,6 +160,7 @@ def test_the_job_of_the_page_on_groups_makes_its_lists(files: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_drawing")
 def test_the_page_on_files_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

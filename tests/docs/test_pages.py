@@ -68,6 +68,7 @@ def test_every_job_of_a_page_follows_the_schema(page: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_drawing")
 @pytest.mark.parametrize("page", COMPENSATIONS, ids=lambda page: page.stem)
 def test_the_job_of_a_compensation_makes_a_list(page: Path, files: Path) -> None:
     (job,) = (text for language, text in blocks(page) if language == "toml")

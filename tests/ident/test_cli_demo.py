@@ -119,6 +119,7 @@ def test_report_calls_the_lists_verified_and_stands_alone(demo: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_drawing")
 def test_rerun_of_the_job_keeps_the_lists_and_what_was_verified(
     demo: Path,
 ) -> None:
@@ -137,6 +138,7 @@ def test_rerun_of_the_job_keeps_the_lists_and_what_was_verified(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_drawing")
 def test_machine_whose_sign_is_flipped_is_named(
     demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

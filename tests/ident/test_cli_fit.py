@@ -48,12 +48,6 @@ def job(tmp_path: Path) -> Path:
     return tmp_path / "job.toml"
 
 
-@pytest.fixture(autouse=True)
-def no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
-    # The cache is a setting of the whole process: not while other tests run in it.
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
-
-
 def test_fit_writes_lists_report_and_result(
     job: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -151,7 +145,7 @@ def test_cache_is_kept_in_the_users_cache_folder_and_can_be_off(
     monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
     arguments = ["fit", str(job), "--out", str(job.parent / "out")]
     assert main(arguments) == 0
-    assert not (cache / "axcomp").exists()  # the fixture says AXCOMP_CACHE=off
+    assert not (cache / "axcomp").exists()  # the tests run with AXCOMP_CACHE=off
     base = dict(os.environ)
     base.pop("AXCOMP_CACHE")
     command = [sys.executable, "-m", "axcomp", *arguments]
@@ -177,7 +171,7 @@ DATA = Path(__file__).parents[2] / "../shared/data/iso230"
 
 
 @pytest.fixture
-def ess_b02(tmp_path: Path) -> Path:
+def ess_b02(tmp_path: Path, no_drawing: None) -> Path:
     source = DATA / "ess_b02_X_9pos5cyc_ISO230.dat"
     if not source.is_file():
         pytest.skip("needs ../shared/data/iso230/ess_b02_X_9pos5cyc_ISO230.dat")

@@ -25,7 +25,6 @@ MOTION = (
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "achskw3.lis").write_text(PLANE)
     (tmp_path / "m.csv").write_text(MOTION)

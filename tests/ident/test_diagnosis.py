@@ -276,7 +276,6 @@ def test_configuration_has_the_nodes_and_fields_of_scope_projects(
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
     monkeypatch.chdir(tmp_path)
     for name, text in LISTS.items():
         (tmp_path / name).write_text(text)

@@ -90,7 +90,7 @@ def test_99_of_100_draws_are_right_at_noise_of_a_third_of_the_error(fault: str) 
     assert Counter(draws)[word] >= 99
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_another_axis_is_named_in_99_of_100_draws() -> None:
     rng = np.random.default_rng(18)
     found = [draw(EFFECTS["wrong axis"], SIZE / 3, rng, other=True) for _ in range(100)]
@@ -209,7 +209,6 @@ def test_an_axis_that_was_not_measured_is_refused() -> None:
 @pytest.fixture
 def shop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the current folder, with the list of X in it."""
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "achskw1.lis").write_bytes(LIST.dumps())
     return tmp_path

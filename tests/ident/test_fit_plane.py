@@ -127,7 +127,8 @@ def test_rough_plane_comes_back_as_well_as_with_the_best_fixed_smoothness() -> N
     [
         SMOOTH[0],
         pytest.param(SMOOTH[1], marks=pytest.mark.heavy),
-        *(pytest.param(name, marks=pytest.mark.slow) for name in SMOOTH[2:]),
+        pytest.param(SMOOTH[2], marks=pytest.mark.heavy),
+        pytest.param(SMOOTH[3], marks=pytest.mark.slow),
     ],
 )
 def test_smooth_plane_comes_back_better_than_with_the_best_fixed_smoothness(
@@ -159,7 +160,11 @@ def test_wild_points_move_no_node(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", ["rough", pytest.param("waves", marks=pytest.mark.heavy), "sag"]
+    "name",
+    [
+        "rough",
+        *(pytest.param(name, marks=pytest.mark.heavy) for name in ("waves", "sag")),
+    ],
 )
 def test_unmeasured_quarter_is_marked_and_covered(name: str) -> None:
     covered, ratios = [], []

@@ -310,6 +310,7 @@ def test_readings_that_contradict_any_table_are_all_kept_as_in_memory(
     assert [one.tables[0].fit.loss for one in results] == ["huber", "huber"]
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_the_report_says_that_its_plots_show_a_sample(tmp_path: Path) -> None:
     log(tmp_path / "log.parquet", MANY)
     path = job(tmp_path, CROSS, "true", 'smoothness = 1.0\nloss = "student"')

@@ -23,7 +23,7 @@ from axcomp.ident.job import (
     Verdict,
 )
 from axcomp.ident.proof import Diagnosis
-from axcomp.ident.report import _style, write_report
+from axcomp.ident.report import write_report
 
 Make = Callable[..., TableResult]
 MakeJob = Callable[..., JobResult]
@@ -62,16 +62,18 @@ def again(fit: TableResult, size: float, verdict: str = "right") -> TableResult:
     )
 
 
-@pytest.fixture
-def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave the drawings out where only the words count: they take most of the time."""
-    monkeypatch.setattr(_style, "to_svg", lambda figure, name: "<svg ></svg>")
+@pytest.fixture(scope="module")
+def drawn(
+    leadscrew: Make, cross: Make, plane: Make, job: MakeJob,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[Path, ...]:  # fmt: skip
+    """Page and plots of a job of three tables."""
+    result = job(leadscrew(old=True), cross(), plane())
+    return write_report(result, tmp_path_factory.mktemp("drawn"))
 
 
-def test_page_needs_no_other_file_and_no_network(
-    leadscrew: Make, plane: Make, job: MakeJob, tmp_path: Path
-) -> None:
-    page = page_of(job(leadscrew(), plane()), tmp_path)
+def test_page_needs_no_other_file_and_no_network(drawn: tuple[Path, ...]) -> None:
+    page = drawn[0].read_text("utf-8")
     assert "http:" not in page
     assert "https:" not in page
     assert "<script src" not in page
@@ -84,19 +86,19 @@ def test_page_needs_no_other_file_and_no_network(
 
 
 def test_every_plot_is_in_the_page_and_a_readable_file(
-    leadscrew: Make, cross: Make, plane: Make, job: MakeJob, tmp_path: Path
+    drawn: tuple[Path, ...],
 ) -> None:
-    page, *plots = write_report(job(leadscrew(old=True), cross(), plane()), tmp_path)
+    page, *plots = drawn
     assert page.read_text("utf-8").count("<svg ") == len(plots) > 12
     for plot in plots:
-        assert plot.parent == tmp_path / "plots"
+        assert plot.parent == page.parent / "plots"
         assert ET.parse(plot).getroot().tag.endswith("svg")
 
 
 def test_ids_of_the_drawings_do_not_collide_on_the_page(
-    leadscrew: Make, cross: Make, job: MakeJob, tmp_path: Path
+    drawn: tuple[Path, ...],
 ) -> None:
-    page = page_of(job(leadscrew(), cross()), tmp_path)
+    page = drawn[0].read_text("utf-8")
     svgs = re.findall(r"<svg .*?</svg>", page, flags=re.DOTALL)
     # Names of groups such as figure_1 may repeat; what is *referred to* must not.
     used = [set(re.findall(r'(?:href="|url\()#([^")]+)', svg)) for svg in svgs]
@@ -262,6 +264,7 @@ def test_wild_readings_are_counted_and_named_by_row(
     assert f"{shown} X = {fit.samples.positions[worst, 0]:.3f}".rstrip("0") in text
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_no_half_written_page_is_left_behind(
     cross: Make, job: MakeJob, tmp_path: Path
 ) -> None:

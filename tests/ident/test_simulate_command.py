@@ -27,7 +27,6 @@ TABLE = "temperature,offset_0,coefficient\n20,0,0\n30,0.004,10\n"
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
     monkeypatch.chdir(tmp_path)
     for name, text in (
         ("achskw1.lis", LIST), ("achsmds1.lis", AXIS), ("m.csv", MOTION),

@@ -193,7 +193,6 @@ def test_acceleration_from_the_first_row_on_is_held_back_to_it() -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "achskw3.lis").write_text(cross(1000))
     (tmp_path / "new.lis").write_text(cross(3000))

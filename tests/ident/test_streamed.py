@@ -85,7 +85,9 @@ UNEVEN = TableLayout(
 FEW = TableLayout((np.linspace(0.0, 100.0, 5), np.linspace(0.0, 60.0, 4)))
 
 
-@pytest.mark.parametrize("loss", ["gauss", "student"])
+@pytest.mark.parametrize(
+    "loss", [pytest.param("gauss", marks=pytest.mark.heavy), "student"]
+)
 @pytest.mark.parametrize("straight", [False, True], ids=["bent", "straight"])
 @pytest.mark.parametrize("layout", [UNEVEN, FEW], ids=["uneven", "few"])
 def test_small_grids_end_at_the_same_smoothness(

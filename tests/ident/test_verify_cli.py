@@ -36,7 +36,6 @@ def write_log(file: Path, values: np.ndarray, name: str = "A3.cross") -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "achskw3.lis").write_text(CROSS)
     return tmp_path

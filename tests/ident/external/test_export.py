@@ -44,7 +44,6 @@ BOX = {1: (0.0, 100.0), 2: (0.0, 100.0)}
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "achskw1.lis").write_text(SCREW + CROSS)
     return tmp_path

@@ -24,7 +24,6 @@ Verify = Callable[[str], dict[str, object]]
 def verify(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Verify:
-    monkeypatch.setenv("AXCOMP_CACHE", "off")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "achskw1.lis").write_text(CROSS)
     (tmp_path / "achsmds2.lis").write_text("kopf.achs_nr 2\nlr_param.ssfk 0\n")

@@ -341,6 +341,7 @@ def test_a_list_that_misses_the_prediction_is_stopped(
     assert check_.value > 4 * check_.limit / 1.3
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_figures_and_headline_are_those_of_the_written_level(tmp_path: Path) -> None:
     record(tmp_path)
     result = run(tmp_path, keys=f"{PLAIN}\nlevel = 0.5")

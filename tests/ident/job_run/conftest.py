@@ -2,10 +2,7 @@
 
 import pytest
 
-from axcomp.ident.report import _style
-
 
 @pytest.fixture(autouse=True)
-def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave the drawings out where only the words count: they take most of the time."""
-    monkeypatch.setattr(_style, "to_svg", lambda figure, name: "<svg ></svg>")
+def words_only(no_drawing: None) -> None:
+    """No test of this folder looks at a drawing."""

@@ -1,6 +1,7 @@
 """The lists as loaded, measured again: verified, or named for what they do instead."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -50,13 +51,20 @@ def after_job(folder: Path, added: float, head: str = "") -> Path:
     return folder / "after.toml"
 
 
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a job that has run once."""
+    folder = tmp_path_factory.mktemp("first")
+    laser(folder / "laser.csv", None)
+    run_job(screw_job(folder), folder / "out")
+    return folder
+
+
 @pytest.fixture
-def job(tmp_path: Path) -> Path:
+def job(first: Path, tmp_path: Path) -> Path:
     """A job that has run once: its list lies in ``out``."""
-    laser(tmp_path / "laser.csv", None)
-    path = screw_job(tmp_path)
-    run_job(path, tmp_path / "out")
-    return path
+    shutil.copytree(first, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "job.toml"
 
 
 def fit(job: Path, *options: str) -> int:

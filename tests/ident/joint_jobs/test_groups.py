@@ -155,6 +155,7 @@ def test_group_of_one_is_that_fit_alone(folder: Path, tmp_path: Path) -> None:
     assert one.group is None
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_what_readings_cannot_tell_is_named_and_the_rest_written(
     tmp_path: Path,
 ) -> None:

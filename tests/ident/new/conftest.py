@@ -9,6 +9,7 @@ import pytest
 
 from axcomp.ident.cli import main
 
+from ...conftest import leave_drawings_out
 from .instruments import (
     write_laser,
     write_motion,
@@ -79,7 +80,9 @@ def fitted(written: Callable[[str], Path]) -> Answered:
             job.write_bytes(asked.read_bytes())
             answer(job, _ANSWERS[name])
             out = job.parent / "out"
-            assert main(["fit", str(job), "--out", str(out)]) == 0
+            with pytest.MonkeyPatch.context() as patch:
+                leave_drawings_out(patch)
+                assert main(["fit", str(job), "--out", str(out)]) == 0
             results[name] = json.loads((out / "result.json").read_text())["fits"][0]
         return results[name]
 
