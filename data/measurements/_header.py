@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from ._roles import find_role
-from ._units import FOREIGN, find_unit
+from ._units import find_unit, is_foreign
 from ._words import (
     AXIS,
     CLOCKS,
@@ -75,15 +75,17 @@ def parse_name(header: str) -> Name:
         if pattern is not _BRACKETED and find_unit(name) is not None:
             continue  # "mm/s" is a unit, and no name
         unit = find_unit(stated)
-        if unit is not None and not (pattern is _BEHIND and unit.name == "raw"):
+        if unit is not None and (pattern is _BRACKETED or _is_unit_of(name, stated)):
             return Name(name, unit.name, False, name, text)
-        if stated.casefold() in FOREIGN:
+        if is_foreign(stated):
             return Name(name, stated, False, name, text)
     match = _ENDING.fullmatch(text)
     unit = find_unit(match["unit"]) if match else None
     if match is None or unit is None:
         return Name(text, None, False, text, text)
     if len(match["unit"]) > 1:
+        if unit.name in ("in", "min"):
+            return Name(text, None, False, text, text)  # an input, the least of a range
         return Name(text, unit.name, False, match["name"], text)
     if match["unit"] == "C" and is_warm(match["name"]):
         return Name(text, unit.name, False, match["name"], text)
@@ -91,6 +93,13 @@ def parse_name(header: str) -> Name:
     # counts, and the unit is used only where it fits the role.
     exact = unit.name if unit.name == match["unit"] else None
     return Name(text, exact, exact is not None, match["name"] if exact else text, text)
+
+
+def _is_unit_of(name: str, stated: str) -> bool:
+    """Whether a word behind a name is its unit: "Zeit min" is a time, "Temp min" is not."""
+    if stated.casefold() in ("min", "h"):
+        return kind_said(name) == "time"
+    return stated.casefold() not in ("raw", "in")
 
 
 def is_format(cell: str) -> bool:
@@ -104,14 +113,15 @@ def unit_in(cell: str) -> str | None:
     unit = find_unit(text)
     if unit is not None:
         return unit.name
-    return text if text.casefold() in FOREIGN else None
+    return text if is_foreign(text) else None
 
 
 def unit_of_title(title: str) -> str | None:
-    """Return the unit that a title names: ``deviation in µm``, ``dz [µm]``."""
-    found = [parse_name(title.strip(' ";,\t')).unit]
-    found += [unit_in((a or b).rstrip(",;.:")) for a, b in _IN.findall(title)]
-    return next(filter(None, found), None)
+    """Return the one unit that a title names: ``deviation in µm``, ``dz [µm]``."""
+    found = {parse_name(title.strip(' ";,\t')).unit}
+    found |= {unit_in((a or b).rstrip(",;.:")) for a, b in _IN.findall(title)}
+    found -= {None}
+    return found.pop() if len(found) == 1 else None
 
 
 def _plain(text: str) -> str:

@@ -51,6 +51,8 @@ _SHORT = 4
 _WORD = re.compile(r"[^\W\d_]")
 _TELLING = 1000
 """Rows that tell whether numbers count the rows."""
+_SURE = 0.6
+"""Share of the steps by which one of two directions goes up more often than down."""
 _FOLLOWS = 0.1
 """Share of the travel by which actual positions miss their targets at most."""
 
@@ -117,9 +119,8 @@ def _as_they_are(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
         words = dict.fromkeys(column.text or ())
         sides = set(map(direction_of, words))
         if _kind(column) == "direction" and sides == {None}:
-            found[at] = dataclasses.replace(column, role=None)
-            listed = ", ".join(words)[:40]
-            remarks.append(f"'{column.name}' holds {listed}: no known directions.")
+            found[at], said = _by_order(column, columns)
+            remarks.append(f"'{column.name}' holds {', '.join(words)[:40]}: {said}.")
         if column.role is None and sides and sides <= {1, -1} and values.size > _SHORT:
             place = next((c.role for c in columns if _kind(c) == "position"), None)
             if place is not None and "direction" not in kinds:
@@ -131,9 +132,39 @@ def _as_they_are(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
     return found, remarks
 
 
+def _by_order(column: Column, columns: Sequence[Column]) -> tuple[Column, str]:
+    """Return a column of words for two directions, such as CW and CCW, and what was seen.
+
+    Which of them is the positive one nobody knows; the order of the targets may tell. It has
+    no role where that does not.
+    """
+    cells = np.array([cell.strip() for cell in column.text or ()])
+    place = next((c.values for c in columns if _kind(c) == "position"), None)
+    words = list(dict.fromkeys(cells.tolist()))
+    signs = {}
+    if place is not None and len(words) == 2:
+        step, same = np.diff(place), cells[1:] == cells[:-1]
+        for word in words:
+            own = np.sign(step[same & (cells[1:] == word)])
+            signs[word] = float(own.mean()) if own.size else 0.0
+    low, high = sorted(words, key=lambda word: signs.get(word, 0.0))[:: len(words) - 1 or 1]
+    if not signs or signs[low] > -_SURE or signs[high] < _SURE:
+        key = f'{{ column = "{column.header}", positive = "{words[0]}" }}'
+        said = f'no known directions; "<axis>.direction" = {key} says which is +'
+        return dataclasses.replace(column, role=None), said
+    text = tuple("+" if cell == high else "-" for cell in cells)
+    said = f"'{high}' is the positive one, as the order of the targets shows"
+    return dataclasses.replace(column, text=text), said
+
+
 def _with_time(roles: Sequence[str | None], names: Sequence[Name]) -> list[str | None]:
     """Return roles with that of the time, where one name and its unit say it."""
-    times = [bare_role(name) == "time" and name.unit in ("s", "ms") for name in names]
+    times = [
+        bare_role(name) == "time"
+        and (unit := find_unit(name.unit or "")) is not None
+        and unit.dimension == "time"
+        for name in names
+    ]
     if "time" in roles or sum(times) != 1:
         return list(roles)
     return ["time" if time else role for role, time in zip(roles, times, strict=True)]
@@ -419,27 +450,26 @@ def _kind(column: Column) -> str:
 
 
 def _in_unit(table: Table, line: int, text: str) -> Table:
-    """Return the table with a unit for readings that state none."""
+    """Return the table with a unit for readings that state none.
+
+    Positions are in inches where readings are; to a unit that nobody knows no default is
+    taken either.
+    """
     unit = find_unit(text)
-    bare = [
-        column
-        for column in table.columns
-        if _kind(column) in ("error", "actual") and column.unit is None
-    ]
-    if unit is None and bare:
-        return _noted(
-            table, table.columns, f"Line {line} says '{text}': no known unit."
-        )
-    if unit is None or not bare:
+    name = unit.name if unit else text
+    units = {"error": name, "actual": name}
+    if name in ("in", "thou", "uin"):
+        units["position"] = "in"
+    columns, names = [], []
+    for column in table.columns:
+        stated = units.get(_kind(column)) if column.unit is None else None
+        columns.append(dataclasses.replace(column, unit=stated or column.unit))
+        names += [f"'{column.name}' in {stated}"] if stated else []
+    if not names:
         return table
-    marked = set(map(id, bare))  # arrays in columns do not compare
-    columns = [
-        dataclasses.replace(column, unit=unit.name) if id(column) in marked else column
-        for column in table.columns
-    ]
-    names = ", ".join(f"'{column.name}'" for column in bare[:4])
-    names += f" and {len(bare) - 4} more" if len(bare) > 4 else ""
-    return _noted(table, columns, f"{names}: in {unit.name}, as line {line} says.")
+    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
+    said = f"{', '.join(names[:4])}{more}, as line {line} says."
+    return _noted(table, columns, said)
 
 
 def _in_direction(table: Table, line: int, text: str) -> Table:

@@ -198,7 +198,7 @@ def measurement(
             reason += f" (line {line}, right above the rows, does not name so many)"
         raise MeasurementError(source, reason)
     differs = axis is not None and table.axis is not None and axis != table.axis
-    table, mapping = unfolded(table, mapping)
+    table, mapping = unfolded(*_counted(table, mapping))
     table, mapping = on_one_clock(table, mapping)
     good: dict[str, np.ndarray] = {}
     bad: dict[str, MeasurementError] = {}
@@ -216,9 +216,11 @@ def measurement(
         column = table.column(spec.column)
         if not role.dimensions:
             units[text] = ""
-            convert = as_run if role.kind == "run" else as_direction
             try:
-                good[text] = convert(table, column)
+                if role.kind == "run":
+                    good[text] = as_run(table, column)
+                else:
+                    good[text] = spec.sign * as_direction(table, column, spec.positive)
             except MeasurementError as error:
                 bad[text] = error
             continue
@@ -254,11 +256,11 @@ def measurement(
                 f"Column '{column.name}' is taken in {unit.name} from its name."
             )
         try:
-            values = unit.to_library(table.numbers(column), scale)
+            values = spec.sign * unit.to_library(table.numbers(column), scale)
         except MeasurementError as error:
             bad[text] = error
             if column.bad is not None:
-                gaps[text] = unit.to_library(column.values, scale)
+                gaps[text] = spec.sign * unit.to_library(column.values, scale)
         else:
             good[text] = values
     return Measurement(
@@ -273,6 +275,29 @@ def measurement(
         form=table.form,
         skipped=table.skipped,
     )
+
+
+def _counted(
+    table: Table, mapping: Mapping[str, ColumnSpec]
+) -> tuple[Table, dict[str, ColumnSpec]]:
+    """Return the table with a column for each role that is counted row by row."""
+    found = dict(mapping)
+    for text, spec in mapping.items():
+        if spec.value is None or not spec.interval:
+            continue
+        values = spec.value + spec.interval * np.arange(table.rows)
+        name = f"{text} by rows"
+        remark = (
+            f"{text} is counted: {values[0]:g} in line {table.lines[0]} to"
+            f" {values[-1]:g} in line {table.lines[-1]}."
+        )
+        table = dataclasses.replace(
+            table,
+            columns=(*table.columns, Column(name, None, None, values, header=name)),
+            remarks=(*table.remarks, remark),
+        )
+        found[text] = ColumnSpec(name, spec.unit, sign=spec.sign)
+    return table, found
 
 
 def _constant(

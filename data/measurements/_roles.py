@@ -62,7 +62,11 @@ class ColumnSpec:
     Attributes:
         column: Name of the column; empty where there is none or there are several.
         unit: Its unit, where the file does not state it.
-        value: One value for all rows, in the library's unit, in place of a column.
+        value: One value for all rows, in place of a column.
+        interval: What `value` grows by from row to row, where rows are evenly spaced.
+        sign: -1: the values are the negative of those of the column, as corrections are
+            the negative of errors.
+        positive: Word of a column of directions that stands for +1.
         parts: Columns of a table with one column per run; `column` is empty.
         run: Run of all readings of the column, as one of `parts`.
         direction: Direction ±1 of all its readings, as one of `parts`.
@@ -71,6 +75,9 @@ class ColumnSpec:
     column: str
     unit: str | None = None
     value: float | None = None
+    interval: float = 0.0
+    sign: int = 1
+    positive: str | None = None
     parts: tuple["ColumnSpec", ...] = ()
     run: int | None = None
     direction: int | None = None

@@ -117,6 +117,8 @@ def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
         if (column.column is None) == (column.value is None):
             found = "both" if column.column is not None else "neither"
             yield key, f"found {found}, expected one of column and value"
+        if column.interval and column.value is None:
+            yield key, "found interval, expected value beside it, of the first row"
         if column.value is not None and files is not None:
             yield key, "found a value beside several files, expected a column"
         if column.file is None:
