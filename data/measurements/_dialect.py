@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from ._dates import is_instant
+from ._header import looks_like_names
 from ._words import kind_said
 
 _NUMBER = {
@@ -99,7 +100,8 @@ class Dialect:
     def header(self, line: str, width: int) -> list[str] | None:
         """Return the names that a line gives to so many columns, or None.
 
-        Between blanks, names and units may hold blanks themselves.
+        Between blanks, names and units may hold blanks themselves. Names that can be nothing
+        else may stand between other separators than the rows.
         """
         ways = [self.split(line)]
         if self.separator == " ":
@@ -111,6 +113,10 @@ class Dialect:
             if len(cells) == width + 1 and cells[-1] == "":
                 cells = cells[:-1]
             if len(cells) == width:
+                return cells
+        for mark in SEPARATORS.keys() - {self.separator, " "}:
+            cells = [cell.strip() for cell in line.split(mark)]
+            if len(cells) == width > 1 and looks_like_names(cells):
                 return cells
         return None
 

@@ -27,7 +27,7 @@ _IN = re.compile(r"\bin\s+(\S+)|[\[(]([^\])]+)[\])]")
 _FORMAT = re.compile(r"(?i)[hmsdytj]{1,4}(?:[:./ -]+[hmsdytj]{1,4})+|±\s?1|-+|1")
 # "pos" is a position above a column, and a positive direction in a cell.
 _NO_HEADING = frozenset(("pos", "neg", "–"))
-_DELTA = re.compile(rf"[dδΔ∆] ?(?P<axis>{AXIS})|e(?P<of>[xyz])[xyz]")
+_DELTA = re.compile(rf"[dδΔ∆] ?(?P<axis>{AXIS})|e(?P<of>[xyz])(?P<along>[xyz])")
 _FINE = ("um", "0.1um")
 _TOKENS = re.compile(r"->|<-|[^\W\d_]+|\d+|[^\w\s.,;:#|/()\[\]]")
 
@@ -175,6 +175,10 @@ def _with_axes(names: Sequence[Name], roles: Sequence[str | None]) -> list[str |
     """Return roles of names that hold an axis; as they were where none is an error."""
     found = [_axis_role(name) for name in names]
     bare = [bare_role(name) for name in names]
+    matches = (_DELTA.fullmatch(_plain(name.stem)) for name in names)
+    along = {match["along"] for match in matches if match is not None}
+    if len(along) == 1 and None not in along and bare.count("position") == 1:
+        found[bare.index("position")] = f"{along.pop().upper()}.position"
     alone = [at for at, name in enumerate(names) if found[at] and _is_alone(name)]
     fine = [at for at in alone if names[at].unit in _FINE]
     errors = any(role and role.endswith(".error") for role in (*found, *bare))

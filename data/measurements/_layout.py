@@ -278,7 +278,7 @@ def _is_header(head: _Head, index: int) -> bool:
 def _is_upper_header(head: _Head, index: int) -> bool:
     """Whether a line above a header names groups of columns."""
     cells = _upper_cells(head, index)
-    if cells is None:
+    if cells is None or heading(head.texts[index]) is not None:
         return False
     filled = [at for at, cell in enumerate(cells) if cell]
     below = head.rows[index + 1]

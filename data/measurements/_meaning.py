@@ -20,6 +20,7 @@ from ._header import (
     roles_of,
     unit_of_title,
 )
+from ._roles import ColumnSpec
 from ._table import LASER_FORMAT, BadCell, Column, Table
 from ._units import find_unit
 from ._words import WORDS, direction_of, kinds_in, words_in
@@ -147,7 +148,9 @@ def _by_order(column: Column, columns: Sequence[Column]) -> tuple[Column, str]:
         for word in words:
             own = np.sign(step[same & (cells[1:] == word)])
             signs[word] = float(own.mean()) if own.size else 0.0
-    low, high = sorted(words, key=lambda word: signs.get(word, 0.0))[:: len(words) - 1 or 1]
+    low, high = sorted(words, key=lambda word: signs.get(word, 0.0))[
+        :: len(words) - 1 or 1
+    ]
     if not signs or signs[low] > -_SURE or signs[high] < _SURE:
         key = f'{{ column = "{column.header}", positive = "{words[0]}" }}'
         said = f'no known directions; "<axis>.direction" = {key} says which is +'
@@ -204,17 +207,33 @@ def _triplets(table: Table, names: Sequence[Name]) -> Table | None:
     nominal = columns[0].values
     spacing = np.diff(nominal)
     rising = spacing[spacing > 0.0]
-    if not rising.size or np.any(spacing < 0.0):
+    if 2 * rising.size < spacing.size or not rising.size:
         return None
-    misses = np.abs([column.values - nominal for column in columns[1:]])
-    if not np.all(misses < 0.5 * rising.min()):
+    values = np.array([column.values for column in columns[1:]])
+    near = 0.5 * rising.min()
+    if np.all(np.abs(values) < near) and not np.any(spacing <= 0.0):
+        parts = tuple(
+            ColumnSpec(column, sign=-1, run=1, direction=side)
+            for column, side in (("2", 1), ("3", -1))
+        )
+        advice = {"position": ColumnSpec("1"), "error": ColumnSpec("", parts=parts)}
+        remark = (
+            "Three columns without a header may be LinuxCNC trims (COMP_FILE_TYPE = 1): sign"
+            " = -1 makes errors of them, and is left out where they are errors."
+        )
+        return dataclasses.replace(
+            table, advice=advice, remarks=(*table.remarks, remark)
+        )
+    if not np.all(np.abs(values - nominal) < near):
         return None
-    if np.any(spacing == 0.0):
-        at = int(np.argmin(spacing)) + 1
+    if np.any(spacing <= 0.0):
+        at = int(np.flatnonzero(spacing <= 0.0)[0]) + 1
         line, before = int(table.lines[at]), int(table.lines[at - 1])
-        found = f"the nominal position {nominal[at]:g} a second time"
-        expected = f"LinuxCNC triplets in ascending order (first in line {before})"
-        advice = f"skip = [{line}]"
+        again = " a second time" * (nominal[at] in nominal[:at])
+        found = f"the nominal position {nominal[at]:g}{again}"
+        expected = f"LinuxCNC triplets in ascending order ({nominal[at - 1]:g} in line {before})"
+        alone = spacing[at - 1] == 0.0
+        advice = f"skip = [{line}]" if alone else f"rows = [{table.lines[0]}, {before}]"
         raise LineError(str(table.path), line, found, expected, advice)
     titles = ("nominal", "forward", "reverse")
     roles = ("position", "actual", "actual")
@@ -431,6 +450,10 @@ def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
             table = _in_direction(table, line, "+" if way.direction > 0 else "-")
         elif "error" in kinds_in(words_in([text])) and (unit := unit_of_title(text)):
             table = _in_unit(table, line, unit)
+    inches = [f"'{c.name}'" for c in table.columns if c.unit in ("in", "thou", "uin")]
+    if inches:
+        said = f"In inches, of which one is 25.4 mm: {', '.join(inches[:6])}."
+        table = _noted(table, table.columns, said)
     return table
 
 

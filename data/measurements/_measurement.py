@@ -17,6 +17,7 @@ from ._roles import ColumnSpec as ColumnSpec, Role, find_role, role as named_rol
 from ._table import MESH_FORMATS, Column, Skipped, Table, TextForm
 from ._units import find_unit
 from ._wide import unfolded
+from ._words import says_correction
 
 
 class RoleValues:
@@ -189,9 +190,10 @@ def measurement(
     source = str(table.path)
     mapping = dict(columns or {}) or own_roles(table, axis, masters)
     if not mapping:
-        names = ", ".join(column.name for column in table.columns[:12])
+        names = ", ".join(column.header or column.name for column in table.columns[:12])
         reason = (
-            f"found columns {names} without a role, expected a mapping role = column"
+            f"found columns {names} without a role, expected the job to say in columns:"
+            f" {advice(table)}"
         )
         if table.form is not None and table.form.titles and not table.form.header:
             line = table.form.titles[-1]
@@ -275,6 +277,23 @@ def measurement(
         form=table.form,
         skipped=table.skipped,
     )
+
+
+def advice(table: Table) -> str:
+    """Return what a job may say in ``columns`` of a file without roles, as written there."""
+    stated = table.advice
+    if not stated:
+        first, last = table.columns[0], table.columns[-1]
+        for column in table.columns:
+            if says_correction(column.name):
+                last = column
+        sign = -1 if says_correction(last.name) else 1
+        stated = {
+            "position": ColumnSpec(first.header or first.name),
+            "error": ColumnSpec(last.header or last.name, sign=sign),
+        }
+    said = (f'"<axis>.{kind}" = {spec.words()}' for kind, spec in stated.items())
+    return f"{', '.join(said)}{'' if table.advice else ' or others'}"
 
 
 def _counted(

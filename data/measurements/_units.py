@@ -173,9 +173,7 @@ _CASELESS = {
 }
 
 
-FOREIGN = frozenset(
-    ("ft", "feet", "f", '"', "'", "ppm", "ppb", "um/m", "mm/m", "nm/m")
-)
+FOREIGN = frozenset(("ft", "feet", "f", '"', "'", "ppm", "ppb", "um/m", "mm/m", "nm/m"))
 """Units that files use and the library does not convert; a default would be wrong.
 
 ``"`` is inches of a length or seconds of an angle; ppm and µm/m are no lengths.

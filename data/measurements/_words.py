@@ -40,7 +40,9 @@ WORDS: dict[str, frozenset[str]] = {
 the negative of an error, which nobody can tell but the user; ``shown`` is what an instrument
 showed, or the machine itself.
 """
-_TARGETS = frozenset("set soll command commanded cmd des target nominal sollwert cible".split())
+_TARGETS = frozenset(
+    "set soll command commanded cmd des target nominal sollwert cible".split()
+)
 _SHOWN = WORDS["shown"] | WORDS["actual"] | frozenset(("istwert",))
 CLOCKS = {
     "date": ("date", "datum", "day", "tag"),
@@ -165,6 +167,14 @@ def is_difference(words: Iterable[str]) -> bool:
     """Whether words in small letters name both a target and what was reached."""
     known = {*words}
     return bool(known & _TARGETS and known & _SHOWN)
+
+
+def says_correction(name: str) -> bool:
+    """Whether a name is that of corrections, or of targets less what was reached."""
+    words = words_in([name])
+    return bool(words & WORDS["correction"]) or (
+        is_difference(words) and kind_said(name) is None
+    )
 
 
 def all_position(texts: Iterable[str]) -> bool:

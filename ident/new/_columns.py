@@ -23,6 +23,7 @@ from ...data.measurements import (
     find_unit,
     kinds_in,
     pieces as pieces_of,
+    says_correction,
     words_in,
 )
 
@@ -58,7 +59,7 @@ class Unclear:
     Attributes:
         column: Its name.
         asks: What there is to say: ``unit``, ``instrument``, ``column`` (which of those that
-            name the role), ``role`` (which of those that name none).
+            name the role), ``role`` (which of those that name none), ``sign``.
         choices: Role and column of each possible answer, the likeliest first.
         largest: Largest absolute value, in the unit of the file.
     """
@@ -149,7 +150,13 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
             columns[text] = several[0]
         else:
             unclear.append(_rivals(table, text, several))
-    offered = {spec.column for each in unnamed for _, spec in each.choices}
+    offered = {
+        table.column(part.column).name
+        for each in unnamed
+        for _, spec in each.choices
+        for part in (spec.parts or (spec,))
+        if part.column
+    }
     unused = tuple(name for name in unused if name not in offered)
     return Meaning(None, assumed, columns, tuple(unclear), unused)
 
@@ -164,6 +171,8 @@ def _unnamed(
 
     A position goes over the largest range, an error over the smallest.
     """
+    if table.advice:
+        return _advised(table, home, owner)
     kinds = {each.kind for each in named}
     taken = {id(each.column) for each in named}
     free = [c for c in table.columns if id(c) not in taken and _is_length(c)]
@@ -177,11 +186,32 @@ def _unnamed(
         choices = [(f"{home}.position", _spec(each, each.unit)) for each in free]
         found.append(_unclear(free[0], {"role"}, choices))
     if error:
-        pairs = [(c, unit) for c in reversed(free) for unit in _units(c, "error")]
-        choices = [(f"{owner}.error", _spec(each, unit)) for each, unit in pairs]
-        asks = {"role"} if free[-1].unit else {"role", "unit"}
-        found.append(_unclear(free[-1], asks, choices))
+        fine = sorted(reversed(free), key=lambda each: not says_correction(each.name))
+        choices = [
+            (f"{owner}.error", _spec(each, unit, sign))
+            for each in fine
+            for unit in _units(each, "error")
+            for sign in ((-1, 1) if says_correction(each.name) else (1,))
+        ]
+        asks = {"role"} if fine[0].unit else {"role", "unit"}
+        asks |= {"sign"} if says_correction(fine[0].name) else set()
+        found.append(_unclear(fine[0], asks, choices))
     return found
+
+
+def _advised(table: Table, home: str, owner: str) -> list[Unclear]:
+    """Return the questions that a reader has for its format."""
+    place, error = table.advice["position"], table.advice["error"]
+    if "inc" in (place.unit, error.unit):
+        return []  # without the axis's increment nothing can be looked at
+    parts = tuple(dataclasses.replace(each, sign=1) for each in error.parts)
+    plain = dataclasses.replace(error, sign=1, parts=parts)
+    choices = [(f"{owner}.error", error), (f"{owner}.error", plain)]
+    first, last = table.columns[0], table.columns[-1]
+    return [
+        _unclear(first, {"role"}, [(f"{home}.position", place)]),
+        _unclear(last, {"role", "sign"}, choices),
+    ]
 
 
 def _of_runs(runs: Sequence[_Named], home: str) -> Unclear:
@@ -298,6 +328,8 @@ def _named(column: Column) -> _Named | None:
         if role is None:
             return _Named(column, column.role, None, own)
         return _Named(column, role.kind, role.axis, own)
+    if says_correction(column.name):
+        return None  # errors of which sign, the user says
     pieces = pieces_of(column.name)
     if column.unit is not None and len(pieces) > 1:
         unit = find_unit(pieces[-1])  # "dz_um": the unit stays part of the name
@@ -384,8 +416,8 @@ def _units(column: Column, kind: str) -> Sequence[str | None]:
     return _UNSTATED[kind][::-1] if fine else _UNSTATED[kind]
 
 
-def _spec(column: Column, unit: str | None) -> ColumnSpec:
-    return ColumnSpec(column.header or column.name, unit)
+def _spec(column: Column, unit: str | None, sign: int = 1) -> ColumnSpec:
+    return ColumnSpec(column.header or column.name, unit, sign=sign)
 
 
 def _text(each: _Named, home: str) -> str:
