@@ -81,14 +81,16 @@ def as_direction(
         column: Numbers or words.
         positive: Word for +1, and any one other is -1; None: as words say.
     """
-    expected = "+1 or -1, or a word such as up, vorwärts, rück"
-    if column.text is not None and positive is not None:
-        words = dict.fromkeys(cell.strip() for cell in column.text)
-        others = [word for word in words if word != positive]
-        if len(words) > 2 or len(others) > 1 or "" in others:
+    expected = (
+        "+1 or -1, a word such as up, vorwärts, rück, or its word in the job: positive"
+    )
+    if positive is not None:
+        cells = column.text or [f"{value:g}" for value in column.values]
+        words = dict.fromkeys(cell.strip() for cell in cells)
+        if len({*words} - {positive}) > 1 or not {*words} - {"", "nan"} == {*words}:
             cell = BadCell(int(table.lines[0]), ", ".join(words)[:40])
             raise table.cell_error(column, cell, f"'{positive}' and one other word")
-        signs = [1 if cell.strip() == positive else -1 for cell in column.text]
+        signs = [1 if cell.strip() == positive else -1 for cell in cells]
         values = np.array(signs, dtype=np.float64)
     elif column.text is not None:
         signs = [direction_of(cell) or 0 for cell in column.text]

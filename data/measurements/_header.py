@@ -22,6 +22,9 @@ _BRACKETED = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*")
 _SLASHED = re.compile(r"(?P<name>[^/]+?)(?:\s*/\s*|\s+in\s+)(?P<unit>\S+)")
 _BEHIND = re.compile(r"(?P<name>.+?)\s+(?P<unit>\S{2,})")
 _COLON = re.compile(r"(?P<name>[^:]+?)\s*:\s*(?P<unit>[^:\s]+)")
+_MULTIPLE = re.compile(
+    r"(?P<name>.+?)(?:\s+(?:x|×|\*|in)\s*|\s+(?=1/10|0[.,]0*1\b))(?P<times>\d+(?:[./,]\d+)?)"
+)
 _ENDING = re.compile(r"(?P<name>.+)_(?P<unit>[A-Za-z0-9.%µμ°]+)")
 _IN = re.compile(r"\bin\s+(\S+)|[\[(]([^\])]+)[\])]")
 _FORMAT = re.compile(r"(?i)[hmsdytj]{1,4}(?:[:./ -]+[hmsdytj]{1,4})+|±\s?1|-+|1")
@@ -72,6 +75,10 @@ def parse_name(header: str) -> Name:
         if match is None or not match["name"].strip():
             continue
         name, stated = match["name"].strip(), match["unit"].strip()
+        if multiple := _MULTIPLE.fullmatch(name):  # "Error x 0.1 um"
+            name, stated = multiple["name"], f"{multiple['times']} {stated}"
+            found = find_unit(stated)
+            return Name(name, found.name if found else stated, False, name, text)
         if pattern is not _BRACKETED and find_unit(name) is not None:
             continue  # "mm/s" is a unit, and no name
         unit = find_unit(stated)

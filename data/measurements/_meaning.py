@@ -44,6 +44,7 @@ _MOVES = re.compile(
     r"(?i:\b(?:über|ueber|over|along|entlang|axis|achse|vs|against))\.?[\s:=;,]+"
     r"(?P<axis>[XYZ])\b"
 )
+_INCHES = ("in", "thou", "uin")
 _KINDS = {"actual": "actual positions", "error": "errors"}
 _FEWEST = 3
 """Targets of a table with one row per run."""
@@ -448,9 +449,11 @@ def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
             table = _in_direction(table, line, pair["value"])
         elif _WORD.search(text) and (way := heading(text)) and way.direction:
             table = _in_direction(table, line, "+" if way.direction > 0 else "-")
-        elif "error" in kinds_in(words_in([text])) and (unit := unit_of_title(text)):
+        elif (unit := unit_of_title(text)) is not None and (
+            unit in _INCHES or "error" in kinds_in(words_in([text]))
+        ):
             table = _in_unit(table, line, unit)
-    inches = [f"'{c.name}'" for c in table.columns if c.unit in ("in", "thou", "uin")]
+    inches = [f"'{c.name}'" for c in table.columns if c.unit in _INCHES]
     if inches:
         said = f"In inches, of which one is 25.4 mm: {', '.join(inches[:6])}."
         table = _noted(table, table.columns, said)
@@ -481,7 +484,7 @@ def _in_unit(table: Table, line: int, text: str) -> Table:
     unit = find_unit(text)
     name = unit.name if unit else text
     units = {"error": name, "actual": name}
-    if name in ("in", "thou", "uin"):
+    if name in _INCHES:
         units["position"] = "in"
     columns, names = [], []
     for column in table.columns:

@@ -17,7 +17,7 @@ from ._roles import ColumnSpec as ColumnSpec, Role, find_role, role as named_rol
 from ._table import MESH_FORMATS, Column, Skipped, Table, TextForm
 from ._units import find_unit
 from ._wide import unfolded
-from ._words import says_correction
+from ._words import kinds_in, says_correction, words_in
 
 
 class RoleValues:
@@ -285,7 +285,9 @@ def advice(table: Table) -> str:
     if not stated:
         first, last = table.columns[0], table.columns[-1]
         for column in table.columns:
-            if says_correction(column.name):
+            if "error" in kinds_in(words_in([column.name])) or says_correction(
+                column.name
+            ):
                 last = column
         sign = -1 if says_correction(last.name) else 1
         stated = {

@@ -28,8 +28,8 @@ class Unit:
 
     name: str
     dimension: str
-    numerator: float = 1.0
-    denominator: float = 1.0
+    numerator: int | float = 1
+    denominator: int = 1
     zero: float = 0.0
 
     def to_library(
