@@ -59,7 +59,7 @@ class Unclear:
     Attributes:
         column: Its name.
         asks: What there is to say: ``unit``, ``instrument``, ``column`` (which of those that
-            name the role), ``role`` (which of those that name none), ``sign``.
+            name the role), ``role`` (which of those that name none), ``sign``, ``drift``.
         choices: Role and column of each possible answer, the likeliest first.
         largest: Largest absolute value, in the unit of the file.
     """
@@ -117,6 +117,7 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     if table.format in MESH_FORMATS:
         return Meaning(axes[0] if axes else "Z", {}, {}, (), unused)
     named, outside = _with_encoders(table, named)
+    named, drift = _with_drift(named)
     home, owner = _home(table, axes, named), _owner(table, axes, named)
     assumed: dict[str, str] = {}
     for each in sorted(named, key=_telling):
@@ -139,6 +140,8 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     for each in _without_commands(named):
         axis = (owner if each.kind == "error" else home)[0]
         options, asks = _options(each, axis, outside=outside)
+        if each.column is drift:
+            asks |= {"drift"}
         if asks:
             unclear.append(_unclear(each.column, asks, options))
         else:
@@ -162,6 +165,10 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
 
 
 _OWNED = frozenset(KINDS)
+_READ = frozenset(("error", "actual", "encoder", "current"))
+"""Kinds of role that were measured."""
+_AT_REST = 0.1
+"""Share of its position over which an axis at rest drifts at most."""
 
 
 def _unnamed(
@@ -178,7 +185,7 @@ def _unnamed(
     free = [c for c in table.columns if id(c) not in taken and _is_length(c)]
     free.sort(key=lambda each: span(each.values), reverse=True)
     place = not kinds & {"position", "actual", "encoder", "temperature", "current"}
-    error = not kinds & {"error", "actual", "encoder", "current"}
+    error = not kinds & _READ
     if len(free) < place + error:
         return []
     found = []
@@ -273,6 +280,22 @@ def _with_encoders(table: Table, named: Sequence[_Named]) -> tuple[list[_Named],
     ], True
 
 
+def _with_drift(named: Sequence[_Named]) -> tuple[list[_Named], Column | None]:
+    """Return the columns, and the one that holds what an axis at rest drifts by.
+
+    Beside temperatures, without any error, that is a position that hardly moves.
+    """
+    kinds = {each.kind for each in named}
+    places = [each for each in named if each.kind == "position"]
+    if "temperature" not in kinds or kinds & _READ or len(places) != 1:
+        return list(named), None
+    (place,) = places
+    if span(place.column.values) > _AT_REST * _largest(place.column):
+        return list(named), None
+    error = dataclasses.replace(place, kind="error")
+    return [error if each is place else each for each in named], place.column
+
+
 def _telling(each: _Named) -> int:
     """Return the rank of a column by how well a person knows it."""
     order = ("error", "actual", "current", "position")
@@ -350,6 +373,8 @@ def _named(column: Column) -> _Named | None:
         decided = "time"
     if decided is None and column.name.strip().casefold() == "t":
         decided = "time"
+    if decided is None and unit is None and not axis and pieces[-1:] in (["t"], ["T"]):
+        decided = "temperature"  # "frame_t"
     kind = decided or (kinds[0] if kinds else None)
     if kind is None:
         kind = "position" if axis and column.text is None else None

@@ -204,6 +204,12 @@ def _unclear_words(each: Unclear) -> str:
         words.append(
             f"No column says that it is the {kind} of {axis}. Which one is it?"
         )
+    if "drift" in each.asks:
+        words.append(
+            f'No column says that it is an error: beside temperatures "{each.column}" is taken'
+            " for what the axis at rest drifts by. Counts are of the unit inc, and need the"
+            " axis's increment."
+        )
     if "sign" in each.asks:
         words.append(
             "Corrections (trims), and targets less what was reached, are the negative of"
