@@ -234,8 +234,8 @@ def _triplets(table: Table, names: Sequence[Name]) -> Table | None:
         found = f"the nominal position {nominal[at]:g}{again}"
         expected = f"LinuxCNC triplets in ascending order ({nominal[at - 1]:g} in line {before})"
         alone = spacing[at - 1] == 0.0
-        advice = f"skip = [{line}]" if alone else f"rows = [{table.lines[0]}, {before}]"
-        raise LineError(str(table.path), line, found, expected, advice)
+        key = f"skip = [{line}]" if alone else f"rows = [{table.lines[0]}, {before}]"
+        raise LineError(str(table.path), line, found, expected, key)
     titles = ("nominal", "forward", "reverse")
     roles = ("position", "actual", "actual")
     sides = (None, 1, -1)

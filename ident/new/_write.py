@@ -4,6 +4,7 @@ import dataclasses
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from ...data.lists import ListFile
 from ...data.measurements import CellError, ColumnSpec, Table, find_role
