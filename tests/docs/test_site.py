@@ -85,7 +85,7 @@ def test_printed_pages_are_whole_and_filled(
     )
     assert cut == []
     with pypdfium2.PdfDocument(page.pdf(prefer_css_page_size=True)) as printed:
-        sheets = [one.render(scale=0.5).to_numpy().min(axis=2) for one in printed]
+        sheets = [one.render(scale=1).to_numpy().min(axis=2) for one in printed]
     filled = [np.flatnonzero(one.min(axis=1) < 200).max() / len(one) for one in sheets]
     # The last sheet ends where the page ends.
     assert min(filled[:-1], default=1.0) > 0.25

@@ -248,8 +248,9 @@ def test_beside_temperatures_an_axis_at_rest_shows_its_drift(
 ) -> None:
     rows = "".join(f"{k},{-8000 - k // 2},{20 + k / 8}\n" for k in range(60))
     job = new(tmp_path, f"time [s],mcu_pos_z,frame_t\n{rows}")
-    question = asked(tmp_path, capsys)[-1]
-    assert question["answers"][0] == '"Z.error" = { column = "mcu_pos_z", unit = "um" }'
+    answers = asked(tmp_path, capsys)[-1]["answers"]
+    assert isinstance(answers, list)
+    assert answers[0] == '"Z.error" = { column = "mcu_pos_z", unit = "um" }'
     assert '"temperature.frame" = "frame_t"' in job.read_text()
     assert 'compensation = "temperature"' in job.read_text()
 
