@@ -149,9 +149,9 @@ def _by_order(column: Column, columns: Sequence[Column]) -> tuple[Column, str]:
         for word in words:
             own = np.sign(step[same & (cells[1:] == word)])
             signs[word] = float(own.mean()) if own.size else 0.0
-    low, high = sorted(words, key=lambda word: signs.get(word, 0.0))[
-        :: len(words) - 1 or 1
-    ]
+    low, high = (
+        end(words, key=lambda word: signs.get(word, 0.0)) for end in (min, max)
+    )
     if not signs or signs[low] > -_SURE or signs[high] < _SURE:
         key = f'{{ column = "{column.header}", positive = "{words[0]}" }}'
         said = f'no known directions; "<axis>.direction" = {key} says which is +'

@@ -217,6 +217,8 @@ def test_the_order_of_targets_tells_which_direction_is_positive(tmp_path: Path) 
 
 
 def test_directions_that_no_order_tells_are_left_to_the_job(tmp_path: Path) -> None:
+    alone = read(tmp_path, TURNS + "".join(f"{k};{k};CW\n" for k in range(5)), axis="C")
+    assert "C.direction" not in alone.values
     rows = "".join(f"{k};{k};CW\n{k};{k};CCW\n" for k in range(5))
     found = read(tmp_path, TURNS + rows, axis="C")
     assert "C.direction" not in found.values
