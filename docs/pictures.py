@@ -115,11 +115,11 @@ def draw(folder: Path) -> None:
     ):
         name = make.__name__.removeprefix("_")
         with house_style():
-            figure = Figure(figsize=(5.0, 2.8), layout="constrained")
+            figure = Figure(figsize=(6.2, 3.6), layout="constrained")
             axes = figure.subplots()
             make(axes)
             if axes.get_legend_handles_labels()[0]:
-                axes.legend()
+                figure.legend(loc="outside upper left", ncols=2)
             text = to_svg(figure, name)
         (folder / f"{name}.svg").write_text(text, "utf-8")
 

@@ -27,6 +27,7 @@ from .fit.joint import (
     held_out_errors,
 )
 from .friction import Choice, DriveSamples, Known, choose_law
+from .kinds import kind
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -225,7 +226,8 @@ def fit(
             of all tables, relative to 1/noise²; 0 = no prior.
         drift: Pieces of the drift of each run; 0 = an offset per run.
         remove: Takes an arbitrary zero of the instrument off the error of each axis, its
-            mean or the line (over two masters, the plane) through it.
+            mean or the line (over two masters, the plane) through it; what constant is left
+            is the machine's, and a table of the axis holds it, as the written list does.
         datum: Position where the error is zero, one per master; for a table alone on its
             axis, whose values then say so.
         active: Models that acted while measuring, by name of the effect (`load_model`
@@ -280,6 +282,8 @@ def fit(
         noise |= joint.noise
         constant |= joint.datum
         undetermined += joint.confusions
+    holders = _holders(stack) if place is None else {}
+    gauges = () if joint is None else joint.gauges
     parts = iter(() if joint is None else joint.parts)
     for name, one in zip(names, effects, strict=True):
         if isinstance(one, Friction):
@@ -294,10 +298,22 @@ def fit(
             continue
         part = next(parts)
         table = part.table
+        if holders.get(one.axis) is one:
+            value, deviation = constant[one.axis]
+            constant[one.axis] = (0.0, deviation)
+            table = table + value
+            gauges = tuple(
+                dataclasses.replace(
+                    each, rule=f"{each.rule} The {part.name} holds the datum."
+                )
+                if f"datum of {one.axis}" in each.effects
+                else each
+                for each in gauges
+            )
         if constraints and name in constraints:
             assert joint is not None
             spread = joint.covariance(stated.place(one))
-            table = _constrained(part, spread, constraints[name])
+            table = _constrained(part, table, spread, constraints[name])
         if place is not None:
             model = part.effect.to_model(table, -1.0)
             zero = -float(np.mean(one.offsets(model, *(np.array([x]) for x in place))))
@@ -317,7 +333,7 @@ def fit(
         effects=found,
         noise=noise,
         datum=constant,
-        gauges=() if joint is None else joint.gauges,
+        gauges=gauges,
         undetermined=tuple(undetermined),
         converged=joint is None or joint.converged,
         joint=joint,
@@ -337,6 +353,16 @@ def _names(effects: Sequence[AbstractEffect | Friction]) -> tuple[str, ...]:
         msg = f"found an effect twice among {', '.join(kinds)}, expected each once an axis"
         raise FitError(msg)
     return names
+
+
+def _holders(stack: Sequence[AbstractEffect]) -> dict[str, AbstractEffect]:
+    """Return by axis the table that holds the constant error, as in the list of a job."""
+    ranks = [(kind(one.compensation).takes_constant, one) for one in stack]
+    known = [(rank, one) for rank, one in ranks if rank is not None]
+    found: dict[str, AbstractEffect] = {}
+    for _, one in sorted(known, key=lambda pair: pair[0]):
+        found.setdefault(one.axis, one)
+    return found
 
 
 def _datum(
@@ -375,6 +401,7 @@ def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
 
 def _constrained(
     part: Part,
+    table: Float[np.ndarray, "..."],
     covariance: Float[np.ndarray, "p p"],
     inequality: Callable[[Any], Array],
 ) -> Float[np.ndarray, "..."]:
@@ -382,6 +409,7 @@ def _constrained(
 
     Args:
         part: As it was fitted.
+        table: Its values, with the constant that they hold.
         covariance: Of its values.
         inequality: Values that the model of the controller keeps at or above zero.
 
@@ -405,10 +433,10 @@ def _constrained(
     found = least_squares_ipopt(
         lambda move, _: move,
         np.zeros(span.shape[1]),
-        (jnp.asarray(part.table), jnp.asarray(along)),
+        (jnp.asarray(table), jnp.asarray(along)),
         inequality=keeps,
     )
     if not found.converged:
         msg = f"constraints of {part.name}: IPOPT ended as '{found.status}'"
         raise FitError(msg)
-    return np.asarray(part.table + along @ found.values)
+    return np.asarray(table + along @ found.values)

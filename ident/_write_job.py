@@ -173,6 +173,8 @@ def _measurement(
     treated = {key: value for key, value in stated.treated.items() if value}
     if (place := treated.pop("datum", None)) is not None:
         treated["datum"] = {"at": list(place)}
+        if treated["remove"] == "none":
+            del treated["remove"]
     heated = [one for one in stated.effects if isinstance(one, Temperature)]
     references = {float(one.reference_temperature) for one in heated}
     if len(references) > 1:

@@ -65,6 +65,7 @@ from ._log_names import EXTERNAL_LOG as EXTERNAL_LOG, log_name as log_name
 from ._measurement import (
     Measurement as Measurement,
     RoleValues as RoleValues,
+    advice as advice,
     measurement as measurement,
     own_roles as own_roles,
 )
@@ -105,5 +106,6 @@ from ._words import (
     direction_of as direction_of,
     kinds_in as kinds_in,
     pieces as pieces,
+    says_correction as says_correction,
     words_in as words_in,
 )

@@ -8,7 +8,7 @@ from jaxtyping import Int
 
 from ._header import heading, numbered
 from ._layout import Layout
-from ._table import Column, Skipped
+from ._table import Column
 
 _FOOT = 30
 """Lines at the end of a text that may be no rows."""
@@ -18,8 +18,8 @@ _SUMMARY = re.compile(
 )
 
 
-def without_foot(layout: Layout, text: str) -> tuple[str, list[Skipped]]:
-    """Return a text without the lines of words below its rows, and these lines.
+def without_foot(layout: Layout, text: str) -> tuple[str, list[tuple[int, str]]]:
+    """Return a text without the lines of words below its rows, and these with their numbers.
 
     A row that was cut off is no such line: it begins like a row.
     """
@@ -34,12 +34,8 @@ def without_foot(layout: Layout, text: str) -> tuple[str, list[Skipped]]:
         return text, []
     whole = text[: layout.body] + "\n".join(tail[:foot])
     line = whole.count("\n") + 1 - text[: layout.body].count("\n") + layout.body_line
-    skipped = [
-        Skipped(line + k, "below the rows")
-        for k, words in enumerate(tail[foot:])
-        if words.strip()
-    ]
-    return whole, skipped
+    found = [(line + k, words) for k, words in enumerate(tail[foot:])]
+    return whole, [(number, words.strip()) for number, words in found if words.strip()]
 
 
 def _is_foot(layout: Layout, line: str, *, after_gap: bool) -> bool:

@@ -71,10 +71,28 @@ def as_run(table: Table, column: Column) -> Int[np.ndarray, " t"]:
     return _whole(table, column, "a whole number")
 
 
-def as_direction(table: Table, column: Column) -> Int[np.ndarray, " t"]:
-    """Return ±1; words such as ``up`` and ``bwd`` are understood."""
-    expected = "+1 or -1, or a word such as up, vorwärts, rück"
-    if column.text is not None:
+def as_direction(
+    table: Table, column: Column, positive: str | None = None
+) -> Int[np.ndarray, " t"]:
+    """Return ±1; words such as ``up`` and ``bwd`` are understood.
+
+    Args:
+        table: Of the column.
+        column: Numbers or words.
+        positive: Word for +1, and any one other is -1; None: as words say.
+    """
+    expected = (
+        "+1 or -1, a word such as up, vorwärts, rück, or its word in the job: positive"
+    )
+    if positive is not None:
+        cells = column.text or [f"{value:g}" for value in column.values]
+        words = dict.fromkeys(cell.strip() for cell in cells)
+        if len({*words} - {positive}) > 1 or not {*words} - {"", "nan"} == {*words}:
+            cell = BadCell(int(table.lines[0]), ", ".join(words)[:40])
+            raise table.cell_error(column, cell, f"'{positive}' and one other word")
+        signs = [1 if cell.strip() == positive else -1 for cell in cells]
+        values = np.array(signs, dtype=np.float64)
+    elif column.text is not None:
         signs = [direction_of(cell) or 0 for cell in column.text]
         values = np.array(signs, dtype=np.float64)
     elif column.bad is not None and _is_all_minus(column):

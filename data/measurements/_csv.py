@@ -73,7 +73,9 @@ def read_body(path: Path, layout: Layout, text: str, encoding: str = "utf-8") ->
         if foot or blocks:
             read = _read_fast(layout, body)
         columns, lines, skipped = read or _read_slow(path, layout, body)
-        read = columns, lines, [*skipped, *foot]
+        below = [Skipped(line, "below the rows") for line, _ in foot]
+        read = columns, lines, [*skipped, *below]
+        layout = dataclasses.replace(layout, comments=(*layout.comments, *foot))
     columns, lines, skipped = read
     if not lines.size:
         reason = "found no rows, expected at least one line of numbers"

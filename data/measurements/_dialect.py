@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from ._dates import is_instant
+from ._header import looks_like_names
 from ._words import kind_said
 
 _NUMBER = {
@@ -35,6 +36,8 @@ _GROUPED = {
         r"[+-]?\d{1,3}(?:(?P<mark>[.' ])\d{3})(?:(?P=mark)\d{3})*(?:,\d+)?"
     ),
 }
+_WHOLE = re.compile(r"[+-]?[1-9]\d{2}")
+_GROUP_OF_NONE = re.compile(r"(?<![\d.])[+-]?[1-9]\d{0,2}(?:\.\d{3})*\.\d00(?![\d.])")
 # Cells that stand for a number which is not there.
 _NO_NUMBER = re.compile(
     r"[+-]?(?:nan|inf|infinity)|n/?a|#n/a|#nv|null|none|-+|k\.?a\.?|#?div/0!?",
@@ -99,7 +102,8 @@ class Dialect:
     def header(self, line: str, width: int) -> list[str] | None:
         """Return the names that a line gives to so many columns, or None.
 
-        Between blanks, names and units may hold blanks themselves.
+        Between blanks, names and units may hold blanks themselves. Names that can be nothing
+        else may stand between other separators than the rows.
         """
         ways = [self.split(line)]
         if self.separator == " ":
@@ -111,6 +115,10 @@ class Dialect:
             if len(cells) == width + 1 and cells[-1] == "":
                 cells = cells[:-1]
             if len(cells) == width:
+                return cells
+        for mark in SEPARATORS.keys() - {self.separator, " "}:
+            cells = [cell.strip() for cell in line.split(mark)]
+            if len(cells) == width > 1 and looks_like_names(cells):
                 return cells
         return None
 
@@ -174,7 +182,8 @@ def sniff(lines: Sequence[str]) -> Dialect:
     for separator, decimal in _CANDIDATES:
         if stated is not None and separator != stated.group(1):
             continue
-        dialect = Dialect(separator, decimal)
+        # "1.234" beside a decimal comma is a group of digits.
+        dialect = Dialect(separator, decimal, "." if decimal == "," else "")
         parts = separator in text or (separator == " " and "\t" in text)
         if best_score[0] and (not parts or (separator == "," == decimal and plain)):
             # A single column does not beat several; nor do, without quotes, numbers
@@ -188,7 +197,29 @@ def sniff(lines: Sequence[str]) -> Dialect:
                 whole[decimal] = score
         if score > best_score:
             best, best_score = dialect, score
+    if best.decimal == "." and _grouped_whole(best, lines):
+        return Dialect(best.separator, ",", ".")
     return dataclasses.replace(best, thousands=_group_mark(best, lines))
+
+
+def _grouped_whole(dialect: Dialect, lines: Sequence[str]) -> bool:
+    """Whether all points of a table stand in whole numbers, as of 250, 500, 1.000, 1.500.
+
+    Nobody writes decimals of 1.000 and none of 500.
+    """
+    if not any(_GROUP_OF_NONE.search(line) for line in lines):
+        return False
+    rows = [dialect.split(line) for line in itertools.islice(lines, 400)]
+    cells = [cell for row in rows for cell in row if dialect.is_number(cell)]
+    pointed = [cell for cell in cells if "." in cell]
+    if not all(_GROUPED[","].fullmatch(cell) for cell in pointed):
+        return False
+    columns = itertools.zip_longest(*rows, fillvalue="")
+    return any(
+        any(map(_WHOLE.fullmatch, column))
+        and any(map(_GROUP_OF_NONE.fullmatch, column))
+        for column in columns
+    )
 
 
 def _group_mark(dialect: Dialect, lines: Sequence[str]) -> str:
@@ -199,8 +230,11 @@ def _group_mark(dialect: Dialect, lines: Sequence[str]) -> str:
     for line in itertools.islice(lines, 100):
         for cell in dialect.split(line):
             grouped = _GROUPED[dialect.decimal].fullmatch(cell)
-            if grouped and (dialect.decimal in cell or cell.count(grouped["mark"]) > 1):
-                return str(grouped["mark"])
+            mark = grouped["mark"] if grouped else ""
+            if mark == "." or (
+                mark and (dialect.decimal in cell or cell.count(mark) > 1)
+            ):
+                return str(mark)
     return ""
 
 

@@ -100,10 +100,11 @@ class UnitError(MeasurementError):
         AxcompError.__init__(self, source, what, found, tuple(accepted), nearest)
         self.source, self.what, self.found = source, what, found
         self.accepted, self.nearest = tuple(accepted), nearest
-        self.reason = (
-            f"{what}: found unit '{found}', expected {_listed(accepted)} "
-            f"(nearest: {nearest})"
-        )
+        self.reason = f"{what}: found unit '{found}', expected {_listed(accepted)} "
+        if nearest:
+            self.reason += f"(nearest: {nearest})"
+        else:
+            self.reason += "(convert the column, or state its unit in the job)"
 
 
 class RoleError(MeasurementError):

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from ._roles import find_role
-from ._units import FOREIGN, find_unit
+from ._units import find_unit, is_foreign
 from ._words import (
     AXIS,
     CLOCKS,
@@ -22,12 +22,15 @@ _BRACKETED = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*")
 _SLASHED = re.compile(r"(?P<name>[^/]+?)(?:\s*/\s*|\s+in\s+)(?P<unit>\S+)")
 _BEHIND = re.compile(r"(?P<name>.+?)\s+(?P<unit>\S{2,})")
 _COLON = re.compile(r"(?P<name>[^:]+?)\s*:\s*(?P<unit>[^:\s]+)")
+_MULTIPLE = re.compile(
+    r"(?P<name>.+?)(?:\s+(?:x|×|\*|in)\s*|\s+(?=1/10|0[.,]0*1\b))(?P<times>\d+(?:[./,]\d+)?)"
+)
 _ENDING = re.compile(r"(?P<name>.+)_(?P<unit>[A-Za-z0-9.%µμ°]+)")
 _IN = re.compile(r"\bin\s+(\S+)|[\[(]([^\])]+)[\])]")
 _FORMAT = re.compile(r"(?i)[hmsdytj]{1,4}(?:[:./ -]+[hmsdytj]{1,4})+|±\s?1|-+|1")
 # "pos" is a position above a column, and a positive direction in a cell.
 _NO_HEADING = frozenset(("pos", "neg", "–"))
-_DELTA = re.compile(rf"[dδΔ∆] ?(?P<axis>{AXIS})|e(?P<of>[xyz])[xyz]")
+_DELTA = re.compile(rf"[dδΔ∆] ?(?P<axis>{AXIS})|e(?P<of>[xyz])(?P<along>[xyz])")
 _FINE = ("um", "0.1um")
 _TOKENS = re.compile(r"->|<-|[^\W\d_]+|\d+|[^\w\s.,;:#|/()\[\]]")
 
@@ -72,18 +75,24 @@ def parse_name(header: str) -> Name:
         if match is None or not match["name"].strip():
             continue
         name, stated = match["name"].strip(), match["unit"].strip()
+        if multiple := _MULTIPLE.fullmatch(name):  # "Error x 0.1 um"
+            name, stated = multiple["name"], f"{multiple['times']} {stated}"
+            found = find_unit(stated)
+            return Name(name, found.name if found else stated, False, name, text)
         if pattern is not _BRACKETED and find_unit(name) is not None:
             continue  # "mm/s" is a unit, and no name
         unit = find_unit(stated)
-        if unit is not None and not (pattern is _BEHIND and unit.name == "raw"):
+        if unit is not None and (pattern is _BRACKETED or _is_unit_of(name, stated)):
             return Name(name, unit.name, False, name, text)
-        if stated.casefold() in FOREIGN:
+        if is_foreign(stated):
             return Name(name, stated, False, name, text)
     match = _ENDING.fullmatch(text)
     unit = find_unit(match["unit"]) if match else None
     if match is None or unit is None:
         return Name(text, None, False, text, text)
     if len(match["unit"]) > 1:
+        if unit.name in ("in", "min"):
+            return Name(text, None, False, text, text)  # an input, the least of a range
         return Name(text, unit.name, False, match["name"], text)
     if match["unit"] == "C" and is_warm(match["name"]):
         return Name(text, unit.name, False, match["name"], text)
@@ -91,6 +100,13 @@ def parse_name(header: str) -> Name:
     # counts, and the unit is used only where it fits the role.
     exact = unit.name if unit.name == match["unit"] else None
     return Name(text, exact, exact is not None, match["name"] if exact else text, text)
+
+
+def _is_unit_of(name: str, stated: str) -> bool:
+    """Whether a word behind a name is its unit: "Zeit min" is a time, "Temp min" is not."""
+    if stated.casefold() in ("min", "h"):
+        return kind_said(name) == "time"
+    return stated.casefold() not in ("raw", "in")
 
 
 def is_format(cell: str) -> bool:
@@ -104,14 +120,15 @@ def unit_in(cell: str) -> str | None:
     unit = find_unit(text)
     if unit is not None:
         return unit.name
-    return text if text.casefold() in FOREIGN else None
+    return text if is_foreign(text) else None
 
 
 def unit_of_title(title: str) -> str | None:
-    """Return the unit that a title names: ``deviation in µm``, ``dz [µm]``."""
-    found = [parse_name(title.strip(' ";,\t')).unit]
-    found += [unit_in((a or b).rstrip(",;.:")) for a, b in _IN.findall(title)]
-    return next(filter(None, found), None)
+    """Return the one unit that a title names: ``deviation in µm``, ``dz [µm]``."""
+    found = {parse_name(title.strip(' ";,\t')).unit}
+    found |= {unit_in((a or b).rstrip(",;.:")) for a, b in _IN.findall(title)}
+    found -= {None}
+    return found.pop() if len(found) == 1 else None
 
 
 def _plain(text: str) -> str:
@@ -165,6 +182,10 @@ def _with_axes(names: Sequence[Name], roles: Sequence[str | None]) -> list[str |
     """Return roles of names that hold an axis; as they were where none is an error."""
     found = [_axis_role(name) for name in names]
     bare = [bare_role(name) for name in names]
+    matches = (_DELTA.fullmatch(_plain(name.stem)) for name in names)
+    along = {match["along"] for match in matches if match is not None}
+    if len(along) == 1 and None not in along and bare.count("position") == 1:
+        found[bare.index("position")] = f"{along.pop().upper()}.position"
     alone = [at for at, name in enumerate(names) if found[at] and _is_alone(name)]
     fine = [at for at in alone if names[at].unit in _FINE]
     errors = any(role and role.endswith(".error") for role in (*found, *bare))

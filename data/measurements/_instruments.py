@@ -13,6 +13,7 @@ from ._errors import CellError, LineError, MeasurementError
 from ._header import parse_name
 from ._layout import find_layout
 from ._matrix import is_matrix, read_matrix
+from ._roles import ColumnSpec
 from ._table import Column, Skipped, Table
 
 _SECTION = re.compile(r"\s*(?P<name>[A-Z][A-Z0-9 -]*)::\s*")
@@ -199,9 +200,11 @@ def read_centroid(path: Path, text: str, encoding: str) -> Table:
         _numbers(path, line, "correction", cells)
     values = np.array([float(cells[0]) for _, cells in rows])
     points = np.arange(1.0, len(rows) + 1.0)
+    step = float(head[1]) / max(len(rows) - 1, 1)
     remark = (
         "A Centroid table holds corrections (the negative of errors) in encoder counts"
-        " at points whose distance it does not state: no roles are given."
+        " at points whose distance it does not state: the job says it. Where the second"
+        f" number of its header is the travel, that is {step:.2f} counts."
     )
     return Table(
         path=path,
@@ -216,6 +219,10 @@ def read_centroid(path: Path, text: str, encoding: str) -> Table:
             Skipped(top, "number of points, and the second number of the header"),
         ),
         remarks=(remark,),
+        advice={
+            "position": ColumnSpec("", "inc", value=0.0, interval=round(step, 2)),
+            "error": ColumnSpec("correction", "inc", sign=-1),
+        },
         scalars=(("second number of the header", float(head[1])),),
     )
 

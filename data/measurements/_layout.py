@@ -278,7 +278,7 @@ def _is_header(head: _Head, index: int) -> bool:
 def _is_upper_header(head: _Head, index: int) -> bool:
     """Whether a line above a header names groups of columns."""
     cells = _upper_cells(head, index)
-    if cells is None:
+    if cells is None or heading(head.texts[index]) is not None:
         return False
     filled = [at for at, cell in enumerate(cells) if cell]
     below = head.rows[index + 1]
@@ -309,16 +309,27 @@ def _refuse_other_width(head: _Head, index: int) -> None:
         raise head.error(index, found, expected, "header = [], with columns by number")
     near = abs(len(head.rows[index]) - head.width) == 1
     named = near and (unit_in(cells[0]) is not None or looks_like_names(cells[:1]))
+    marked = re.split(r"[\t;,|]+", head.texts[index].strip("\t;,| "))
+    if len(marked) < 2 or not all(
+        unit_in(cell) is not None or looks_like_names([cell.strip()]) for cell in marked
+    ):
+        marked = []
+    if marked:
+        cells, named = marked, True
     if len(cells) < 2 or (2 * len(cells) <= head.width and not named):
         return
-    if head.dialect.separator == " " and not (
-        # Any title has words between blanks.
-        near and sum(looks_like_names([cell]) for cell in cells) >= len(cells) - 1
+    if (
+        head.dialect.separator == " "
+        and not marked
+        and not (
+            # Any title has words between blanks.
+            near and sum(looks_like_names([cell]) for cell in cells) >= len(cells) - 1
+        )
     ):
         return
     if not named and any(head.dialect.is_number(c) or ":" in c for c in cells):
         return
-    found = f"{len(head.rows[index])} names ({', '.join(cells)[:40]})"
+    found = f"{len(marked or head.rows[index])} names ({', '.join(cells)[:40]})"
     expected = f"{head.width} as the rows below have cells, {head.dialect.words}"
     advice = "header = [], with columns by number"
     raise head.error(index, found, expected, advice)

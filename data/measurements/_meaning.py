@@ -20,6 +20,7 @@ from ._header import (
     roles_of,
     unit_of_title,
 )
+from ._roles import ColumnSpec
 from ._table import LASER_FORMAT, BadCell, Column, Table
 from ._units import find_unit
 from ._words import WORDS, direction_of, kinds_in, words_in
@@ -43,6 +44,7 @@ _MOVES = re.compile(
     r"(?i:\b(?:über|ueber|over|along|entlang|axis|achse|vs|against))\.?[\s:=;,]+"
     r"(?P<axis>[XYZ])\b"
 )
+_INCHES = ("in", "thou", "uin")
 _KINDS = {"actual": "actual positions", "error": "errors"}
 _FEWEST = 3
 """Targets of a table with one row per run."""
@@ -51,6 +53,8 @@ _SHORT = 4
 _WORD = re.compile(r"[^\W\d_]")
 _TELLING = 1000
 """Rows that tell whether numbers count the rows."""
+_SURE = 0.6
+"""Share of the steps by which one of two directions goes up more often than down."""
 _FOLLOWS = 0.1
 """Share of the travel by which actual positions miss their targets at most."""
 
@@ -117,9 +121,8 @@ def _as_they_are(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
         words = dict.fromkeys(column.text or ())
         sides = set(map(direction_of, words))
         if _kind(column) == "direction" and sides == {None}:
-            found[at] = dataclasses.replace(column, role=None)
-            listed = ", ".join(words)[:40]
-            remarks.append(f"'{column.name}' holds {listed}: no known directions.")
+            found[at], said = _by_order(column, columns)
+            remarks.append(f"'{column.name}' holds {', '.join(words)[:40]}: {said}.")
         if column.role is None and sides and sides <= {1, -1} and values.size > _SHORT:
             place = next((c.role for c in columns if _kind(c) == "position"), None)
             if place is not None and "direction" not in kinds:
@@ -131,9 +134,41 @@ def _as_they_are(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
     return found, remarks
 
 
+def _by_order(column: Column, columns: Sequence[Column]) -> tuple[Column, str]:
+    """Return a column of words for two directions, such as CW and CCW, and what was seen.
+
+    Which of them is the positive one nobody knows; the order of the targets may tell. It has
+    no role where that does not.
+    """
+    cells = np.array([cell.strip() for cell in column.text or ()])
+    place = next((c.values for c in columns if _kind(c) == "position"), None)
+    words = list(dict.fromkeys(cells.tolist()))
+    signs = {}
+    if place is not None and len(words) == 2:
+        step, same = np.diff(place), cells[1:] == cells[:-1]
+        for word in words:
+            own = np.sign(step[same & (cells[1:] == word)])
+            signs[word] = float(own.mean()) if own.size else 0.0
+    low, high = (
+        end(words, key=lambda word: signs.get(word, 0.0)) for end in (min, max)
+    )
+    if not signs or signs[low] > -_SURE or signs[high] < _SURE:
+        key = f'{{ column = "{column.header}", positive = "{words[0]}" }}'
+        said = f'no known directions; "<axis>.direction" = {key} says which is +'
+        return dataclasses.replace(column, role=None), said
+    text = tuple("+" if cell == high else "-" for cell in cells)
+    said = f"'{high}' is the positive one, as the order of the targets shows"
+    return dataclasses.replace(column, text=text), said
+
+
 def _with_time(roles: Sequence[str | None], names: Sequence[Name]) -> list[str | None]:
     """Return roles with that of the time, where one name and its unit say it."""
-    times = [bare_role(name) == "time" and name.unit in ("s", "ms") for name in names]
+    times = [
+        bare_role(name) == "time"
+        and (unit := find_unit(name.unit or "")) is not None
+        and unit.dimension == "time"
+        for name in names
+    ]
     if "time" in roles or sum(times) != 1:
         return list(roles)
     return ["time" if time else role for role, time in zip(roles, times, strict=True)]
@@ -173,18 +208,34 @@ def _triplets(table: Table, names: Sequence[Name]) -> Table | None:
     nominal = columns[0].values
     spacing = np.diff(nominal)
     rising = spacing[spacing > 0.0]
-    if not rising.size or np.any(spacing < 0.0):
+    if 2 * rising.size < spacing.size or not rising.size:
         return None
-    misses = np.abs([column.values - nominal for column in columns[1:]])
-    if not np.all(misses < 0.5 * rising.min()):
+    values = np.array([column.values for column in columns[1:]])
+    near = 0.5 * rising.min()
+    if np.all(np.abs(values) < near) and not np.any(spacing <= 0.0):
+        parts = tuple(
+            ColumnSpec(column, sign=-1, run=1, direction=side)
+            for column, side in (("2", 1), ("3", -1))
+        )
+        advice = {"position": ColumnSpec("1"), "error": ColumnSpec("", parts=parts)}
+        remark = (
+            "Three columns without a header may be LinuxCNC trims (COMP_FILE_TYPE = 1): sign"
+            " = -1 makes errors of them, and is left out where they are errors."
+        )
+        return dataclasses.replace(
+            table, advice=advice, remarks=(*table.remarks, remark)
+        )
+    if not np.all(np.abs(values - nominal) < near):
         return None
-    if np.any(spacing == 0.0):
-        at = int(np.argmin(spacing)) + 1
+    if np.any(spacing <= 0.0):
+        at = int(np.flatnonzero(spacing <= 0.0)[0]) + 1
         line, before = int(table.lines[at]), int(table.lines[at - 1])
-        found = f"the nominal position {nominal[at]:g} a second time"
-        expected = f"LinuxCNC triplets in ascending order (first in line {before})"
-        advice = f"skip = [{line}]"
-        raise LineError(str(table.path), line, found, expected, advice)
+        again = " a second time" * (nominal[at] in nominal[:at])
+        found = f"the nominal position {nominal[at]:g}{again}"
+        expected = f"LinuxCNC triplets in ascending order ({nominal[at - 1]:g} in line {before})"
+        alone = spacing[at - 1] == 0.0
+        key = f"skip = [{line}]" if alone else f"rows = [{table.lines[0]}, {before}]"
+        raise LineError(str(table.path), line, found, expected, key)
     titles = ("nominal", "forward", "reverse")
     roles = ("position", "actual", "actual")
     sides = (None, 1, -1)
@@ -398,8 +449,14 @@ def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
             table = _in_direction(table, line, pair["value"])
         elif _WORD.search(text) and (way := heading(text)) and way.direction:
             table = _in_direction(table, line, "+" if way.direction > 0 else "-")
-        elif "error" in kinds_in(words_in([text])) and (unit := unit_of_title(text)):
+        elif (unit := unit_of_title(text)) is not None and (
+            unit in _INCHES or "error" in kinds_in(words_in([text]))
+        ):
             table = _in_unit(table, line, unit)
+    inches = [f"'{c.name}'" for c in table.columns if c.unit in _INCHES]
+    if inches:
+        said = f"In inches, of which one is 25.4 mm: {', '.join(inches[:6])}."
+        table = _noted(table, table.columns, said)
     return table
 
 
@@ -419,27 +476,26 @@ def _kind(column: Column) -> str:
 
 
 def _in_unit(table: Table, line: int, text: str) -> Table:
-    """Return the table with a unit for readings that state none."""
+    """Return the table with a unit for readings that state none.
+
+    Positions are in inches where readings are; to a unit that nobody knows no default is
+    taken either.
+    """
     unit = find_unit(text)
-    bare = [
-        column
-        for column in table.columns
-        if _kind(column) in ("error", "actual") and column.unit is None
-    ]
-    if unit is None and bare:
-        return _noted(
-            table, table.columns, f"Line {line} says '{text}': no known unit."
-        )
-    if unit is None or not bare:
+    name = unit.name if unit else text
+    units = {"error": name, "actual": name}
+    if name in _INCHES:
+        units["position"] = "in"
+    columns, names = [], []
+    for column in table.columns:
+        stated = units.get(_kind(column)) if column.unit is None else None
+        columns.append(dataclasses.replace(column, unit=stated or column.unit))
+        names += [f"'{column.name}' in {stated}"] if stated else []
+    if not names:
         return table
-    marked = set(map(id, bare))  # arrays in columns do not compare
-    columns = [
-        dataclasses.replace(column, unit=unit.name) if id(column) in marked else column
-        for column in table.columns
-    ]
-    names = ", ".join(f"'{column.name}'" for column in bare[:4])
-    names += f" and {len(bare) - 4} more" if len(bare) > 4 else ""
-    return _noted(table, columns, f"{names}: in {unit.name}, as line {line} says.")
+    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
+    said = f"{', '.join(names[:4])}{more}, as line {line} says."
+    return _noted(table, columns, said)
 
 
 def _in_direction(table: Table, line: int, text: str) -> Table:

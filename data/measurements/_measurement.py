@@ -17,6 +17,7 @@ from ._roles import ColumnSpec as ColumnSpec, Role, find_role, role as named_rol
 from ._table import MESH_FORMATS, Column, Skipped, Table, TextForm
 from ._units import find_unit
 from ._wide import unfolded
+from ._words import kinds_in, says_correction, words_in
 
 
 class RoleValues:
@@ -189,16 +190,17 @@ def measurement(
     source = str(table.path)
     mapping = dict(columns or {}) or own_roles(table, axis, masters)
     if not mapping:
-        names = ", ".join(column.name for column in table.columns[:12])
+        names = ", ".join(column.header or column.name for column in table.columns[:12])
         reason = (
-            f"found columns {names} without a role, expected a mapping role = column"
+            f"found columns {names} without a role, expected the job to say in columns:"
+            f" {advice(table)}"
         )
         if table.form is not None and table.form.titles and not table.form.header:
             line = table.form.titles[-1]
             reason += f" (line {line}, right above the rows, does not name so many)"
         raise MeasurementError(source, reason)
     differs = axis is not None and table.axis is not None and axis != table.axis
-    table, mapping = unfolded(table, mapping)
+    table, mapping = unfolded(*_counted(table, mapping))
     table, mapping = on_one_clock(table, mapping)
     good: dict[str, np.ndarray] = {}
     bad: dict[str, MeasurementError] = {}
@@ -216,9 +218,11 @@ def measurement(
         column = table.column(spec.column)
         if not role.dimensions:
             units[text] = ""
-            convert = as_run if role.kind == "run" else as_direction
             try:
-                good[text] = convert(table, column)
+                if role.kind == "run":
+                    good[text] = as_run(table, column)
+                else:
+                    good[text] = spec.sign * as_direction(table, column, spec.positive)
             except MeasurementError as error:
                 bad[text] = error
             continue
@@ -254,11 +258,11 @@ def measurement(
                 f"Column '{column.name}' is taken in {unit.name} from its name."
             )
         try:
-            values = unit.to_library(table.numbers(column), scale)
+            values = spec.sign * unit.to_library(table.numbers(column), scale)
         except MeasurementError as error:
             bad[text] = error
             if column.bad is not None:
-                gaps[text] = unit.to_library(column.values, scale)
+                gaps[text] = spec.sign * unit.to_library(column.values, scale)
         else:
             good[text] = values
     return Measurement(
@@ -273,6 +277,48 @@ def measurement(
         form=table.form,
         skipped=table.skipped,
     )
+
+
+def advice(table: Table) -> str:
+    """Return what a job may say in ``columns`` of a file without roles, as written there."""
+    stated = table.advice
+    if not stated:
+        first, last = table.columns[0], table.columns[-1]
+        for column in table.columns:
+            if "error" in kinds_in(words_in([column.name])) or says_correction(
+                column.name
+            ):
+                last = column
+        sign = -1 if says_correction(last.name) else 1
+        stated = {
+            "position": ColumnSpec(first.header or first.name),
+            "error": ColumnSpec(last.header or last.name, sign=sign),
+        }
+    said = (f'"<axis>.{kind}" = {spec.words()}' for kind, spec in stated.items())
+    return f"{', '.join(said)}{'' if table.advice else ' or others'}"
+
+
+def _counted(
+    table: Table, mapping: Mapping[str, ColumnSpec]
+) -> tuple[Table, dict[str, ColumnSpec]]:
+    """Return the table with a column for each role that is counted row by row."""
+    found = dict(mapping)
+    for text, spec in mapping.items():
+        if spec.value is None or not spec.interval:
+            continue
+        values = spec.value + spec.interval * np.arange(table.rows)
+        name = f"{text} by rows"
+        remark = (
+            f"{text} is counted: {values[0]:g} in line {table.lines[0]} to"
+            f" {values[-1]:g} in line {table.lines[-1]}."
+        )
+        table = dataclasses.replace(
+            table,
+            columns=(*table.columns, Column(name, None, None, values, header=name)),
+            remarks=(*table.remarks, remark),
+        )
+        found[text] = ColumnSpec(name, spec.unit, sign=spec.sign)
+    return table, found
 
 
 def _constant(

@@ -1,10 +1,12 @@
 """Roles: what a column of a measurement means, independent of how the file calls it."""
 
 import dataclasses
+import json
 import re
+from typing import Any
 
 from ._errors import RoleError
-from ._units import nearest
+from ._units import find_unit, nearest
 
 _PLACE = ("length", "angle", "increments")
 KINDS: dict[str, tuple[str, ...]] = {
@@ -62,7 +64,11 @@ class ColumnSpec:
     Attributes:
         column: Name of the column; empty where there is none or there are several.
         unit: Its unit, where the file does not state it.
-        value: One value for all rows, in the library's unit, in place of a column.
+        value: One value for all rows, in place of a column.
+        interval: What `value` grows by from row to row, where rows are evenly spaced.
+        sign: -1: the values are the negative of those of the column, as corrections are
+            the negative of errors.
+        positive: Word of a column of directions that stands for +1.
         parts: Columns of a table with one column per run; `column` is empty.
         run: Run of all readings of the column, as one of `parts`.
         direction: Direction ±1 of all its readings, as one of `parts`.
@@ -71,9 +77,39 @@ class ColumnSpec:
     column: str
     unit: str | None = None
     value: float | None = None
+    interval: float = 0.0
+    sign: int = 1
+    positive: str | None = None
     parts: tuple["ColumnSpec", ...] = ()
     run: int | None = None
     direction: int | None = None
+
+    def of_job(self) -> Any:
+        """Return what a job says: a name, a table, or a list of one table per run."""
+        if self.parts:
+            return [each.of_job() for each in self.parts]
+        plain = ColumnSpec("")
+        stated = {
+            field.name: getattr(self, field.name)
+            for field in dataclasses.fields(self)
+            if getattr(self, field.name) != getattr(plain, field.name)
+        }
+        if "unit" in stated and find_unit(stated["unit"]) is None:
+            del stated["unit"]
+        return self.column if stated.keys() == {"column"} else stated
+
+    def words(self) -> str:
+        """Return what a job says, as it is written there."""
+        return _inline(self.of_job())
+
+
+def _inline(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_inline, value))}]"
+    if isinstance(value, dict):
+        inside = ", ".join(f"{key} = {_inline(each)}" for key, each in value.items())
+        return f"{{ {inside} }}"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def find_role(text: str) -> Role | None:

@@ -2,13 +2,14 @@
 
 import dataclasses
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._errors import CellError, ColumnError, MeasurementError
+from ._roles import ColumnSpec
 
 MESH_FORMATS = ("Klipper bed mesh", "RepRapFirmware height map")
 LASER_FORMAT = "laser table"
@@ -164,6 +165,7 @@ class Table:
         lines: Line of the file per row (row number for Parquet and MATLAB).
         skipped: Everything that is not in the rows.
         remarks: What the reader took for granted, one sentence each.
+        advice: Column by kind of role that a job may state where the file has no roles.
         counts_rows: `lines` are row numbers (Parquet, MATLAB).
         scalars: Single numbers that stand beside the columns, by name (MATLAB).
         missing: Number of readings that the file announces and lacks (run table).
@@ -178,6 +180,7 @@ class Table:
     lines: Int[np.ndarray, " t"]
     skipped: tuple[Skipped, ...] = ()
     remarks: tuple[str, ...] = ()
+    advice: Mapping[str, ColumnSpec] = dataclasses.field(default_factory=dict)
     counts_rows: bool = False
     scalars: tuple[tuple[str, float], ...] = ()
     missing: int = 0

@@ -87,6 +87,8 @@ def decode(raw: bytes, path: Path) -> Text:
     encoding = next((name for mark, name in _MARKS if raw.startswith(mark)), "")
     if not encoding and raw[1:200:2].count(0) > len(raw[1:200:2]) // 2:
         encoding = "utf-16-le"
+    elif not encoding and raw[:200:2].count(0) > len(raw[:200:2]) // 2:
+        encoding = "utf-16-be"
     if encoding:
         text = raw.decode(encoding, errors="replace")
         words = text.encode().translate(None, _NUMERIC)

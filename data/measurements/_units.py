@@ -2,6 +2,8 @@
 
 import dataclasses
 import difflib
+import math
+import re
 from collections.abc import Iterable
 
 import numpy as np
@@ -12,20 +14,23 @@ from ._errors import UnitError
 
 @dataclasses.dataclass(frozen=True)
 class Unit:
-    """A unit of one dimension; one side of the ratio is 1, so converting rounds once.
+    """A unit of one dimension.
 
     Attributes:
         name: As written in jobs.
         dimension: ``length``, ``angle``, ``velocity``, … ; values of one dimension
             share a library unit.
-        numerator: Library units per unit, times `denominator`.
+        numerator: Library units per unit, times `denominator`. One of both is 1 where
+            that can be, so converting rounds once.
         denominator: See `numerator`.
+        zero: The library's zero in this unit, as of kelvin and °F.
     """
 
     name: str
     dimension: str
-    numerator: int = 1
+    numerator: int | float = 1
     denominator: int = 1
+    zero: float = 0.0
 
     def to_library(
         self, values: Float[np.ndarray, " t"], increment: float | None = None
@@ -38,14 +43,7 @@ class Unit:
         """
         if self.dimension.startswith("increment"):
             return values * _known(increment)
-        if self.name.startswith("rad"):
-            degrees: np.ndarray = np.rad2deg(values)
-            return degrees
-        if self.name == "K":
-            return values - _ZERO_CELSIUS
-        if self.numerator != 1:
-            return values * float(self.numerator)
-        return values / float(self.denominator)
+        return (values - self.zero) * self.numerator / self.denominator
 
     def from_library(
         self, values: Float[np.ndarray, " t"], increment: float | None = None
@@ -53,25 +51,18 @@ class Unit:
         """Return values of the library unit in this unit; inverse of `to_library`."""
         if self.dimension.startswith("increment"):
             return values / _known(increment)
-        if self.name.startswith("rad"):
-            radians: np.ndarray = np.deg2rad(values)
-            return radians
-        if self.name == "K":
-            return values + _ZERO_CELSIUS
-        if self.numerator != 1:
-            return values / float(self.numerator)
-        return values * float(self.denominator)
+        return values * self.denominator / self.numerator + self.zero
 
 
-_ZERO_CELSIUS = 273.15
-
+_RADIAN = 180.0 / math.pi
 _BASE = (
     Unit("mm", "length"),
     Unit("um", "length", 1, 1_000),
     Unit("0.1um", "length", 1, 10_000),
     Unit("m", "length", 1_000),
+    Unit("in", "length", 127, 5),  # 25.4 mm
     Unit("deg", "angle"),
-    Unit("rad", "angle"),
+    Unit("rad", "angle", _RADIAN),
     Unit("0.0001deg", "angle", 1, 10_000),
     Unit("inc", "increments"),
 )
@@ -88,11 +79,21 @@ def _all_units() -> Iterable[Unit]:
         first, second = _RATES[unit.dimension]
         yield dataclasses.replace(unit, name=f"{unit.name}/s", dimension=first)
         yield dataclasses.replace(unit, name=f"{unit.name}/s2", dimension=second)
+    yield Unit("nm", "length", 1, 1_000_000)
+    yield Unit("0.01mm", "length", 1, 100)
+    yield Unit("thou", "length", 127, 5_000)
+    yield Unit("uin", "length", 127, 5_000_000)
+    yield Unit("arcmin", "angle", 1, 60)
     yield Unit("arcsec", "angle", 1, 3_600)
+    yield Unit("mrad", "angle", _RADIAN, 1_000)
+    yield Unit("urad", "angle", _RADIAN, 1_000_000)
     yield Unit("s", "time")
     yield Unit("ms", "time", 1, 1_000)
+    yield Unit("min", "time", 60)
+    yield Unit("h", "time", 3_600)
     yield Unit("degC", "temperature")
-    yield Unit("K", "temperature")
+    yield Unit("degF", "temperature", 5, 9, zero=32.0)
+    yield Unit("K", "temperature", zero=273.15)
     yield Unit("A", "current")
     yield Unit("V", "voltage")
     yield Unit("N", "force")
@@ -129,6 +130,7 @@ _FOLDS = (
     ("\N{MICRO SIGN}", "u"),
     ("\N{GREEK SMALL LETTER MU}", "u"),
     ("°C", "degC"),
+    ("°F", "degF"),
     ("°", "deg"),
     ("²", "2"),
     ("^", ""),
@@ -136,41 +138,64 @@ _FOLDS = (
     ("·", ""),
     ("*", ""),
 )
+_PART = re.compile(r"^(?:1/10|0,)(0*)1?(?=[a-z])")
+"""A tenth, a hundredth … of a unit as ``1/100`` and ``0,01``."""
 _ALIASES = {
-    "C": "degC",
-    "degree": "deg",
-    "degrees": "deg",
-    "grad": "deg",
-    **dict.fromkeys(("arcseconds", "arcsecs", "''", "″", "Winkelsekunden"), "arcsec"),
-    **dict.fromkeys(("micron", "microns", "micrometer", "micrometre"), "um"),
-    **dict.fromkeys(("micrometers", "micrometres", "Mikrometer"), "um"),
-    **dict.fromkeys(("millimeter", "millimetre", "millimeters", "Millimeter"), "mm"),
-    "sec": "s",
-    "percent": "%",
-    "increments": "inc",
-    "N.m": "Nm",
-    "mm/sec": "mm/s",
+    alias: name
+    for name, aliases in {
+        "degC": "C",
+        "degF": "F",
+        "deg": "degree degrees grad",
+        "arcmin": "arcminutes arcmins Winkelminuten",
+        "arcsec": "arcseconds arcsecs '' ″ Winkelsekunden",
+        "um": "micron microns micrometer micrometre micrometers micrometres Mikrometer"
+        " 0.001mm",
+        "nm": "nanometer nanometers nanometre nanometres Nanometer",
+        "mm": "millimeter millimetre millimeters Millimeter",
+        "in": "inch inches Zoll pouce pouces",
+        "thou": "mil mils 0.001in 0.001inch",
+        "uin": "microinch microinches uinch",
+        "s": "sec",
+        "min": "minute minutes Minuten",
+        "h": "hr hrs hours Stunden",
+        "%": "percent",
+        "inc": "increments",
+        "Nm": "N.m",
+        "mm/s": "mm/sec",
+    }.items()
+    for alias in aliases.split()
 }
 # Case is forgiven where no other unit can be meant ("nm" must never become Nm).
 _CASELESS = {
-    name.lower(): name
-    for name in UNITS
-    if name not in {"Nm", "m", "s", "K", "A", "V", "N"}
+    name.lower(): UNITS[found].name
+    for name, found in (*zip(UNITS, UNITS, strict=True), *_ALIASES.items())
+    if name not in {"Nm", "nm", "m", "s", "h", "K", "A", "V", "N", "C", "F"}
 }
 
 
-FOREIGN = frozenset(
-    ("in", "inch", "inches", "zoll", '"', "mil", "thou", "ft", "f", "°f", "degf")
-)
-"""Units that files use and the library does not convert; a default would be wrong."""
+FOREIGN = frozenset(("ft", "feet", "f", '"', "'", "ppm", "ppb", "um/m", "mm/m", "nm/m"))
+"""Units that files use and the library does not convert; a default would be wrong.
+
+``"`` is inches of a length or seconds of an angle; ppm and µm/m are no lengths.
+"""
+
+
+def is_foreign(text: str) -> bool:
+    """Whether a text is a unit that the library knows and does not convert."""
+    return _folded(text).casefold() in FOREIGN
 
 
 def find_unit(text: str) -> Unit | None:
     """Return the unit that a text names, also as ``µm``, ``°``, ``mm/s²``, or None."""
-    for old, new in _FOLDS:
-        text = text.replace(old, new)
+    text = _folded(text)
     text = _ALIASES.get(text, text)
     return UNITS.get(text) or UNITS.get(_CASELESS.get(text.lower(), ""))
+
+
+def _folded(text: str) -> str:
+    for old, new in _FOLDS:
+        text = text.replace(old, new)
+    return _PART.sub(lambda part: f"0.{part[1]}1", text)
 
 
 def unit(text: str, dimensions: Iterable[str], source: str, what: str) -> Unit:
@@ -191,8 +216,8 @@ def unit(text: str, dimensions: Iterable[str], source: str, what: str) -> Unit:
     if found is not None and found.dimension in allowed:
         return found
     accepted = [name for name, unit in UNITS.items() if unit.dimension in allowed]
-    # To "in" and "mil" no unit is near, and one that looks alike would be wrong.
-    close = accepted[0] if text.casefold() in FOREIGN else nearest(text, accepted)
+    # To "ft" and "ppm" no unit is near, and one that looks alike would be wrong.
+    close = "" if is_foreign(text) else nearest(text, accepted)
     raise UnitError(source, what, text, accepted, close)
 
 

@@ -60,7 +60,7 @@ def unfolded(
         dataclasses.replace(columns[0], name=name, header=name, values=values, bad=bad)
     ]
     found = {key: one for key, one in mapping.items() if key != role}
-    found[role] = ColumnSpec(name, parts[0].unit)
+    found[role] = ColumnSpec(name, parts[0].unit, sign=parts[0].sign)
     for key, numbers in (("run", [p.run for p in parts]), (beside, sides)):
         if None not in numbers:
             label = f"{key} of the column"
@@ -88,6 +88,9 @@ def _refuse_mixed(
     units = {
         part.unit or column.unit for part, column in zip(parts, columns, strict=True)
     }
+    if len({part.sign for part in parts}) > 1:
+        reason = f"{role}: found columns of both signs, expected one sign"
+        raise MeasurementError(str(table.path), reason)
     if len(units) > 1:
         names = ", ".join(sorted(unit or "none" for unit in units))
         reason = f"{role}: found columns in the units {names}, expected one unit"

@@ -1,4 +1,4 @@
-"""The words of instrument files, German and English: kinds of role, directions, runs.
+"""The words of instrument files in five languages: kinds of role, directions, runs.
 
 All that reads names looks here: the readers take a name for a role where each of its words
 is known (`kind_said`), `axcomp new` asks where one of them is (`kinds_in`).
@@ -11,29 +11,39 @@ WORDS: dict[str, frozenset[str]] = {
     kind: frozenset(words.split())
     for kind, words in {
         "lag": "following lag schlepp schleppfehler diff posdiff cont contour ffw",
+        "correction": "correction corrections korrektur korrekturwert korrekturen"
+        " compensation kompensation trim correzione corrección",
         "error": "error err deviation dev fehler abweichung abw messabweichung"
+        " erreur écart ecart errore scostamento deviazione desviación desviacion"
         " positionsabweichung positionierabweichung positionsfehler straightness geradheit"
         " geradheitsabweichung displacement verlagerung",
         "current": "current strom iq torque moment drehmoment",
         "velocity": "velocity velo vel speed geschwindigkeit",
         "acceleration": "acceleration accel acc beschleunigung",
-        "temperature": "temperature temp temperatur",
+        "temperature": "temperature temp temperatur température temperatura",
         "direction": "direction dir richtung richt fahrtrichtung anfahrrichtung"
-        " verfahrrichtung messrichtung approach",
-        "run": "run cycle lauf zyklus durchgang durchlauf messreihe messlauf",
-        "time": "time zeit timestamp elapsed laufzeit uhrzeit",
+        " verfahrrichtung messrichtung approach sens direzione verso sentido dirección",
+        "run": "run cycle lauf zyklus durchgang durchlauf messreihe messlauf ciclo passe"
+        " passata pasada",
+        "time": "time zeit timestamp elapsed laufzeit uhrzeit temps tempo tiempo",
         "actual": "laser interferometer reference measured tracker reading",
         "encoder": "encoder enc feedback",
         "shown": "actual act ist istposition istwert istpos",
         "position": "set soll command commanded cmd des target nominal position pos ziel"
-        " setpoint sollposition sollwert sollpos zielposition messposition verfahrweg weg",
+        " setpoint sollposition sollwert sollpos zielposition messposition verfahrweg weg"
+        " angle winkel drehwinkel cible consigne quota posizione posición posicion",
     }.items()
 }
 """Words of each kind; an earlier kind goes before a later one in the same name.
 
-``lag`` is what an axis lags behind, which is no error of its own; ``shown`` is what an
-instrument showed, or the machine itself.
+``lag`` is what an axis lags behind, which is no error of its own; ``correction`` mostly is
+the negative of an error, which nobody can tell but the user; ``shown`` is what an instrument
+showed, or the machine itself.
 """
+_TARGETS = frozenset(
+    "set soll command commanded cmd des target nominal sollwert cible".split()
+)
+_SHOWN = WORDS["shown"] | WORDS["actual"] | frozenset(("istwert",))
 CLOCKS = {
     "date": ("date", "datum", "day", "tag"),
     "time": ("time", "zeit", "uhrzeit", "clock", "elapsed", "elapsed time", "laufzeit"),
@@ -59,6 +69,7 @@ DIRECTIONS = {
             *("+", "up", "fwd", "forward", "forwards", "pos", "positive", "positiv"),
             *("vor", "vorwärts", "vorwaerts", "hin", "auf", "aufwärts", "aufwaerts"),
             *("steigend", "hinweg", "hinfahrt", "vorlauf", "plus"),
+            *("aller", "avant", "andata", "avanti", "ida"),
             *("↑", "→", "⇧", "⇑", "⇒", "▲", "►", "->"),
         ),
         1,
@@ -69,6 +80,7 @@ DIRECTIONS = {
             *("reverse", "neg", "negative", "negativ", "rück", "rueck", "zurück"),
             *("zurueck", "rückwärts", "rueckwaerts", "ab", "abwärts", "abwaerts"),
             *("fallend", "her", "rückweg", "rueckweg", "rückfahrt", "rücklauf"),
+            *("retour", "arrière", "ritorno", "indietro", "vuelta"),
             *("minus", "↓", "←", "⇩", "⇓", "⇐", "▼", "◄", "<-"),
         ),
         -1,
@@ -76,6 +88,7 @@ DIRECTIONS = {
 }
 """Direction of approach, +1 or −1, by the words and signs of files."""
 
+_MINUS = re.compile(r"[-−–]|minus")
 _PIECE = re.compile(r"[A-Za-z0-9À-ÿ]+")
 _CAMEL = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+")
 _KIND = {word: kind for kind in reversed(WORDS) for word in WORDS[kind]}
@@ -126,6 +139,10 @@ def kind_said(text: str) -> str | None:
     """
     found = set()
     words = [piece.casefold() for piece in pieces(text)]
+    if is_difference(words):
+        least = min(words.index(word) for word in words if word in _SHOWN)
+        first = not any(word in _TARGETS for word in words[:least])
+        return "error" if first and _MINUS.search(text) else None
     counted = bool(_COUNTERS & {*words})
     for piece, word in zip(pieces(text), words, strict=True):
         if word in _COUNTERS or word in _SAY_NOTHING:
@@ -144,6 +161,20 @@ def kind_said(text: str) -> str | None:
     if kind not in _ROLES or (counted and kind == "position"):
         return None  # "Pos. No." counts the positions
     return kind
+
+
+def is_difference(words: Iterable[str]) -> bool:
+    """Whether words in small letters name both a target and what was reached."""
+    known = {*words}
+    return bool(known & _TARGETS and known & _SHOWN)
+
+
+def says_correction(name: str) -> bool:
+    """Whether a name is that of corrections, or of targets less what was reached."""
+    words = words_in([name])
+    return bool(words & WORDS["correction"]) or (
+        is_difference(words) and kind_said(name) is None
+    )
 
 
 def all_position(texts: Iterable[str]) -> bool:

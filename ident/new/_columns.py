@@ -23,6 +23,7 @@ from ...data.measurements import (
     find_unit,
     kinds_in,
     pieces as pieces_of,
+    says_correction,
     words_in,
 )
 
@@ -58,7 +59,7 @@ class Unclear:
     Attributes:
         column: Its name.
         asks: What there is to say: ``unit``, ``instrument``, ``column`` (which of those that
-            name the role), ``role`` (which of those that name none).
+            name the role), ``role`` (which of those that name none), ``sign``, ``drift``.
         choices: Role and column of each possible answer, the likeliest first.
         largest: Largest absolute value, in the unit of the file.
     """
@@ -116,6 +117,7 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     if table.format in MESH_FORMATS:
         return Meaning(axes[0] if axes else "Z", {}, {}, (), unused)
     named, outside = _with_encoders(table, named)
+    named, drift = _with_drift(named)
     home, owner = _home(table, axes, named), _owner(table, axes, named)
     assumed: dict[str, str] = {}
     for each in sorted(named, key=_telling):
@@ -138,6 +140,8 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     for each in _without_commands(named):
         axis = (owner if each.kind == "error" else home)[0]
         options, asks = _options(each, axis, outside=outside)
+        if each.column is drift:
+            asks |= {"drift"}
         if asks:
             unclear.append(_unclear(each.column, asks, options))
         else:
@@ -149,12 +153,22 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
             columns[text] = several[0]
         else:
             unclear.append(_rivals(table, text, several))
-    offered = {spec.column for each in unnamed for _, spec in each.choices}
+    offered = {
+        table.column(part.column).name
+        for each in unnamed
+        for _, spec in each.choices
+        for part in (spec.parts or (spec,))
+        if part.column
+    }
     unused = tuple(name for name in unused if name not in offered)
     return Meaning(None, assumed, columns, tuple(unclear), unused)
 
 
 _OWNED = frozenset(KINDS)
+_READ = frozenset(("error", "actual", "encoder", "current"))
+"""Kinds of role that were measured."""
+_AT_REST = 0.1
+"""Share of its position over which an axis at rest drifts at most."""
 
 
 def _unnamed(
@@ -164,12 +178,14 @@ def _unnamed(
 
     A position goes over the largest range, an error over the smallest.
     """
+    if table.advice:
+        return _advised(table, home, owner)
     kinds = {each.kind for each in named}
     taken = {id(each.column) for each in named}
     free = [c for c in table.columns if id(c) not in taken and _is_length(c)]
     free.sort(key=lambda each: span(each.values), reverse=True)
     place = not kinds & {"position", "actual", "encoder", "temperature", "current"}
-    error = not kinds & {"error", "actual", "encoder", "current"}
+    error = not kinds & _READ
     if len(free) < place + error:
         return []
     found = []
@@ -177,11 +193,32 @@ def _unnamed(
         choices = [(f"{home}.position", _spec(each, each.unit)) for each in free]
         found.append(_unclear(free[0], {"role"}, choices))
     if error:
-        pairs = [(c, unit) for c in reversed(free) for unit in _units(c, "error")]
-        choices = [(f"{owner}.error", _spec(each, unit)) for each, unit in pairs]
-        asks = {"role"} if free[-1].unit else {"role", "unit"}
-        found.append(_unclear(free[-1], asks, choices))
+        fine = sorted(reversed(free), key=lambda each: not says_correction(each.name))
+        choices = [
+            (f"{owner}.error", _spec(each, unit, sign))
+            for each in fine
+            for unit in _units(each, "error")
+            for sign in ((-1, 1) if says_correction(each.name) else (1,))
+        ]
+        asks = {"role"} if fine[0].unit else {"role", "unit"}
+        asks |= {"sign"} if says_correction(fine[0].name) else set()
+        found.append(_unclear(fine[0], asks, choices))
     return found
+
+
+def _advised(table: Table, home: str, owner: str) -> list[Unclear]:
+    """Return the questions that a reader has for its format."""
+    place, error = table.advice["position"], table.advice["error"]
+    if "inc" in (place.unit, error.unit):
+        return []  # without the axis's increment nothing can be looked at
+    parts = tuple(dataclasses.replace(each, sign=1) for each in error.parts)
+    plain = dataclasses.replace(error, sign=1, parts=parts)
+    choices = [(f"{owner}.error", error), (f"{owner}.error", plain)]
+    first, last = table.columns[0], table.columns[-1]
+    return [
+        _unclear(first, {"role"}, [(f"{home}.position", place)]),
+        _unclear(last, {"role", "sign"}, choices),
+    ]
 
 
 def _of_runs(runs: Sequence[_Named], home: str) -> Unclear:
@@ -243,6 +280,22 @@ def _with_encoders(table: Table, named: Sequence[_Named]) -> tuple[list[_Named],
     ], True
 
 
+def _with_drift(named: Sequence[_Named]) -> tuple[list[_Named], Column | None]:
+    """Return the columns, and the one that holds what an axis at rest drifts by.
+
+    Beside temperatures, without any error, that is a position that hardly moves.
+    """
+    kinds = {each.kind for each in named}
+    places = [each for each in named if each.kind == "position"]
+    if "temperature" not in kinds or kinds & _READ or len(places) != 1:
+        return list(named), None
+    (place,) = places
+    if span(place.column.values) > _AT_REST * _largest(place.column):
+        return list(named), None
+    error = dataclasses.replace(place, kind="error")
+    return [error if each is place else each for each in named], place.column
+
+
 def _telling(each: _Named) -> int:
     """Return the rank of a column by how well a person knows it."""
     order = ("error", "actual", "current", "position")
@@ -298,6 +351,8 @@ def _named(column: Column) -> _Named | None:
         if role is None:
             return _Named(column, column.role, None, own)
         return _Named(column, role.kind, role.axis, own)
+    if says_correction(column.name):
+        return None  # errors of which sign, the user says
     pieces = pieces_of(column.name)
     if column.unit is not None and len(pieces) > 1:
         unit = find_unit(pieces[-1])  # "dz_um": the unit stays part of the name
@@ -318,6 +373,8 @@ def _named(column: Column) -> _Named | None:
         decided = "time"
     if decided is None and column.name.strip().casefold() == "t":
         decided = "time"
+    if decided is None and unit is None and not axis and pieces[-1:] in (["t"], ["T"]):
+        decided = "temperature"  # "frame_t"
     kind = decided or (kinds[0] if kinds else None)
     if kind is None:
         kind = "position" if axis and column.text is None else None
@@ -384,8 +441,8 @@ def _units(column: Column, kind: str) -> Sequence[str | None]:
     return _UNSTATED[kind][::-1] if fine else _UNSTATED[kind]
 
 
-def _spec(column: Column, unit: str | None) -> ColumnSpec:
-    return ColumnSpec(column.header or column.name, unit)
+def _spec(column: Column, unit: str | None, sign: int = 1) -> ColumnSpec:
+    return ColumnSpec(column.header or column.name, unit, sign=sign)
 
 
 def _text(each: _Named, home: str) -> str:

@@ -14,7 +14,9 @@ from ...data.measurements import (
     CellError,
     Lines,
     MeasurementError,
+    advice,
     find_role,
+    find_unit,
     problems_of,
     read_table,
 )
@@ -25,7 +27,7 @@ from ..readings import Observation, observe
 from ._columns import meaning_of
 from ._fits import suggestions
 from ._text import JobPage, Question
-from ._write import Axis, Contents, Source, column_value, page_of, relative
+from ._write import Axis, Contents, Source, page_of, relative
 
 _DAMAGED = 20
 """Lines that a file may lack and still be measured."""
@@ -108,7 +110,8 @@ def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
             names = ", ".join(c.name for c in source.table.columns[:_SHOWN])
             reason = (
                 f"found columns {names}, of which none names a role and fewer than two hold"
-                " lengths; expected a header with names such as 'x [mm]' and 'dx [um]'"
+                " lengths; expected a header with names such as 'x [mm]' and 'dx [um]', or"
+                f" the job to say in columns: {advice(source.table)}"
             )
             raise MeasurementError(str(file), reason)
         found.append(source)
@@ -160,7 +163,8 @@ def _axes(
             if axis is None:
                 continue
             before = found.get(axis, Axis(given.get(axis), {}))
-            turns = unit is not None and unit.startswith(("deg", "rad", "0.0001deg"))
+            known = find_unit(unit or "")
+            turns = known is not None and known.dimension.startswith("ang")
             found[axis] = dataclasses.replace(
                 before,
                 rotary=before.rotary or turns,
@@ -228,7 +232,7 @@ def _provisional(
         values["axes"][name] = {"number": axis.number or next(free), **kind_of}
     for source in sources:
         columns = {
-            text: column_value(each) for text, each in source.meaning.likeliest.items()
+            text: each.of_job() for text, each in source.meaning.likeliest.items()
         }
         keys: dict[str, Any] = {"file": relative(source.table.path, path)}
         if source.damaged:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...data.lists import ListFile
-from ...data.measurements import CellError, ColumnSpec, Table, find_role, find_unit
+from ...data.measurements import CellError, ColumnSpec, Table, find_role
 from .._job_text import job_line
 from ..job import Gate, Job, JobFile, asks_for_owner, trend_words
 from ..kinds import kind
@@ -194,28 +194,8 @@ def _write_own_roles(page: JobPage, source: Source) -> None:
         page.add(f"# {_column_line(text, spec)}")
 
 
-def column_value(spec: ColumnSpec) -> Any:
-    """Return what a job says of the column, or of the columns per run, of a role."""
-    if spec.parts:
-        return [
-            {
-                "column": each.column,
-                "run": each.run,
-                "direction": each.direction,
-                **_unit(each),
-            }
-            for each in spec.parts
-        ]
-    return {"column": spec.column, **_unit(spec)} if _unit(spec) else spec.column
-
-
-def _unit(spec: ColumnSpec) -> dict[str, str]:
-    known = spec.unit is not None and find_unit(spec.unit) is not None
-    return {"unit": spec.unit} if known and spec.unit else {}
-
-
 def _column_line(role: str, spec: ColumnSpec) -> str:
-    return job_line(role, column_value(spec))
+    return job_line(role, spec.of_job())
 
 
 def _unclear_words(each: Unclear) -> str:
@@ -224,6 +204,17 @@ def _unclear_words(each: Unclear) -> str:
         axis, _, kind = each.choices[0][0].partition(".")
         words.append(
             f"No column says that it is the {kind} of {axis}. Which one is it?"
+        )
+    if "drift" in each.asks:
+        words.append(
+            f'No column says that it is an error: beside temperatures "{each.column}" is taken'
+            " for what the axis at rest drifts by. Counts are of the unit inc, and need the"
+            " axis's increment."
+        )
+    if "sign" in each.asks:
+        words.append(
+            "Corrections (trims), and targets less what was reached, are the negative of"
+            " errors: sign = -1."
         )
     if "instrument" in each.asks:
         words.append(

@@ -123,7 +123,7 @@ def _side_by_side(
             name = column.name
             if names.count(name) > 1 or name == _CLOCK:
                 name = f"{name} ({file.table.path.name})"
-            roles[role] = ColumnSpec(name, spec.unit)
+            roles[role] = dataclasses.replace(spec, column=name)
             if any(name == each.name for each in columns):
                 continue  # two roles of one column
             values, present = np.full(len(time), np.nan), np.zeros(len(time), bool)

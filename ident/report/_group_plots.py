@@ -84,7 +84,7 @@ def sum_plot(group: "GroupResult") -> Plot:
         _spread(panels[2 * k + 1], one, scale, last=k == rows - 1)
         said.append(_say(one, scale))
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=3, markerscale=2.5)
+    figure.legend(handles, labels, loc="outside upper right", ncols=2, markerscale=2.5)
     what = "run" if group.held_out == "run" else "stretch of the recording"
     caption = (
         f"{' '.join(said)} Each reading is predicted by lists that were fitted without"

@@ -31,9 +31,9 @@ _DOUBLE_ARROW = [
     *((0.0, -1.0), (-0.35, -0.5), (-0.08, -0.5), (-0.08, 0.5), (-0.35, 0.5)),
     (0.0, 1.0),
 ]
-_LEGEND_COLUMNS = 7
+_LEGEND_COLUMNS = 4
 _STYLE: Any = {
-    "font.size": 9.0,
+    "font.size": 10.5,
     "axes.edgecolor": "#57606a",
     "axes.labelcolor": _INK,
     "text.color": _INK,
@@ -70,16 +70,16 @@ def draw_iso_chart(
     from matplotlib.figure import Figure
 
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(9.6, 5.7), dpi=150)
+        figure = Figure(figsize=(7.2, 6.0), dpi=150)
         margin = 0.135 + 0.07 * (len(tests) - 1)
         sentence = iso_chart_sentence(tests, unit=unit) if caption else ""
-        lines = textwrap.wrap(sentence, 138)
+        lines = textwrap.wrap(sentence, 98)
         bottom = 0.105 + 0.033 * len(lines)
         entries = sum(3 if test.bidirectional else 1 for test in tests.values())
         entries += tolerance is not None
         rows = math.ceil(entries / _LEGEND_COLUMNS)
         top = 0.92 - 0.035 * rows
-        place = (0.08, bottom, 0.92 - margin, top - bottom)
+        place = (0.11, bottom, 0.89 - margin, top - bottom)
         axes = figure.add_axes(place)
         small = "0.001°" if unit == "deg" else "µm"
         long = "°" if unit == "deg" else "mm"
@@ -102,13 +102,19 @@ def draw_iso_chart(
         axes.grid(color="#d0d7de", linewidth=0.5)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
-        axes.set_title(_title(tests, axis), loc="left", fontsize=11, pad=11 + 15 * rows)
+        axes.set_title(
+            _title(tests, axis),
+            loc="left",
+            fontsize=10,
+            weight="normal",
+            pad=11 + 15 * rows,
+        )
         axes.legend(
             loc="lower left",
             bbox_to_anchor=(-0.005, 1.0),
             ncols=math.ceil(entries / rows),
             frameon=False,
-            fontsize=8,
+            fontsize=9.5,
             handlelength=2.2,
             handletextpad=0.5,
             columnspacing=1.2,
@@ -259,7 +265,7 @@ def _draw_brackets(axes: "Axes", test: Iso230, colour: str, at: int, name: str) 
             rotation=90,
             va="center",
             ha="left",
-            fontsize=8.5,
+            fontsize=9.5,
             color=colour,
         )
 

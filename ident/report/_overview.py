@@ -98,7 +98,9 @@ def _draw_fit(
     name = f"{fit.axis}{over}"
     sizes = [cloud.rms for cloud in (before, after)]
     for panel, size, word in zip(panels, sizes, ("before", kind), strict=True):
-        panel.set_title(f"{name}, {word}: {number(size)} {scale.error} rms", fontsize=8)
+        panel.set_title(
+            f"{name}, {word}: {number(size)} {scale.error} rms", fontsize=10
+        )
     return (
         f"{name}: {number(sizes[0])} → {number(sizes[1])} {scale.error} rms ({kind})."
     )

@@ -61,13 +61,14 @@ def long_table(
     encoding: str = "utf-8",
     foot: Sequence[str] = (),
     place: Callable[[float], str] = "{:.3f}".format,
+    error_in: float = 1.0,
 ) -> bytes:
-    """Return a table of target, error in µm, run and direction."""
+    """Return a table of target, error in so many µm, run and direction."""
     lines = list(top)
     for run, side, target in passes():
         cells = [
             place(target),
-            f"{error(target, side, run):.2f}",
+            f"{error(target, side, run) / error_in:.{2 if error_in == 1.0 else 16}f}",
             str(run),
             sides[side < 0],
         ]
@@ -272,6 +273,72 @@ FILES: dict[str, InstrumentFile] = {
         66,
         LASER,
         bidirectional=True,
+    ),
+    "inches": InstrumentFile(
+        long_table(
+            ["Axis: X", "Target (in),Deviation (thou),Run,Dir"],
+            ",",
+            False,
+            place=lambda target: f"{target / 25.4:.15f}",
+            error_in=25.4,
+        ),
+        66,
+        LASER,
+        bidirectional=True,
+    ),
+    "inches, as a line below says": InstrumentFile(
+        long_table(
+            ["Position\tError\tRun\tDirection"],
+            "\t",
+            False,
+            foot=["", "All values in inches"],
+            place=lambda target: f"{target / 25.4:.15f}",
+            error_in=25_400.0,
+        ),
+        66,
+        LASER,
+        bidirectional=True,
+    ),
+    "Excel, French": InstrumentFile(
+        long_table(
+            ["Position (mm);Erreur (µm);Cycle;Sens"],
+            sides=("aller", "retour"),
+        ),
+        66,
+        LASER,
+        bidirectional=True,
+    ),
+    "Excel, Italian, in nm": InstrumentFile(
+        long_table(
+            ["Quota [mm];Scostamento [nm];Ciclo;Verso"],
+            sides=("andata", "ritorno"),
+            error_in=1e-3,
+        ),
+        66,
+        LASER,
+        bidirectional=True,
+    ),
+    "groups of digits in whole numbers only": InstrumentFile(
+        long_table(
+            ["Position [mm];Abweichung [µm];Lauf;Richtung"],
+            place=lambda target: f"{target + 800.0:,.0f}".replace(",", "\0"),
+        ),
+        66,
+        LASER,
+    ),
+    "names between other separators than the rows": InstrumentFile(
+        long_table(["Target [mm]\tError [um]\tRun\tDirection"], comma=False),
+        66,
+        LASER,
+        bidirectional=True,
+    ),
+    "run above names between blanks": InstrumentFile(
+        (
+            "VM 182\nAchse : X\nMesslauf 1\nPosition/mm   Abweichung/um\n"
+            + "".join(f"{t:10.3f}  {error(t, 1, 1):8.2f}\n" for t in TARGETS.tolist())
+        ).encode(),
+        11,
+        ("position", "error"),
     ),
     "thousands in groups": InstrumentFile(
         long_table(

@@ -144,7 +144,7 @@ def duplicated_stamps(content: bytes) -> bytes:
 
 
 DAMAGES = (truncated, wrong_header, mixed_separators, nan_text, duplicated_stamps)
-NO_STAMPS = ("straightness", "Heidenhain", "Siemens", "FARO")
+NO_STAMPS = ("straightness", "run above", "Heidenhain", "Siemens", "FARO")
 """Neither times nor runs: that a probe is read twice at a place is no damage."""
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.measurements import (
+    ColumnSpec,
     LineError,
     Measurement,
     MeasurementError,
@@ -91,7 +92,7 @@ def test_names_and_titles_say_the_axes(tmp_path: Path, text: str, roles: str) ->
 def test_straightness_without_its_axes_is_not_taken_for_a_laser_table(
     tmp_path: Path,
 ) -> None:
-    with pytest.raises(MeasurementError, match="without a role, expected a mapping"):
+    with pytest.raises(MeasurementError, match="without a role, expected the job to"):
         read(tmp_path, "Straightness\nPosition;Error\n0;1\n9;2\n")
 
 
@@ -128,9 +129,8 @@ def test_times_alone_go_on_past_midnight(tmp_path: Path) -> None:
 
 
 def test_a_unit_that_the_library_lacks_is_refused(tmp_path: Path) -> None:
-    found = "Target [in],Error [um]\n0,1\n1,2\n"
-    with pytest.raises(MeasurementError, match="found unit 'in', expected mm"):
-        read(tmp_path, found)
+    with pytest.raises(MeasurementError, match=r"found unit 'ppm', .*convert the col"):
+        read(tmp_path, "Target [mm],Error [ppm]\n0,1\n1,2\n")
 
 
 def test_the_form_of_a_table_is_recorded(tmp_path: Path) -> None:
@@ -205,12 +205,89 @@ def test_a_run_that_counts_the_rows_is_no_run(tmp_path: Path) -> None:
     assert any("counts the rows" in remark for remark in found.remarks)
 
 
-def test_directions_that_nobody_knows_are_left_aside_in_words(tmp_path: Path) -> None:
-    rows = "".join(f"{k};{k};{'CW' if k < 5 else 'CCW'}\n" for k in range(10))
-    found = read(tmp_path, "Target [deg];Error [arcsec];Direction\n" + rows, axis="C")
+TURNS = "Target [deg];Error [arcsec];Direction\n"
+
+
+def test_the_order_of_targets_tells_which_direction_is_positive(tmp_path: Path) -> None:
+    there = "".join(f"{k};{k};CCW\n" for k in range(5))
+    back = "".join(f"{k};{k};CW\n" for k in range(4, -1, -1))
+    found = read(tmp_path, TURNS + there + back, axis="C")
+    assert found.require("C.direction").tolist() == [1] * 5 + [-1] * 5
+    assert found.require("C.error")[4] == pytest.approx(4.0 / 3600.0)
+
+
+def test_directions_that_no_order_tells_are_left_to_the_job(tmp_path: Path) -> None:
+    alone = read(tmp_path, TURNS + "".join(f"{k};{k};CW\n" for k in range(5)), axis="C")
+    assert "C.direction" not in alone.values
+    rows = "".join(f"{k};{k};CW\n{k};{k};CCW\n" for k in range(5))
+    found = read(tmp_path, TURNS + rows, axis="C")
     assert "C.direction" not in found.values
-    assert "'Direction' holds CW, CCW: no known directions." in found.remarks
-    assert found.require("C.error")[9] == pytest.approx(9.0 / 3600.0)
+    key = '{ column = "Direction", positive = "CW" } says which is +'
+    assert any(key in remark for remark in found.remarks)
+    table = read_table(tmp_path / "file.csv")
+    stated = {"C.direction": ColumnSpec("Direction", positive="CW")}
+    assert measurement(table, stated).require("C.direction").tolist() == [1, -1] * 5
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [("Ist - Soll", "error"), ("Soll-Ist", None), ("Korrektur", None)],
+)
+def test_targets_less_readings_and_corrections_are_no_errors_by_themselves(
+    tmp_path: Path, name: str, role: str | None
+) -> None:
+    path = tmp_path / "file.csv"
+    path.write_text(f"Soll [mm];{name} [um]\n0;1\n10;-2\n")
+    table = read_table(path)
+    assert table.columns[1].role == role
+    if role is None:
+        with pytest.raises(MeasurementError, match=rf'"{name} \[um\]", sign = -1 }}'):
+            measurement(table, axis="X")
+    stated = {"X.error": ColumnSpec(f"{name} [um]", sign=-1)}
+    assert measurement(table, stated).require("X.error").tolist() == [-0.001, 0.002]
+
+
+def test_trims_of_linuxcnc_are_the_negative_of_errors(tmp_path: Path) -> None:
+    path = tmp_path / "x.comp"
+    path.write_text("0 0.001 -0.002\n10 0.002 -0.001\n20 0.003 -0.003\n")
+    table = read_table(path)
+    with pytest.raises(MeasurementError, match=r"column = \"2\", sign = -1, run = 1"):
+        measurement(table, axis="X")
+    stated = {f"X.{kind}": spec for kind, spec in table.advice.items()}
+    found = measurement(table, stated)
+    assert found.require("X.error").tolist() == [-1e-3, -2e-3, -3e-3, 3e-3, 1e-3, 2e-3]
+    assert found.require("X.direction").tolist() == [1] * 3 + [-1] * 3
+
+
+def test_a_repeated_block_of_triplets_is_named(tmp_path: Path) -> None:
+    block = "0 0.01 -0.01\n10 10.01 9.99\n20 20.01 19.99\n"
+    with pytest.raises(LineError, match=r"csv:4: .*0 a second time.*rows = \[1, 3\]"):
+        read(tmp_path, 2 * block)
+
+
+def test_the_job_counts_the_points_of_a_centroid_table(tmp_path: Path) -> None:
+    path = tmp_path / "cnc7x.tab"
+    path.write_text("4 -3000\n0\n-32\n-38\n-47\n")
+    table = read_table(path)
+    assert table.advice["position"].interval == -1000.0
+    stated = {
+        "X.position": ColumnSpec("", "mm", value=0.0, interval=-40.0),
+        "X.error": table.advice["error"],
+    }
+    found = measurement(table, stated, increments={"X": 1e-4})
+    assert found.require("X.position").tolist() == [0.0, -40.0, -80.0, -120.0]
+    np.testing.assert_allclose(found.require("X.error"), [0.0, 32e-4, 38e-4, 47e-4])
+
+
+@pytest.mark.parametrize("top", ["Error x 0.1 um\n", "Abweichung in 1/10 µm\n"])
+def test_tenths_of_a_unit_are_no_whole_units(tmp_path: Path, top: str) -> None:
+    found = read(tmp_path, top + "Soll [mm];Fehler\n0;1\n10;2\n")
+    assert found.require("X.error").tolist() == [1e-4, 2e-4]
+
+
+def test_a_unit_of_a_title_that_nobody_knows_leaves_no_default(tmp_path: Path) -> None:
+    with pytest.raises(MeasurementError, match="found unit 'Striche'"):
+        read(tmp_path, "Einheit: Striche\nSoll [mm];Fehler\n0;1\n10;2\n")
 
 
 @pytest.mark.parametrize(
@@ -254,6 +331,9 @@ def test_an_ending_of_a_temperature_is_no_axis(tmp_path: Path) -> None:
     assert found.require("temperature.t_spindle").tolist() == [20, 21, 22, 23, 24]
 
 
-def test_no_unit_is_said_to_be_near_to_inches(tmp_path: Path) -> None:
-    with pytest.raises(MeasurementError, match=r"found unit 'in'.*nearest: mm"):
-        read(tmp_path, "Target (in),Error (mil)\n0,0\n1,1\n")
+def test_inches_are_exact_and_said(tmp_path: Path) -> None:
+    found = read(tmp_path, "Target (in),Error (mil)\n0,0\n1,1\n")
+    assert found.require("X.position").tolist() == [0.0, 25.4]
+    assert found.require("X.error").tolist() == [0.0, 0.0254]
+    said = "In inches, of which one is 25.4 mm: 'Target', 'Error'."
+    assert said in found.remarks

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import pypdfium2
 import pytest
 
 if TYPE_CHECKING:
@@ -65,3 +67,25 @@ def test_pages_fit_the_screen_and_need_nothing_from_outside(
         assert page.locator("h1").count() == 1
         assert page.evaluate("document.documentElement.scrollWidth") == width, name
     assert noise == []
+
+
+@pytest.mark.parametrize("name", ["parameters", "job", "library", "instrument-files"])
+def test_printed_pages_are_whole_and_filled(
+    browser: "Browser", site: str, name: str
+) -> None:
+    # The width of A4 between its margins, in CSS pixels: what is wider is cut off.
+    page = browser.new_page(viewport={"width": 680, "height": 1000})
+    page.goto(f"{site}/{name}.html")
+    page.emulate_media(media="print")
+    cut = page.evaluate(
+        """() => [...document.querySelectorAll("pre, code, table, td, p, img")].filter(
+            e => e.getBoundingClientRect().right > innerWidth + 1
+                || (e.matches("pre, code, td") && e.clientWidth > 0
+                    && e.scrollWidth > e.clientWidth + 1)).map(e => e.textContent)"""
+    )
+    assert cut == []
+    with pypdfium2.PdfDocument(page.pdf(prefer_css_page_size=True)) as printed:
+        sheets = [one.render(scale=1).to_numpy().min(axis=2) for one in printed]
+    filled = [np.flatnonzero(one.min(axis=1) < 200).max() / len(one) for one in sheets]
+    # The last sheet ends where the page ends.
+    assert min(filled[:-1], default=1.0) > 0.25

@@ -67,6 +67,12 @@ def test_words_in_the_plots_can_be_read_on_a_phone(
     # On a phone a CSS pixel is 1/160 inch: letters of 1 mm, as in a footnote.
     assert len(written) > 50
     assert min(written) > 7.0
+    # The whole plot is on the screen, and nothing of it is to be moved into sight.
+    widths = page.evaluate(
+        """() => [...document.querySelectorAll(".canvas")].map(
+            e => [e.scrollWidth, e.clientWidth])"""
+    )
+    assert all(inner <= outer <= 375 for inner, outer in widths)
 
 
 @pytest.mark.slow

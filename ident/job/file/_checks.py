@@ -107,6 +107,10 @@ def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
             )
     if measured.rows is not None and measured.rows[0] > measured.rows[1]:
         yield (*where, "rows"), f"found {list(measured.rows)}, expected first ≤ last"
+    keeps = measured.remove == "none" and "remove" in measured.model_fields_set
+    if keeps and measured.datum is not None:
+        reason = 'found "none" beside datum, which takes a constant off, expected one of them'
+        yield (*where, "remove"), reason
     for role, column in measured.columns.items():
         key = (*where, "columns", role)
         if isinstance(column, str):
@@ -117,6 +121,8 @@ def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
         if (column.column is None) == (column.value is None):
             found = "both" if column.column is not None else "neither"
             yield key, f"found {found}, expected one of column and value"
+        if column.interval and column.value is None:
+            yield key, "found interval, expected value beside it, of the first row"
         if column.value is not None and files is not None:
             yield key, "found a value beside several files, expected a column"
         if column.file is None:

@@ -112,13 +112,22 @@ class ColumnChoice(JobPart, frozen=True):
     column: str | None = None
     """Name of the column in the file. Example: `"dz"`."""
     unit: str | None = None
-    """Unit of its numbers: m, mm, um, 0.1um, deg, rad, s, ms, degC, K, A, Nm, %, inc …;
-    left out: mm, °, s, °C, A. Example: `"um"`."""
+    """Unit of its numbers: m, mm, um, nm, in, thou, deg, arcsec, rad, s, ms, degC, K, A, Nm,
+    %, inc …; left out: mm, °, s, °C, A. Example: `"um"`."""
     file: str | None = None
     """File that holds it, where the measurement has several. Example:
     `"logger.csv"`."""
     value: float | None = None
     """One value for all rows, in the unit. Example: `1`."""
+    interval: float = 0.0
+    """What the value grows by from row to row, where the file does not hold positions that
+    are evenly spaced. Example: `40.0`."""
+    sign: Literal[1, -1] = 1
+    """-1: the column holds the negative, as corrections (trims) are the negative of errors.
+    Example: `-1`."""
+    positive: str | None = None
+    """Word of a column of directions that is the positive one, and the other one is not.
+    Example: `"CW"`."""
 
 
 class ColumnOfRun(JobPart, frozen=True):
@@ -132,6 +141,9 @@ class ColumnOfRun(JobPart, frozen=True):
     """Number of the run that it holds. Example: `1`."""
     direction: Literal[1, -1] | None = None
     """Direction of its motion. Example: `-1`."""
+    sign: Literal[1, -1] = 1
+    """-1: it holds the negative, as corrections (trims) are the negative of errors.
+    Example: `-1`."""
 
 
 Line = Annotated[int, Field(ge=1)]
@@ -220,12 +232,10 @@ def _column_spec(choice: str | ColumnChoice | list[ColumnOfRun]) -> ColumnSpec:
     if isinstance(choice, str):
         return ColumnSpec(choice)
     if isinstance(choice, ColumnChoice):
-        return ColumnSpec(choice.column or "", choice.unit, choice.value)
-    parts = (
-        ColumnSpec(one.column, one.unit, run=one.run, direction=one.direction)
-        for one in choice
-    )
-    return ColumnSpec("", parts=tuple(parts))
+        return ColumnSpec(
+            choice.column or "", **choice.model_dump(exclude={"column", "file"})
+        )
+    return ColumnSpec("", parts=tuple(ColumnSpec(**one.model_dump()) for one in choice))
 
 
 Limit = Annotated[float, Field(gt=0)]

@@ -243,7 +243,7 @@ def _over_two(fit: CrosstalkResult, scale: Scale) -> Plot:
             first[~told], second[~told], s=60, marker="x", color=style.INK,
             linewidths=1.2,
         )  # fmt: skip
-        panel.set_title(BRANCHES[row], fontsize=8)
+        panel.set_title(BRANCHES[row], fontsize=10)
         (x0, x1), (y0, y1) = fit.workspace
         panel.plot(
             [x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=style.GREY, linewidth=0.8
@@ -280,7 +280,7 @@ def course_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
         if not own.size:
             panel.text(0.5, 0.5, "no event", ha="center", transform=panel.transAxes)
         panel.axvline(0, color=style.INK, linewidth=0.7)
-        panel.set_title(BRANCHES[row], fontsize=8)
+        panel.set_title(BRANCHES[row], fontsize=10)
     for panel in panels[2:]:
         panel.set_xlabel("time from the beginning of the event in ms")
     for panel in panels[::2]:

@@ -185,7 +185,7 @@ def choice_plot(fit: FrictionResult) -> Plot:
         panel.errorbar(
             error, row, xerr=spread, marker="o", markersize=4, color=colour, linewidth=1
         )
-    panel.set_yticks(rows, names, fontsize=6.5)
+    panel.set_yticks(rows, names, fontsize=9.5)
     panel.set_xlabel("force error held out in %")
     return Plot("choice", "Which law predicts best", figure, choice_sentence(choice))
 
@@ -213,7 +213,7 @@ def circle_plot(fit: FrictionResult) -> Plot | None:
         panel.set_yticks(
             [span, 2 * span, 3 * span], [f"−{span:.2g}", "0", f"+{span:.2g} µm"]
         )
-        panel.tick_params(labelsize=6.5)
+        panel.tick_params(labelsize=9.5)
         panel.set_title(name)
     magnified = circle.radius * _PER_MM / (2 * span)
     caption = (

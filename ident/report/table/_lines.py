@@ -64,7 +64,7 @@ def curve_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     axes.set_xlabel(f"{fit.masters[0]} in {scale.position}")
     axes.set_ylabel(f"error of {fit.axis} in {scale.error}")
     axes.margins(x=0.02)
-    figure.legend(*_unique(axes), loc="outside upper right", ncols=3)
+    figure.legend(*_unique(axes), loc="outside upper right", ncols=2)
     caption = _say_curve(fit, branches, readings, scale, drawn)
     return Plot("error-curve", "Measured error and the fitted table", figure, caption)
 

@@ -54,10 +54,8 @@ def residual_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot | 
     known = np.unique([] if readings.run is None else readings.run).astype(float)
     runs = known if 2 <= known.size <= 60 else None
     views = views_of(fit, readings, scale)
-    panels = len(views) + (runs is not None)
-    columns = 2 if panels % 2 == 0 else panels
-    rows = panels // columns
-    figure, axes = style.new_figure(2.4 * rows + 0.3, rows, columns, sharey=True)
+    rows = len(views) + (runs is not None)
+    figure, axes = style.new_figure(1.9 * rows + 0.5, rows, sharey=True)
     limit = robust_limit(readings.predicted[readings.sound])
     found = []
     for panel, view in zip(axes, views, strict=False):
@@ -67,10 +65,10 @@ def residual_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot | 
         panel.locator_params(axis="x", nbins=5 if np.max(view.where) < 1e5 else 3)
     if runs is not None:
         _draw_runs(axes[-1], readings, runs)
-    for panel in axes[::columns]:
+    for panel in axes:
         panel.set_ylabel(f"remaining in {scale.error}")
     handles, names = axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper right", ncols=4, markerscale=1.6)
+    figure.legend(handles, names, loc="outside upper right", ncols=2, markerscale=1.6)
     caption = _say_residuals(
         fit, readings, scale, limit, _say_bins(fit, views, found, scale)
     )

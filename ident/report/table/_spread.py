@@ -66,7 +66,7 @@ def spread_plot(readings: Readings, scale: Scale) -> Plot | None:
     spread = spread_of(readings)
     if spread is None:
         return None
-    figure, (left, right) = style.new_figure(2.9, 1, 2)
+    figure, (left, right) = style.new_figure(5.6, 2)
     _draw_groups(left, spread, scale)
     _draw_histogram(right, spread)
     return Plot(

@@ -233,6 +233,28 @@ def test_columns_that_name_no_role_are_asked_for(
     assert [fit.compensation for fit in load_job(job).spec.fits] == ["leadscrew"]
 
 
+def test_of_corrections_the_sign_is_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{10 * k},{(k % 7) * (-1) ** k}\n" for k in range(20))
+    new(tmp_path, f"Target [mm],Correction [um]\n{rows}")
+    column = '"X.error" = { column = "Correction [um]", unit = "um"'
+    question = asked(tmp_path, capsys)[-1]
+    assert question["answers"] == [f"{column}, sign = -1 }}", f"{column} }}"]
+
+
+def test_beside_temperatures_an_axis_at_rest_shows_its_drift(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{k},{-8000 - k // 2},{20 + k / 8}\n" for k in range(60))
+    job = new(tmp_path, f"time [s],mcu_pos_z,frame_t\n{rows}")
+    answers = asked(tmp_path, capsys)[-1]["answers"]
+    assert isinstance(answers, list)
+    assert answers[0] == '"Z.error" = { column = "mcu_pos_z", unit = "um" }'
+    assert '"temperature.frame" = "frame_t"' in job.read_text()
+    assert 'compensation = "temperature"' in job.read_text()
+
+
 def test_one_column_that_names_nothing_is_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
