@@ -39,9 +39,7 @@ so many are left: fewer do not show fourth differences."""
 Vector = Float[np.ndarray, " _n"]
 
 
-def choose_weights(
-    problem: Problem, near: Posterior | None = None
-) -> Posterior | None:
+def choose_weights(problem: Problem, near: Posterior | None = None) -> Posterior | None:
     """Return the posterior with the best evidence; None where no weights give one.
 
     Args:

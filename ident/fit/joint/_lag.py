@@ -9,7 +9,7 @@ Source: G. Golub, V. Pereyra, SIAM J. Numer. Anal. 10(2), 1973.
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import final
+from typing import Any, final
 
 import numpy as np
 import scipy.sparse as sp
@@ -109,8 +109,8 @@ def lagging(design: Design, data: JointData, lags: Mapping[str, float]) -> Desig
     others[own] = 0.0
     ones = np.ones(len(own)), (np.arange(len(own)), own)
     place = sp.csr_array(ones, shape=(len(own), design.size))
-    columns = design.columns @ sp.diags_array(others)
-    columns = columns + sp.csr_array(_heated(design, data, lags)) @ place
+    heated: Any = sp.csr_array(_heated(design, data, lags)) @ place
+    columns = sp.csr_array(design.columns @ sp.diags_array(others) + heated)
     columns.eliminate_zeros()
     effects = tuple(effect.lagging(lags) for effect in design.effects)
     return dataclasses.replace(design, effects=effects, columns=columns)
