@@ -98,13 +98,18 @@ def _loosened(problem: Problem, best: Posterior) -> Posterior:
         square = max(post.residual_square, 1e-300)
         return problem.count * float(np.log(square) - 2.0 * np.log(spare))
 
-    for prior, _, own in problem.stack.priors:
-        least = cost(best) - _CONTRADICTED
-        if not prior.scanned or not np.isfinite(least):
-            continue
+    least = cost(best) - _CONTRADICTED
+    together = []
+    for prior, _, own in problem.stack.priors if np.isfinite(least) else ():
+        if prior.scanned:
+            # All axes of a table at once, then each by itself.
+            axes = [slice(k, k + 2) for k in range(own.start, own.stop, 2)]
+            together += [own, *axes] if len(axes) > 1 else [own]
+    loose = np.where(problem.optional, 0.0, problem.density)
+    for own in together:
         for scale in _LOOSER:
             weights = best.weights.copy()
-            weights[own] = np.where(prior.optional, 0.0, scale * problem.density[own])
+            weights[own] = scale * loose[own]
             found = problem.at(weights)
             if found is not None and cost(found) < least:
                 best, least = found, cost(found)
