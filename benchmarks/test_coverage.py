@@ -15,7 +15,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from axcomp.ident.job import TableResult, run_job
 
-SEEDS = 20
+SEEDS = 16
 NODES = np.linspace(0.0, 400.0, 21)
 NOISE = 0.001  # mm
 TRUTHS = ("smooth", "rough", "pitch", "kinked", "zero", "linear")
@@ -83,7 +83,7 @@ def truth_of(name: str, rng: np.random.Generator) -> Callable[[np.ndarray], np.n
 
 
 def judged(folder: Path, case: Case, name: str, seed: int) -> np.ndarray:
-    """Return (entry − truth) / deviation at the nodes of one list."""
+    """Return (entry − truth) / deviation at the nodes of one list; entries are errors."""
     rng = np.random.default_rng([seed, TRUTHS.index(name)])
     law, gap = truth_of(name, rng), 0.003 * rng.normal()
     ways = (1, -1) if case.bilateral else (1,)
@@ -108,7 +108,7 @@ def judged(folder: Path, case: Case, name: str, seed: int) -> np.ndarray:
     assert isinstance(found, TableResult)
     taken = np.mean([truth[way][0] for way in ways]) if case.datum else 0.0
     ratios = [
-        (-found.table[branch] - truth[way] + taken) / found.standard_deviation[branch]
+        (found.table[branch] - truth[way] + taken) / found.standard_deviation[branch]
         for way, branch in zip(ways, ("pos", "neg"), strict=False)
     ]
     return np.concatenate(ratios)
