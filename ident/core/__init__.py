@@ -33,7 +33,7 @@ from ._effect import (
     design_of as design_of,
 )
 from ._errors import FitError as FitError
-from ._evidence import choose_weights as choose_weights
+from ._evidence import choose_weights as choose_weights, variances_of as variances_of
 from ._factor import ArrowFactor as ArrowFactor
 from ._hold_out import leave_one_out as leave_one_out, simplest as simplest
 from ._loss import Loss as Loss, choose_loss as choose_loss

@@ -28,6 +28,14 @@ _LIFTS, _EASED = (1.0, 10.0, 100.0), 0.1
 differences alone, and the factor of the latter beside them."""
 _WORTH = 2.0
 """Gain in evidence below which the simpler of two priors is taken."""
+_LOOSER = (1e1, 1e0, 1e-1, 1e-2, 1e-3)
+"""Weights of second differences, relative to the density, that predict a ripple, too."""
+_CONTRADICTED, _SPARE = 6.0, 0.25
+"""Gain in prediction, as of −2 log-likelihood, from which on readings contradict the prior; share
+of the readings that must be left to judge it."""
+_NEXT, _FARTHEST, _UNLIKELY = 10.0**0.5, 8, 0.02
+"""Factor between weights that are asked how likely they are, how many on each side, and the
+likelihood relative to the best ones at which that ends."""
 _FINE, _COARSE = 1e-4, 0.3
 """Gain of a step at which the search ends: on small stacks, on large ones."""
 _LARGE = 2e7
@@ -42,10 +50,18 @@ Vector = Float[np.ndarray, " _n"]
 def choose_weights(problem: Problem, near: Posterior | None = None) -> Posterior | None:
     """Return the posterior with the best evidence; None where no weights give one.
 
+    Less smoothness is taken where readings contradict the prior: see `_loosened`.
+
     Args:
         problem: Sums about a current estimate.
         near: Of this problem, with weights near the best ones; what is 0 there stays 0.
     """
+    best = _likeliest(problem, near)
+    return best if best is None or _is_large(problem) else _loosened(problem, best)
+
+
+def _likeliest(problem: Problem, near: Posterior | None) -> Posterior | None:
+    """Return the posterior with the best evidence; arguments as `choose_weights`."""
     if not len(problem.density):
         return problem.at(np.zeros(0))
     gain = _COARSE if _is_large(problem) else _FINE
@@ -53,7 +69,7 @@ def choose_weights(problem: Problem, near: Posterior | None = None) -> Posterior
         return _descend(problem, near.weights, gain, near)
     if _is_large(problem) and _can_be_thinned(problem):
         rough, finer = _thinned(problem)
-        found = choose_weights(rough)
+        found = _likeliest(rough, None)
         if found is not None:
             return _descend(problem, finer(found.weights), gain)
     start = _scanned(problem)
@@ -65,6 +81,67 @@ def choose_weights(problem: Problem, near: Posterior | None = None) -> Posterior
     if other is None or other.evidence >= best.evidence - _WORTH:
         return best
     return _simplified(problem, other, gain)
+
+
+def _loosened(problem: Problem, best: Posterior) -> Posterior:
+    """Return the posterior, or one of less smoothness that predicts readings far better.
+
+    The evidence believes the prior: a ripple as short as the nodes (the pitch of a screw),
+    which no prior of differences expects, is noise to it, however well it comes back in every
+    run. Generalised cross-validation (G. Wahba, Ann. Statist. 13(4), 1985) does not.
+    """
+
+    def cost(post: Posterior) -> float:
+        spare = problem.count - post.used
+        if spare < _SPARE * problem.count:
+            return np.inf  # a fit through every reading says nothing of the next one
+        square = max(post.residual_square, 1e-300)
+        return problem.count * float(np.log(square) - 2.0 * np.log(spare))
+
+    least = cost(best) - _CONTRADICTED
+    together = []
+    for prior, _, own in problem.stack.priors if np.isfinite(least) else ():
+        if prior.scanned:
+            # All axes of a table at once, then each by itself.
+            axes = [slice(k, k + 2) for k in range(own.start, own.stop, 2)]
+            together += [own, *axes] if len(axes) > 1 else [own]
+    loose = np.where(problem.optional, 0.0, problem.density)
+    for own in together:
+        for scale in _LOOSER:
+            weights = best.weights.copy()
+            weights[own] = scale * loose[own]
+            found = problem.at(weights)
+            if found is not None and cost(found) < least:
+                best, least = found, cost(found)
+    return best
+
+
+def variances_of(post: Posterior) -> Vector:
+    """Return the variance of every unknown, which knows that the smoothness is estimated, too.
+
+    The mean over smoother and rougher tables, each as likely as its evidence says; on a large
+    stack, where readings leave little doubt of the weights, that of the best ones alone.
+    """
+    total, sums = 1.0, post.variance * post.inverse_diagonal
+    if _is_large(post.problem) or not post.weights.any():
+        return sums
+    low, high = np.exp(post.problem.bounds.T)
+    for step in (_NEXT, 1.0 / _NEXT):
+        weights = post.weights
+        for _ in range(_FARTHEST):
+            weights = np.where(weights > 0.0, np.clip(step * weights, low, high), 0.0)
+            other = post.problem.at(weights)
+            if other is None:
+                break
+            # What the readings contradict is believed by its evidence all the same.
+            gain = post.evidence - other.evidence
+            share = float(np.exp(0.5 * gain)) if gain < _CONTRADICTED else 0.0
+            if share < _UNLIKELY:
+                break
+            own = other.variance * other.inverse_diagonal
+            sums = sums + share * (own + np.square(other.values - post.values))
+            total += share
+    return np.asarray(sums / total)
 
 
 def _is_large(problem: Problem) -> bool:

@@ -337,9 +337,12 @@ class CellCovariance:
     offsets: tuple[int, ...]
     columns: Float[np.ndarray, "n s"]
 
-    def scaled(self, variance: float) -> "CellCovariance":
-        """Return it for a noise of this variance."""
-        return CellCovariance(self.offsets, variance * self.columns)
+    def scaled(self, factors: Vector) -> "CellCovariance":
+        """Return it for unknowns times these factors."""
+        columns = self.columns * factors[:, None]
+        for slot, k in enumerate(self.offsets):
+            columns[: len(factors) - k, slot] *= factors[k:]
+        return CellCovariance(self.offsets, columns)
 
     def variance(
         self, nodes: Int[np.ndarray, "t k"], shares: Float[np.ndarray, "t k"]

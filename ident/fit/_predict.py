@@ -84,9 +84,12 @@ def zeroed(
     assert fit.estimate is not None  # only folds have none
     posterior = fit.estimate.posterior
     here = posterior.problem.stack.here(0)
+    # Stated deviations know of more than the noise; how nodes go together is its alone.
+    scale = effect.to_values(fit.standard_deviation)
+    scale = scale / np.sqrt(posterior.inverse_diagonal[here])
     unknowns = np.zeros(len(posterior.values))
-    unknowns[here] = row
-    shared = fit.variance * posterior.factor.solve(unknowns)[here]
+    unknowns[here] = row * scale
+    shared = scale * posterior.factor.solve(unknowns)[here]
     gain = effect.to_table(row @ shared - 2.0 * shared)
     deviation = np.sqrt(np.maximum(np.square(fit.standard_deviation) + gain, 0.0))
     return zero, dataclasses.replace(

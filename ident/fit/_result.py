@@ -18,6 +18,7 @@ from ..core import (
     choose_weights,
     design_of,
     sums_of,
+    variances_of,
 )
 from ._types import RunEffect, TableFit, TableLayout
 
@@ -25,6 +26,8 @@ _NOTHING = 1e-12
 """Scatter in mm or ° that is none."""
 _HOPELESS = 1e3
 """Uncertainty of a node, in ranges of the readings, that no extrapolation explains."""
+_FEWEST = 3.0
+"""Degrees of freedom of the noise at least, that Student's t has a variance."""
 _TRUSTED = 0.5
 """A node whose nearest readings keep less than this share of their weight is named."""
 _FAR = 1e-3
@@ -108,19 +111,25 @@ def result_of(
         FitError: If the readings do not determine the table.
     """
     post, table = found.posterior, layout.effect
-    noise, variance = found.noise, post.variance
+    noise, variance, degrees = found.noise, post.variance, post.problem.degrees
     judged = ""
     if fixed:
         # A weight that the user sets says nothing about the noise: take it from the residuals,
         # or, where every node follows its own reading, from the evidence.
         free = post.problem.count - post.used
         if free >= max(3.0, 0.02 * post.problem.count):
-            variance = post.residual_square / free
+            variance, degrees = post.residual_square / free, free
         else:
             chosen = choose_weights(post.problem)
             variance = variance if chosen is None else chosen.variance
             noise, judged = float(np.sqrt(variance)), FOLLOWS
-    deviation = np.sqrt(np.maximum(variance * post.inverse_diagonal, 0.0))[: table.size]
+    plain = np.maximum(post.inverse_diagonal[: table.size], 1e-300)
+    squares = variance * plain if fixed else variances_of(post)[: table.size]
+    # The noise is estimated, too: the variance of Student's t.
+    degrees = max(degrees, _FEWEST)
+    squares = squares * degrees / (degrees - 2.0)
+    share = post.used / max(post.problem.count, 1.0)
+    deviation = np.sqrt(squares) * (1.0 + found.loss.unevenness * share)
     support = post.problem.sums.support[: table.size]
     worst = float(deviation[support > 0].max(initial=0.0))
     # Rounding can leave a singular matrix just definite.
@@ -151,10 +160,9 @@ def result_of(
         runs=_run_effects(post, runs, variance),
         suspect_nodes=tuple(suspects),
         suspect_runs=(),
-        covariance=post.covariance(table.offsets).scaled(variance),
+        covariance=post.covariance(table.offsets).scaled(deviation / np.sqrt(plain)),
         converged=found.converged,
         message=found.message(count, judged),
-        variance=variance,
         estimate=found,
     )
 

@@ -131,7 +131,6 @@ class TableFit:
             it.
         converged: Whether the iterations reached their tolerance.
         message: One sentence on how the fit went, for the report.
-        variance: Of a pseudo-reading of weight 1 in mm² or °², by which the covariance scales.
         estimate: The fit of the stack behind it, from which groups are left out.
         line_offset: Standard deviation in mm or ° of an offset of every line of readings that a
             single probing cannot show, and that is allowed for; else 0.
@@ -154,7 +153,6 @@ class TableFit:
     converged: bool
     message: str
     line_offset: float = 0.0
-    variance: float = 0.0
     estimate: Estimate | None = dataclasses.field(
         default=None, repr=False, compare=False
     )

@@ -345,3 +345,21 @@ def test_robust_passes_that_would_swing_for_ever_come_to_rest(seed: int) -> None
     # 1.2 µm as made, a tenth of it by chance for 90 readings, and the drift within a run,
     # which is fitted as an offset; 2.7 to 5.9 µm where the passes ended on the way.
     assert 1.0e-3 < fit.noise < 1.6e-3
+
+
+def test_a_ripple_that_every_run_shows_is_no_noise() -> None:
+    # As short as three nodes: a prior of differences takes it for noise (24 % inside).
+    truth = 0.002 * np.sin(2 * np.pi * NODES / 63.5)
+    run = np.repeat(np.arange(3), len(NODES))
+    inside, noise = [], []
+    for seed in range(8):
+        scatter = np.random.default_rng(seed).normal(0.0, 0.001, len(run))
+        samples = Samples(np.tile(NODES, 3)[:, None], np.tile(truth, 3) + scatter)
+        samples = dataclasses.replace(samples, run=run)
+        fit = fit_table(TableLayout((NODES,)), samples, run_effects="offset")
+        inside.append(np.abs(fit.values - truth) <= 2 * fit.standard_deviation)
+        noise.append(fit.noise)
+    # 168 nodes: 95 % less three standard deviations of that share.
+    assert np.mean(inside) >= 0.90
+    # 320 readings to spare tell a scatter to 4 %; the loss of few readings adds some.
+    assert np.mean(noise) == pytest.approx(0.001, rel=0.12)

@@ -6,11 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.special import stdtrit
 
 from ...exchange import AbstractTable
-from ...fit import Samples, TableLayout, fit_table
+from ...fit import Samples, TableFit, TableLayout, fit_table
 from ...proof import held_out
-from ...readings import Readings, Tables, place_in_run, runs_overlap
+from ...readings import (
+    Readings,
+    Tables,
+    place_in_run,
+    runs_overlap,
+    without_zero,
+)
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
 from ._draft import TableDraft, fitted_in_memory
@@ -23,6 +30,8 @@ from ._trend import refuse_unowned_trend
 
 _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
+_TWO_SIGMA = 0.97725
+"""Share of a normal variable below two standard deviations."""
 
 
 def fit_alone(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
@@ -98,10 +107,10 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     zero, estimate = plan.zeroed(fit)
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
-    late = _late(table, samples, readings.late)
-    estimate = dataclasses.replace(
-        estimate, standard_deviation=np.hypot(estimate.standard_deviation, late)
-    )
+    patterns = _patterns(plan, readings, samples, fit)
+    doubts = [_doubt(plan, samples, estimate, each) for each in patterns]
+    squares = sum(map(np.square, doubts), np.square(estimate.standard_deviation))
+    estimate = dataclasses.replace(estimate, standard_deviation=np.sqrt(squares))
     left = held_out(table, samples, fit, plan.integers, before, acted)
     fitted = fitted_in_memory(plan, readings, remarks, samples, before, left, estimate)
     return TableDraft(plan.job, plan.index, spec, plan, estimate, effects, fitted)
@@ -116,17 +125,57 @@ def _is_repeated(readings: Readings, table: AbstractTable) -> bool:
     return runs_overlap(readings.positions, readings.run, nodes, way)
 
 
-def _late(
-    table: AbstractTable, samples: Samples, late: Float[np.ndarray, " t"] | None
-) -> Float[np.ndarray, "..."]:
-    """Return what one standard deviation of the delay of an instrument makes of each node.
+def _patterns(
+    plan: Plan, readings: Readings, samples: Samples, fit: TableFit
+) -> list[Float[np.ndarray, " t"]]:
+    """Return what readings are off together, each by one standard deviation.
 
-    An error in motion that is taken a moment too late has changed by that moment times the
-    speed: readings about a node that were taken in one direction err together.
+    By the delay of an instrument: an error in motion that is taken a moment too late has
+    changed by that moment times the speed. By the runs: a table keeps the mean of their
+    offsets and drifts, and a few runs do not tell what the mean of many would be.
     """
-    shape = table.layout.shape
-    if late is None:
-        return np.zeros(shape)
+    found = [] if readings.late is None else [readings.late]
+    offset, drift = _means_of_runs(fit)
+    ones = np.ones(len(samples.error))
+    runs = [offset * ones]
+    if samples.order is not None:
+        runs.append(drift * (samples.order - 0.5))
+    for pattern in runs if offset or drift else []:
+        for name, own in readings.slices.items():
+            kind = plan.job.spec.measurements[name].remove
+            places = [*samples.positions[own].T]
+            pattern[own] = without_zero(pattern[own], places, kind)
+        found.append(pattern)
+    return found
+
+
+def _means_of_runs(fit: TableFit) -> tuple[float, float]:
+    """Return the standard deviations of the means of offsets and of drifts of the runs.
+
+    Of the runs that count in it, less what the noise of their readings explains. The factor
+    of Student's t makes two of them hold as many cases as of a normal variable.
+    """
+    runs = [run for run in fit.runs if run.run not in fit.suspect_runs]
+    count = len(runs)
+    if count < 2:
+        return 0.0, 0.0
+    values = np.array([[run.offset, run.drift] for run in runs])
+    known = np.array([[run.offset_sd, run.drift_sd] for run in runs])
+    noise = np.square(known).sum(axis=0) / (count - 1)
+    between = np.maximum(values.var(axis=0, ddof=1) - noise, 0.0)
+    factor = 0.5 * float(stdtrit(count - 1, _TWO_SIGMA))
+    offset, drift = (factor * np.sqrt(between / count)).tolist()
+    return offset, drift
+
+
+def _doubt(
+    plan: Plan, samples: Samples, estimate: TableFit, pattern: Float[np.ndarray, " t"]
+) -> Float[np.ndarray, "..."]:
+    """Return by how much each node is off where its readings are off by a pattern.
+
+    What the datum takes off is no doubt; nodes without readings are off as the others are.
+    """
+    table, shape = plan.table, plan.table.layout.shape
     at: list[np.ndarray] = [] if samples.branch is None else [samples.branch]
     for nodes, places in zip(
         reversed(table.nodes), reversed(samples.positions.T), strict=True
@@ -136,9 +185,10 @@ def _late(
     index = np.ravel_multi_index(tuple(at), shape)
     size = int(np.prod(shape))
     count = np.bincount(index, minlength=size)
-    mean = np.bincount(index, late, minlength=size) / np.maximum(count, 1)
+    mean = np.bincount(index, pattern, minlength=size) / np.maximum(count, 1)
     everywhere = np.sqrt(np.mean(mean[count > 0] ** 2))
-    return np.where(count > 0, np.abs(mean), everywhere).reshape(shape)
+    values = np.where(count > 0, mean, everywhere).reshape(shape)
+    return values - plan.zero_of(dataclasses.replace(estimate, values=values))
 
 
 def _finer_than(

@@ -115,7 +115,8 @@ class Plan(AbstractPlan):
         at = self._at_datum()
         return (0.0, estimate) if at is None else zeroed(estimate, *at)
 
-    def _zero(self, estimate: TableFit) -> float:
+    def zero_of(self, estimate: TableFit) -> float:
+        """Return what a table says at the datum, the mean of both directions; 0 without one."""
         at = self._at_datum()
         return 0.0 if at is None else float(np.mean(predict(estimate, *at)[0]))
 
@@ -147,7 +148,7 @@ class Plan(AbstractPlan):
 
         What one extrapolates beyond the type of an entry stays at its end.
         """
-        wanted = [self.offset(one.values - self._zero(one)) for one in estimates]
+        wanted = [self.offset(one.values - self.zero_of(one)) for one in estimates]
         ends = self.table.to_offsets(np.array(self.table.value_bounds))
         return self.table.to_integers(np.clip(np.stack(wanted), min(ends), max(ends)))
 

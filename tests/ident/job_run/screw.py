@@ -27,7 +27,9 @@ def screw_error(position: np.ndarray, direction: np.ndarray) -> np.ndarray:
     return np.where(direction > 0, *both)
 
 
-def laser(path: Path, scale: float = 1.0, runs: int = 3, offset: float = 0.0) -> None:
+def laser(
+    path: Path, scale: float = 1.0, runs: int = 3, offset: float | np.ndarray = 0.0
+) -> None:
     rng = np.random.default_rng(7)
     there = np.arange(0.0, 401.0, 50.0)
     target = np.tile(np.concatenate([there, there[::-1]]), runs)

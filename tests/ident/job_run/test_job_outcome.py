@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, check
-from axcomp.ident.job import JobError, run_job
+from axcomp.ident.job import JobError, TableResult, run_job
 
 from .screw import (
     LIST_UNIT,
@@ -274,3 +274,21 @@ def test_load_sheet_asks_for_one_restart_for_two_new_lists(tmp_path: Path) -> No
     path.write_text(text + measured + second)
     actions = [step.action for step in run_job(path, tmp_path / "out").load_sheet]
     assert actions.count("Restart the controller") == 1
+
+
+def test_a_few_runs_leave_doubt_of_their_mean_unless_a_datum_takes_it_off(
+    tmp_path: Path,
+) -> None:
+    runs = np.array([2.0, -1.0, 3.0, -2.0, 1.0])  # µm
+    laser(tmp_path / "laser.csv", runs=5, offset=1e-3 * np.repeat(runs, 18))
+    deviation = []
+    for measurement in ("", "datum = { at = 200.0 }"):
+        done = run_job(screw_job(tmp_path, measurement=measurement), tmp_path / "out")
+        found = done.fits[0]
+        assert isinstance(found, TableResult)
+        deviation.append(found.standard_deviation["pos"])
+    # s/√5, times half the two-sided quantile of Student's t with 4 degrees of freedom that
+    # holds what two deviations of a normal variable do; 0.1 µm of noise is a per cent of it.
+    expected = 1e-3 * runs.std(ddof=1) / np.sqrt(5) * 2.869 / 2
+    np.testing.assert_allclose(deviation[0], expected, rtol=0.03)
+    assert deviation[1].max() < 0.1 * expected
