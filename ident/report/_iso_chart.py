@@ -314,7 +314,7 @@ def _draw_reversal(
         [],
         [],
         linestyle="none",
-        marker=Path(_DOUBLE_ARROW, closed=True),
+        marker=Path(np.array(_DOUBLE_ARROW), closed=True),
         markersize=9,
         color=colour,
         label=f"B = {ends[1] - ends[0]:.1f} {small} at {widest.target:g} {long}",

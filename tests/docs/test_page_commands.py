@@ -184,11 +184,19 @@ def test_the_page_on_files_runs(
     page = (DOCS / "instrument-files.md").read_text("utf-8").split("```")[2]
     for line in page.split("\n\n")[1].splitlines():
         assert line.startswith("    …") or line.strip() in said
-    (measurement,) = shown("docs/instrument-files.md", "toml")
+    measurement, centroid = shown("docs/instrument-files.md", "toml")
     fit = '[[fits]]\ncompensation = "leadscrew"\naxis = "X"\nmeasurement = "laser"\n'
     fit += "start = 0.0\ninterval = 20.0\npoints = 21\nbilateral = true\n"
     zero = measurement.replace("active = []", 'active = []\nremove = "none"')
     Path("job.toml").write_text(f"[axes.X]\nnumber = 1\n{zero}\n{fit}", "utf-8")
+    assert main(["fit", "job.toml"]) == 0
+    counts = [round(50 * np.sin(k / 3)) for k in range(21)]
+    Path("cnc7x.tab").write_text("21 -8000000\n" + "".join(f"{k}\n" for k in counts))
+    fit = fit.replace('"laser"', '"centroid"').replace("bilateral = true\n", "")
+    fit = fit.replace("0.0\ninterval = 20.0", "-800.0\ninterval = 40.0")
+    zero = centroid.replace("active = []", 'active = []\nremove = "none"')
+    axis = "[axes.X]\nnumber = 1\nincrement = 1e-4\n"
+    Path("job.toml").write_text(f"{axis}{zero}\n{fit}", "utf-8")
     assert main(["fit", "job.toml"]) == 0
 
 

@@ -334,7 +334,7 @@ def test_value_beyond_sgn32_is_refused(value: float) -> None:
 def test_max_points_of_a_plane(
     count: int, build: str | None, expected: int | None
 ) -> None:
-    nodes = (GridNodes(0, 10, count), GridNodes(0, 10, 2))
+    nodes = (GridNodes(0, 1000, count), GridNodes(0, 1000, 2))
     table = PlaneTable(3, (1, 2), nodes, RULES)
     entries = table.entries(
         np.zeros((2, count), dtype=np.int64), ListTarget(build=build)

@@ -89,7 +89,6 @@ def test_good_job_loads(folder: Path) -> None:
         ("[-10.0, 410]", "[410.0]", "limits: found 1 values, expected 2"),
         ("active = []", 'active = ["plan"]', r"active\[0\]: found 'plan', .*plane"),
         ("active = []", 'remove = "lines"', "remove: found 'lines', .*'line'"),
-        ("active = []", 'remove = "none"\ndatum.at = 0.0', r":19: .*beside datum.* one"),
         ("number = 3", "number = 3\n# or\nnumber = 4", r":17: .*number .*after line 15"),
         ("active = []", "drift = [\n1]\ndrift = 2", r":21: .*drift .*after line 19"),
         ("[controller]", "[gate]\n[controller]", r"\[gate\] a second time, after line 6"),

@@ -107,10 +107,6 @@ def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
             )
     if measured.rows is not None and measured.rows[0] > measured.rows[1]:
         yield (*where, "rows"), f"found {list(measured.rows)}, expected first ≤ last"
-    keeps = measured.remove == "none" and "remove" in measured.model_fields_set
-    if keeps and measured.datum is not None:
-        reason = 'found "none" beside datum, which takes a constant off, expected one of them'
-        yield (*where, "remove"), reason
     for role, column in measured.columns.items():
         key = (*where, "columns", role)
         if isinstance(column, str):
