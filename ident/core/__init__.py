@@ -13,7 +13,7 @@ It knows no file and no compensation by name. The route of one table (a leadscre
 8. `ArrowFactor.solve`, which gives the `Posterior`;
 9. `choose_weights` searches the weights of the prior by its evidence and slopes, for which
 10. `Chain.logdet` gives the prior's determinant and
-11. `band_inverse` the elements of the inverse, from which the deviations come as well;
+11. `band_inverse` the elements of the inverse, of which `variances_of` makes the deviations;
 12. `leave_one_out` gives the posterior without a group of readings.
 
 Read `_readings`, `_effect`, `_chain`, `_prior`, `_stack`, `_sums`, `_factor`, `_posterior`,
