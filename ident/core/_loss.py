@@ -62,10 +62,9 @@ class Loss:
         The variance of a robust estimate grows by (1 + unevenness · unknowns / readings)²:
         P. J. Huber, Robust Statistics, 1981, section 7.6.
         """
-        outside = (
-            0.22 if np.isfinite(self.corner) else 0.0
-        )  # (1 − P) / P, P = 0.82 inside
-        # Student's t at the scale that suits Gaussian noise: 0.43, 0.23, 0.10 for 4, 6, 10.
+        # Huber: (1 − P) / P with P = 0.82 of Gaussian noise inside the corner. Student's t at
+        # the scale that suits such noise: 0.43, 0.23, 0.10 for a freedom of 4, 6, 10.
+        outside = 0.22 if np.isfinite(self.corner) else 0.0
         return outside + 7.0 / self.freedom**2
 
     def share(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:

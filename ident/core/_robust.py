@@ -168,8 +168,8 @@ class _Passes:
             weights = (
                 near.posterior.weights if self.fixed is None else self._light(problem)
             )
-            start_at = self._solved(problem, weights)
-            return self._robust(start_at, float(matrix.tally[0]), searches=1)
+            begun = self._solved(problem, weights)
+            return self._robust(begun, float(matrix.tally[0]), searches=1)
         theta = np.zeros(self.stack.size) if start is None else start
         matrix = self.over(theta, Loss(), True)
         if self.loss == "gauss":
