@@ -12,9 +12,11 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.linalg import solve_banded
+from scipy.linalg import get_lapack_funcs
 
 from .core import FitError
+
+(dtbtrs,) = get_lapack_funcs(("tbtrs",), dtype=np.float64)
 
 Columns = Mapping[str, np.ndarray]
 """Arrays of shape ``(t,)`` by the name of an axis or of a sensor."""
@@ -87,7 +89,9 @@ def lagged(
     right[1:] = temperature[1:] - kept * temperature[:-1] - mean * rise
     band = np.ones((2, len(time)))
     band[1, :-1] = -kept
-    return np.asarray(solve_banded((1, 0), band, right))
+    found, info = dtbtrs(band, right, uplo="L")
+    assert info == 0
+    return np.asarray(found)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,7 +15,6 @@ from functools import cached_property
 from typing import final
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy.polynomial import legendre
 
@@ -71,8 +70,7 @@ def _spread(
 
 def _over(design: Design, shapes: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "m m"]:
     """Return the information on mixtures of the unknowns."""
-    sparse = sp.csr_array(shapes)
-    return np.asarray((sparse.T @ design.information @ sparse).toarray())
+    return np.asarray(shapes.T @ (design.information @ shapes))
 
 
 def _plane_shapes(

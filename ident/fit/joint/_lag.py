@@ -168,8 +168,10 @@ def _heated(
     design: Design, data: JointData, lags: Mapping[str, float]
 ) -> Float[np.ndarray, "r k"]:
     """Return the columns of the temperatures for trial lags."""
-    blocks = [effect.lagging(lags).block(data) for effect in _warm(design)]
-    return np.hstack([each.columns[design.rows].toarray() for each in blocks])
+    effects = [effect.lagging(lags) for effect in _warm(design)]
+    inputs = [[own[design.rows] for own in one.columns_of(data)] for one in effects]
+    # A temperature touches all values of its law in every row.
+    return np.hstack([e.rows(own)[1] for e, own in zip(effects, inputs, strict=True)])
 
 
 def _warm(design: Design) -> list[AbstractEffect]:
