@@ -16,6 +16,7 @@ from ._ipopt import least_squares_ipopt
 from ._readings import Friction, Roles, arrays_of, recording_of, without_zero_of
 from ._write_job import Stated, verdicts_of, write_job
 from .core import FitError
+from .fit import doubt_of_means
 from .fit.joint import (
     AbstractEffect,
     Confusion,
@@ -52,6 +53,8 @@ class FittedEffect:
             tell a value. Of a friction: by name of the parameter.
         support: Readings that touch each value.
         lags: Time constant in s and its standard deviation, by sensor; empty without.
+        common: Standard deviation that all values have in common, in mm or °: that of the
+            constant which the table holds; 0 without.
     """
 
     effect: AbstractEffect | Friction
@@ -59,6 +62,7 @@ class FittedEffect:
     standard_deviation: Any
     support: Int[np.ndarray, " p"]
     lags: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+    common: float = 0.0
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the values with two standard deviations, and return the matplotlib axes.
@@ -147,10 +151,11 @@ class Fit(Mapping[str, FittedEffect]):
         Raises:
             KeyError: If there is no such effect, or it is a friction.
         """
-        effect = self.effects[name].effect
-        if self.joint is None or not isinstance(effect, AbstractEffect):
+        one = self.effects[name]
+        if self.joint is None or not isinstance(one.effect, AbstractEffect):
             raise KeyError(name)
-        return self.joint.covariance(self.stated.place(effect))
+        own = self.joint.covariance(self.stated.place(one.effect))
+        return own + one.common**2
 
     def write(
         self,
@@ -280,7 +285,7 @@ def fit(
             drift=drift,
         )
         noise |= joint.noise
-        constant |= joint.datum
+        constant |= joint.datum if remove != "none" else _with_runs(joint)
         undetermined += joint.confusions
     holders = _holders(stack) if place is None else {}
     gauges = () if joint is None else joint.gauges
@@ -297,10 +302,10 @@ def fit(
             found[name] = FittedEffect(one, law, sigma, np.array([choice.fit.count]))
             continue
         part = next(parts)
-        table = part.table
+        table, common = part.table, 0.0
         if holders.get(one.axis) is one:
-            value, deviation = constant[one.axis]
-            constant[one.axis] = (0.0, deviation)
+            value, common = constant[one.axis]
+            constant[one.axis] = (0.0, common)
             table = table + value
             gauges = tuple(
                 dataclasses.replace(
@@ -312,8 +317,8 @@ def fit(
             )
         if constraints and name in constraints:
             assert joint is not None
-            spread = joint.covariance(stated.place(one))
-            table = _constrained(part, table, spread, constraints[name])
+            together = joint.covariance(stated.place(one))
+            table = _constrained(part, table, together, constraints[name])
         if place is not None:
             model = part.effect.to_model(table, -1.0)
             zero = -float(np.mean(one.offsets(model, *(np.array([x]) for x in place))))
@@ -325,9 +330,10 @@ def fit(
         found[name] = FittedEffect(
             one,
             part.effect.to_model(table, -1.0),
-            part.effect.to_model(part.deviation_table, 1.0),
+            part.effect.to_model(np.hypot(part.deviation_table, common), 1.0),
             part.support,
             part.lags,
+            common,
         )
     return Fit(
         effects=found,
@@ -353,6 +359,15 @@ def _names(effects: Sequence[AbstractEffect | Friction]) -> tuple[str, ...]:
         msg = f"found an effect twice among {', '.join(kinds)}, expected each once an axis"
         raise FitError(msg)
     return names
+
+
+def _with_runs(joint: JointFit) -> dict[str, tuple[float, float]]:
+    """Return the constant of each axis; it keeps the mean of the runs, which few do not tell."""
+    doubts = {axis: doubt_of_means(runs)[0] for axis, runs in joint.runs.items()}
+    return {
+        axis: (value, float(np.hypot(deviation, doubts[axis])))
+        for axis, (value, deviation) in joint.datum.items()
+    }
 
 
 def _holders(stack: Sequence[AbstractEffect]) -> dict[str, AbstractEffect]:

@@ -13,7 +13,7 @@ It knows no file and no compensation by name. The route of one table (a leadscre
 8. `ArrowFactor.solve`, which gives the `Posterior`;
 9. `choose_weights` searches the weights of the prior by its evidence and slopes, for which
 10. `Chain.logdet` gives the prior's determinant and
-11. `band_inverse` the elements of the inverse, of which `variances_of` makes the deviations;
+11. `band_inverse` the elements of the inverse, for the variances (`Estimate.spread`);
 12. `leave_one_out` gives the posterior without a group of readings.
 
 Read `_readings`, `_effect`, `_chain`, `_prior`, `_stack`, `_sums`, `_factor`, `_posterior`,
@@ -33,7 +33,7 @@ from ._effect import (
     design_of as design_of,
 )
 from ._errors import FitError as FitError
-from ._evidence import choose_weights as choose_weights, variances_of as variances_of
+from ._evidence import choose_weights as choose_weights
 from ._factor import ArrowFactor as ArrowFactor
 from ._hold_out import leave_one_out as leave_one_out, simplest as simplest
 from ._loss import Loss as Loss, choose_loss as choose_loss

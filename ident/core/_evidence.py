@@ -46,6 +46,9 @@ _THINNED, _ENOUGH = 3, 8
 so many are left: fewer do not show fourth differences."""
 
 Vector = Float[np.ndarray, " _n"]
+Spread = Float[np.ndarray, " _n"] | Float[np.ndarray, "_n _n"]
+View = Callable[[Posterior], tuple[Vector, Spread]]
+"""Returns some values of a posterior, and their variances, or covariance, for noise 1."""
 
 
 def choose_weights(problem: Problem, near: Posterior | None = None) -> Posterior | None:
@@ -118,13 +121,18 @@ def _loosened(problem: Problem, best: Posterior) -> Posterior:
     return best
 
 
-def variances_of(post: Posterior) -> Vector:
-    """Return the variance of every unknown, which knows that the smoothness is estimated, too.
+def spread_of(post: Posterior, view: View) -> Spread:
+    """Return variances, or a covariance, which know that the smoothness is estimated, too.
 
     The mean over smoother and rougher tables, each as likely as its evidence says; on a large
     stack, where readings leave little doubt of the weights, that of the best ones alone.
+
+    Args:
+        post: At the best weights.
+        view: What of a posterior is wanted.
     """
-    total, sums = 1.0, post.variance * post.inverse_diagonal
+    values, plain = view(post)
+    total, sums = 1.0, post.variance * plain
     if _is_large(post.problem) or not post.weights.any():
         return sums
     low, high = np.exp(post.problem.bounds.T)
@@ -140,8 +148,10 @@ def variances_of(post: Posterior) -> Vector:
             share = float(np.exp(0.5 * gain)) if gain < _CONTRADICTED else 0.0
             if share < _UNLIKELY:
                 break
-            own = other.variance * other.inverse_diagonal
-            sums = sums + share * (own + np.square(other.values - post.values))
+            moved, own = view(other)
+            change = moved - values
+            apart = np.square(change) if own.ndim == 1 else np.outer(change, change)
+            sums = sums + share * (other.variance * own + apart)
             total += share
     return np.asarray(sums / total)
 

@@ -6,6 +6,7 @@ take the same way: a pass returns sums about an estimate, they give the next est
 
 import dataclasses
 from collections.abc import Callable
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -13,7 +14,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from ._errors import FitError
-from ._evidence import choose_weights
+from ._evidence import Spread, View, choose_weights, spread_of
 from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
 from ._posterior import Posterior, Problem
 from ._readings import Readings
@@ -39,6 +40,14 @@ _UNLIKELY = 0.05
 """Share of wild readings from which on the fit begins once more, from least squares."""
 _PLENTY = 10.0
 """Readings per unknown from which on they judge each other, without their neighbours."""
+_FEWEST = 3.0
+"""Degrees of freedom of the noise at least, that Student's t has a variance."""
+_SPARE = 0.02
+"""Share of the readings that must be left beside the unknowns to judge the noise by."""
+_FOLLOWS = (
+    "The table follows every reading; the noise was judged by the smoothness that the "
+    "readings suggest."
+)
 
 Vector = Float[np.ndarray, " _n"]
 Pass = Callable[[Vector, Loss, bool], Sums]
@@ -55,12 +64,14 @@ class Estimate:
         loss: By which readings counted in the last pass.
         about: Estimate about which that pass was.
         converged: Whether nothing moved any more.
+        stated: Whether the weights of the prior were given, and not found by evidence.
     """
 
     posterior: Posterior
     loss: Loss
     about: Vector
     converged: bool
+    stated: bool = False
 
     @property
     def values(self) -> Vector:
@@ -75,24 +86,67 @@ class Estimate:
     @property
     def noise(self) -> float:
         """Standard deviation of a reading of weight 1, wild readings left out."""
+        if self._follows:
+            return float(np.sqrt(self.scatter[0]))
         count, _, _, square, good = self.posterior.problem.sums.tally
         free = count - self.posterior.used
         if self.loss == Loss():
             return float(np.sqrt(self.posterior.residual_square / max(free, 1e-9)))
         return float(np.sqrt(square / max(free * good / max(count, 1.0), 1e-9)))
 
-    def message(self, count: int, judged: str = "") -> str:
-        """Return one sentence or more on how the fit of so many readings went.
+    @property
+    def _spare(self) -> float:
+        """Readings that are left beside the unknowns."""
+        return self.posterior.problem.count - self.posterior.used
+
+    @property
+    def _follows(self) -> bool:
+        """Whether stated weights let every node follow its own reading."""
+        enough = max(_FEWEST, _SPARE * self.posterior.problem.count)
+        return self.stated and self._spare < enough
+
+    @cached_property
+    def scatter(self) -> tuple[float, float]:
+        """Variance of a pseudo-reading of weight 1, and its degrees of freedom.
+
+        Stated weights say nothing about the noise: it is taken from the residuals, or, where
+        those say nothing either, from the weights that the evidence would have.
+        """
+        post = self.posterior
+        if self.stated and not self._follows:
+            return post.residual_square / self._spare, self._spare
+        chosen = choose_weights(post.problem) if self._follows else None
+        return (chosen or post).variance, post.problem.degrees
+
+    @property
+    def variances(self) -> Vector:
+        """Variance of every unknown, see `spread`."""
+        return self.spread(lambda post: (post.values, post.inverse_diagonal))
+
+    def spread(self, view: View) -> Spread:
+        """Return the variances, or the covariance, of some values.
+
+        Beside the noise of the readings they know what else was estimated: smoothness
+        (`spread_of`), noise (Student's t), and which readings count (`Loss.unevenness`).
 
         Args:
-            count: Number of readings.
-            judged: How the noise was judged, instead of the number of parameters.
+            view: Which values, and what a posterior says of them.
         """
+        post, (variance, degrees) = self.posterior, self.scatter
+        squares = variance * view(post)[1] if self.stated else spread_of(post, view)
+        degrees = max(degrees, _FEWEST)
+        share = post.used / max(post.problem.count, 1.0)
+        uneven = 1.0 + self.loss.unevenness * share
+        return np.asarray(squares * degrees / (degrees - 2.0) * uneven**2)
+
+    def message(self, count: int) -> str:
+        """Return one sentence or more on how the fit of so many readings went."""
         wild = count - int(self.posterior.problem.count)
         used = f"{count} readings, {self.posterior.used:.1f} effective parameters."
         rejected = f"{wild} wild readings were left out." if wild > 0 else ""
         care = "The iterations did not settle; treat the result with care."
-        said = (judged or used, rejected, "" if self.converged else care)
+        judged = _FOLLOWS if self._follows else used
+        said = (judged, rejected, "" if self.converged else care)
         return " ".join(filter(None, said))
 
 
@@ -181,7 +235,7 @@ class _Passes:
                 if self.fixed is None
                 else self._solved(problem, self.fixed(problem))
             )
-            return Estimate(post, Loss(), theta, True)
+            return Estimate(post, Loss(), theta, True, self.fixed is not None)
         # Far from the table every residual is large: believe all, the hopeless ones less.
         size, count = matrix.sizes
         scale = choose_loss("gauss", size, 1.0, self.floor, count).scale
@@ -244,7 +298,7 @@ class _Passes:
                 break
             if not trail or (full and self.stack.size < _DEAR):
                 inflation = self._inflation(post)
-        return Estimate(post, loss, about, converged)
+        return Estimate(post, loss, about, converged, self.fixed is not None)
 
     def _moved(self, sums: Sums, change: Vector) -> float:
         """Return by how much predictions of the readings change, root mean square."""

@@ -18,6 +18,7 @@ from ._predict import (
     spatial_blocks as spatial_blocks,
     zeroed as zeroed,
 )
+from ._result import doubt_of_means as doubt_of_means
 from ._stream import (
     Ahead as Ahead,
     Apply as Apply,

@@ -57,7 +57,6 @@ def reconsidered(
     stack: Stack,
     readings: Readings,
     found: Estimate,
-    fixed: bool,
     again: Callable[[Estimate], Estimate],
 ) -> Estimate:
     """Return the estimate, or one that believes readings which agree with each other.
@@ -68,7 +67,6 @@ def reconsidered(
         stack: The table, and effects of runs beside it where there are any.
         readings: All readings.
         found: The estimate.
-        fixed: Whether the user set the smoothness.
         again: Fit from near another estimate.
     """
     size, design = stack.effects[0].size, stack.matrix(readings)
@@ -81,7 +79,7 @@ def reconsidered(
 
     near = at_medians(stack, readings, found)
     post = near.posterior
-    light = post.weights if fixed else _LIGHT * post.problem.density
+    light = post.weights if found.stated else _LIGHT * post.problem.density
     light = np.where(post.weights > 0.0, light, 0.0)
     begun = dataclasses.replace(post, weights=light)
     rival = again(dataclasses.replace(near, posterior=begun))
@@ -108,7 +106,7 @@ def reconsidered(
         faults = int(faulty.sum())
         result = (free + beside - faults) * good + (many + faults) * span
         result -= 2.0 * (many * np.log(_WILD) + faults * np.log(_FAULTY))
-        if not fixed:
+        if not found.stated:
             # A smoothness that the readings chose must pay for itself.
             result += one.posterior.evidence - one.posterior.problem.degrees * np.log(
                 one.posterior.total

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.special import stdtr
+from scipy.special import stdtr, stdtrit
 
 from ..core import (
     Estimate,
@@ -15,10 +15,8 @@ from ..core import (
     Posterior,
     Readings,
     Stack,
-    choose_weights,
     design_of,
     sums_of,
-    variances_of,
 )
 from ._types import RunEffect, TableFit, TableLayout
 
@@ -26,16 +24,12 @@ _NOTHING = 1e-12
 """Scatter in mm or ° that is none."""
 _HOPELESS = 1e3
 """Uncertainty of a node, in ranges of the readings, that no extrapolation explains."""
-_FEWEST = 3.0
-"""Degrees of freedom of the noise at least, that Student's t has a variance."""
 _TRUSTED = 0.5
 """A node whose nearest readings keep less than this share of their weight is named."""
+_TWO_SIGMA = 0.97725
+"""Share of a normal variable below two standard deviations."""
 _FAR = 1e-3
 """Chance of any run at all being as far off the others, below which it is named."""
-FOLLOWS = (
-    "The table follows every reading; the noise was judged by the smoothness that the "
-    "readings suggest."
-)
 NONE_LEFT_OUT = (
     "Readings that agree with each other contradict a table of these nodes: none of them "
     "was left out."
@@ -89,7 +83,6 @@ def result_of(
     found: Estimate,
     loss: str,
     *,
-    fixed: bool,
     count: int,
     spread: float = np.inf,
     runs: Sequence[int] = (),
@@ -101,7 +94,6 @@ def result_of(
         layout: Where the nodes lie.
         found: The estimate; its first effect is the table.
         loss: Name of the loss.
-        fixed: Whether the user set the smoothness.
         count: Number of readings.
         spread: Range of the readings in mm or °; infinite: any uncertainty is accepted.
         runs: Runs that have effects of their own.
@@ -111,29 +103,12 @@ def result_of(
         FitError: If the readings do not determine the table.
     """
     post, table = found.posterior, layout.effect
-    noise, variance, degrees = found.noise, post.variance, post.problem.degrees
-    judged = ""
-    if fixed:
-        # A weight that the user sets says nothing about the noise: take it from the residuals,
-        # or, where every node follows its own reading, from the evidence.
-        free = post.problem.count - post.used
-        if free >= max(3.0, 0.02 * post.problem.count):
-            variance, degrees = post.residual_square / free, free
-        else:
-            chosen = choose_weights(post.problem)
-            variance = variance if chosen is None else chosen.variance
-            noise, judged = float(np.sqrt(variance)), FOLLOWS
     plain = np.maximum(post.inverse_diagonal[: table.size], 1e-300)
-    squares = variance * plain if fixed else variances_of(post)[: table.size]
-    # The noise is estimated, too: the variance of Student's t.
-    degrees = max(degrees, _FEWEST)
-    squares = squares * degrees / (degrees - 2.0)
-    share = post.used / max(post.problem.count, 1.0)
-    deviation = np.sqrt(squares) * (1.0 + found.loss.unevenness * share)
+    deviation = np.sqrt(found.variances[: table.size])
     support = post.problem.sums.support[: table.size]
     worst = float(deviation[support > 0].max(initial=0.0))
     # Rounding can leave a singular matrix just definite.
-    if np.isfinite(spread) and worst > _HOPELESS * max(spread, noise, _NOTHING):
+    if np.isfinite(spread) and worst > _HOPELESS * max(spread, found.noise, _NOTHING):
         msg = (
             "the readings do not determine the table: the least known node is uncertain "
             f"by {worst:.3g}."
@@ -151,18 +126,18 @@ def result_of(
         values=table.to_table(post.values[: table.size]),
         standard_deviation=table.to_table(deviation),
         support=table.to_table(support),
-        noise=noise,
+        noise=found.noise,
         smoothness=dict(zip(table.prior.names, post.weights.tolist(), strict=True)),
         loss=loss,
         residual=np.zeros(0),
         share=np.zeros(0),
         wild=np.zeros(0, bool),
-        runs=_run_effects(post, runs, variance),
+        runs=_run_effects(post, runs, found.scatter[0]),
         suspect_nodes=tuple(suspects),
         suspect_runs=(),
         covariance=post.covariance(table.offsets).scaled(deviation / np.sqrt(plain)),
         converged=found.converged,
-        message=found.message(count, judged),
+        message=found.message(count),
         estimate=found,
     )
 
@@ -175,13 +150,13 @@ def fold_of(fit: TableFit, post: Posterior) -> TableFit:
         post: Without some of them.
     """
     assert fit.estimate is not None  # that of all readings has one
-    found = dataclasses.replace(fit.estimate, posterior=post)
+    found = dataclasses.replace(fit.estimate, posterior=post, stated=True)
     effect = post.problem.stack.effects[-1]
     runs = [run.run for run in fit.runs]
     if isinstance(effect, GroupEffect):
         runs = [run for run, there in zip(runs, effect.present, strict=True) if there]
     count = int(post.problem.count)
-    fold = result_of(fit.layout, found, fit.loss, fixed=True, count=count, runs=runs)
+    fold = result_of(fit.layout, found, fit.loss, count=count, runs=runs)
     return dataclasses.replace(fold, estimate=None)
 
 
@@ -220,3 +195,22 @@ def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
         if 2.0 * stdtr(max(count - 2, 2), -t) < _FAR / count:
             found.append(run.run)
     return tuple(found)
+
+
+def doubt_of_means(runs: Sequence[RunEffect]) -> tuple[float, float]:
+    """Return the standard deviations of the means of offsets and of drifts of some runs.
+
+    What a table keeps of them; a few runs do not tell what the mean of many would be. Less
+    what the noise of their readings explains. The factor of Student's t makes two of them
+    hold as many cases as of a normal variable.
+    """
+    count = len(runs)
+    if count < 2:
+        return 0.0, 0.0
+    values = np.array([[run.offset, run.drift] for run in runs])
+    known = np.array([[run.offset_sd, run.drift_sd] for run in runs])
+    noise = np.square(known).sum(axis=0) / (count - 1)
+    between = np.maximum(values.var(axis=0, ddof=1) - noise, 0.0)
+    factor = 0.5 * float(stdtrit(count - 1, _TWO_SIGMA))
+    offset, drift = (factor * np.sqrt(between / count)).tolist()
+    return offset, drift

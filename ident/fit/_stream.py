@@ -178,7 +178,6 @@ def _attempt(
         layout,
         whole,
         loss,
-        fixed=not isinstance(smoothness, str),
         count=count,
         spread=float(np.ptp(first)),
         nodes=nodes,

@@ -258,14 +258,12 @@ class _Memory:
             found = again(at_medians(stack, readings, found))
         judged = Judged.of(stack, readings, found.about, found.loss)
         if loss == "student" and crowded(judged.nodes).any():
-            fixed = not isinstance(self.smoothness, str)
-            found = reconsidered(stack, readings, found, fixed, again)
+            found = reconsidered(stack, readings, found, again)
             judged = Judged.of(stack, readings, found.about, found.loss)
         fit = result_of(
             self.layout,
             found,
             loss,
-            fixed=not isinstance(self.smoothness, str),
             count=len(error),
             spread=np.inf if self.allow_gaps else float(np.ptp(error)),
             runs=self.labels.tolist(),

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
-from ...core import Estimate, FitError, Problem, Readings, estimate, memory
+from ...core import Estimate, FitError, Posterior, Problem, Readings, estimate, memory
 from .._checks import check_smoothness
 from .._table import fixed_weights, floor_of
 from .._types import RunEffect
@@ -27,6 +27,8 @@ from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, lagging, sensors_to_fit
 from ._result import Options, Part, RunCurve, Smoothness
+
+Vector = Float[np.ndarray, " _n"]
 
 _LAG_ROUNDS, _LAG_ENDED = 6, 0.1
 """Rounds of lags and everything else; they end where no lag moves by that share of its sd."""
@@ -114,8 +116,12 @@ class AxisFit:
     @cached_property
     def deviation(self) -> Float[np.ndarray, " n"]:
         """Standard deviation of each unknown; inf where it is confused."""
-        post, known = self.estimate.posterior, self.known
-        variance = known.variances(post) * post.variance * self._swell()
+        known = self.known
+
+        def under_rules(post: Posterior) -> tuple[Vector, Vector]:
+            return known.rules.project(post.values), known.variances(post)
+
+        variance = self.estimate.spread(under_rules) * self._swell()
         for sensor, found in self.lags.items():
             moved = known.rules.project(found.slope)
             variance = variance + np.square(moved * self.lag_deviation[sensor])
@@ -185,7 +191,8 @@ class AxisFit:
             picks[1, number, knots[-1]] += 1.0
             picks[1, number, knots[0]] -= 1.0
         post, functionals = self.estimate.posterior, picks.reshape(-1, design.size).T
-        spread = np.diag(self.known.covariance(post, functionals)) * post.variance
+        spread = np.diag(self.known.covariance(post, functionals))
+        spread = spread * self.estimate.scatter[0]
         deviation = np.sqrt(np.maximum(spread, 0.0)).reshape(2, -1)
         numbers = np.stack(
             [picks[0] @ self.theta, deviation[0], picks[1] @ self.theta, deviation[1]]

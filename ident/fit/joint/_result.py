@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
-from ...core import Estimate
+from ...core import Estimate, Posterior
 from .._types import RunEffect
 from ._effect import AbstractEffect
 from ._identified import Identified
@@ -237,9 +237,14 @@ class JointFit:
         """
         part = self.parts[number]
         axis, deviation = part.effect.axis, part.standard_deviation
-        known = self.known[axis]
-        functionals = np.eye(known.design.size)[:, self.places_of(number)]
-        found = known.covariance(self.estimates[axis].posterior, functionals)
+        known, own = self.known[axis], self.places_of(number)
+        functionals = np.eye(known.design.size)[:, own]
+
+        def of_part(post: Posterior) -> tuple[np.ndarray, np.ndarray]:
+            values = known.rules.project(post.values)[own]
+            return values, known.covariance(post, functionals)
+
+        found = self.estimates[axis].spread(of_part)
         stated = deviation / np.sqrt(np.maximum(np.diag(found), 1e-300))
         told = np.isfinite(deviation)
         stated = np.where(told, stated, np.nan)

@@ -58,6 +58,11 @@ class Share:
         return self.group.datum[0][self.number]
 
     @property
+    def constant_deviation(self) -> float:
+        """Standard deviation of that in mm or °; 0 where it takes none over."""
+        return self.fit.datum[self.axis][1] if self.constant else 0.0
+
+    @property
     def predicted(self) -> Float[np.ndarray, " t"]:
         """Error of each reading less the whole sum as fitted without it."""
         return self.group.held_out[self.axis]

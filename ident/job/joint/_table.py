@@ -8,6 +8,7 @@ from ...fit import Samples, TableFit
 from ...proof import HeldOut
 from ...readings import Readings
 from ..table._draft import TableDraft, fitted_in_memory
+from ..table._fitting import doubted
 from ..table._plan import Plan
 from ..table._trend import refuse_unowned_trend
 from ._share import Share
@@ -36,6 +37,8 @@ def table_draft(plan: Plan, share: Share) -> TableDraft:
     refuse_unowned_trend(plan, fit)
     spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
     samples = Samples(positions, share.error, branch=plan.branch(direction), run=run)
+    if share.constant:
+        fit = doubted(plan, readings, samples, fit)
     left = HeldOut(
         residual=share.predicted[rows],
         standard_deviation=np.full(len(share.error), spread),
@@ -52,7 +55,7 @@ def table_draft(plan: Plan, share: Share) -> TableDraft:
 def _table_fit(plan: Plan, share: Share) -> TableFit:
     """Return the part as the fit of a single table."""
     part = share.part
-    deviation = np.array(part.deviation_table, dtype=float)
+    deviation = np.hypot(part.deviation_table, share.constant_deviation)
     support = np.asarray(part.effect.table(part.support.astype(float)))
     # What only neighbours of the same table hide is filled like any other gap.
     hidden = ~np.isfinite(deviation)

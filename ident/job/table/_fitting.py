@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import stdtrit
 
 from ...exchange import AbstractTable
-from ...fit import Samples, TableFit, TableLayout, fit_table
+from ...fit import Samples, TableFit, TableLayout, doubt_of_means, fit_table
 from ...proof import held_out
 from ...readings import (
     Readings,
@@ -30,8 +29,6 @@ from ._trend import refuse_unowned_trend
 
 _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
-_TWO_SIGMA = 0.97725
-"""Share of a normal variable below two standard deviations."""
 
 
 def fit_alone(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
@@ -107,10 +104,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     zero, estimate = plan.zeroed(fit)
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
-    patterns = _patterns(plan, readings, samples, fit)
-    doubts = [_doubt(plan, samples, estimate, each) for each in patterns]
-    squares = sum(map(np.square, doubts), np.square(estimate.standard_deviation))
-    estimate = dataclasses.replace(estimate, standard_deviation=np.sqrt(squares))
+    estimate = doubted(plan, readings, samples, estimate)
     left = held_out(table, samples, fit, plan.integers, before, acted)
     fitted = fitted_in_memory(plan, readings, remarks, samples, before, left, estimate)
     return TableDraft(plan.job, plan.index, spec, plan, estimate, effects, fitted)
@@ -125,6 +119,16 @@ def _is_repeated(readings: Readings, table: AbstractTable) -> bool:
     return runs_overlap(readings.positions, readings.run, nodes, way)
 
 
+def doubted(
+    plan: Plan, readings: Readings, samples: Samples, fit: TableFit
+) -> TableFit:
+    """Return a fit whose deviations know what its readings are off together."""
+    patterns = _patterns(plan, readings, samples, fit)
+    doubts = [_doubt(plan, samples, fit, each) for each in patterns]
+    squares = sum(map(np.square, doubts), np.square(fit.standard_deviation))
+    return dataclasses.replace(fit, standard_deviation=np.sqrt(squares))
+
+
 def _patterns(
     plan: Plan, readings: Readings, samples: Samples, fit: TableFit
 ) -> list[Float[np.ndarray, " t"]]:
@@ -135,37 +139,19 @@ def _patterns(
     offsets and drifts, and a few runs do not tell what the mean of many would be.
     """
     found = [] if readings.late is None else [readings.late]
-    offset, drift = _means_of_runs(fit)
+    runs = [run for run in fit.runs if run.run not in fit.suspect_runs]
+    offset, drift = doubt_of_means(runs)
     ones = np.ones(len(samples.error))
-    runs = [offset * ones]
+    means = [offset * ones]
     if samples.order is not None:
-        runs.append(drift * (samples.order - 0.5))
-    for pattern in runs if offset or drift else []:
+        means.append(drift * (samples.order - 0.5))
+    for pattern in means if offset or drift else []:
         for name, own in readings.slices.items():
             kind = plan.job.spec.measurements[name].remove
             places = [*samples.positions[own].T]
             pattern[own] = without_zero(pattern[own], places, kind)
         found.append(pattern)
     return found
-
-
-def _means_of_runs(fit: TableFit) -> tuple[float, float]:
-    """Return the standard deviations of the means of offsets and of drifts of the runs.
-
-    Of the runs that count in it, less what the noise of their readings explains. The factor
-    of Student's t makes two of them hold as many cases as of a normal variable.
-    """
-    runs = [run for run in fit.runs if run.run not in fit.suspect_runs]
-    count = len(runs)
-    if count < 2:
-        return 0.0, 0.0
-    values = np.array([[run.offset, run.drift] for run in runs])
-    known = np.array([[run.offset_sd, run.drift_sd] for run in runs])
-    noise = np.square(known).sum(axis=0) / (count - 1)
-    between = np.maximum(values.var(axis=0, ddof=1) - noise, 0.0)
-    factor = 0.5 * float(stdtrit(count - 1, _TWO_SIGMA))
-    offset, drift = (factor * np.sqrt(between / count)).tolist()
-    return offset, drift
 
 
 def _doubt(
