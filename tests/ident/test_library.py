@@ -12,6 +12,7 @@ import pytest
 
 import axcomp
 from axcomp.ident.core import FitError
+from axcomp.ident.fit import Samples, TableLayout, fit_table
 
 RECIPES = Path(__file__).parents[2] / "docs" / "library.md"
 
@@ -198,6 +199,36 @@ def test_the_joint_covariance_is_that_of_repeated_fits() -> None:
     assert np.abs((seen - stated) / size).max() < 0.7
     with pytest.raises(KeyError):
         fits[0].covariance("cross")
+
+
+def test_a_table_has_the_deviations_that_it_has_as_a_single_table() -> None:
+    rng, nodes = np.random.default_rng(3), np.linspace(0.0, 400.0, 21)
+    places = np.tile(nodes, 2)
+    error = np.tile(1e-3 * rng.normal(size=21), 2) + 1e-3 * rng.normal(size=42)
+    screw = axcomp.Leadscrew("X", start=0, interval=20, points=21)
+    fit = axcomp.fit([screw], {"X.position": places, "X.error": error})["leadscrew"]
+    alone = fit_table(TableLayout((nodes,)), Samples(places[:, None], error))
+    # One estimator by two ways: only rounding stands between them.
+    np.testing.assert_allclose(fit.model.pos, alone.values, rtol=0, atol=1e-9)
+    spread = fit.standard_deviation.pos
+    np.testing.assert_allclose(spread, alone.standard_deviation, rtol=1e-6)
+
+
+def test_a_table_knows_that_few_runs_do_not_tell_their_mean() -> None:
+    rng, nodes = np.random.default_rng(5), np.linspace(0.0, 200.0, 9)
+    run, offsets = np.repeat([0, 1, 2], 9), np.array([-4e-3, 1e-3, 3e-3])
+    error = offsets[run] + 1e-4 * rng.normal(size=27)
+    data = {"X.position": np.tile(nodes, 3), "X.error": error, "run": run}
+    screw = axcomp.Leadscrew("X", start=0, interval=25, points=9)
+    fit = axcomp.fit([screw], data)
+    # The mean of three runs that scatter by 3.6 µm, and Student's t of two degrees.
+    common = 3.6e-3 / np.sqrt(3.0) * 4.53 / 2.0
+    assert fit["leadscrew"].standard_deviation.pos == pytest.approx(common, rel=0.05)
+    covariance = fit.covariance("leadscrew")
+    assert covariance == pytest.approx(np.full((9, 9), common**2), rel=0.1)
+    # What is the instrument's is no doubt of the machine's table.
+    own = axcomp.fit([screw], data, remove="offset")["leadscrew"]
+    assert np.max(own.standard_deviation.pos) < 1e-4
 
 
 @pytest.mark.parametrize(
