@@ -242,3 +242,6 @@ def test_a_scheduler_and_two_workers_elsewhere_do_it_and_may_get_lost(
     assert re.search(r"axcomp: .*scheduler was lost; \d+ of 120 jobs are done", said)
     assert "Traceback" not in said
     assert "--resume" in said
+    # Without it workers ask for their scheduler until they are killed.
+    for process in processes[1:]:
+        process.kill()
