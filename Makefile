@@ -23,8 +23,12 @@ test test-all: export PYTHONDONTWRITEBYTECODE :=
 test test-all: export JAX_COMPILATION_CACHE_DIR := $(CURDIR)/build/jax
 test test-all: export JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS := 0
 test test-all: export JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES := -1
+# Shapes are checked at each call of what computes with arrays; checking them everywhere,
+# as `make test-all` and pytest by itself do, is half of the time of many files.
+test: SHAPES := axcomp.models,axcomp.ident.core,axcomp.ident.fit,axcomp.ident.friction
 test: $(INSTALLED)
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not heavy"
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not heavy" \
+	  --jaxtyping-packages=$(SHAPES),beartype.beartype
 
 # With all repetitions.
 test-all: $(INSTALLED)

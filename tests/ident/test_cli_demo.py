@@ -24,6 +24,7 @@ from axcomp.ident.kinds import kind
 from axcomp.ident.machine import LASER, PROBE, STRAIGHTEDGE, example_machine
 from axcomp.models import Conventions
 
+from ..conftest import leave_drawings_out
 from .nc_machine import KEYWORDS, Machine
 
 
@@ -33,6 +34,8 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("demo")
     out = root / "axcomp-demo"
     with pytest.MonkeyPatch.context() as patch:
+        # `make wheel-test` runs it with its drawings.
+        leave_drawings_out(patch)
         lines: list[str] = []
         patch.setattr("typer.echo", lambda text, **_: lines.append(str(text)))
         picture = str(root / "demo.png")
@@ -81,8 +84,7 @@ def test_one_job_finds_every_compensation_of_the_working_mill(demo: Path) -> Non
     assert result["passed"]
     assert main(["check", *map(str, sorted(folder.glob("achskw*.lis")))]) == 0
     page = (folder / "report.html").read_text("utf-8")
-    # A picture may spell "http" in its letters, but no address.
-    assert not re.search("https?:", page.replace("http://www.w3.org", ""))
+    assert not re.search("https?:", page)
 
 
 @pytest.mark.slow

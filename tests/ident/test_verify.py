@@ -35,7 +35,7 @@ SENTENCES = {
     " over 5 cycles",
 }
 # Faults that act on every table alike: the leadscrew shows them.
-ALIKE = ("sign", "x10", "x0.1", "twice")
+ALIKE = ("sign", "x10", "x0.1", "twice", "edge")
 SCREW = ("sign", "x10", "x0.1", "shift", "lag", "filter", "edge", "twice")
 PLANE = ("sign", "x10", "x0.1", "shift", "swapped", "lag", "edge", "twice")
 BACKLASH = ("sign", "x10", "x0.1", "lag", "filter", "twice")

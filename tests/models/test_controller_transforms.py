@@ -120,10 +120,13 @@ def equal(found: Offsets, expected: Offsets) -> None:
 
 
 @pytest.mark.usefixtures("optimised")  # without, the last bit depends on the length
-def test_a_log_in_pieces_is_the_log_at_once_to_the_last_bit() -> None:
+def test_a_log_in_pieces_and_chunks_is_the_log_at_once_to_the_last_bit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     whole, _ = MACHINE.run(MACHINE.start(), LOG)
-    # Single cycles, and pieces that end while filters are at work.
-    ends = [0, 1, 2, 121, CYCLES]
+    monkeypatch.setattr("axcomp.models._controller._CHUNK", 7)
+    # Single cycles, pieces that end while filters are at work, chunks and a rest.
+    ends = [0, 1, 2, 123, CYCLES]
     pieces = [rows(LOG, a, b) for a, b in itertools.pairwise(ends)]
     parts = list(MACHINE.run_pieces(iter(pieces)))
     assert [part.offset.shape[0] for part in parts] == list(np.diff(ends))
@@ -139,16 +142,6 @@ def test_pieces_shorter_than_the_look_ahead_still_see_what_follows() -> None:
     pieces = (rows(one, at, at + 1) for at in range(12))
     found = [part.offset for part in friction.run_pieces(pieces)]
     np.testing.assert_array_equal(np.concatenate(found), whole)
-
-
-@pytest.mark.usefixtures("optimised")
-def test_the_size_of_the_chunks_changes_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole, _ = MACHINE.run(MACHINE.start(), LOG)
-    monkeypatch.setattr("axcomp.models._controller._CHUNK", 7)
-    # Chunks and a rest; a length of its own, as programs are kept by their shapes.
-    pieces = [rows(LOG, 0, 123), rows(LOG, 123, CYCLES)]
-    parts = list(MACHINE.run_pieces(pieces))
-    equal(jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts), whole)
 
 
 def test_vmap_over_machines_gives_what_a_loop_gives() -> None:

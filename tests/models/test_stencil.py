@@ -23,8 +23,11 @@ RNG_SEED = 11
 TABLE = np.random.default_rng(RNG_SEED).normal(size=(13, 9))
 PLANE = Plane.rectangular((-40.0, -70.0), (10.0, 2.5), TABLE)
 SIZES = [
-    *(0, 1, CHUNK, CHUNK + 1, 3 * CHUNK + 17),
-    *(pytest.param(count, marks=pytest.mark.heavy) for count in (2, 1000, CHUNK - 1)),
+    *(0, CHUNK, 3 * CHUNK + 17),
+    *(
+        pytest.param(count, marks=pytest.mark.heavy)
+        for count in (1, 2, 1000, CHUNK - 1, CHUNK + 1)
+    ),
 ]
 
 

@@ -249,7 +249,7 @@ VALUES = st.one_of(
 TEXTS = st.lists(st.tuples(NAMES, VALUES).map(" ".join), max_size=30).map("\n".join)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=50, deadline=None, derandomize=True)
 @given(TEXTS, TEXTS)
 def test_any_text_gives_findings_and_no_exception(first: str, second: str) -> None:
     files = [

@@ -122,7 +122,9 @@ def _overlapping(seed: int) -> tuple[JointData, np.ndarray, list[AbstractEffect]
     return data, truth, stack
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.heavy) for seed in (1, 2))]
+)
 def test_one_after_another_leaves_twice_the_error_of_all_together(seed: int) -> None:
     data, truth, stack = _overlapping(seed)
     joint = fit_joint(data, stack)
