@@ -73,7 +73,11 @@ from .result._verdict import (
     Reason as Reason,
     Verdict as Verdict,
 )
-from .write._output import OutFolder as OutFolder, OutputError as OutputError
+from .write._output import (
+    OutFolder as OutFolder,
+    OutputError as OutputError,
+    signed as signed,
+)
 
 if TYPE_CHECKING:
     from ..kinds.backlash._result import BacklashResult as BacklashResult

@@ -161,7 +161,8 @@ class JobRun:
         result = dataclasses.replace(
             result,
             load_sheet=load_sheet(job, self.files, result.fits),
-            files=(*self.folder.written, Path(RESULT)),
+            files=(*map(Path, self.folder.digests), Path(RESULT)),
+            digests=self.folder.digests,
             wall_time=time.perf_counter() - self.start,
         )
         self.folder.write(RESULT, result_json(result).encode())
@@ -198,6 +199,7 @@ def _write(
     """Write all lists and return the axes with their names, and what was moved away."""
     for name in (RESULT, REPORT):  # written later, when the remarks are
         folder.keep(name)
+    folder.keep_drawings()
     found = []
     retired: list[tuple[str, Path | None]] = []
     for one in files:
