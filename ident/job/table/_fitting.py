@@ -20,7 +20,7 @@ from ...readings import (
 )
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
-from ._draft import TableDraft, fitted_in_memory
+from ._draft import InMemory, TableDraft
 from ._layout import grid_words, suit
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
@@ -112,7 +112,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     squares = sum(map(np.square, doubts), np.square(estimate.standard_deviation))
     estimate = dataclasses.replace(estimate, standard_deviation=np.sqrt(squares))
     left = held_out(table, samples, fit, plan.integers, before, acted)
-    fitted = fitted_in_memory(plan, readings, remarks, samples, before, left, estimate)
+    fitted = InMemory(plan, readings, remarks, samples, before, left, estimate)
     return TableDraft(plan.job, plan.index, spec, plan, estimate, effects, fitted)
 
 

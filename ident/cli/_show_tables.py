@@ -8,8 +8,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from ....data.lists import ListFile, OffsetCurve, offset_curves, registry
-from ...kinds import Kind, kind, kinds
+from ...data.lists import ListFile, OffsetCurve, offset_curves, registry
+from ..kinds import Kind, kind, kinds
 
 MOST_ROWS = 24
 MOST_COLUMNS = 9

@@ -16,7 +16,6 @@ from ...job import (
     JobResult,
     TableResult,
     TemperatureResult,
-    begin_job,
     run_job,
     write_atomically,
 )
@@ -38,7 +37,7 @@ from ...machine.motion import (
 )
 from ...proof import circular_test, wild_readings
 from ...report import write_report
-from . import _demo_files as files
+from . import _files as files
 
 _SEED = 20261120
 _SECONDS = 120.0
@@ -114,14 +113,15 @@ def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
     say("measuring a machine with known faults")
     _write_inputs(out, machine)
     files.seal_folder(out)
-    run = begin_job(out / "job.toml", out / "result", say)
+    first = run_job(out / "job.toml", out / "result", say)
     say("loading the lists and measuring again")
     loaded = machine.with_lists(
         ListFile.read(out / "result" / fit.files[0])
-        for fit in run.result.fits
+        for fit in first.fits
         if isinstance(fit, TableResult)
     )
-    job = run.measured_again(_measure_again(out, loaded)).finish()
+    second = _measure_again(out, loaded)
+    job = run_job(out / "job.toml", out / "result", say, after=second)
     say("drawing the report")
     page, *_ = write_report(job, out / "result")
     work = _run_work(out / "work", _SEED + 14, say)

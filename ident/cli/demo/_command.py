@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from ...job import TableResult
     from ...proof import ErrorFigures
-    from ._demo_run import DemoResult
+    from ._run import DemoResult
 
 _WHAT = {
     "leadscrew": "X  screw pitch off, lost motion",
@@ -38,12 +38,15 @@ def demo(
 
     Writes the measurement files, a job file to read and to rerun, the lists and a
     report. A folder that holds anything else is left alone.
+
+    Examples:
+      axcomp demo --out mill
     """
     from rich.console import Console
 
     with working("starting") as step:
         from ...job import use_compilation_cache
-        from ._demo_run import run_demo
+        from ._run import run_demo
 
         use_compilation_cache()
         result = run_demo(out, step)
