@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..diagnosis import OBJECTS, SCOPE, objects_csv, observables, scope_configuration
 from ..exchange import axis_file, compensation_file
+from ..kinds._keys import FitSpec
 from ..readings import Tables
 from ._fits import fit_all
 from ._measure_again import measure_again, plan_second
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from .joint import GroupResult
 
 _PACKAGES = ("axcomp", "numpy", "scipy", "jax", "equinox")
+_STARTUP = "hochlauf.add.lis"
 _DIAGNOSIS = (OBJECTS, SCOPE)
 """Files that say what to look at on the controller."""
 
@@ -128,16 +130,19 @@ def input_hashes(path: Path) -> dict[str, str]:
 
 def _names(job: Job) -> list[str]:
     """Return every name that a job may write."""
-    names = [RESULT, REPORT, "hochlauf.add.lis", *_DIAGNOSIS]
-    names += program_names(job)
+    names = [RESULT, REPORT, _STARTUP, *_DIAGNOSIS, *program_names(job)]
     for fit in job.spec.fits:
-        number = job.spec.axes[fit.axis].number
-        names += [
-            compensation_file(number),
-            *(axis_file(number, whole=whole) for whole in (True, False)),
-            *fit.plc_files,
-        ]
+        names += _names_of(job.spec.axes[fit.axis].number, [fit])
     return names
+
+
+def _names_of(number: int, fits: Sequence[FitSpec]) -> list[str]:
+    """Return every name that fits of an axis may write."""
+    lists = [
+        compensation_file(number),
+        *(axis_file(number, whole=w) for w in (True, False)),
+    ]
+    return [*lists, *(name for fit in fits for name in fit.plc_files)]
 
 
 def _write(
@@ -148,42 +153,26 @@ def _write(
         folder.keep(name)
     folder.keep_drawings()
     found = []
-    retired: list[tuple[str, Path | None]] = []
     for one in files:
         contents = {name: listing.dumps() for name, listing in one.lists}
-        names: list[Path] = []
-        for name, content in (contents | dict(one.extra)).items():
-            if one.failed:
-                rejected, earlier = folder.reject(name, content)
-                names.append(rejected)
-                retired.append((name, earlier))
-            else:
-                names.append(folder.accept(name, content))
-        found.append(one.as_written(folder.root, names))
         # The other kind of axis list would contradict this one.
-        kinds = {axis_file(one.number, whole=whole) for whole in (True, False)}
-        kinds |= {name for draft in one.drafts for name in draft.fit.plc_files}
-        stale = {one.compensation_name, *kinds} - set(contents) - set(one.extra)
-        for name in sorted(stale):
-            retired.append((name, folder.retire(name)))
+        names = _names_of(one.number, [draft.fit for draft in one.drafts])
+        written = folder.renew(names, contents | dict(one.extra), failed=one.failed)
+        found.append(one.as_written(folder.root, written))
     fragment = startup_fragment(files)
-    if fragment is not None:
-        folder.write("hochlauf.add.lis", fragment.dumps())
-    else:
-        retired.append(("hochlauf.add.lis", folder.retire("hochlauf.add.lis")))
-    folder.renew(_DIAGNOSIS, _diagnosis(job, files))
-    programs = first_run_programs(job, files)
-    folder.renew(
-        program_names(job), {name: text.encode() for name, text in programs.items()}
-    )
+    folder.renew([_STARTUP], {} if fragment is None else {_STARTUP: fragment.dumps()})
     moved = [
         Remark.warning(
             f"{name} of an earlier run was moved to {earlier}: it does not belong to"
             " the lists of this run."
         )
-        for name, earlier in retired
-        if earlier is not None
+        for name, earlier in folder.moved.items()
     ]
+    folder.renew(_DIAGNOSIS, _diagnosis(job, files))
+    programs = first_run_programs(job, files)
+    folder.renew(
+        program_names(job), {name: text.encode() for name, text in programs.items()}
+    )
     moved += [Remark.warning(words) for words in folder.remarks]
     return tuple(found), moved
 

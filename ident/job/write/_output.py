@@ -83,6 +83,7 @@ class OutFolder:
         self._sync = sync
         self._digests: dict[str, str] = {}
         self.remarks: list[str] = []
+        self.moved: dict[str, Path] = {}
         self._sources = (job, *sources)
         self._made = not root.exists()
         try:
@@ -156,22 +157,41 @@ class OutFolder:
         self._digests[name] = _digest(content)
         return Path(name)
 
-    def accept(self, name: str, content: bytes) -> Path:
-        """Write a list that passed; what an earlier run rejected goes."""
-        written = self.write(name, content)
-        rejected = f"{REJECTED}/{name}"
-        if rejected in self._earlier and not self._is_strange(rejected):
-            with contextlib.suppress(OSError):
-                (self.root / rejected).unlink()
-        return written
+    def renew(
+        self,
+        names: Iterable[str],
+        contents: Mapping[str, bytes],
+        *,
+        failed: bool = False,
+    ) -> tuple[Path, ...]:
+        """Write files that belong together; what an earlier run left of them goes.
 
-    def renew(self, names: Iterable[str], contents: Mapping[str, bytes]) -> None:
-        """Write those of some files that have contents; of the others an earlier run's go."""
-        for name in names:
-            if name in contents:
-                self.accept(name, contents[name])
-            else:
+        Those that failed are written into ``rejected/``: beside a failed job a list of an
+        earlier run would be picked up as its result.
+
+        Args:
+            names: Of all files that a run may write there.
+            contents: Of those that this run writes.
+            failed: The gate has stopped them.
+
+        Returns:
+            Names of what was written.
+        """
+        for name in [*contents, *sorted(set(names) - set(contents))]:
+            if failed or name not in contents:
                 self.retire(name)
+        if failed:
+            return tuple(
+                self.write(f"{REJECTED}/{name}", content)
+                for name, content in contents.items()
+            )
+        written = tuple(self.write(name, content) for name, content in contents.items())
+        for name in contents:
+            rejected = f"{REJECTED}/{name}"
+            if rejected in self._earlier and not self._is_strange(rejected):
+                with contextlib.suppress(OSError):
+                    (self.root / rejected).unlink()
+        return written
 
     def keep(self, name: str, content: bytes | None = None) -> None:
         """Copy a file into ``kept/`` that is not as a run of the job left it.
@@ -215,36 +235,21 @@ class OutFolder:
         path = self.root / KEPT / name
         return not path.exists() or path.read_bytes() == content
 
-    def reject(self, name: str, content: bytes) -> tuple[Path, Path | None]:
-        """Write a list that failed into ``rejected/``.
-
-        A list of that name from an earlier run is moved there as well: beside a failed
-        job it would be picked up as its result.
-
-        Returns:
-            The name of the list, and of the one that was moved, or None.
-        """
-        moved = self.retire(name)
-        return self.write(f"{REJECTED}/{name}", content), moved
-
-    def retire(self, name: str) -> Path | None:
+    def retire(self, name: str) -> None:
         """Move a file of an earlier run into ``rejected/``, where nobody loads it from.
 
         A file that no earlier run wrote is the user's and stays where it is.
-
-        Returns:
-            Its new name, or None where there was none.
         """
         if self._made and name not in self._digests:
-            return None
+            return
         target = self.root / name
         if self._is_strange(name):
             self.remarks.append(
                 f"{name} lies in the output folder and is not of this run."
             )
-            return None
+            return
         if not target.exists() and not target.is_symlink():
-            return None
+            return
         stem, _, tail = name.rpartition(".")
         moved = Path(REJECTED) / f"{stem}.earlier.{tail}"
         try:
@@ -253,4 +258,4 @@ class OutFolder:
         except OSError as error:
             reason = f"cannot move it into rejected/: {error.strerror or error}"
             raise OutputError(path=str(target), reason=reason) from None
-        return moved
+        self.moved[name] = moved
