@@ -311,7 +311,7 @@ _MEANING = {
 def _print(
     files: dict[str, Path], tests: "dict[str, Iso230]", unit: str, axis: str
 ) -> None:
-    from ...data.measurements import EDITION, describe_drift
+    from ...data.measurements import EDITION, describe_drift, with_arrows
 
     console = wide_console()
     small = "0.001°" if unit == "deg" else "µm"
@@ -324,11 +324,7 @@ def _print(
         values = [getattr(test, key) for test in tests.values()]
         if any(value is not None for value in values):
             cells = ["–" if value is None else f"{value * 1e3:.1f}" for value in values]
-            shown = (
-                key.replace("_up", "↑")
-                .replace("_down", "↓")
-                .replace("B_mean", "mean B")
-            )
+            shown = with_arrows(key).replace("B_mean", "mean B")
             rows.append((shown, meaning, *cells))
     title = f"{EDITION}{f', axis {axis}' if axis else ''}"
     every = ["figure", "meaning", *heads]

@@ -83,16 +83,12 @@ if TYPE_CHECKING:
     from ..kinds.crosstalk._result import (
         CrosstalkResult as CrosstalkResult,
     )
-    from ..kinds.friction._listing import LawCurve as LawCurve
     from ..kinds.friction._result import (
         FrictionResult as FrictionResult,
-        FrictionView as FrictionView,
-        choice_sentence as choice_sentence,
     )
     from ..kinds.temperature._law import ThermalLaw as ThermalLaw
     from ..kinds.temperature._result import (
         TemperatureResult as TemperatureResult,
-        ThermalView as ThermalView,
     )
     from .file._found_fits import (
         found_keys as found_keys,

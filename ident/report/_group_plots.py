@@ -107,16 +107,15 @@ def _over_order(
 ) -> None:
     where = group.order[one.rows]
     sound = np.flatnonzero(~one.wild)
-    keep = sound[style.thin(sound.size)]
-    size = float(np.clip(90 / np.sqrt(max(keep.size, 1)), 0.8, 3))
+    drawn = min(sound.size, style.DRAWN_POINTS)
+    size = float(np.clip(90 / np.sqrt(max(drawn, 1)), 0.8, 3))
     for values, color, name in (
         (one.before, style.GREY, "before"),
         (one.predicted, style.BLUE, "predicted: left by the whole sum"),
     ):
-        panel.plot(
-            where[keep], values[keep] * scale.factor, linestyle="none", marker="o",
-            markersize=size, markeredgewidth=0, alpha=0.5, color=color, label=name,
-            rasterized=style.as_raster(keep.size),
+        style.marks(
+            panel, where[sound], values[sound] * scale.factor, size=size, alpha=0.5,
+            color=color, label=name, most=style.DRAWN_POINTS,
         )  # fmt: skip
     edges = np.quantile(where[sound], np.linspace(0, 1, _SLICES + 1))
     middle, mean = [], []
