@@ -21,6 +21,9 @@ table, function by function:
 9. `_measure_again` adds what a second measurement says, `load_sheet` what to do with the files;
    the `JobResult` is written.
 
+What is handed on along this way: `Job`, `Plan`, `Readings`, `TableDraft`, `AxisFiles`,
+`TableResult` and `JobResult`; the report makes a section of each result.
+
 Other compensations go the same way with drafts of their own, from `axcomp.ident.kinds`
 (`_protocol` says what a job asks of them); fits that are identified together get theirs from
 `joint`: `members_of`, `fit_group`, `prove_group`. The results of single compensations are

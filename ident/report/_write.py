@@ -11,7 +11,7 @@ from .._templates import templates
 from ..job import JobResult, by_level, signed
 from . import _style as style
 from ._body import Plot
-from ._group_section import GroupSection, group_section
+from ._group import GroupSection, group_section
 from ._overview import overview_plot
 from ._scale import number, percent, scale_of
 from ._section import Section, section_of, summary_row

@@ -135,14 +135,13 @@ class AxisFiles:
     def as_written(self, root: Path, names: Sequence[Path]) -> "AxisFiles":
         """Return it with the lists as they lie in a folder, read back."""
         done = dataclasses.replace(self, root=root, written=tuple(names))
-        lists = {
-            key: None if path is None else ListFile.read(path)
-            for key, path in (
-                ("compensation", done.path(self.compensation_name)),
-                ("machine", done.path(self.machine_name)),
-            )
-        }
-        return dataclasses.replace(done, **lists)
+        compensation = done.path(self.compensation_name)
+        machine = done.path(self.machine_name)
+        return dataclasses.replace(
+            done,
+            compensation=None if compensation is None else ListFile.read(compensation),
+            machine=None if machine is None else ListFile.read(machine),
+        )
 
     def path(self, name: str) -> Path | None:
         """Return where a written file lies, or None."""
