@@ -133,6 +133,17 @@ def test_drawings_of_others_are_kept_before_the_next_report(tmp_path: Path) -> N
     assert [r.message for r in result.remarks if "kept as" in r.message]
 
 
+def test_list_and_report_of_another_job_are_kept(tmp_path: Path) -> None:
+    out, path = tmp_path / "out", job(tmp_path)
+    page, *_ = write_report(run_job(path, out), out)
+    theirs = {p.name: p.read_bytes() for p in (page, out / "achskw1.lis")}
+    other = path.with_name("other.toml")
+    other.write_text(path.read_text().replace("points = 5", "points = 6"))
+    write_report(run_job(other, out), out)
+    for name, content in theirs.items():
+        assert (out / "kept" / name).read_bytes() == content
+
+
 def test_no_draft_is_left_behind(tmp_path: Path) -> None:
     run_job(job(tmp_path), tmp_path / "out")
     assert list((tmp_path / "out").glob("**/*.part")) == []

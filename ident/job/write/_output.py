@@ -99,7 +99,8 @@ class OutFolder:
         # What an earlier run of the job wrote, and what of it may be written over by now.
         earlier = None if self._made else _digests_in(root / RESULT, job)
         self._earlier = earlier or {}
-        self._free = set[str]() if earlier is None else {RESULT}
+        self._is_known = earlier is not None
+        self._free = {RESULT} if self._is_known else set[str]()
 
     @property
     def digests(self) -> dict[str, str]:
@@ -117,7 +118,10 @@ class OutFolder:
         if self._made or name in self._free or not (self.root / name).is_file():
             return False
         content = (self.root / name).read_bytes()
-        return self._earlier.get(name) != _digest(content) and not _is_signed(content)
+        if self._earlier.get(name) == _digest(content):
+            return False
+        # Pages and drawings come after the result, which cannot name them.
+        return not (self._is_known and _is_signed(content))
 
     def refuse_sources(self, names: Iterable[str]) -> None:
         """Raise where a file to be written is one that the job reads.
