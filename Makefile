@@ -60,7 +60,7 @@ bench: $(INSTALLED)
 # The pages that are written from the code, and the site of all pages in build/site.
 docs: $(INSTALLED)
 	$(BIN)/python -m axcomp.data.lists._document > docs/parameters.md
-	$(BIN)/python -m axcomp.ident.job.file._document docs
+	$(BIN)/python docs/job_reference.py docs
 	$(BIN)/python docs/pictures.py docs/compensations/pictures
 	$(BIN)/axcomp demo --out axcomp-demo --picture docs/demo.png
 	$(BIN)/mkdocs build --strict

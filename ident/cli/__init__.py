@@ -1,11 +1,12 @@
 """The command line: parse, call the library, exit status.
 
-`_app` assembles the commands and turns errors into one line and an exit status. Each command is
-a module of its own name that imports what it needs when it runs, so that `axcomp check` starts
-without JAX: about `measurements`, `jobs`, `lists` and the `controller`. What a command prints
-stands beside it (`_fit_text`, `_show_tables`, `_list_plots`); `_said` sets sentences for a
-terminal. `axcomp demo` is `_demo` over `_demo_run` (a machine measured at rest, and the mill at
-work), its files lie in the folder ``demo``.
+`_app` assembles the commands and turns errors into one line and an exit status. A command is a
+function whose docstring is its help; it imports what it needs when it runs, so that
+`axcomp check` starts without JAX. They stand in `_read` (read, new), `_fit`, `_iso230`,
+`_batch` (batch, results), `_lists` (check, show, diff, convert), `_export` (objects, probe,
+export-external), `_simulate`, `_judge` (verify, doctor), `_discover` and the folder `demo`.
+`_options` is what several of them take; `_said` prints sentences, tables and progress;
+`_show_tables` and `_list_plots` show a list.
 """
 
 import gc

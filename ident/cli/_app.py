@@ -4,7 +4,9 @@ Only light modules are imported here: every command imports what it needs when i
 so that ``axcomp --help`` and ``axcomp check`` start in a fraction of a second.
 """
 
+import inspect
 import os
+import re
 import signal
 import sys
 import threading
@@ -16,11 +18,18 @@ import typer
 from axcomp import __version__
 
 from ...data.errors import AxcompError, UsageError
-from ._examples import help_of
-from .controller import _doctor, _export_external, _probe, _simulate, _verify
-from .jobs import _batch, _demo, _fit
-from .lists import _check, _convert, _diff, _objects, _show
-from .measurements import _discover, _iso230, _new, _read
+from . import (
+    _batch,
+    _discover,
+    _export,
+    _fit,
+    _iso230,
+    _judge,
+    _lists,
+    _read,
+    _simulate,
+)
+from .demo import _command as demo
 
 app = typer.Typer(
     name="axcomp",
@@ -30,29 +39,47 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 COMMANDS: dict[str, Callable[..., Any]] = {
-    "demo": _demo.demo,
-    "read": _read.read,
-    "new": _new.new,
-    "fit": _fit.fit,
-    "iso230": _iso230.iso230,
-    "batch": _batch.batch,
-    "results": _batch.results,
-    "check": _check.check,
-    "show": _show.show,
-    "diff": _diff.diff,
-    "convert": _convert.convert,
-    "objects": _objects.objects,
-    "probe": _probe.probe,
-    "simulate": _simulate.simulate,
-    "verify": _verify.verify,
-    "export-external": _export_external.export_external,
-    "doctor": _doctor.doctor,
-    "discover": _discover.discover,
+    command.__name__.replace("_", "-"): command
+    for command in (
+        demo.demo,
+        _read.read,
+        _read.new,
+        _fit.fit,
+        _iso230.iso230,
+        _batch.batch,
+        _batch.results,
+        _lists.check,
+        _lists.show,
+        _lists.diff,
+        _lists.convert,
+        _export.objects,
+        _export.probe,
+        _simulate.simulate,
+        _judge.verify,
+        _export.export_external,
+        _judge.doctor,
+        _discover.discover,
+    )
 }
-"""Function by name, in the order in which they are shown."""
+"""Function by name, in the order in which they are shown; its docstring is the help."""
 
-for _name, _command in COMMANDS.items():
-    app.command(_name, help=help_of(_name, _command))(_command)
+
+def examples_of(command: Callable[..., Any]) -> list[str]:
+    """Return the lines that the docstring of a command gives as examples."""
+    lines = inspect.cleandoc(command.__doc__ or "").partition("\nExamples:\n")[2]
+    return [line.strip() for line in lines.splitlines()]
+
+
+def _help_of(command: Callable[..., Any]) -> str:
+    """Return what ``--help`` says: the docstring, its paragraphs on one line."""
+    text, head, examples = inspect.cleandoc(command.__doc__ or "").partition(
+        "Examples:\n"
+    )
+    return re.sub(r"(?<=\S)\n(?=\S)", " ", text) + head + examples
+
+
+for _name, _function in COMMANDS.items():
+    app.command(_name, help=_help_of(_function))(_function)
 
 
 def _print_version(value: bool) -> bool:

@@ -58,7 +58,7 @@ Rules = Annotated[
         "--conventions",
         metavar="FILE.toml",
         help="Rules of this machine's controller, as axcomp verify saves them; left out:"
-        " the defaults.",
+        " those of the job or of --save, else the defaults.",
     ),
 ]
 Lists = Annotated[

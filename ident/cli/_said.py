@@ -4,7 +4,7 @@ import contextlib
 import json
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import typer
@@ -29,6 +29,27 @@ def print_remarks(console: "Console", remarks: Iterable["Remark"]) -> None:
 def tell(console: "Console", line: str) -> None:
     """Print a sentence, wrapped to a terminal only: elsewhere it stays one line."""
     console.print(line, markup=False, soft_wrap=not console.is_terminal)
+
+
+def print_table(
+    console: "Console",
+    heads: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    numbers: Collection[str] = (),
+    title: str | None = None,
+) -> None:
+    """Print a table of texts as they stand; ``numbers`` are the heads of columns of numbers."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    named = None if title is None else escape(title)
+    table = Table(title=named, title_justify="left")
+    for head in heads:
+        table.add_column(escape(head), justify="right" if head in numbers else "left")
+    for row in rows:
+        table.add_row(*map(escape, row))
+    console.print(table)
 
 
 def print_json(tree: object) -> None:

@@ -4,7 +4,7 @@ Folders: `file` (what a job says), `table` (plane, cross, leadscrew), `joint` (f
 `write` (lists and load sheet), `result` (what was found). The way of a job with one leadscrew
 table, function by function:
 
-1. `_run.begin_job` goes the whole way, as follows.
+1. `_run.run_job` goes the whole way, as follows.
 2. `file._load.load_job` reads the job file and gives a `Job`, which reads the lists that its
    axes have already.
 3. `_fits.fit_all` plans all fits, then fits one after the other; `_acting.leftovers` are what
@@ -15,10 +15,14 @@ table, function by function:
 5. `write._lists.files_of` makes the `AxisFiles` of each axis from its drafts, each with its gate
    (`_gating`), and `judge_files` checks them beside all other lists.
 6. `_whole.judge_whole` judges all that will act on an axis, read back as the controller does.
-7. `_run._write` writes them into the `OutFolder`: into ``rejected/`` where the gate failed.
-8. `TableDraft.prove` reads the `Written` files back and gives a `TableResult`.
-9. `JobRun.finish` adds the load sheet and what a second measurement says (`_measure_again`),
-   and writes the `JobResult`.
+7. `_run._write` writes them into the `OutFolder`, into ``rejected/`` where the gate failed, and
+   reads them back.
+8. `TableDraft.prove` judges the lists as they lie there, and gives a `TableResult`.
+9. `_measure_again` adds what a second measurement says, `load_sheet` what to do with the files;
+   the `JobResult` is written.
+
+What is handed on along this way: `Job`, `Plan`, `Readings`, `TableDraft`, `AxisFiles`,
+`TableResult` and `JobResult`; the report makes a section of each result.
 
 Other compensations go the same way with drafts of their own, from `axcomp.ident.kinds`
 (`_protocol` says what a job asks of them); fits that are identified together get theirs from
@@ -34,8 +38,6 @@ from .._lazy import importer
 from ..proof import ErrorFigures as ErrorFigures, GateCheck as GateCheck
 from ._cache import use_compilation_cache as use_compilation_cache
 from ._run import (
-    JobRun as JobRun,
-    begin_job as begin_job,
     input_hashes as input_hashes,
     run_job as run_job,
 )
@@ -73,23 +75,23 @@ from .result._verdict import (
     Reason as Reason,
     Verdict as Verdict,
 )
-from .write._output import OutFolder as OutFolder, OutputError as OutputError
+from .write._output import (
+    OutFolder as OutFolder,
+    OutputError as OutputError,
+    signed as signed,
+)
 
 if TYPE_CHECKING:
     from ..kinds.backlash._result import BacklashResult as BacklashResult
     from ..kinds.crosstalk._result import (
         CrosstalkResult as CrosstalkResult,
     )
-    from ..kinds.friction._listing import LawCurve as LawCurve
     from ..kinds.friction._result import (
         FrictionResult as FrictionResult,
-        FrictionView as FrictionView,
-        choice_sentence as choice_sentence,
     )
     from ..kinds.temperature._law import ThermalLaw as ThermalLaw
     from ..kinds.temperature._result import (
         TemperatureResult as TemperatureResult,
-        ThermalView as ThermalView,
     )
     from .file._found_fits import (
         found_keys as found_keys,

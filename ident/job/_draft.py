@@ -4,7 +4,6 @@ import abc
 import dataclasses
 import functools
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from ..readings import Tables
     from ._acting import Acting
     from .write._lists import AxisFiles
-    from .write._output import OutFolder
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,48 +52,6 @@ class Leftovers:
             self.earlier[key] = (
                 self.earlier[key] + value if key in self.earlier else value
             )
-
-
-@dataclasses.dataclass(frozen=True)
-class Written:
-    """What became of a draft: its gate, and the files of its axis as they lie there.
-
-    Attributes:
-        folder: Where the files lie.
-        files: The axis with its lists.
-        gate: What the gate said.
-    """
-
-    folder: "OutFolder"
-    files: "AxisFiles"
-    gate: tuple[GateCheck, ...]
-
-    @property
-    def names(self) -> tuple[Path, ...]:
-        """Names in the folder of what was written for the axis."""
-        return self.files.written
-
-    @property
-    def cycles(self) -> int | None:
-        """P-AXIS-00243 of the axis, where a fit of it asks for one."""
-        return self.files.cycles
-
-    def path(self, name: str) -> Path | None:
-        """Return where a file of the axis lies, or None."""
-        found = next((one for one in self.names if one.name == name), None)
-        return None if found is None else self.folder.root / found
-
-    @property
-    def compensation(self) -> ListFile | None:
-        """The compensation list, read back; None: none was written."""
-        path = self.path(self.files.compensation_name)
-        return None if path is None else ListFile.read(path)
-
-    @property
-    def machine(self) -> ListFile | None:
-        """The axis list, or the entries to add to it, read back; None likewise."""
-        path = self.path(self.files.machine_name)
-        return None if path is None else ListFile.read(path)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -275,19 +231,19 @@ class AbstractDraft(AbstractOfFit):
         return {}
 
     @abc.abstractmethod
-    def prove(self, done: Written) -> AbstractResult:
-        """Return the result, with the file as it lies in the folder, read back."""
+    def prove(self, done: "AxisFiles") -> AbstractResult:
+        """Return the result, with the lists of the axis as they lie in the folder."""
 
-    def frame(self, done: Written) -> dict[str, Any]:
+    def frame(self, done: "AxisFiles") -> dict[str, Any]:
         """Return what every result says alike, as arguments of its class."""
-        job, found = self.job, done.files.findings
+        job, found = self.job, done.findings
         axis = job.spec.axes[self.axis]
         return {
             "compensation": self.compensation,
             "axis": self.axis,
             "axis_number": axis.number,
             "unit": axis.plain_unit,
-            "gate": done.gate,
+            "gate": done.gates[self.index],
             "conventions": _convention_states(
                 job.conventions, job.verified, self.kind.conventions
             ),

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 from ..diagnosis import OBJECTS, SCOPE, objects_csv, observables, scope_configuration
 from ..exchange import axis_file, compensation_file
+from ..kinds._keys import FitSpec
 from ..readings import Tables
-from ._draft import AbstractDraft, Written
 from ._fits import fit_all
-from ._measure_again import Second, measure_again, plan_second
+from ._measure_again import measure_again, plan_second
 from ._whole import judge_whole
 from .file._load import Job, load_job
 from .result._job_result import JobResult, result_json
-from .result._result import AbstractResult, Remark
+from .result._result import Remark
 from .write._first_run import first_run_programs, program_names
 from .write._lists import AxisFiles, files_of, judge_files, startup_fragment
 from .write._loadsheet import load_sheet
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .joint import GroupResult
 
 _PACKAGES = ("axcomp", "numpy", "scipy", "jax", "equinox")
+_STARTUP = "hochlauf.add.lis"
 _DIAGNOSIS = (OBJECTS, SCOPE)
 """Files that say what to look at on the controller."""
 
@@ -61,18 +62,6 @@ def run_job(
             then left half-written.
         OSError: If a file cannot be read.
     """
-    return begin_job(path, out, progress, after=after, sync=sync).finish()
-
-
-def begin_job(
-    path: Path,
-    out: Path,
-    progress: Callable[[str], None] | None = None,
-    *,
-    after: Path | None = None,
-    sync: bool = True,
-) -> "JobRun":
-    """Write the lists of a job; arguments and errors as `run_job`."""
     start = time.perf_counter()
     say = progress or (lambda line: None)
     job = load_job(path)
@@ -96,12 +85,12 @@ def begin_job(
 
         sums = [prove_group(group, drafts, by_axis) for group in groups]
     together = {index: one.name for one in sums for index in one.fits}
-    results: list[AbstractResult] = []
-    for draft in drafts:
-        own = by_axis[draft.axis]
-        proven = draft.prove(Written(folder, own, own.gates[draft.index]))
-        group = together.get(draft.index)
-        results.append(dataclasses.replace(proven, group=group))
+    results = [
+        dataclasses.replace(
+            draft.prove(by_axis[draft.axis]), group=together.get(draft.index)
+        )
+        for draft in drafts
+    ]
     result = JobResult(
         title=job.spec.title or job.path.stem,
         machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
@@ -110,62 +99,23 @@ def begin_job(
         versions=_versions(),
         load_sheet=(),
         remarks=(*remarks, *moved, *lost),
-        files=(),
+        files=(*map(Path, folder.digests), Path(RESULT)),
+        digests=folder.digests,
         wall_time=0.0,
         job=job.spec.resolved() | {"gate": dict(vars(job.limits))},
         clocks=tables.clocks,
         groups=tuple(sums),
         whole=whole,
     )
-    return JobRun(job, folder, files, drafts, start, second, result)
-
-
-@dataclasses.dataclass(frozen=True)
-class JobRun:
-    """A job whose lists are written, ready to be measured again.
-
-    Attributes:
-        job: The job.
-        folder: Where its files lie.
-        files: Lists by axis.
-        drafts: All fits.
-        start: When it began (`time.perf_counter`).
-        second: The second measurement, where there is one.
-        result: What came of it, without the load sheet and the second measurement.
-    """
-
-    job: Job
-    folder: OutFolder
-    files: Sequence[AxisFiles]
-    drafts: Sequence[AbstractDraft]
-    start: float
-    second: Second | None
-    result: JobResult
-
-    def measured_again(self, after: Path) -> "JobRun":
-        """Return the run with a second measurement, made with the lists that it wrote.
-
-        Raises:
-            AxcompError: If that measurement's job cannot be used.
-            OSError: If it cannot be read.
-        """
-        second, _ = plan_second(self.job, after, self.folder.root, self.files)
-        return dataclasses.replace(self, second=second)
-
-    def finish(self) -> JobResult:
-        """Write ``result.json``, with what a second measurement says, and return it."""
-        job, second, root = self.job, self.second, self.folder.root
-        result = self.result
-        if second is not None:
-            result = measure_again(job, second, self.drafts, result, root)
-        result = dataclasses.replace(
-            result,
-            load_sheet=load_sheet(job, self.files, result.fits),
-            files=(*self.folder.written, Path(RESULT)),
-            wall_time=time.perf_counter() - self.start,
-        )
-        self.folder.write(RESULT, result_json(result).encode())
-        return result
+    if second is not None:
+        result = measure_again(job, second, drafts, result, out)
+    result = dataclasses.replace(
+        result,
+        load_sheet=load_sheet(job, files, result.fits),
+        wall_time=time.perf_counter() - start,
+    )
+    folder.write(RESULT, result_json(result).encode())
+    return result
 
 
 def input_hashes(path: Path) -> dict[str, str]:
@@ -180,16 +130,19 @@ def input_hashes(path: Path) -> dict[str, str]:
 
 def _names(job: Job) -> list[str]:
     """Return every name that a job may write."""
-    names = [RESULT, REPORT, "hochlauf.add.lis", *_DIAGNOSIS]
-    names += program_names(job)
+    names = [RESULT, REPORT, _STARTUP, *_DIAGNOSIS, *program_names(job)]
     for fit in job.spec.fits:
-        number = job.spec.axes[fit.axis].number
-        names += [
-            compensation_file(number),
-            *(axis_file(number, whole=whole) for whole in (True, False)),
-            *fit.plc_files,
-        ]
+        names += _names_of(job.spec.axes[fit.axis].number, [fit])
     return names
+
+
+def _names_of(number: int, fits: Sequence[FitSpec]) -> list[str]:
+    """Return every name that fits of an axis may write."""
+    lists = [
+        compensation_file(number),
+        *(axis_file(number, whole=w) for w in (True, False)),
+    ]
+    return [*lists, *(name for fit in fits for name in fit.plc_files)]
 
 
 def _write(
@@ -198,43 +151,28 @@ def _write(
     """Write all lists and return the axes with their names, and what was moved away."""
     for name in (RESULT, REPORT):  # written later, when the remarks are
         folder.keep(name)
+    folder.keep_drawings()
     found = []
-    retired: list[tuple[str, Path | None]] = []
     for one in files:
         contents = {name: listing.dumps() for name, listing in one.lists}
-        names: list[Path] = []
-        for name, content in (contents | dict(one.extra)).items():
-            if one.failed:
-                rejected, earlier = folder.reject(name, content)
-                names.append(rejected)
-                retired.append((name, earlier))
-            else:
-                names.append(folder.accept(name, content))
-        found.append(dataclasses.replace(one, written=tuple(names)))
         # The other kind of axis list would contradict this one.
-        kinds = {axis_file(one.number, whole=whole) for whole in (True, False)}
-        kinds |= {name for draft in one.drafts for name in draft.fit.plc_files}
-        stale = {one.compensation_name, *kinds} - set(contents) - set(one.extra)
-        for name in sorted(stale):
-            retired.append((name, folder.retire(name)))
+        names = _names_of(one.number, [draft.fit for draft in one.drafts])
+        written = folder.renew(names, contents | dict(one.extra), failed=one.failed)
+        found.append(one.as_written(folder.root, written))
     fragment = startup_fragment(files)
-    if fragment is not None:
-        folder.write("hochlauf.add.lis", fragment.dumps())
-    else:
-        retired.append(("hochlauf.add.lis", folder.retire("hochlauf.add.lis")))
-    folder.renew(_DIAGNOSIS, _diagnosis(job, files))
-    programs = first_run_programs(job, files)
-    folder.renew(
-        program_names(job), {name: text.encode() for name, text in programs.items()}
-    )
+    folder.renew([_STARTUP], {} if fragment is None else {_STARTUP: fragment.dumps()})
     moved = [
         Remark.warning(
             f"{name} of an earlier run was moved to {earlier}: it does not belong to"
             " the lists of this run."
         )
-        for name, earlier in retired
-        if earlier is not None
+        for name, earlier in folder.moved.items()
     ]
+    folder.renew(_DIAGNOSIS, _diagnosis(job, files))
+    programs = first_run_programs(job, files)
+    folder.renew(
+        program_names(job), {name: text.encode() for name, text in programs.items()}
+    )
     moved += [Remark.warning(words) for words in folder.remarks]
     return tuple(found), moved
 

@@ -3,7 +3,7 @@
 Read in this order: `_write` (the page), `_verdict` (the headline of a fit), `_section` (one
 fit: words, tables, plots), `_body` (what differs by compensation: the part ``page`` of its
 folder in `axcomp.ident.kinds`, the folder `table` for tables), `_style` and `_scale` (how a
-picture looks and in which units). The pictures: `_overview`, `_iso_chart`, `_group_plots`, and
+picture looks and in which units). The pictures: `_overview`, `_iso_chart`, `_group`, and
 those of the folders.
 
 The public names are imported when they are first asked for: the report of a job needs JAX, the

@@ -1,7 +1,7 @@
 """One fit of a job as a section of the page: words, tables and plots in their order."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,40 +40,56 @@ _ROWS = {
 
 
 @dataclasses.dataclass(frozen=True)
-class FiguresTable:
-    """Error before, predicted, from the file and verified, ready to print.
+class Section:
+    """Everything that the page says of one fit.
 
     Attributes:
-        columns: Heading and what kind of number it is, per column.
-        rows: Name, explanation, and one number per column.
-        unit: Of all numbers.
-        iso: Whether rows of ISO 230-2 are among them.
+        name: In anchors and names of files.
+        heading: With its place in the job.
+        verdict: Its headline.
+        remarks: Errors first.
+        stages: Stages of the error that are shown.
+        figures: Figures of the error by name, one per stage; None: not known.
+        body: Plots and sentences.
+        fit: What the job found.
+        scale: Display units.
     """
-
-    columns: tuple[tuple[str, str], ...]
-    rows: tuple[tuple[str, str, tuple[str, ...]], ...]
-    unit: str
-    iso: bool
-
-
-@dataclasses.dataclass(frozen=True)
-class Section:
-    """Everything that the page says of one fit."""
 
     name: str
     heading: str
     verdict: Headline
     remarks: tuple[Remark, ...]
-    figures: FiguresTable
+    stages: Sequence[str]
+    figures: Mapping[str, Sequence[float | None]]
     body: Body
     fit: AbstractResult
     scale: Scale
+
+    @property
+    def columns(self) -> list[tuple[str, str]]:
+        """Heading of each stage, and what kind of number it is."""
+        return [_COLUMNS[stage] for stage in self.stages]
+
+    @property
+    def rows(self) -> dict[str, tuple[str, list[str]]]:
+        """What each figure means, and its values as they are printed."""
+        shown = self.scale.figure
+        return {
+            name: (_ROWS[name], ["–" if v is None else shown(v) for v in values])
+            for name, values in self.figures.items()
+        }
+
+    @property
+    def iso(self) -> bool:
+        """Whether figures of ISO 230-2 are among them."""
+        return any(name in "AREBM" for name in self.figures)
 
 
 def section_of(fit: AbstractResult, place: int) -> Section:
     """Return the section of one fit; ``place`` counts the fits of the job from 1."""
     scale = scale_of(fit.unit)
     over = " over " + ", ".join(fit.over) if fit.over else ""
+    stages, figures = figures_of(fit.error)
     # In a file name and an anchor.
     safe = "".join(c if c.isascii() and c.isalnum() else "_" for c in fit.axis)
     return Section(
@@ -81,29 +97,11 @@ def section_of(fit: AbstractResult, place: int) -> Section:
         heading=f"{place}. {fit.compensation.capitalize()} of {fit.axis}{over}",
         verdict=headline_of(fit, scale),
         remarks=by_level(fit.remarks),
-        figures=figures_table(fit, scale),
+        stages=stages,
+        figures=figures,
         body=body_of(fit, scale),
         fit=fit,
         scale=scale,
-    )
-
-
-def figures_table(fit: AbstractResult, scale: Scale) -> FiguresTable:
-    """Return the table of error figures in display units."""
-    stages, found = figures_of(fit.error)
-    rows = tuple(
-        (
-            name,
-            _ROWS[name],
-            tuple("–" if v is None else scale.figure(v) for v in values),
-        )
-        for name, values in found.items()
-    )
-    return FiguresTable(
-        columns=tuple(_COLUMNS[stage] for stage in stages),
-        rows=rows,
-        unit=scale.error,
-        iso=any(name in "AREBM" for name in found),
     )
 
 
@@ -132,9 +130,8 @@ def _figure(figures: ErrorFigures, name: str) -> float | None:
 
 def summary_row(section: Section) -> tuple[str, ...]:
     """Return the line of a fit in the overview: before, predicted, verified, gate."""
-    table = section.figures
-    rms = next((row for row in table.rows if row[0] == "rms"), None)
-    cells = dict(zip((c[0] for c in table.columns), rms[2], strict=True)) if rms else {}
+    _, rms = section.rows.get("rms", ("", []))
+    cells = dict(zip(section.stages, rms, strict=bool(rms)))
     before, after = section.fit.error.get("before"), section.fit.error.get("predicted")
     gain = "–"
     if before and after and after.sound.rms < before.sound.rms:

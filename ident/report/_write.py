@@ -8,10 +8,10 @@ import markupsafe
 from ...data.files import write_atomically, write_together
 from .._job_text import job_text
 from .._templates import templates
-from ..job import JobResult, by_level
+from ..job import JobResult, by_level, signed
 from . import _style as style
 from ._body import Plot
-from ._group_section import GroupSection, group_section
+from ._group import GroupSection, group_section
 from ._overview import overview_plot
 from ._scale import number, percent, scale_of
 from ._section import Section, section_of, summary_row
@@ -51,9 +51,9 @@ def write_report(result: JobResult, out: Path) -> tuple[Path, ...]:
     page = _render(result, overview, groups, sections, files)
     plots = [out / "plots" / f"{name}.svg" for name in files]
     (out / "plots").mkdir(parents=True, exist_ok=True)
-    write_together(dict(zip(plots, map(str.encode, files.values()), strict=True)))
+    write_together(dict(zip(plots, map(signed, files.values()), strict=True)))
     # The page comes last: where it stands, its plots do too.
-    write_atomically(out / "report.html", page.encode())
+    write_atomically(out / "report.html", signed(page))
     return (out / "report.html", *plots)
 
 

@@ -25,16 +25,13 @@ NOISE = 0.002  # mm
 
 
 def figures(error: np.ndarray, view: SampleView, iso: bool) -> ErrorFigures:
-    keep = view.share > 0.05
-    error = error[keep]
     named = None
     if iso:
         assert view.run is not None
         assert view.direction is not None
-        found = iso230(
-            view.positions[keep, 0], error, view.run[keep], view.direction[keep]
-        )
+        found = iso230(view.positions[:, 0], error, view.run, view.direction)
         named = {key: getattr(found, key) for key in "ARBEM"}
+    error = error[view.share > 0.05]
     return ErrorFigures(
         float(np.sqrt(np.mean(error**2))), float(np.abs(error).max()), named
     )

@@ -11,7 +11,7 @@ import pytest
 
 from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
-from axcomp.ident.cli.jobs._demo_files import (
+from axcomp.ident.cli.demo._files import (
     FolderError,
     claim_folder,
     seal_folder,

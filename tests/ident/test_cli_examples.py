@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from axcomp.ident.cli import main
-from axcomp.ident.cli._app import COMMANDS
-from axcomp.ident.cli._examples import EXAMPLES
+from axcomp.ident.cli._app import COMMANDS, examples_of
 
 X = np.linspace(0.0, 400.0, 21)
 OLD = """\
@@ -104,7 +103,8 @@ def test_every_example_works_as_it_stands(
 ) -> None:
     prepared(tmp_path)
     monkeypatch.chdir(tmp_path)
-    for name, lines in EXAMPLES.items():
+    for name, command in COMMANDS.items():
+        lines = examples_of(command)
         if name == "demo":
             continue  # takes long; its own tests run it
         for line in lines:
@@ -129,7 +129,7 @@ def test_help_shows_the_examples(
     monkeypatch.setenv("COLUMNS", "120")
     assert main([name, "--help"]) == 0
     shown = capsys.readouterr().out
-    assert all(line in shown for line in EXAMPLES[name])
+    assert all(line in shown for line in examples_of(COMMANDS[name]))
 
 
 def test_a_shell_can_complete_the_commands(

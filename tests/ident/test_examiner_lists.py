@@ -277,7 +277,7 @@ def test_show_tells_the_crosstalk_columns_apart(columns: int, tmp_path: Path) ->
         "import rich.console, sys\n"
         "from pathlib import Path\n"
         "from axcomp.data.lists import ListFile\n"
-        "from axcomp.ident.cli.lists._show_tables import list_views\n"
+        "from axcomp.ident.cli._show_tables import list_views\n"
         f"console = rich.console.Console(file=sys.stderr, width={columns})\n"
         f"for view in list_views(ListFile.read(Path({str(path)!r}))):\n"
         "    console.print(view)\n"

@@ -12,6 +12,7 @@ import pytest
 from axcomp.data.files import sync_folder
 from axcomp.data.lists import ListFile
 from axcomp.ident.job import OutputError, run_job, write_atomically
+from axcomp.ident.report import write_report
 
 JOB = """
 [axes.X]
@@ -89,6 +90,58 @@ def test_same_job_writes_the_same_lists_again(tmp_path: Path) -> None:
     second = run_job(job(tmp_path), tmp_path / "out")
     assert {p: p.read_bytes() for p in (tmp_path / "out").glob("*.lis")} == before
     assert second.files == first.files
+
+
+def test_a_list_edited_by_hand_is_kept_before_the_next_run(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_job(job(tmp_path), out)
+    edited = (out / "achskw1.lis").read_bytes().replace(b"Ende", b"# mine\nEnde")
+    (out / "achskw1.lis").write_bytes(edited)
+    result = run_job(job(tmp_path), out)
+    assert (out / "kept" / "achskw1.lis").read_bytes() == edited
+    assert (out / "achskw1.lis").read_bytes() != edited
+    assert any("kept as kept/achskw1.lis" in r.message for r in result.remarks)
+    # What nobody touched is the job's own, and the copy is made once.
+    again = run_job(job(tmp_path), out)
+    assert {path.name for path in (out / "kept").iterdir()} == {"achskw1.lis"}
+    assert not any("kept" in r.message for r in again.remarks)
+
+
+def test_an_edited_list_that_the_gate_stops_now_is_kept(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_job(job(tmp_path, gate=GATE), out)
+    rejected = out / "rejected" / "achskw1.lis"
+    rejected.write_bytes(b"mine")
+    run_job(job(tmp_path), out)
+    assert rejected.read_bytes() == b"mine"  # the list passes now: its place is another
+    run_job(job(tmp_path, gate=GATE), out)
+    assert (out / "kept" / "rejected" / "achskw1.lis").read_bytes() == b"mine"
+
+
+def test_drawings_of_others_are_kept_before_the_next_report(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    first = run_job(job(tmp_path), out)
+    drawn = [path for path in write_report(first, out) if path.suffix == ".svg"]
+    drawn[0].write_text("<svg>mine</svg>")
+    (out / "plots" / "mine.svg").write_text("<svg/>")  # nothing writes over this one
+    result = run_job(job(tmp_path), out)
+    write_report(result, out)
+    kept = out / "kept" / "plots"
+    assert [path.name for path in kept.iterdir()] == [drawn[0].name]
+    assert (kept / drawn[0].name).read_text() == "<svg>mine</svg>"
+    assert drawn[0].read_text() != "<svg>mine</svg>"
+    assert [r.message for r in result.remarks if "kept as" in r.message]
+
+
+def test_list_and_report_of_another_job_are_kept(tmp_path: Path) -> None:
+    out, path = tmp_path / "out", job(tmp_path)
+    page, *_ = write_report(run_job(path, out), out)
+    theirs = {p.name: p.read_bytes() for p in (page, out / "achskw1.lis")}
+    other = path.with_name("other.toml")
+    other.write_text(path.read_text().replace("points = 5", "points = 6"))
+    write_report(run_job(other, out), out)
+    for name, content in theirs.items():
+        assert (out / "kept" / name).read_bytes() == content
 
 
 def test_no_draft_is_left_behind(tmp_path: Path) -> None:

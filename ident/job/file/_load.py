@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pydantic
 
+from ....data.lists import ListFile
 from ....models import Conventions
 from ...exchange import (
     AxisLists,
@@ -19,18 +20,20 @@ from ...exchange import (
     Motion,
     Reading,
     TomlError,
+    axis_number,
     read_conventions,
     read_toml,
 )
 from ...kinds._keys import KeyPath
 from ...proof import GateLimits
 from ._checks import find_fault
-from ._existing import existing_lists
 from ._faults import JobError, error_at, first_fault
 from ._schema import JobFile
 
 _PART = 1 << 16
 """Bytes of a file that are hashed at a time: most files are no longer."""
+_TABLES = ("kw.", "frict_comp.")
+"""What only a compensation list holds."""
 _ASSUMED = Conventions()
 """Rules of a controller of which nothing was measured."""
 
@@ -62,7 +65,7 @@ class Job:
         Raises:
             JobError: If a file is another kind of list, or that of another axis.
         """
-        return existing_lists(self)
+        return _existing_lists(self)
 
     @property
     def reading(self) -> Reading:
@@ -225,3 +228,69 @@ def _files(spec: JobFile) -> Iterable[tuple[KeyPath, str]]:
             yield ("measurements", name, "file"), measured.file
         for file in measured.files or ():
             yield ("measurements", name, "files"), file
+
+
+def _existing_lists(job: Job) -> dict[str, AxisLists]:
+    """Return the lists that the axes have already, by axis.
+
+    Raises:
+        JobError: If a file is another kind of list, or that of another axis.
+    """
+    found = {}
+    for name, axis in job.spec.axes.items():
+        pair = {"list": axis.listing, "machine_data": axis.machine_data}
+        read: dict[str, ListFile | None] = {}
+        for key, file in pair.items():
+            read[key] = None
+            if file is not None:
+                listing = ListFile.read(job.file(file))
+                _refuse_other_kind(job, name, key, listing)
+                _refuse_other_axis(job, name, key, listing)
+                read[key] = listing
+        both = read["list"], read["machine_data"]
+        found[name] = AxisLists(axis.number, *both, job.reading)
+    return found
+
+
+def _refuse_other_kind(job: Job, name: str, key: str, listing: ListFile) -> None:
+    """Raise where a file is none of the lists that the key asks for.
+
+    An axis list edited as a compensation list, or a table of readings, would come back
+    looking like a valid one. An empty list, or one of comments, is one to be filled.
+    """
+    expected = {"list": "compensation", "machine_data": "axis"}[key]
+    kind = listing.kind
+    if kind == expected or not any(map(_says_something, listing.lines)):
+        return
+    if expected == "axis" and listing.entries and kind != "startup":
+        # Its header alone counts as that of a compensation list, and most of its
+        # entries are none that the manuals name.
+        if not any(one.key.startswith(_TABLES) for one in listing.entries):
+            return
+    words = f"a{'n' if kind == 'axis' else ''} {kind} list"
+    if kind == "unknown":
+        words = "none of the entries of such a list"
+    raise job.error(
+        ("axes", name, key),
+        f"found {words} in {listing.source}, expected a"
+        f"{'n' if expected == 'axis' else ''} {expected} list",
+    )
+
+
+def _says_something(line: str) -> bool:
+    text = line.strip()
+    return bool(text) and not text.startswith(("#", ";", "(", "//", "/*"))
+
+
+def _refuse_other_axis(job: Job, name: str, key: str, listing: ListFile) -> None:
+    number = job.spec.axes[name].number
+    try:
+        found = axis_number(listing)
+    except ExchangeError:
+        return  # The file does not say; the job does.
+    stated = listing.integer("kopf.achs_nr")
+    if stated is not None and found != number:
+        raise job.error(
+            ("axes", name, key),
+            f"found a list of axis {found} (kopf.achs_nr), expected axis {number}",
+        )

@@ -11,11 +11,12 @@ from jaxtyping import Bool, Float
 
 from ...fit.joint import JointFit, Part
 from ...proof import ErrorFigures, error_figures
-from .._draft import AbstractDraft, Written
+from .._draft import AbstractDraft
 from ..result._result import AbstractResult, Remark, some_of
 from ._recording import GroupRecording
 
 if TYPE_CHECKING:
+    from ..write._lists import AxisFiles
     from ._group import IdentifiedGroup
 
 
@@ -247,7 +248,7 @@ class LeftOutDraft(AbstractDraft):
     def needs(self) -> str:
         return ""
 
-    def prove(self, done: Written) -> LeftOutResult:
+    def prove(self, done: "AxisFiles") -> LeftOutResult:
         share = self.share
         frame: dict[str, Any] = self.frame(done) | {"conventions": ()}
         figures, remarks = ErrorFigures(np.nan, np.nan), list[Remark]()
@@ -257,7 +258,7 @@ class LeftOutDraft(AbstractDraft):
         return LeftOutResult(
             **frame,
             error=dict.fromkeys(("before", "predicted", "from_file"), figures),
-            remarks=(Remark.error(self._words()), *remarks, *done.files.remarks),
+            remarks=(Remark.error(self._words()), *remarks, *done.remarks),
             files=(),
             held_out="block" if share is None else share.recording.held_out,
             part=None if share is None else share.part,

@@ -7,7 +7,7 @@ from ...exchange import LIST_UNITS
 from ...fit import Samples, TableFit
 from ...proof import HeldOut
 from ...readings import Readings
-from ..table._draft import TableDraft, fitted_in_memory
+from ..table._draft import InMemory, TableDraft
 from ..table._fitting import doubted
 from ..table._plan import Plan
 from ..table._trend import refuse_unowned_trend
@@ -45,9 +45,7 @@ def table_draft(plan: Plan, share: Share) -> TableDraft:
         groups=recording.fold[rows],
         by_run=recording.by_run,
     )
-    fitted = fitted_in_memory(
-        plan, readings, share.remarks(), samples, share.error, left, fit
-    )
+    fitted = InMemory(plan, readings, share.remarks(), samples, share.error, left, fit)
     effects = "offset" if share.fit.runs.get(plan.axis) else "none"
     return TableDraft(plan.job, plan.index, plan.fit, plan, fit, effects, fitted)
 

@@ -93,6 +93,7 @@ class JobResult:
         second: The second measurement, where there is one: ``file``, ``sha256``,
             ``date``, hashes of its ``inputs`` and of the ``lists`` that it is about.
         whole: All that will act on each axis, judged together.
+        digests: SHA-256 of the written files by name, by which a later run knows its own.
     """
 
     title: str
@@ -109,6 +110,7 @@ class JobResult:
     groups: tuple["GroupResult", ...] = ()
     second: Mapping[str, Any] | None = None
     whole: tuple[WholeAxis, ...] = ()
+    digests: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @functools.cached_property
     def tree(self) -> dict[str, Any]:
@@ -185,6 +187,7 @@ def as_tree(result: JobResult) -> dict[str, Any]:
         "remarks": result.remarks,
         "load_sheet": result.load_sheet,
         "files": result.files,
+        "digests": result.digests,
         "second_measurement": result.second,
         "clocks": result.clocks,
         "inputs": result.inputs,

@@ -1,9 +1,10 @@
 """Plane, cross and leadscrew as a job handles every compensation."""
 
+import abc
 import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -14,7 +15,7 @@ from ...fit import Samples, TableFit
 from ...kinds._keys import FitSpec, TableSpec
 from ...proof import ErrorTally, GateCheck, HeldOut, RunTable
 from ...readings import Readings, Tables, without_zero
-from .._draft import AbstractDraft, Leftovers, Written
+from .._draft import AbstractDraft, Leftovers
 from .._gating import (
     chosen_cycles,
     pass_gate,
@@ -27,6 +28,9 @@ from ..result._second import SecondMeasurement
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
 from ._remarks import fit_remarks, outside, places_of, use_remarks
+
+if TYPE_CHECKING:
+    from ..write._lists import AxisFiles
 
 _WORST = 12
 """Wild readings that are listed where not all readings are shown."""
@@ -60,24 +64,75 @@ class Piece:
     runs: RunTable | None = None
 
 
-@final
-@dataclasses.dataclass(frozen=True)
-class Fitted:
+class AbstractFitted(abc.ABC):
     """The readings that a table was fitted to: all that differs in memory and in pieces.
 
     Attributes:
-        pieces: Hands them out.
-        remarks: Gives what is to be said of them, once all were handed out.
         by_run: Whether runs were held out, else spatial blocks.
         readings: All of them; None where they are handed out in pieces.
         every: One reading in so many is shown.
     """
 
-    pieces: Callable[[], Iterator[Piece]]
-    remarks: Callable[[], Sequence[Remark]]
     by_run: bool
     readings: Readings | None = None
     every: int = 1
+
+    @abc.abstractmethod
+    def pieces(self) -> Iterator[Piece]:
+        """Yield all readings."""
+
+    @abc.abstractmethod
+    def remarks(self) -> Sequence[Remark]:
+        """Return what is to be said of them, once all were handed out."""
+
+
+@final
+class InMemory(AbstractFitted):
+    """Readings in memory, all in one piece."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        readings: Readings,
+        remarks: Sequence[Remark],
+        samples: Samples,
+        before: Float[np.ndarray, " t"],
+        left: HeldOut,
+        estimate: TableFit,
+    ) -> None:
+        """Take the readings of a fit.
+
+        Args:
+            plan: What is written.
+            readings: What was measured.
+            remarks: What is to be said of them.
+            samples: The same as the estimator saw it.
+            before: Error of each reading, zero at the datum, in mm or °.
+            left: Each reading under the list that was fitted without it.
+            estimate: The fit.
+        """
+        self.readings, self.by_run, self._remarks = readings, left.by_run, remarks
+        runs = run_table(readings, plan.table)
+        seen = samples, before, left.residual, estimate.wild
+        self._piece = Piece(*seen, self._columns, runs=runs)
+        self._every = {
+            "direction": readings.direction,
+            "run": readings.run,
+            "order": readings.order,
+            "predicted_sd": left.standard_deviation,
+            "share": estimate.share,
+            "residual": estimate.residual,
+        }
+
+    def _columns(self, rows: Int[np.ndarray, " n"]) -> Columns:
+        known = self._every.items()
+        return {name: own[rows] for name, own in known if own is not None}
+
+    def pieces(self) -> Iterator[Piece]:
+        yield self._piece
+
+    def remarks(self) -> Sequence[Remark]:
+        return self._remarks
 
 
 @final
@@ -96,7 +151,7 @@ class TableDraft(AbstractDraft):
     plan: Plan
     estimate: TableFit
     run_effects: str
-    fitted: Fitted
+    fitted: AbstractFitted
 
     @functools.cached_property
     def integers(self) -> Int[np.ndarray, "..."]:
@@ -229,7 +284,7 @@ class TableDraft(AbstractDraft):
         added = table.offset(table.model(self.integers), *at) - plan.acted(*at)
         return {(self.axis, name): added[k] for name, k in readings.slices.items()}
 
-    def prove(self, done: Written) -> TableResult:
+    def prove(self, done: "AxisFiles") -> TableResult:
         plan, table, fitted = self.plan, self.plan.table, self.fitted
         assert done.compensation is not None  # a table stands in it
         tally, view, beyond = self._proof(table.read(done.compensation))
@@ -263,9 +318,9 @@ class TableDraft(AbstractDraft):
                 *fit_remarks(self, count, wild, beyond, places),
                 *use_remarks(error, fitted.by_run),
                 *switching_remarks(self),
-                *done.files.remarks,
+                *done.remarks,
             ),
-            files=done.files.of_lists(done.names),
+            files=done.written_lists,
             cycles=done.cycles if self._bilateral else None,
             held_out="run" if fitted.by_run else "block",
             every=None if self.in_memory else fitted.every,
@@ -315,49 +370,6 @@ def _largest(
     found = np.zeros(len(error), bool)
     found[rows] = True
     return found
-
-
-def fitted_in_memory(
-    plan: Plan,
-    readings: Readings,
-    remarks: Sequence[Remark],
-    samples: Samples,
-    before: Float[np.ndarray, " t"],
-    left: HeldOut,
-    estimate: TableFit,
-) -> Fitted:
-    """Return readings in memory, all in one piece.
-
-    Args:
-        plan: What is written.
-        readings: What was measured.
-        remarks: What is to be said of them.
-        samples: The same as the estimator saw it.
-        before: Error of each reading, zero at the datum, in mm or °.
-        left: Each reading under the list that was fitted without it.
-        estimate: The fit.
-    """
-    every = {
-        "direction": readings.direction,
-        "run": readings.run,
-        "order": readings.order,
-        "predicted_sd": left.standard_deviation,
-        "share": estimate.share,
-        "residual": estimate.residual,
-    }
-
-    def columns(rows: Int[np.ndarray, " n"]) -> Columns:
-        return {name: own[rows] for name, own in every.items() if own is not None}
-
-    piece = Piece(
-        samples,
-        before,
-        left.residual,
-        estimate.wild,
-        columns,
-        runs=run_table(readings, plan.table),
-    )
-    return Fitted(lambda: iter([piece]), lambda: remarks, left.by_run, readings)
 
 
 def written_deviation(fit: TableFit) -> Float[np.ndarray, "..."]:

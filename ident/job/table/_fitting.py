@@ -19,7 +19,7 @@ from ...readings import (
 )
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
-from ._draft import TableDraft, fitted_in_memory
+from ._draft import InMemory, TableDraft
 from ._layout import grid_words, suit
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
@@ -106,7 +106,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     acted = plan.acted(readings.positions, branch)
     estimate = doubted(plan, readings, samples, estimate)
     left = held_out(table, samples, fit, plan.integers, before, acted)
-    fitted = fitted_in_memory(plan, readings, remarks, samples, before, left, estimate)
+    fitted = InMemory(plan, readings, remarks, samples, before, left, estimate)
     return TableDraft(plan.job, plan.index, spec, plan, estimate, effects, fitted)
 
 

@@ -13,7 +13,7 @@ from ...fit import Grouping, Samples, StreamedFit, fit_streamed, predict
 from ...proof import blocks_of, held_out_deviation, run_groups
 from ...readings import places_of, visits_overlap
 from ..result._result import Remark
-from ._draft import Columns, Fitted, Piece, TableDraft
+from ._draft import AbstractFitted, Columns, Piece, TableDraft
 from ._log_readings import LogReadings
 from ._plan import Plan
 
@@ -23,36 +23,32 @@ _SHOWN = 20_000
 
 @final
 @dataclasses.dataclass(frozen=True)
-class _Log:
+class _Log(AbstractFitted):
     """A log that a table was fitted to piece by piece.
 
     Attributes:
         plan: What is written.
-        readings: What was measured.
+        log: What was measured.
         found: What the passes over it gave, with a table for every group left out.
         grouping: Tells the group of each reading.
         by_run: Whether these are runs, else spatial blocks.
         folds: Entries of the list fitted without each group.
         zero: What was taken off the error, so that it is zero at the datum, in mm or °.
+        every: One reading in so many is shown.
     """
 
     plan: Plan
-    readings: LogReadings
+    log: LogReadings
     found: StreamedFit
     grouping: Grouping
     by_run: bool
     folds: Mapping[int, Int[np.ndarray, "..."]]
     zero: float
-
-    @property
-    def every(self) -> int:
-        """One reading in so many is shown."""
-        return max(1, self.found.count // _SHOWN)
+    every: int
 
     def pieces(self) -> Iterator[Piece]:
-        """Yield all readings, in one more pass."""
         first = 0
-        for part in self.readings.parts:
+        for part in self.log.parts:
             row = 0
             for samples in part():
                 wild, share = self.found.judged(samples)
@@ -103,8 +99,7 @@ class _Log:
         return found
 
     def remarks(self) -> Sequence[Remark]:
-        """Return what was taken for granted, what the route changes and cannot do."""
-        return (*self.readings.remarks, *self._of_the_route())
+        return (*self.log.remarks, *self._of_the_route())
 
     def _of_the_route(self) -> Iterator[Remark]:
         names = ", ".join(map(repr, self.plan.fit.sources))
@@ -150,9 +145,9 @@ def fit_log(plan: Plan, readings: LogReadings) -> TableDraft:
     )
     zero, estimate = plan.zeroed(found.fit)
     folds = {k: plan.integers([fold])[0] for k, fold in found.folds.items()}
-    log = _Log(plan, readings, found, grouping, by_run, folds, zero)
-    fitted = Fitted(log.pieces, log.remarks, by_run, every=log.every)
-    return TableDraft(plan.job, plan.index, spec, plan, estimate, "none", fitted)
+    every = max(1, found.count // _SHOWN)
+    log = _Log(plan, readings, found, grouping, by_run, folds, zero, every)
+    return TableDraft(plan.job, plan.index, spec, plan, estimate, "none", log)
 
 
 def _grouping(readings: LogReadings) -> tuple[Grouping, bool]:

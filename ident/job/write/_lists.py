@@ -34,15 +34,17 @@ class AxisFiles:
         drafts: All its fits, in the order of the job.
         cycles: Value of P-AXIS-00243, where a fit asks for one.
         gates: What the gate says of each fit, by its index; empty where it is not written.
-        compensation: The compensation list, or None where no fit needs one.
+        compensation: The compensation list, or None where no fit needs one; once it is
+            written, as it was read back.
         machine: The axis list, or the entries to add to it, or None likewise.
         extra: Further files by name, such as those for the PLC.
         restart: Why the controller must be restarted, or None where a reload is enough.
         remarks: What the user must know.
         findings: What `check` says of both; empty until `judge_files`.
         same: Names of lists that say what the controller's own ones say already.
-        written: Names in the folder of what was written, the compensation list first where
-            there is one; empty until then.
+        root: Folder of the written files.
+        written: Their names in it, the compensation list first where there is one; empty
+            until they are written.
     """
 
     axis: str
@@ -58,6 +60,7 @@ class AxisFiles:
     remarks: tuple[Remark, ...]
     findings: tuple[Finding, ...] = ()
     same: frozenset[str] = frozenset()
+    root: Path = Path()
     written: tuple[Path, ...] = ()
 
     @property
@@ -129,9 +132,26 @@ class AxisFiles:
         remarks = (*self.remarks, *whole.remarks)
         return dataclasses.replace(self, gates=gates, remarks=remarks)
 
-    def of_lists(self, written: Sequence[Path]) -> tuple[Path, ...]:
-        """Return those of the written files that are lists, not the PLC's."""
-        return tuple(file for file in written if file.name not in self.extra)
+    def as_written(self, root: Path, names: Sequence[Path]) -> "AxisFiles":
+        """Return it with the lists as they lie in a folder, read back."""
+        done = dataclasses.replace(self, root=root, written=tuple(names))
+        compensation = done.path(self.compensation_name)
+        machine = done.path(self.machine_name)
+        return dataclasses.replace(
+            done,
+            compensation=None if compensation is None else ListFile.read(compensation),
+            machine=None if machine is None else ListFile.read(machine),
+        )
+
+    def path(self, name: str) -> Path | None:
+        """Return where a written file lies, or None."""
+        found = next((one for one in self.written if one.name == name), None)
+        return None if found is None else self.root / found
+
+    @property
+    def written_lists(self) -> tuple[Path, ...]:
+        """Those of the written files that are lists, not the PLC's."""
+        return tuple(file for file in self.written if file.name not in self.extra)
 
 
 def read_back(listing: ListFile | None) -> ListFile | None:

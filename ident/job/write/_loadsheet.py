@@ -3,9 +3,9 @@
 The sentences stand in ``load_sheet.txt.jinja``; here is what they rest on.
 """
 
-import dataclasses
 import re
 from collections.abc import Sequence
+from typing import Any
 
 from ..._templates import templates
 from ...diagnosis import OBJECTS, SCOPE
@@ -20,50 +20,29 @@ from ._lists import AxisFiles
 _SHOWN = {"mm": ("µm", 1e3), "deg": ("· 0.001°", 1e3)}
 
 
-@dataclasses.dataclass(frozen=True)
-class _Line:
-    """A written fit as the sheet names it; `place` is where its sign is looked at."""
-
-    name: str
-    axis: str
-    word: str
-    keyword: str
-    variable: str
-    current: bool
-    manual: bool
-    needs: str
-    length: str
-    conventions: Sequence[str]
-    expected: Expectation | None
-    place: str
-    value: float
-    unit: str
-
-    @classmethod
-    def of(cls, job: Job, draft: AbstractDraft, result: AbstractResult) -> "_Line":
-        """Return what the sheet says of a fit."""
-        kind, word = draft.kind, job.spec.nc_word(draft.axis)
-        open_ = [r for r in result.judgement.reasons if r.code is Code.ASSUMED]
-        expected = result.expectation if open_ else None
-        unit, factor = "", 1.0
-        if expected is not None:
-            unit, factor = _SHOWN.get(expected.unit, (expected.unit, 1.0))
-        return cls(
-            name=f"{draft.compensation} of {draft.axis}",
-            axis=draft.axis,
-            word=word,
-            keyword=kind.keyword,
-            variable=f"{kind.variable}.{word}",
-            current=kind.adds_current,
-            manual=bool(draft.fit.manual_activation),
-            needs=draft.needs,
-            length=job.spec.axes[draft.axis].unit,
-            conventions=open_[0].fields["conventions"] if open_ else (),
-            expected=expected,
-            place="" if expected is None else _place(word, expected),
-            value=0.0 if expected is None else factor * expected.value,
-            unit=unit,
-        )
+def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, Any]:
+    """Return what the sheet says of a written fit; ``place`` is where its sign is looked at."""
+    kind, word = draft.kind, job.spec.nc_word(draft.axis)
+    open_ = [r for r in result.judgement.reasons if r.code is Code.ASSUMED]
+    expected = result.expectation if open_ else None
+    line = {
+        "name": f"{draft.compensation} of {draft.axis}",
+        "axis": draft.axis,
+        "word": word,
+        "keyword": kind.keyword,
+        "variable": f"{kind.variable}.{word}",
+        "current": kind.adds_current,
+        "manual": bool(draft.fit.manual_activation),
+        "needs": draft.needs,
+        "length": job.spec.axes[draft.axis].unit,
+        "conventions": open_[0].fields["conventions"] if open_ else (),
+        "expected": expected,
+    }
+    if expected is not None:
+        unit, factor = _SHOWN.get(expected.unit, (expected.unit, 1.0))
+        place, value = _place(word, expected), factor * expected.value
+        line |= {"place": place, "value": value, "unit": unit}
+    return line
 
 
 def load_sheet(
@@ -81,10 +60,10 @@ def load_sheet(
     """
     drafts = sorted((d for one in files for d in one.drafts), key=lambda d: d.index)
     pairs = [(d, r) for d, r in zip(drafts, results, strict=True) if d.written]
-    lines = [_Line.of(job, draft, result) for draft, result in pairs]
+    lines = [_line(job, draft, result) for draft, result in pairs]
     let_out = [one for one in files if one.lists and not one.failed]
     axes = [one.axis for one in let_out]
-    written = [one for one in lines if one.axis in axes]
+    written = [one for one in lines if one["axis"] in axes]
     changed = [
         one for one in let_out if any(name not in one.same for name, _ in one.lists)
     ]
@@ -100,7 +79,7 @@ def load_sheet(
             axes=job.spec.axes,
             rejected=[one.axis for one in files if one.failed],
             files=let_out,
-            unsettled=[one for one in lines if one.conventions],
+            unsettled=[one for one in lines if one["conventions"]],
             plc_objects={
                 one.axis: " and ".join(
                     name for name in one.extra if name.endswith(".TcPOU")
@@ -121,8 +100,8 @@ def load_sheet(
             ],
             written=written,
             demanded=[f"{axis}: {' | '.join(own)}" for axis, own in demanded.items()],
-            shown=[one.variable for one in written if not one.current],
-            currents=[one.variable for one in written if one.current],
+            shown=[one["variable"] for one in written if not one["current"]],
+            currents=[one["variable"] for one in written if one["current"]],
             unproven=[draft.kind for draft, result in pairs if not result.confirmed],
             scope=SCOPE,
             objects=OBJECTS,

@@ -1,8 +1,10 @@
 """The output folder: whole files or none, and no failed list that looks valid."""
 
 import contextlib
+import hashlib
 import itertools
 import json
+import re
 import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -12,9 +14,15 @@ from ....data.files import write_atomically
 
 REJECTED = "rejected"
 KEPT = "kept"
-"""Where files go that lay in the folder and are not of an earlier run of the job."""
+"""Where files go that lay in the folder and are not as an earlier run of the job left them."""
+PLOTS = "plots"
+"""Where the drawings of the report lie."""
+_DRAWN = re.compile(r"overview|(group-)?\d+-.+")
+"""Their names."""
 RESULT, REPORT = "result.json", "report.html"
 """What a run writes last; the report is drawn of the result, which does not name it."""
+_SIGNED = "<!-- {} -->\n"
+"""How pages and drawings end: with the digest of what stands before."""
 
 
 class OutputError(AxcompError, OSError):
@@ -28,15 +36,30 @@ class OutputError(AxcompError, OSError):
         return f"{self.path}: {self.reason}"
 
 
-def _files_of(result: Path, job: Path) -> frozenset[str]:
-    """Return what an earlier run of a job wrote, as its result says; else nothing."""
+def signed(text: str) -> bytes:
+    """Return a page or drawing with its digest at the end, by which it is known again."""
+    return (text + _SIGNED.format(_digest(text.encode()))).encode()
+
+
+def _is_signed(content: bytes) -> bool:
+    size = len(_SIGNED.format(_digest(b"")))
+    return content[-size:] == _SIGNED.format(_digest(content[:-size])).encode()
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _digests_in(result: Path, job: Path) -> dict[str, str] | None:
+    """Return the digest of each file that an earlier run of a job wrote, as its result says.
+
+    None where it is no result of this job.
+    """
     try:
         tree = json.loads(result.read_bytes())
-        own = job.name in tree["inputs"] and "load_sheet" in tree
-        files = [str(Path(file)) for file in tree["files"]] if own else []
+        return dict(tree["digests"]) if job.name in tree["inputs"] else None
     except (OSError, ValueError, KeyError, TypeError):
-        return frozenset()
-    return frozenset([*files, REPORT] if files else [])
+        return None
 
 
 class OutFolder:
@@ -58,8 +81,9 @@ class OutFolder:
     ) -> None:
         self.root = root
         self._sync = sync
-        self._written: dict[str, Path] = {}
+        self._digests: dict[str, str] = {}
         self.remarks: list[str] = []
+        self.moved: dict[str, Path] = {}
         self._sources = (job, *sources)
         self._made = not root.exists()
         try:
@@ -72,13 +96,16 @@ class OutFolder:
             raise OutputError(
                 path=str(root), reason=f"cannot write into the output folder: {reason}"
             ) from None
-        # What may be written over.
-        self._own = set() if self._made else set(_files_of(root / RESULT, job))
+        # What an earlier run of the job wrote, and what of it may be written over by now.
+        earlier = None if self._made else _digests_in(root / RESULT, job)
+        self._earlier = earlier or {}
+        self._is_known = earlier is not None
+        self._free = {RESULT} if self._is_known else set[str]()
 
     @property
-    def written(self) -> tuple[Path, ...]:
-        """What was written, relative to the folder, in order."""
-        return tuple(self._written.values())
+    def digests(self) -> dict[str, str]:
+        """SHA-256 of what was written, by its name in the folder, in order."""
+        return dict(self._digests)
 
     def drop(self) -> None:
         """Remove the folder where it was made for nothing."""
@@ -87,8 +114,14 @@ class OutFolder:
                 self.root.rmdir()
 
     def _is_strange(self, name: str) -> bool:
-        """Return whether a file lies in the folder that no run of the job wrote."""
-        return not self._made and (self.root / name).is_file() and name not in self._own
+        """Return whether a file lies in the folder that no run of the job left like this."""
+        if self._made or name in self._free or not (self.root / name).is_file():
+            return False
+        content = (self.root / name).read_bytes()
+        if self._earlier.get(name) == _digest(content):
+            return False
+        # Pages and drawings come after the result, which cannot name them.
+        return not (self._is_known and _is_signed(content))
 
     def refuse_sources(self, names: Iterable[str]) -> None:
         """Raise where a file to be written is one that the job reads.
@@ -125,26 +158,49 @@ class OutFolder:
         except OSError as error:
             reason = f"cannot write: {error.strerror or error}"
             raise OutputError(path=str(target), reason=reason) from None
-        return self._written.setdefault(name, Path(name))
+        self._digests[name] = _digest(content)
+        return Path(name)
 
-    def accept(self, name: str, content: bytes) -> Path:
-        """Write a list that passed; what an earlier run rejected goes."""
-        written = self.write(name, content)
-        if (rejected := f"{REJECTED}/{name}") in self._own:
-            with contextlib.suppress(OSError):
-                (self.root / rejected).unlink()
+    def renew(
+        self,
+        names: Iterable[str],
+        contents: Mapping[str, bytes],
+        *,
+        failed: bool = False,
+    ) -> tuple[Path, ...]:
+        """Write files that belong together; what an earlier run left of them goes.
+
+        Those that failed are written into ``rejected/``: beside a failed job a list of an
+        earlier run would be picked up as its result.
+
+        Args:
+            names: Of all files that a run may write there.
+            contents: Of those that this run writes.
+            failed: The gate has stopped them.
+
+        Returns:
+            Names of what was written.
+        """
+        for name in [*contents, *sorted(set(names) - set(contents))]:
+            if failed or name not in contents:
+                self.retire(name)
+        if failed:
+            return tuple(
+                self.write(f"{REJECTED}/{name}", content)
+                for name, content in contents.items()
+            )
+        written = tuple(self.write(name, content) for name, content in contents.items())
+        for name in contents:
+            rejected = f"{REJECTED}/{name}"
+            if rejected in self._earlier and not self._is_strange(rejected):
+                with contextlib.suppress(OSError):
+                    (self.root / rejected).unlink()
         return written
 
-    def renew(self, names: Iterable[str], contents: Mapping[str, bytes]) -> None:
-        """Write those of some files that have contents; of the others an earlier run's go."""
-        for name in names:
-            if name in contents:
-                self.accept(name, contents[name])
-            else:
-                self.retire(name)
-
     def keep(self, name: str, content: bytes | None = None) -> None:
-        """Copy a file into ``kept/`` that no run of the job wrote; then it may be written over.
+        """Copy a file into ``kept/`` that is not as a run of the job left it.
+
+        It may be written over then.
 
         Args:
             name: Of the file.
@@ -153,57 +209,51 @@ class OutFolder:
         Raises:
             OutputError: If it cannot be copied.
         """
-        is_lost = self._is_strange(name) and (self.root / name).read_bytes() != content
-        self._own.add(name)
-        if not is_lost:
+        target, is_strange = self.root / name, self._is_strange(name)
+        self._free.add(name)
+        if not is_strange or (found := target.read_bytes()) == content:
             return
         stem, _, tail = name.rpartition(".")
         names = (f"{stem}.{k}.{tail}" if k else name for k in itertools.count())
-        kept = next(
-            Path(KEPT) / n for n in names if not (self.root / KEPT / n).exists()
-        )
-        target = self.root / name
+        kept = next(Path(KEPT) / n for n in names if self._may_hold(n, found))
+        if (self.root / kept).exists():
+            return  # an earlier run has kept it
         try:
             (self.root / kept).parent.mkdir(parents=True, exist_ok=True)
-            write_atomically(self.root / kept, target.read_bytes())
+            write_atomically(self.root / kept, found)
         except OSError as error:
             reason = f"cannot keep a copy of it in {KEPT}/: {error.strerror or error}"
             raise OutputError(path=str(target), reason=reason) from None
         self.remarks.append(
-            f"{name} lay in the output folder and is none of what was written there"
-            f" before: it was kept as {kept}."
+            f"{name} lay in the output folder and is not as an earlier run of this job left"
+            f" it: it was kept as {kept}."
         )
 
-    def reject(self, name: str, content: bytes) -> tuple[Path, Path | None]:
-        """Write a list that failed into ``rejected/``.
+    def keep_drawings(self) -> None:
+        """Keep what is no drawing of a report among those that the next one replaces."""
+        for path in sorted((self.root / PLOTS).glob("*.svg")):
+            if _DRAWN.fullmatch(path.stem):
+                self.keep(f"{PLOTS}/{path.name}")
 
-        A list of that name from an earlier run is moved there as well: beside a failed
-        job it would be picked up as its result.
+    def _may_hold(self, name: str, content: bytes) -> bool:
+        path = self.root / KEPT / name
+        return not path.exists() or path.read_bytes() == content
 
-        Returns:
-            The name of the list, and of the one that was moved, or None.
-        """
-        moved = self.retire(name)
-        return self.write(f"{REJECTED}/{name}", content), moved
-
-    def retire(self, name: str) -> Path | None:
+    def retire(self, name: str) -> None:
         """Move a file of an earlier run into ``rejected/``, where nobody loads it from.
 
         A file that no earlier run wrote is the user's and stays where it is.
-
-        Returns:
-            Its new name, or None where there was none.
         """
-        if self._made and name not in self._written:
-            return None
+        if self._made and name not in self._digests:
+            return
         target = self.root / name
         if self._is_strange(name):
             self.remarks.append(
                 f"{name} lies in the output folder and is not of this run."
             )
-            return None
+            return
         if not target.exists() and not target.is_symlink():
-            return None
+            return
         stem, _, tail = name.rpartition(".")
         moved = Path(REJECTED) / f"{stem}.earlier.{tail}"
         try:
@@ -212,4 +262,4 @@ class OutFolder:
         except OSError as error:
             reason = f"cannot move it into rejected/: {error.strerror or error}"
             raise OutputError(path=str(target), reason=reason) from None
-        return moved
+        self.moved[name] = moved

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from ....data.lists import Value
 from ....models import Backlash
 from ...fit import FitError
-from ...job._draft import AbstractDraft, Written
+from ...job._draft import AbstractDraft
 from ...job._gating import spread_over
 from ...job.file._load import Job
 from ...job.result._result import staged
@@ -26,6 +26,9 @@ from ._result import BacklashResult, remarks_of
 from .effect import BacklashFit
 from .entries import backlash_from_list, entries_of_backlash
 from .keys import Spec
+
+if TYPE_CHECKING:
+    from ...job.write._lists import AxisFiles
 
 _SPREAD = "lr_param.n_backlash_cyc"
 """Entry that spreads a reversal over cycles (P-AXIS-00243)."""
@@ -184,7 +187,7 @@ class BacklashDraft(AbstractDraft):
             for name, rows in self.recording.slices.items()
         }
 
-    def prove(self, done: Written) -> BacklashResult:
+    def prove(self, done: "AxisFiles") -> BacklashResult:
         sides, half = self.sides, 0.5 * self.sides.direction
         if self.held_out is not None:
             predicted, by_run = self.held_out
@@ -203,9 +206,9 @@ class BacklashDraft(AbstractDraft):
                     self.known.old is not None,
                     self.known.active,
                 ),
-                *done.files.remarks,
+                *done.remarks,
             ),
-            files=tuple(n for n in done.names if n.name == done.files.machine_name),
+            files=tuple(n for n in done.written if n.name == done.machine_name),
             held_out="run" if by_run else "block",
             width=self.width if self.written else 0.0,
             reference=self.reference,
@@ -236,7 +239,7 @@ class BacklashDraft(AbstractDraft):
                 found[group == each] = 0.0
         return found
 
-    def _read_back(self, done: Written) -> float:
+    def _read_back(self, done: "AxisFiles") -> float:
         """Return the width that the written file holds."""
         listing = done.machine
         if listing is None:

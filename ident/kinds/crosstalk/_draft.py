@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from jaxtyping import Float
@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ....data.lists import Value
 from ....models import Crosstalk, LegacyCrosstalk
 from ...exchange import ExchangeError
-from ...job._draft import AbstractDraft, Written
+from ...job._draft import AbstractDraft
 from ...job._gating import spread_over
 from ...job.file._load import Job
 from ...job.result._result import Remark, staged
@@ -28,6 +28,9 @@ from ._result import (
 from .effect import full_offsets
 from .entries import ENTRIES, crosstalk_from_list, entries_of_crosstalk
 from .keys import Spec
+
+if TYPE_CHECKING:
+    from ...job.write._lists import AxisFiles
 
 
 @dataclasses.dataclass(frozen=True)
@@ -174,7 +177,7 @@ class CrosstalkDraft(AbstractDraft):
             return None
         return np.asarray(full_offsets(model, model) - full_offsets(old, model))
 
-    def prove(self, done: Written) -> CrosstalkResult:
+    def prove(self, done: "AxisFiles") -> CrosstalkResult:
         found, fit = self.found, self.found.fit
         added, rates = self.added_to_log(done), (fit.acceleration, fit.deceleration)
         left = events_under(found.readings, added, rates, fit.conventions)
@@ -192,7 +195,7 @@ class CrosstalkDraft(AbstractDraft):
             **self.frame(done),
             error=error,
             remarks=(),
-            files=() if model is None else done.names,
+            files=() if model is None else done.written,
             held_out="event",
             master=self.fit.master,
             adaptation=found.masters,
@@ -210,10 +213,10 @@ class CrosstalkDraft(AbstractDraft):
             added=added,
         )
         said = remarks_of(result, found, self.job.spec.controller.cycle_time)
-        remarks = (*self.remarks, *said, *self._about_the_old(), *done.files.remarks)
+        remarks = (*self.remarks, *said, *self._about_the_old(), *done.remarks)
         return dataclasses.replace(result, remarks=remarks)
 
-    def added_to_log(self, done: Written) -> Float[np.ndarray, " t"]:
+    def added_to_log(self, done: "AxisFiles") -> Float[np.ndarray, " t"]:
         """Return what the written file adds in each row beyond what acted already."""
         readings, listing = self.found.readings, done.compensation
         motion = readings.acceleration, readings.velocity, readings.positions

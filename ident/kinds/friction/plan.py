@@ -2,14 +2,14 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
 from ....data.lists import Value
 from ....models import FrictionCompensation
 from ...friction import Knots, place_knots
-from ...job._draft import AbstractDraft, Leftovers, Written
+from ...job._draft import AbstractDraft, Leftovers
 from ...job._fit_plan import AbstractPlan
 from ...job.result._result import Remark
 from ...proof import CircularTest, GateCheck, circular_test
@@ -20,6 +20,9 @@ from ._recording import DriveRecording, read_drive
 from ._result import FrictionResult, FrictionView, choice_sentence, view_of
 from .entries import entries_of_friction, friction_from_list, has_friction
 from .keys import Spec
+
+if TYPE_CHECKING:
+    from ...job.write._lists import AxisFiles
 
 _ENTRIES = 20
 
@@ -119,7 +122,7 @@ class FrictionDraft(AbstractDraft):
             self.view.gate(self.knots.unit, self.recording.unit),
         )
 
-    def prove(self, done: Written) -> FrictionResult:
+    def prove(self, done: "AxisFiles") -> FrictionResult:
         view, listing, back = self.view, done.compensation, None
         if listing is not None and self.knots is not None:
             back = friction_from_list(listing, self.job.conventions)
@@ -133,8 +136,8 @@ class FrictionDraft(AbstractDraft):
                 key: view.figures(getattr(view, key))
                 for key in ("before", "predicted", "from_file")
             },
-            remarks=(*self._remarks(), *done.files.remarks),
-            files=done.files.of_lists(done.names) if self.knots is not None else (),
+            remarks=(*self._remarks(), *done.remarks),
+            files=done.written_lists if self.knots is not None else (),
             held_out="window",
             identified=self.found,
             knots=self.knots,

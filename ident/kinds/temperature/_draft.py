@@ -3,14 +3,14 @@
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from jaxtyping import Float
 
 from ....data.lists import ListFile, Value
 from ....models import TemperatureLine
-from ...job._draft import AbstractDraft, Written
+from ...job._draft import AbstractDraft
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
 from ...job.result._second import SecondMeasurement
@@ -38,6 +38,9 @@ from .entries import (
     temperature_line,
 )
 from .keys import Spec, temperature_names
+
+if TYPE_CHECKING:
+    from ...job.write._lists import AxisFiles
 
 _LINE = KIND.prefix
 
@@ -137,23 +140,23 @@ class TemperatureDraft(AbstractDraft):
             ", ".join(fit.sources), positions, error - np.median(error)
         )
 
-    def prove(self, done: Written) -> TemperatureResult:
+    def prove(self, done: "AxisFiles") -> TemperatureResult:
         table = done.path(temperature_names(self.axis)[0])
         line = None
         if self.written and table is not None:
             line = self._line_of(read_columns(table), done.machine)
         view = view_of(self.found, line)
-        names = {done.files.machine_name, *temperature_names(self.axis)}
+        names = {done.machine_name, *temperature_names(self.axis)}
         return TemperatureResult(
             **self.frame(done),
             error=staged(view.before, view.predicted, view.from_file, view.wild),
             remarks=(
                 *remarks_of(self.found, "temperature_sign" in self.job.verified),
                 *self._switching(),
-                *done.files.remarks,
+                *done.remarks,
             ),
             files=tuple(
-                file for file in done.names if self.written and file.name in names
+                file for file in done.written if self.written and file.name in names
             ),
             held_out=self.found.held_out,
             reference=self._position,

@@ -72,9 +72,6 @@ def readings_of(fit: TableResult, scale: Scale) -> Readings:
     """Return the readings of a fit in display units."""
     samples = fit.samples
     size = len(samples.before)
-    wild = fit.fit.wild
-    if len(wild) != size:  # readings were left out between fit and view
-        wild = samples.share <= 0.05
     errors = ("before", "predicted", "from_file", "predicted_sd")
     way = samples.direction
     shown = {name: getattr(samples, name) * scale.factor for name in errors}
@@ -82,7 +79,7 @@ def readings_of(fit: TableResult, scale: Scale) -> Readings:
     shown["direction"] = np.zeros(size, dtype=int) if way is None else way
     return Readings(
         **vars(samples) | shown,
-        wild=np.asarray(wild, dtype=bool),
+        wild=fit.fit.wild,
         total=fit.readings,
         total_wild=fit.wild,
     )

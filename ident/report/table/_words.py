@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from ...job import TableResult
 from .._body import WildRow
-from .._scale import Scale, count, grouped, number, percent, place
+from .._scale import Scale, grouped, number, percent, place
 from ._readings import Readings
 
 _WEIGHT = re.compile(r"order (\d+), axis (\d+)")
@@ -57,18 +57,6 @@ def how_it_was_made(
             f"The jump between the two directions is spread over {fit.cycles} "
             "cycles (n_backlash_cyc, P-AXIS-00243).",
         )
-    suspects = []
-    if own.suspect_nodes:
-        nodes = ", ".join(_node_places(fit, scale)[:12])
-        suspects.append(
-            f"The readings at {count(len(own.suspect_nodes), 'node')} contradict their "
-            f"surroundings: {nodes}."
-        )
-    if own.suspect_runs:
-        runs = ", ".join(str(run) for run in own.suspect_runs)
-        suspects.append(f"Contradicts the other runs: run {runs}.")
-    if suspects:
-        yield ("Suspect", " ".join(suspects))
     yield ("The fit itself", _fit_message(own.message, own.converged))
 
 
@@ -164,22 +152,6 @@ def _half_gain(
         return None
     half: Any = brentq(lambda omega: damping(omega) - density, 0.0, math.pi)
     return 2 * math.pi / max(float(half), 1e-9) * spacing
-
-
-def _node_places(fit: TableResult, scale: Scale) -> list[str]:
-    """Return the places of the suspect nodes in words."""
-    layout = fit.fit.layout
-    places = []
-    for flat in fit.fit.suspect_nodes:
-        index = np.unravel_index(flat, layout.shape)[-len(layout.nodes) :]
-        spots = [
-            f"{master} = {place(float(nodes[int(at)]))}"
-            for master, nodes, at in zip(
-                fit.masters, layout.nodes, reversed(index), strict=True
-            )
-        ]
-        places.append(" ".join(spots) + f" {scale.position}")
-    return places
 
 
 def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRow]:

@@ -1,7 +1,7 @@
 """The offset of one axis: the median of its error, written, judged, read back."""
 
 import dataclasses
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +12,6 @@ from axcomp.ident.exchange import Reading
 from axcomp.ident.job._draft import (
     AbstractDraft,
     Leftovers,
-    Written,
 )
 from axcomp.ident.job._fit_plan import AbstractPlan
 from axcomp.ident.job.result._result import AbstractResult, Remark, staged
@@ -21,6 +20,9 @@ from axcomp.ident.readings import Tables, Wanted, read_joined
 
 from .entries import ENTRIES, Constant
 from .keys import Spec
+
+if TYPE_CHECKING:
+    from axcomp.ident.job.write._lists import AxisFiles
 
 
 def plan(tables: Tables, index: int, fit: Spec) -> "OffsetPlan":
@@ -69,7 +71,7 @@ class OffsetDraft(AbstractDraft):
         limit = self.job.limits.max_correction
         return (gate_check("max_correction", abs(self.value), limit, "mm", "anywhere"),)
 
-    def prove(self, done: Written) -> AbstractResult:
+    def prove(self, done: "AxisFiles") -> AbstractResult:
         listing = done.compensation
         assert listing is not None
         value = self._read_back(listing)
@@ -78,8 +80,8 @@ class OffsetDraft(AbstractDraft):
         return OffsetResult(
             **self.frame(done),
             error=staged(self.error, left, left, wild),
-            remarks=(Remark.info("The same everywhere."), *done.files.remarks),
-            files=done.names,
+            remarks=(Remark.info("The same everywhere."), *done.remarks),
+            files=done.written,
             value=value,
         )
 

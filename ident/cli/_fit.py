@@ -1,22 +1,71 @@
-"""What a job found, for a terminal: errors before and after, gate, remarks, files."""
+"""The command ``fit``: a job file → lists, report, result, and what it found for a terminal."""
 
 import dataclasses
 import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from ...report._scale import Scale, number, scale_of
-from .._said import print_remarks, tell
+import typer
+
+from ..report._scale import Scale, number, scale_of
+from ._options import AsJson
+from ._said import print_remarks, print_table, tell, working
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ...job import AbstractResult, EffectShare, GroupResult, JobResult
+    from ..job import AbstractResult, EffectShare, GroupResult, JobResult
 
 _STAGES = ("before", "predicted", "from_file")
 """Errors of a sum that are shown."""
+
+
+def fit(
+    job: Annotated[Path, typer.Argument(metavar="JOB.toml", help="Job file.")],
+    out: Annotated[
+        Path,
+        typer.Option(help="Folder for lists, report and result."),
+    ] = Path("axcomp-out"),
+    after: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="JOB2.toml",
+            help="Job of a second measurement, made with the lists of the first one"
+            " loaded: says what became of each error, and settles signs.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run a job: measurements → lists, report, result.
+
+    Ends with exit status 1 where a gate fails (the list then lies in rejected/), or a
+    second measurement does not show what was predicted.
+    AXCOMP_CACHE=off does without the compilation cache in the user's cache folder.
+
+    Examples:
+      axcomp fit job.toml
+      axcomp fit job.toml --after after.toml
+    """
+    from rich.console import Console
+
+    start = time.monotonic()
+    with working("reading the job") as step:
+        from ..job import result_json, run_job, use_compilation_cache
+
+        use_compilation_cache()
+        result = run_job(job, out, progress=step, after=after)
+        step("drawing the report")
+        from ..report import write_report
+
+        report = write_report(result, out)
+    console = Console(stderr=as_json, highlight=False)
+    print_result(console, result, out, report, start)
+    if as_json:
+        typer.echo(result_json(result), nl=False)
+    if not (result.passed and result.confirmed):
+        raise typer.Exit(1)
 
 
 def print_result(
@@ -43,7 +92,7 @@ def print_result(
     )
     shared = {words for words, count in counts.items() if count > 1}
     for group in result.groups:
-        from ...job.joint import TOGETHER  # takes long to load
+        from ..job.joint import TOGETHER  # takes long to load
 
         _print_group(console, group, result.fits)
         own = {remark.message for remark in group.remarks}
@@ -73,8 +122,8 @@ def _print_files(
     console.print(f"Files in {out}:", markup=False)
     for file in result.files:
         console.print(f"  {file}", markup=False)
-    from ...job import Code, Verdict
-    from ...report import short_verdict
+    from ..job import Code, Verdict
+    from ..report import short_verdict
 
     page = next((file for file in report if file.suffix == ".html"), None)
     if page is not None:
@@ -128,31 +177,25 @@ def _print_member(
 
 
 def _print_fit(console: "Console", found: "AbstractResult", shared: set[str]) -> None:
-    from rich.table import Table
-
-    from ...report._section import figures_of
+    from ..report._section import figures_of
 
     if found.left_out:
         print_remarks(console, found.remarks)
         return
     over = f" over {', '.join(found.over)}" if found.over else ""
-    scale = scale_of(found.unit)
-    unit, factor = scale.error, scale.factor
-    table = Table(
-        title=f"{found.compensation} of {found.axis}{over}, {unit}",
-        title_justify="left",
-    )
-    table.add_column("error")
-    stages, rows = figures_of(found.error)
-    for stage in stages:
-        table.add_column(stage.replace("_", " "), justify="right")
-    for name, values in rows.items():
-        digits = ".3g" if factor == 1.0 else ".1f"
-        cells = [
-            "–" if value is None else f"{factor * value:{digits}}" for value in values
-        ]
-        table.add_row(name.replace("all", "wild kept"), *cells)
-    console.print(table)
+    unit, factor = scale_of(found.unit).error, scale_of(found.unit).factor
+    digits = ".3g" if factor == 1.0 else ".1f"
+    stages, figures = figures_of(found.error)
+    heads = [stage.replace("_", " ") for stage in stages]
+    rows = [
+        (
+            name.replace("all", "wild kept"),
+            *("–" if value is None else f"{factor * value:{digits}}" for value in own),
+        )
+        for name, own in figures.items()
+    ]
+    title = f"{found.compensation} of {found.axis}{over}, {unit}"
+    print_table(console, ["error", *heads], rows, numbers=heads, title=title)
     _print_gate(console, found)
     _print_verdict(console, found)
     print_remarks(console, [r for r in found.remarks if r.message not in shared])
@@ -161,7 +204,7 @@ def _print_fit(console: "Console", found: "AbstractResult", shared: set[str]) ->
 def _print_verdict(
     console: "Console", found: "AbstractResult", start: str = ""
 ) -> None:
-    from ...report import headline_of
+    from ..report import headline_of
 
     sentence = headline_of(found, scale_of(found.unit)).sentence
     tell(console, f"{start}verdict: {sentence}")
@@ -198,56 +241,42 @@ def _print_group(
 
 
 def _print_sums(console: "Console", group: "GroupResult") -> None:
-    from rich.table import Table
-
-    count = len(group.fits)
+    count, rows = len(group.fits), []
     fits = "one fit" if count == 1 else f"{count} fits as one"
-    table = Table(title=f"group {group.name}: {fits}, rms", title_justify="left")
-    table.add_column("error of")
-    for words in (
-        "before",
-        "predicted",
-        "from file",
-        "one reading",
-        "readings",
-        "wild",
-    ):
-        table.add_column(words, justify="right")
     for one in group.axes:
         scale = scale_of(one.unit)
         figures = [one.error[stage].sound.rms for stage in _STAGES]
-        table.add_row(
-            f"{one.axis}, {scale.error}",
-            *(number(scale.factor * value) for value in (*figures, one.noise)),
-            str(len(one.rows)),
-            str(int(one.wild.sum())),
+        rows.append(
+            (
+                f"{one.axis}, {scale.error}",
+                *(number(scale.factor * value) for value in (*figures, one.noise)),
+                str(len(one.rows)),
+                str(int(one.wild.sum())),
+            )
         )
-    console.print(table)
+    heads = ["before", "predicted", "from file", "one reading", "readings", "wild"]
+    title = f"group {group.name}: {fits}, rms"
+    print_table(console, ["error of", *heads], rows, numbers=heads, title=title)
 
 
 def _print_effects(
     console: "Console", group: "GroupResult", fits: Sequence["AbstractResult"]
 ) -> None:
-    from rich.table import Table
-
-    scales = {one.axis: scale_of(one.unit) for one in group.axes}
-    table = Table()
-    table.add_column("effect")
-    table.add_column("over")
-    table.add_column("rms", justify="right")
-    table.add_column("information", justify="right")
-    table.add_column("list")
+    scales, rows = {one.axis: scale_of(one.unit) for one in group.axes}, []
     for each in group.effects:
         scale = scales.get(each.axis, scale_of("mm"))
         over = fits[each.index].over if each.index is not None else ()
-        table.add_row(
-            each.name,
-            ", ".join(over) or "–",
-            _size(each, fits, scale),
-            f"{each.information:.0%}",
-            _fate(each, fits),
+        rows.append(
+            (
+                each.name,
+                ", ".join(over) or "–",
+                _size(each, fits, scale),
+                f"{each.information:.0%}",
+                _fate(each, fits),
+            )
         )
-    console.print(table)
+    heads = ["effect", "over", "rms", "information", "list"]
+    print_table(console, heads, rows, numbers=("rms", "information"))
 
 
 def _size(each: "EffectShare", fits: Sequence["AbstractResult"], scale: Scale) -> str:

@@ -16,7 +16,6 @@ from ...job import (
     JobResult,
     TableResult,
     TemperatureResult,
-    begin_job,
     run_job,
     write_atomically,
 )
@@ -38,7 +37,7 @@ from ...machine.motion import (
 )
 from ...proof import circular_test, wild_readings
 from ...report import write_report
-from . import _demo_files as files
+from . import _files as files
 
 _SEED = 20261120
 _SECONDS = 120.0
@@ -51,32 +50,8 @@ _SECOND_LOAD = 0.8
 _AXES = ("X", "Y", "Z")
 
 
-@dataclasses.dataclass(frozen=True)
-class Spikes:
-    """Largest deviation of a circle by friction, in mm.
-
-    Attributes:
-        before: Without a list, on the machine as it is.
-        predicted: With the list, by the law that was fitted.
-        verified: With the written list, on the machine as it is.
-    """
-
-    before: float
-    predicted: float
-    verified: float
-
-
-@dataclasses.dataclass(frozen=True)
-class WorkResult:
-    """What the demo found in the log of the working mill.
-
-    Attributes:
-        job: Of the group.
-        rms: By axis: error in mm before, predicted and verified, wild readings aside.
-    """
-
-    job: JobResult
-    rms: Mapping[str, Mapping[str, float]]
+Stages = Mapping[str, float]
+"""Errors ``before``, ``predicted`` and ``verified``, in mm."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,16 +59,19 @@ class DemoResult:
     """Everything that the demo did.
 
     Attributes:
-        spikes: What friction does to a circle.
         job: Result of the job on the first measurement.
+        spikes: Largest deviation of a circle by friction: without a list on the machine as it
+            is, with the list by the law that was fitted, with the written list on the machine.
         work: What was found while the machine worked, all faults at once.
+        work_rms: Its errors by axis, rms without wild readings.
         report: The page.
         wall_time: Of the whole demo in seconds, without starting Python.
     """
 
-    spikes: Spikes
     job: JobResult
-    work: WorkResult
+    spikes: Stages
+    work: JobResult
+    work_rms: Mapping[str, Stages]
     report: Path
     wall_time: float
 
@@ -114,30 +92,32 @@ def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
     say("measuring a machine with known faults")
     _write_inputs(out, machine)
     files.seal_folder(out)
-    run = begin_job(out / "job.toml", out / "result", say)
+    first = run_job(out / "job.toml", out / "result", say)
     say("loading the lists and measuring again")
     loaded = machine.with_lists(
         ListFile.read(out / "result" / fit.files[0])
-        for fit in run.result.fits
+        for fit in first.fits
         if isinstance(fit, TableResult)
     )
-    job = run.measured_again(_measure_again(out, loaded)).finish()
+    second = _measure_again(out, loaded)
+    job = run_job(out / "job.toml", out / "result", say, after=second)
     say("drawing the report")
     page, *_ = write_report(job, out / "result")
-    work = _run_work(out / "work", _SEED + 14, say)
+    work, work_rms = _run_work(out / "work", _SEED + 14, say)
     say("drawing the report of the working machine")
-    write_report(work.job, out / "work" / "result")
+    write_report(work, out / "work" / "result")
     files.seal_folder(out)
     return DemoResult(
-        spikes=_spikes(job, out / "result"),
         job=job,
+        spikes=_spikes(job, out / "result"),
         work=work,
+        work_rms=work_rms,
         report=page,
         wall_time=time.perf_counter() - start,
     )
 
 
-def _spikes(job: JobResult, folder: Path) -> Spikes:
+def _spikes(job: JobResult, folder: Path) -> Stages:
     """Draw circles on the machine as it is, without and with the written list."""
     fit = next(fit for fit in job.fits if isinstance(fit, FrictionResult))
     drive = example_drive()
@@ -145,7 +125,8 @@ def _spikes(job: JobResult, folder: Path) -> Spikes:
     unit = drive.rated_current * drive.torque_unit
     true = circular_test(drive.law, drive.inertia, listing, out_unit=unit)
     assert fit.circle is not None  # mass, law and list of the demo are known
-    return Spikes(true.spikes[0], fit.circle.spikes[1], true.spikes[1])
+    before, verified = true.spikes[:2]
+    return {"before": before, "predicted": fit.circle.spikes[1], "verified": verified}
 
 
 def _write_inputs(out: Path, machine: VirtualMachine) -> None:
@@ -170,7 +151,9 @@ def _measure_again(out: Path, machine: VirtualMachine) -> Path:
     return folder / "job.toml"
 
 
-def _run_work(folder: Path, seed: int, say: Callable[[str], None]) -> WorkResult:
+def _run_work(
+    folder: Path, seed: int, say: Callable[[str], None]
+) -> tuple[JobResult, dict[str, Stages]]:
     """Record the mill at work, find its faults, load the lists, record it again."""
     folder.mkdir(exist_ok=True)
     say("working with all faults at once")
@@ -190,10 +173,9 @@ def _run_work(folder: Path, seed: int, say: Callable[[str], None]) -> WorkResult
         if kind(fit.compensation).table
     }
     stages = {"before": before, "predicted": predicted, "verified": after}
-    rms = {
+    return job, {
         axis: {stage: sizes[axis] for stage, sizes in stages.items()} for axis in _AXES
     }
-    return WorkResult(job, rms)
 
 
 def _record(mill: WorkingMachine, path: Path, seed: int) -> None:

@@ -1,7 +1,6 @@
-"""The reference of the job file, written from its schema: a page, and a JSON schema.
+"""Writes the reference of the job file from its schema: a page, and a JSON schema (``make docs``).
 
-``python -m axcomp.ident.job.file._document DOCS`` renews ``job.md`` and ``job.schema.json`` in that
-folder; a test holds both to the schema.
+A test holds ``job.md`` and ``job.schema.json`` to the schema.
 """
 
 import ast
@@ -16,8 +15,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ...kinds._keys import FitSpec, JobPart
-from ._schema import JobFile
+from axcomp.ident.job.file._schema import JobFile
+from axcomp.ident.kinds._keys import FitSpec, JobPart
 
 _HEAD = """# Job reference
 

@@ -12,9 +12,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ....data.lists import OffsetCurve
-from ...report._iso_chart import write_chart
-from ...report._style import borders
+from ...data.lists import OffsetCurve
+from ..report._iso_chart import write_chart
+from ..report._style import borders
 
 
 def draw_tables(

@@ -1,4 +1,4 @@
-"""The command ``read``: what a measurement file holds."""
+"""Commands about a measurement file: ``read`` what it holds, ``new`` job for it."""
 
 import dataclasses
 import math
@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ....data.errors import UsageError
-from .._options import AsJson
-from .._said import print_json, wide_console, working
+from ...data.errors import UsageError
+from ._options import AsJson
+from ._said import print_json, print_table, wide_console, working
 
 if TYPE_CHECKING:
-    from ....data.measurements import CellError, Column, Table, TextForm
+    from ...data.measurements import CellError, Column, Table, TextForm
+    from ..new import NewJob
+
+_AXIS = "--axis"
 
 
 def read(
@@ -44,8 +47,11 @@ def read(
     Where channels have several sample times, first and last are those of each channel.
     Ends with exit status 1 where a column of numbers holds a cell that is none, a direction,
     run or time cannot be told, or a row stands there twice.
+
+    Examples:
+      axcomp read laser_x.csv
     """
-    from ....data.measurements import Lines, problems_of, read_table
+    from ...data.measurements import Lines, problems_of, read_table
 
     lines = Lines.of(_lines(skip), header or None, rows)
     with working("reading the file"):
@@ -129,7 +135,6 @@ def _cell(column: "Column", row: int) -> float | str | None:
 
 def _print(table: "Table") -> None:
     from rich.markup import escape
-    from rich.table import Table as Grid
 
     console = wide_console()
     console.print(f"{escape(str(table.path))}: {table.format}, {table.rows} rows")
@@ -137,7 +142,7 @@ def _print(table: "Table") -> None:
         console.print(escape(_form_words(table.form, several=len(table.columns) > 1)))
     clocked = any(column.sample_time is not None for column in table.columns)
     titles = ["column", "role", "unit", "first row", "last row", "smallest", "largest"]
-    grid = Grid(*titles, *(["samples", "every"] if clocked else []))
+    heads, rows = [*titles, *(["samples", "every"] if clocked else [])], []
     for column in table.columns:
         ends = [_shown(_cell(column, row)) for row in (0, -1)]
         finite = [v for v in (_extreme(column, "min"), _extreme(column, "max")) if v]
@@ -148,15 +153,17 @@ def _print(table: "Table") -> None:
             side = {1: " +", -1: " -"}.get(column.direction or 0, "")
             role = f"{role}, run {column.run}{side}"
         every = "" if column.sample_time is None else f"{1e3 * column.sample_time:g} ms"
-        grid.add_row(
-            escape(column.name),
-            escape(role),
-            "text" if column.text is not None else column.unit or "",
-            *map(escape, ends),
-            *(finite or ["", ""]),
-            *([str(column.samples), every] if clocked else []),
+        rows.append(
+            (
+                column.name,
+                role,
+                "text" if column.text is not None else column.unit or "",
+                *ends,
+                *(finite or ["", ""]),
+                *([str(column.samples), every] if clocked else []),
+            )
         )
-    console.print(grid)
+    print_table(console, heads, rows)
     for name, number in table.scalars:
         console.print(escape(f"scalar {name} = {number:.10g}"))
     for remark in table.remarks:
@@ -172,7 +179,7 @@ def _print(table: "Table") -> None:
 
 def _form_words(form: "TextForm", *, several: bool) -> str:
     """Return how a text table was found to be written, in a sentence."""
-    from ....data.measurements import SEPARATORS
+    from ...data.measurements import SEPARATORS
 
     mark = {".": "point", ",": "comma"}[form.decimal]
     cells = f"Cells separated by {SEPARATORS.get(form.separator, repr(form.separator))}"
@@ -207,3 +214,85 @@ def _extreme(column: "Column", which: str) -> str:
 
     finite = column.values[np.isfinite(column.values)]
     return f"{getattr(finite, which)():.10g}" if finite.size else ""
+
+
+def new(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="Measurement files.")
+    ],
+    lists: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--list",
+            metavar="FILE.lis",
+            help="Compensation or axis list that is there already; may be repeated.",
+        ),
+    ] = None,
+    axes: Annotated[
+        list[str] | None,
+        typer.Option(
+            _AXIS,
+            metavar="NAME=NUMBER",
+            help="Axis and its number in the controller (kopf.achs_nr); may be repeated. The"
+            " first is the one whose error was measured, where the file does not say.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option(metavar="JOB.toml", help="The job to write.")
+    ] = Path("job.toml"),
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace a job that exists.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write a commented job for measurements.
+
+    Roles, units, nodes and the fit that suits are filled in; what the files do not tell is
+    asked in the job, next to the possible answers.
+
+    Examples:
+      axcomp new laser_x.csv
+      axcomp new laser_x.csv --axis X=1 --out screw.toml
+      axcomp new laser_x.csv --list achskw1.lis --out again.toml
+    """
+    from ...data.files import write_atomically
+    from ..new import new_job
+
+    numbers = dict(map(_numbered, axes or []))
+    if out.exists() and not force:
+        message = f"--out: found {out}, which exists, expected a new file or --force"
+        raise UsageError(message)
+    with working("reading the measurements"):
+        job = new_job(files, path=out, lists=lists or [], axes=numbers)
+    write_atomically(out, job.text.encode())
+    if as_json:
+        asked = [dataclasses.asdict(one) for one in job.questions]
+        print_json({"job": str(out), "fits": job.fits, "questions": asked})
+        return
+    _print_questions(out, job)
+
+
+def _numbered(text: str) -> tuple[str, int | None]:
+    name, equals, number = text.partition("=")
+    plain = name.isascii() and name.replace("_", "").isalnum()
+    if plain and (not equals or number.isdecimal()):
+        return name, int(number) if equals else None
+    message = f"{_AXIS}: found {text!r}, expected a name and a number, like X=1"
+    raise UsageError(message)
+
+
+def _print_questions(out: Path, job: "NewJob") -> None:
+    typer.echo(f"Job: {out}")
+    if not job.fits:
+        typer.echo(
+            "It holds no fit: the columns, as they were understood, suit no compensation."
+            " Correct them there, then: axcomp discover"
+            f" {shlex.quote(str(out))} --write fits.toml"
+        )
+        return
+    if job.questions:
+        typer.echo('It asks (take the "#? " off the answer that is right):')
+    for number, one in enumerate(job.questions, start=1):
+        optional = "" if one.needed else " (may stay open)"
+        typer.echo(f"  {out}:{one.line}: QUESTION {number}{optional}: {one.words}")
+    typer.echo(f"Then: axcomp fit {shlex.quote(str(out))}")

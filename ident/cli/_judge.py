@@ -1,4 +1,4 @@
-"""The command ``verify``: what a controller does with its lists, from what it logged."""
+"""Commands that judge a controller: ``verify`` by what it logged, ``doctor`` by an instrument."""
 
 import dataclasses
 import datetime
@@ -8,30 +8,26 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .._options import (
+from ._options import (
     AsJson,
     CycleTime,
     Increment,
+    Lists,
     Modulo,
+    Rules,
     axis_ranges,
     read_lists,
     rules_of,
 )
-from .._said import print_json, working
+from ._said import print_json, working
 
 if TYPE_CHECKING:
-    from ...exchange import StoredConventions
-    from ...proof import Verdict, Verification
+    from ..exchange import StoredConventions
+    from ..proof import Verdict, Verification
 
 
 def verify(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE.lis …",
-            help="Compensation lists that are loaded, and axis lists for what is active.",
-        ),
-    ],
+    files: Lists,
     log: Annotated[
         Path,
         typer.Option(
@@ -50,13 +46,7 @@ def verify(
         ),
     ] = None,
     increment: Increment = None,
-    conventions: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.toml",
-            help="Rules that are assumed; left out: those of --save, else the defaults.",
-        ),
-    ] = None,
+    conventions: Rules = None,
     cycle_time: CycleTime = None,
     modulo: Modulo = None,
     as_json: AsJson = False,
@@ -65,13 +55,16 @@ def verify(
 
     Says in one sentence per compensation what the controller does. Exit status 0 only
     where all agree.
+
+    Examples:
+      axcomp verify axcomp-out/achskw1.lis --log log.csv
     """
-    from ....data.measurements import read_log
-    from ...exchange import Reading
-    from ...external import read_snapshot, verify_external, verify_snapshot
-    from ...job import use_compilation_cache
-    from ...kinds import kinds
-    from ...proof import Verification, verify_log
+    from ...data.measurements import read_log
+    from ..exchange import Reading
+    from ..external import read_snapshot, verify_external, verify_snapshot
+    from ..job import use_compilation_cache
+    from ..kinds import kinds
+    from ..proof import Verification, verify_log
 
     ranges = axis_ranges(modulo, "--modulo")
     use_compilation_cache()
@@ -120,7 +113,7 @@ def _json(one: "Verdict") -> Mapping[str, object]:
 
 def _save(path: Path, stored: "StoredConventions", found: "Verification") -> None:
     """Add the rules that the log settled to a file; those that only fit stay assumed."""
-    from ...job import write_atomically
+    from ..job import write_atomically
 
     values = found.conventions.to_dict()
     settled = {name: values[name] for name in sorted(found.settled)}
@@ -142,3 +135,70 @@ def _save(path: Path, stored: "StoredConventions", found: "Verification") -> Non
             f"axcomp: {name} was settled otherwise before; the new log counts.",
             err=True,
         )
+
+
+def doctor(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE.lis …",
+            help="Lists as they were active in the second measurement.",
+        ),
+    ],
+    before: Annotated[
+        Path,
+        typer.Option(
+            metavar="JOB.toml",
+            help="Job with the measurements without the lists; needs no [\\[fits]].",
+        ),
+    ],
+    after: Annotated[
+        Path,
+        typer.Option(
+            metavar="JOB.toml",
+            help="Job with the measurements with the lists active; active = [...] where"
+            " not all of them were.",
+        ),
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Say what is wrong with a list, from measurements without and with it.
+
+    Right, sign, unit, shift, wrong axis, applied twice, or that the measurements cannot
+    tell. Exit status 0 where all is right.
+
+    Examples:
+      axcomp doctor axcomp-out/achskw1.lis --before job.toml --after after.toml
+    """
+    from ..job import load_job, use_compilation_cache
+    from ..proof import diagnose, not_judged
+    from ..readings import read_outside
+
+    use_compilation_cache()
+    old, new = (load_job(path, needs_fits=False) for path in (before, after))
+    lists = read_lists(files)
+    names = {axis.number: name for name, axis in new.spec.axes.items()}
+    with working("reading the measurements"):
+        found = diagnose(
+            lists,
+            read_outside(old),
+            read_outside(new),
+            new.reading,
+            names=names,
+        )
+    for line in not_judged(lists, new.conventions, names):
+        typer.echo(line, err=True)
+    shown = [(names.get(one.axis, f"A{one.axis}"), one) for one in found]
+    if as_json:
+        keys = ("compensation", "verdict", "value", "sentence")
+        print_json(
+            [
+                {"axis": name} | {key: getattr(one, key) for key in keys}
+                for name, one in shown
+            ]
+        )
+    else:
+        for name, one in shown:
+            typer.echo(f"{name} {one.compensation}: {one.sentence}")
+    if any(one.verdict != "right" for one in found):
+        raise typer.Exit(1)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from ...job import TableResult
     from ...proof import ErrorFigures
-    from ._demo_run import DemoResult
+    from ._run import DemoResult
 
 _WHAT = {
     "leadscrew": "X  screw pitch off, lost motion",
@@ -38,12 +38,15 @@ def demo(
 
     Writes the measurement files, a job file to read and to rerun, the lists and a
     report. A folder that holds anything else is left alone.
+
+    Examples:
+      axcomp demo --out mill
     """
     from rich.console import Console
 
     with working("starting") as step:
         from ...job import use_compilation_cache
-        from ._demo_run import run_demo
+        from ._run import run_demo
 
         use_compilation_cache()
         result = run_demo(out, step)
@@ -54,7 +57,7 @@ def demo(
     _print(Console(highlight=False), out, result)
     if as_json:
         print_json(_as_dict(result))
-    if not (result.job.passed and result.work.job.passed):
+    if not (result.job.passed and result.work.passed):
         raise typer.Exit(1)
 
 
@@ -69,7 +72,7 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
         _WHAT[fit.compensation]: [one.rms for one in _figures(fit).values()]
         for fit in result.job.tables
     }
-    rows["X  friction: mark on a circle, largest"] = list(vars(result.spikes).values())
+    rows["X  friction: mark on a circle, largest"] = [*result.spikes.values()]
     _print_stages(console, "known fault", rows)
     console.print(
         "\nThen such a mill worked for two minutes with every fault at once: pitch,\n"
@@ -78,12 +81,12 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
         markup=False,
     )
     found = {
-        axis: [fit.compensation for fit in result.work.job.fits if fit.axis == axis]
-        for axis in result.work.rms
+        axis: [fit.compensation for fit in result.work.fits if fit.axis == axis]
+        for axis in result.work_rms
     }
     rows = {
         f"{axis}  {', '.join(found[axis])}": list(sizes.values())
-        for axis, sizes in result.work.rms.items()
+        for axis, sizes in result.work_rms.items()
     }
     _print_stages(console, "everything at once", rows)
     lists = ", ".join(fit.files[0].name for fit in result.job.tables)
@@ -141,8 +144,8 @@ def _as_dict(result: "DemoResult") -> dict[str, Any]:
             }
             for fit in result.job.tables
         ],
-        "friction": vars(result.spikes),
-        "work": {axis: dict(sizes) for axis, sizes in result.work.rms.items()},
+        "friction": dict(result.spikes),
+        "work": {axis: dict(sizes) for axis, sizes in result.work_rms.items()},
         "report": str(result.report),
         "wall_time": result.wall_time,
     }

@@ -1,12 +1,13 @@
 """The command ``simulate``: what the controller would add along a motion."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .._options import (
+from ._options import (
     AsJson,
     CycleTime,
     Increment,
@@ -18,15 +19,19 @@ from .._options import (
     read_lists,
     rules_of,
 )
-from .._said import print_json, working
-from ._motion_file import read_events, read_motion
+from ._said import print_json, working
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from ....data.lists import ListFile
-    from ....models import Conventions, TemperatureLine
-    from ...exchange import AxisOffsets, Motion, StoredConventions
+    from ...data.lists import ListFile
+    from ...data.measurements import Column, Table
+    from ...models import Conventions, TemperatureLine
+    from ..exchange import AxisOffsets, ControllerEvent, Motion, StoredConventions
+
+_RELOAD = "RELOAD "
+_SLACK = 1e-9
+"""s: times are written in decimals."""
 
 
 def simulate(
@@ -81,18 +86,26 @@ def simulate(
 
     Columns: time, then per axis each compensation and their sum: A3.cross … A3.offset,
     and A3.friction in drive units.
+
+    Examples:
+      axcomp simulate axcomp-out/achskw1.lis --motion motion.csv --out offsets.csv
     """
-    from ...exchange import Reading, simulate as follow
-    from ...job import use_compilation_cache, write_atomically
+    from ...data.measurements import Lines, read_table
+    from ..exchange import Reading, simulate as follow
+    from ..job import use_compilation_cache, write_atomically
 
     ranges = axis_ranges(modulo, "--modulo")
     use_compilation_cache()
     rules = rules_of(conventions)
     lists = read_lists(files)
     with working("reading the motion") as step:
-        path = read_motion(motion)
-        source = motion if events is None else events
-        happened = read_events(source, path, events is None)
+        table = read_table(motion)
+        path, happened = _motion_in(table), None
+        if events is not None:
+            first = Lines.of(0, 1, None)  # whatever stands below it
+            happened = _events_in(read_table(events, lines=first), path)
+        elif any(column.name == "event" for column in table.columns):
+            happened = _events_in(table, path)
         step("following the controller")
         found = follow(
             lists,
@@ -128,8 +141,8 @@ def _lines(
     conventions: "Conventions",
 ) -> "dict[int, TemperatureLine]":
     """Return the temperature lines that a PLC would follow, by axis."""
-    from ...exchange import machine_lists
-    from ...kinds.temperature.entries import read_temperature_table
+    from ..exchange import machine_lists
+    from ..kinds.temperature.entries import read_temperature_table
 
     machines = machine_lists(lists).machine if texts else {}
     value = r"(?P<file>.+?)(?::(?P<sensor>[A-Za-z_][\w-]*))?"
@@ -211,3 +224,108 @@ def _parquet(columns: "dict[str, np.ndarray]") -> bytes:
     sink = io.BytesIO()
     parquet.write_table(pa.table(columns), sink)
     return sink.getvalue()
+
+
+def _motion_in(table: "Table") -> "Motion":
+    """Return the motion of a file, in mm, °, s and °C; columns are roles of axis numbers.
+
+    Raises:
+        MeasurementError: If an axis is no number, there is no position, or times do not
+            ascend.
+    """
+    import numpy as np
+
+    from ...data.measurements import MeasurementError, measurement
+    from ..exchange import Motion
+
+    def number(axis: str) -> int:
+        found = axis.removeprefix("A")
+        if not found.isdigit():
+            reason = (
+                f"found axis {axis!r}, expected A1, A2, … after the logical numbers"
+            )
+            raise MeasurementError(str(table.path), reason)
+        return int(found)
+
+    measured = measurement(table)
+    motion = Motion.of(measured, number)
+    if not motion.positions:
+        reason = "found no position, expected a column such as A1.position"
+        raise MeasurementError(str(table.path), reason)
+    time = motion.time
+    if time is not None and np.any(np.diff(time) <= 0):
+        at = int(np.argmax(np.diff(time) <= 0))
+        reason = (
+            f"line {measured.lines[at + 1]}: found time {time[at + 1]:g} after"
+            f" {time[at]:g}, expected ascending times"
+        )
+        raise MeasurementError(str(table.path), reason)
+    return motion
+
+
+def _events_in(table: "Table", motion: "Motion") -> "tuple[ControllerEvent, ...]":
+    """Return the events of a file in the order of their rows.
+
+    An event acts from the first row at its time or after. Several stand in one cell with
+    ``;`` between. A list that is loaded again is looked for beside the file.
+
+    Args:
+        table: Columns ``time`` in s, ``axis`` (``A3`` or 3; empty or missing: all axes)
+            and ``event``.
+        motion: Where the rows are.
+
+    Raises:
+        MeasurementError: If a column is missing, or a time or an axis cannot be read.
+        ExchangeError: If an event is none.
+        OSError: If a list that is loaded again cannot be read.
+    """
+    from ...data.measurements import LineError, MeasurementError
+
+    columns = {column.name: column for column in table.columns}
+    if missing := [name for name in ("time", "event") if name not in columns]:
+        reason = f"found columns {', '.join(columns)}, expected {' and '.join(missing)}"
+        raise MeasurementError(str(table.path), reason)
+    if motion.time is None:
+        return ()  # refused with the reason where they are used
+    found: list[ControllerEvent] = []
+    for k, cell in enumerate(columns["event"].text or ()):
+        texts = [text.strip() for text in cell.split(";") if text.strip()]
+        if not texts:
+            continue
+        line, time = int(table.lines[k]), _cell(columns["time"], k)
+        try:
+            row = int(sum(motion.time < float(time) - _SLACK))
+        except ValueError:
+            found_time, expected = f"time {time!r}", "a time in s"
+            raise LineError(str(table.path), line, found_time, expected) from None
+        axis = _cell(columns.get("axis"), k).strip().removeprefix("A")
+        if axis and not axis.isdigit():
+            expected = "A1, A2, … after the logical numbers, or nothing for all axes"
+            raise LineError(str(table.path), line, f"axis {axis!r}", expected)
+        number = int(axis) if axis else None
+        found += [_event(table.path, line, row, number, text) for text in texts]
+    return tuple(sorted(found, key=lambda event: event.row))
+
+
+def _cell(column: "Column | None", row: int) -> str:
+    """Return a cell as text; empty where there is no column or no number."""
+    if column is None:
+        return ""
+    if column.text is not None:
+        return column.text[row]
+    value = float(column.values[row])
+    return "" if math.isnan(value) else f"{value:.15g}"
+
+
+def _event(
+    file: Path, line: int, row: int, axis: int | None, text: str
+) -> "ControllerEvent":
+    from ...data.lists import ListFile
+    from ..exchange import ControllerEvent, parse_action
+
+    where = f"{file}:{line}"
+    if text.upper().startswith(_RELOAD):
+        listing = ListFile.read(file.parent / text[len(_RELOAD) :].strip())
+        return ControllerEvent(row, "reload", axis, listing=listing, where=where)
+    action, names = parse_action(text, where)
+    return ControllerEvent(row, action, axis, names, where=where)

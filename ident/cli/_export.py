@@ -1,4 +1,4 @@
-"""The command ``probe``: lists that settle what the manuals leave open."""
+"""Commands that write for the controller: ``objects``, ``probe`` and ``export-external``."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -7,13 +7,77 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .._options import AsJson, Increment, axis_ranges, by_axis, read_lists
-from .._said import print_json
+from ._options import (
+    AsJson,
+    Increment,
+    Lists,
+    Modulo,
+    Rules,
+    axis_ranges,
+    by_axis,
+    positive,
+    read_lists,
+    rules_of,
+)
+from ._said import print_json
 
 if TYPE_CHECKING:
-    from ....data.lists import ListFile
-    from ....models import Conventions
-    from ...exchange import ProbeAxis, Probed
+    from ...data.lists import ListFile
+    from ...models import Conventions
+    from ..exchange import ProbeAxis, Probed
+
+
+def objects(
+    files: Lists,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder for cnc_objects.csv and compensations.tcscopex; left out: the"
+            " table on standard output.",
+        ),
+    ] = None,
+    cycle_time: Annotated[
+        float | None,
+        typer.Option(
+            callback=positive,
+            help="Time between samples in s; left out: that of the task.",
+        ),
+    ] = None,
+    net_id: Annotated[
+        str, typer.Option(help="AMS net id of the controller, for the recording.")
+    ] = "127.0.0.1.1.1",
+    conventions: Rules = None,
+) -> None:
+    """List the ADS objects of all compensations of a machine, and record them with Scope.
+
+    Addresses are those of the manuals; where they give none, the table says so. The
+    channels of positions are to be completed in Scope: choose the variable, then enable
+    them. axcomp verify --log reads the text export of the recording as it is.
+
+    Examples:
+      axcomp objects axcomp-out/achskw1.lis --out watch
+    """
+    from ...data.files import write_atomically
+    from ..diagnosis import (
+        OBJECTS,
+        SCOPE,
+        objects_csv,
+        observables,
+        scope_configuration,
+    )
+
+    rules, lists = rules_of(conventions), read_lists(files)
+    rows = observables(lists, rules.conventions)
+    table = objects_csv(rows)
+    if out is None:
+        typer.echo(table, nl=False)
+        return
+    out.mkdir(parents=True, exist_ok=True)
+    write_atomically(out / OBJECTS, table.encode())
+    scope = scope_configuration(rows, cycle_time=cycle_time, net_id=net_id)
+    write_atomically(out / SCOPE, scope)
+    typer.echo(f"{len(rows)} objects in {out / OBJECTS}, {out / SCOPE}", err=True)
 
 
 def probe(
@@ -51,15 +115,18 @@ def probe(
 
     One short log, or one reading of a dial gauge per axis, then settles sign, unit,
     order and owner of every table of this controller.
+
+    Examples:
+      axcomp probe job.toml
     """
-    from ...exchange import (
+    from ..exchange import (
         AXIS_WORD,
         make_probe,
         probe_programs,
         probe_steps,
         probe_text,
     )
-    from ...job import OutFolder
+    from ..job import OutFolder
 
     own = axis_ranges(travel, "--travel", "its travel as in A1=0:500", 1e5)
     pattern, example = f"(?P<word>{AXIS_WORD})", "its word as in A1=X"
@@ -112,8 +179,8 @@ def _inputs(
     increment: float | None,
 ) -> _Given:
     """Return what is to be probed, from a job file or from lists."""
-    from ....models import Conventions
-    from ...exchange import ProbeAxis, machine_lists, probed_in, travel_in
+    from ...models import Conventions
+    from ..exchange import ProbeAxis, machine_lists, probed_in, travel_in
 
     if len(files) == 1 and files[0].suffix.lower() == ".toml":
         return _of_job(files[0], travel)
@@ -130,9 +197,9 @@ def _inputs(
 
 def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
     """Return what a job fits, or what its lists hold where it fits nothing."""
-    from ...exchange import ProbeAxis, Probed, machine_lists, probed_in
-    from ...job import load_job
-    from ...kinds import kind
+    from ..exchange import ProbeAxis, Probed, machine_lists, probed_in
+    from ..job import load_job
+    from ..kinds import kind
 
     job = load_job(file)
     spec = job.spec
@@ -179,3 +246,101 @@ def _unprobed(axis: str, compensation: str) -> str:
         f" list that is written, name it under [axes.{axis}] as list, and probe again: at a"
         " low level of it."
     )
+
+
+def export_external(
+    result: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RESULT",
+            help="Folder of axcomp fit, its result.json, or list files (FILE.lis …).",
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="A folder of its own for the files.")
+    ],
+    axes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="1,2,3",
+            help="Logical numbers of all axes of the controller; left out: those of the"
+            " job, else those that the lists name.",
+        ),
+    ] = None,
+    workspace: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A1=-10:410",
+            help="Where limits hold, in mm or °; left out: the limits of the job, else the"
+            " reach of the tables. May be given several times.",
+        ),
+    ] = None,
+    modulo: Modulo = None,
+    increment: Increment = None,
+    conventions: Rules = None,
+    feed: Annotated[
+        float,
+        typer.Option(callback=positive, help="mm/min at which P-AXIS-00745 is found."),
+    ] = 30000.0,
+    acceleration: Annotated[
+        float,
+        typer.Option(callback=positive, help="Of the axes in mm/s² (P-AXIS-00008)."),
+    ] = 5000.0,
+    cycle_time: Annotated[
+        float, typer.Option(callback=positive, help="Of the position controller in s.")
+    ] = 0.001,
+    ramp: Annotated[
+        float,
+        typer.Option(
+            callback=positive,
+            help="Time in s over which ON, OFF and LEVEL come into effect.",
+        ),
+    ] = 1.0,
+) -> None:
+    """Write tables as C and C++ of an external compensation, with its list entries.
+
+    Cross, plane and leadscrew tables; what needs more than positions is left out, and named.
+
+    Examples:
+      axcomp export-external achskw3.lis --out external
+    """
+    from ..exchange import read_conventions
+    from ..external import export_external as export, list_source
+    from ..job import use_compilation_cache
+
+    use_compilation_cache()
+    source = list_source(
+        result,
+        None if conventions is None else read_conventions(conventions).conventions,
+        axes=None if axes is None else _numbers(axes),
+        modulo=axis_ranges(modulo, "--modulo"),
+        increment=increment,
+    )
+    given = axis_ranges(workspace, "--workspace")
+    written = export(
+        source.law,
+        out,
+        axes=source.axes,
+        workspace={**source.workspace, **given},
+        replaced=source.replaced,
+        remarks=source.remarks,
+        title=f"compensation of {', '.join(f'A{axis}' for axis in source.axes)}",
+        feed=feed,
+        acceleration=acceleration,
+        cycle_time=cycle_time,
+        ramp=ramp,
+    )
+    source.name_in_result(out / "axcomp_external.c")
+    for remark in written.remarks:
+        typer.echo(f"axcomp: {remark}", err=True)
+    for path in written.files:
+        typer.echo(str(path))
+    typer.echo(f"axcomp: read {out / 'README.md'} next", err=True)
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    parts = [part.strip().removeprefix("A") for part in text.split(",")]
+    if not all(part.isdecimal() for part in parts):
+        message = f"found {text!r}, expected numbers of axes as in 1,2,3"
+        raise typer.BadParameter(message, param_hint="--axes")
+    return tuple(int(part) for part in parts)

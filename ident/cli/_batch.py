@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .._said import working
+from ._options import AsJson
+from ._said import working
 
 if TYPE_CHECKING:
-    from ...batch import BatchResult
+    from ..batch import BatchResult
 
 _EVERY = 10.0
 """Seconds between plain lines where nobody sees a status line."""
@@ -59,17 +60,18 @@ def batch(
         list[Path] | None,
         typer.Option(help="Folder of an earlier batch, for trends; may be repeated."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the summary on standard output.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run many jobs: lists for each, one table of all results, one summary.
 
     A job that fails is a row with its reason. Exit status 1 where any failed or was
     rejected. Lists of machines whose conventions are only assumed go to unverified/.
+
+    Examples:
+      axcomp batch "machines/*.toml" --out night
     """
     with working("starting the workers", every=_EVERY) as step:
-        from ...batch import run_batch
+        from ..batch import run_batch
 
         result = run_batch(
             jobs,
@@ -128,16 +130,18 @@ def results(
     ] = _SELECT,
     order: Annotated[str | None, typer.Option(help="SQL list to sort by.")] = None,
     limit: Annotated[int | None, typer.Option(min=1, help="Rows at most.")] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print a JSON list, one object per row.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Show rows of the table of a batch as CSV; `docs/batch.md` names the columns."""
+    """Show rows of the table of a batch as CSV; `docs/batch.md` names the columns.
+
+    Examples:
+      axcomp results night --where "not passed"
+    """
     import csv
     import json
     import sys
 
-    from ...batch import query_results
+    from ..batch import query_results
 
     table = query_results(folder, where, select, order, limit)
     rows = table.to_pylist()

@@ -8,8 +8,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from ....data.lists import ListFile, OffsetCurve, offset_curves, registry
-from ...kinds import Kind, kind, kinds
+from ...data.lists import ListFile, OffsetCurve, offset_curves, registry
+from ..kinds import Kind, kind, kinds
 
 MOST_ROWS = 24
 MOST_COLUMNS = 9
@@ -58,7 +58,7 @@ def _headline(file: ListFile) -> str:
 
 def _parameters(file: ListFile) -> Table:
     """Return the entries outside of tables, each with its unit and meaning."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table = _plain_columns()
     table.add_column("entry", no_wrap=True)
     table.add_column("value", justify="right", overflow="fold")
     table.add_column("", justify="right", no_wrap=True)
@@ -85,6 +85,14 @@ def _parameters(file: ListFile) -> Table:
                 _with_unit(value, unit, metric),
                 escape(meaning),
             )
+    return table
+
+
+def _plain_columns(caption: str | None = None) -> Table:
+    """Return an empty table without lines."""
+    spaces = (0, 2, 0, 0)
+    table = Table(box=None, pad_edge=False, padding=spaces, caption=caption)
+    table.caption_justify = "left"
     return table
 
 
@@ -145,7 +153,7 @@ def _line_table(curves: Sequence[OffsetCurve]) -> Table:
 
 def _grid(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     """Return a table of numbers; of many rows the first and last ones."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table = _plain_columns()
     for head in heads:
         table.add_column(head, justify="right", vertical="bottom", overflow="fold")
     half = MOST_ROWS // 2
@@ -172,13 +180,7 @@ def _plane_table(curve: OffsetCurve) -> Table:
     ):
         if len(shown) < len(nodes):
             caption += f"; {len(shown)} of {len(nodes)} {what} are shown"
-    table = Table(
-        box=None,
-        pad_edge=False,
-        padding=(0, 2, 0, 0),
-        caption=caption,
-        caption_justify="left",
-    )
+    table = _plain_columns(caption)
     table.add_column(f"{unit}", justify="right", style="dim")
     for i in columns:
         table.add_column(f"{curve.nodes[0][i]:g}", justify="right", header_style="dim")

@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ....data.errors import UsageError
-from ...kinds import kind
-from .._said import print_json, tell, working
+from ...data.errors import UsageError
+from ..kinds import kind
+from ._options import AsJson
+from ._said import print_json, print_table, tell, working
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ...discover import Discovery
-    from ...job import Job
-    from ...readings import Observation
+    from ..discover import Discovery
+    from ..job import Job
+    from ..readings import Observation
 
 
 def discover(
@@ -34,14 +35,15 @@ def discover(
             " `axcomp fit`.",
         ),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print what was found as JSON.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Find which compensations the measurements ask for, and from which masters.
 
     Looks for terms of every compensation and for what the controller has none for.
     Exit status 1 where the data show an effect and cannot tell which of several it is.
+
+    Examples:
+      axcomp discover job.toml --write fits.toml
     """
     from rich.console import Console
 
@@ -49,9 +51,9 @@ def discover(
     if write is not None:
         _refuse_place(job, write)
     with working("reading the job") as progress:
-        from ...discover import discover as look
-        from ...job import load_job
-        from ...readings import observe
+        from ..discover import discover as look
+        from ..job import load_job
+        from ..readings import observe
 
         loaded = load_job(job, needs_fits=False)
         progress("reading the measurements")
@@ -81,7 +83,7 @@ def _write(
     found: "Discovery",
 ) -> None:
     """Write the job that fits what was found, and say what else it states."""
-    from ...job import found_keys, job_with_fits, write_atomically
+    from ..job import found_keys, job_with_fits, write_atomically
 
     write_atomically(write, job_with_fits(job, seen, found).encode())
     count = len(found.found)
@@ -95,6 +97,7 @@ def _write(
             tell(console, f"It {does} of measurement {name}: {why}")
 
 
+_NUMBERS = ("rms", "share", "stability")
 _WHY = {
     "drift": "the error wanders in time, which no compensation is made of.",
     "remove": "the error is far from zero everywhere, as an instrument in motion shows it"
@@ -125,8 +128,6 @@ def _json(found: "Discovery", names: tuple[str, ...]) -> dict[str, object]:
 
 def _print(console: "Console", found: "Discovery") -> None:
     """Print what a person wants to know: what to compensate, by how much, what stays."""
-    from rich.table import Table
-
     for axis in found.axes:
         mine = [
             one
@@ -139,11 +140,8 @@ def _print(console: "Console", found: "Discovery") -> None:
             f" {axis.rows} readings, {_amount(axis.noise, axis.unit)} of it scatter"
         )
         tell(console, title if mine else f"{title}: no compensation found")
-        table = Table("compensation", "over", "sensor")
-        for words in ("rms", "share", "stability"):
-            table.add_column(words, justify="right")
-        for one in mine:
-            table.add_row(
+        rows = [
+            (
                 one.compensation,
                 ", ".join(one.masters) or "–",
                 ", ".join(one.sensors) or "–",
@@ -151,8 +149,11 @@ def _print(console: "Console", found: "Discovery") -> None:
                 f"{one.share:.1%}",
                 f"{one.stability:.0%}",
             )
+            for one in mine
+        ]
         if mine:
-            console.print(table)
+            heads = ["compensation", "over", "sensor", *_NUMBERS]
+            print_table(console, heads, rows, numbers=_NUMBERS)
         for one in mine:
             tell(console, one.sentence)
         for drift in found.drifts:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ....data.errors import UsageError
-from .._options import AsJson
-from .._said import print_json, wide_console
+from ...data.errors import UsageError
+from ._options import AsJson
+from ._said import print_json, print_table, wide_console
 
 if TYPE_CHECKING:
-    from ....data.measurements import ColumnSpec, Iso230, Table
+    from ...data.measurements import ColumnSpec, Iso230, Table
 
 
 def iso230(
@@ -47,8 +47,12 @@ def iso230(
     With a second file: before and after.
 
     With a tolerance: a verdict on A of the last file; exit status 1 where it fails.
+
+    Examples:
+      axcomp iso230 laser_x.csv
+      axcomp iso230 laser_x.csv laser_again.csv --tolerance 20um --out chart
     """
-    from ....data.measurements import MeasurementError
+    from ...data.measurements import MeasurementError
 
     files = {"before": file, "after": after} if after else {"": file}
     limit, limit_unit = (None, None) if tolerance is None else _tolerance(tolerance)
@@ -72,7 +76,7 @@ def iso230(
         verdict = _verdict(found[last], limit, files[last])
     charts: tuple[Path, ...] = ()
     if out is not None:
-        from ...report._iso_chart import draw_iso_chart, write_chart
+        from ..report._iso_chart import draw_iso_chart, write_chart
 
         figure = draw_iso_chart(
             tests, axis=found[last].axis, unit=unit, tolerance=limit
@@ -97,7 +101,7 @@ def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
     Raises:
         UsageError: If one is no ``ROLE=COLUMN`` with a role of a positioning test.
     """
-    from ....data.measurements import ColumnSpec, find_unit
+    from ...data.measurements import ColumnSpec, find_unit
 
     found: dict[str, ColumnSpec] = {}
     for text in texts:
@@ -130,7 +134,7 @@ def _evaluate(
     path: Path, axis: str | None, columns: "Mapping[str, ColumnSpec]"
 ) -> _Test:
     """Return what a file holds, with all remarks on it."""
-    from ....data.measurements import (
+    from ...data.measurements import (
         derive_error,
         explain_direction,
         iso230 as evaluate,
@@ -164,7 +168,7 @@ def _only_axis(table: "Table") -> str | None:
     Raises:
         MeasurementError: If there are several, or none.
     """
-    from ....data.measurements import MeasurementError, find_role
+    from ...data.measurements import MeasurementError, find_role
 
     roles = [column.role for column in table.columns if column.role]
     if "position" in roles:
@@ -197,7 +201,7 @@ def _targets(test: "Iso230") -> tuple[float, ...]:
 
 def _tolerance(text: str) -> tuple[float, str | None]:
     """Return a tolerance in mm or °, and which of both where the text says so."""
-    from ....data.measurements import find_unit
+    from ...data.measurements import find_unit
 
     match = re.fullmatch(r"\s*([0-9]*[.,]?[0-9]+(?:[eE][+-]?[0-9]+)?)\s*(\D.*)?", text)
     unit = find_unit(match[2]) if match and match[2] else find_unit("mm")
@@ -228,7 +232,7 @@ def _verdict(found: _Test, limit: float, file: Path) -> dict[str, Any]:
     Raises:
         MeasurementError: If the data give no accuracy to judge.
     """
-    from ....data.measurements import MeasurementError, amount, with_arrows
+    from ...data.measurements import MeasurementError, amount, with_arrows
 
     test, unit, missing = found.figures, found.unit, found.missing
     name, value = test.judged()
@@ -307,31 +311,25 @@ _MEANING = {
 def _print(
     files: dict[str, Path], tests: "dict[str, Iso230]", unit: str, axis: str
 ) -> None:
-    from rich.markup import escape
-    from rich.table import Table as Grid
-
-    from ....data.measurements import EDITION, describe_drift
+    from ...data.measurements import EDITION, describe_drift, with_arrows
 
     console = wide_console()
     small = "0.001°" if unit == "deg" else "µm"
-    grid = Grid(
-        "figure", "meaning", title=f"{EDITION}{f', axis {axis}' if axis else ''}"
-    )
-    for name, path in files.items():
-        label = f"{name}: {path.name}" if name else path.name
-        grid.add_column(escape(f"{label} [{small}]"), justify="right")
+    heads = [
+        f"{f'{name}: {path.name}' if name else path.name} [{small}]"
+        for name, path in files.items()
+    ]
+    rows = []
     for key, meaning in _MEANING.items():
         values = [getattr(test, key) for test in tests.values()]
         if any(value is not None for value in values):
             cells = ["–" if value is None else f"{value * 1e3:.1f}" for value in values]
-            shown = (
-                key.replace("_up", "↑")
-                .replace("_down", "↓")
-                .replace("B_mean", "mean B")
-            )
-            grid.add_row(shown, meaning, *cells)
-    console.print(grid)
+            shown = with_arrows(key).replace("B_mean", "mean B")
+            rows.append((shown, meaning, *cells))
+    title = f"{EDITION}{f', axis {axis}' if axis else ''}"
+    every = ["figure", "meaning", *heads]
+    print_table(console, every, rows, numbers=heads, title=title)
     for name, test in tests.items():
         drift = describe_drift(test, unit=unit)
         for remark in (*test.remarks, *([drift] if drift else ())):
-            console.print(escape(f"{name}: {remark}" if name else remark))
+            console.print(f"{name}: {remark}" if name else remark, markup=False)

@@ -1,0 +1,286 @@
+"""Commands about list files: ``check``, ``show``, ``diff`` and ``convert``."""
+
+import dataclasses
+import pathlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ...data.errors import UsageError
+from ._options import (
+    AsJson,
+    Increment,
+    Plots,
+    Rules,
+    read_lists,
+    read_shown_list,
+    rules_of,
+)
+from ._said import print_json, wide_console
+
+if TYPE_CHECKING:
+    from ...data.lists import Change, Comparison, CurveChange
+
+_MOST_ENTRIES = 12
+"""Changed entries of one table that are named one by one."""
+
+
+def check(
+    files: Annotated[
+        list[pathlib.Path],
+        typer.Argument(
+            metavar="FILE...", help="Compensation, axis and start-up lists."
+        ),
+    ],
+    strict: Annotated[
+        bool, typer.Option("--strict", help="A warning fails the check too.")
+    ] = False,
+    build: Annotated[
+        str | None,
+        typer.Option(
+            help="Controller build, such as V3.1.3108.4; the newest if left out."
+        ),
+    ] = None,
+    increment: Increment = None,
+    conventions: Rules = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check compensation, axis and start-up lists, each alone and as a set.
+
+    Examples:
+      axcomp check axcomp-out/achskw1.lis
+    """
+    from ...data.lists import BuildError, check as check_lists
+
+    lists = read_lists(files)
+    # The rules take the models: only where there are some.
+    index = (
+        "ji" if conventions is None else rules_of(conventions).conventions.plane_index
+    )
+    try:
+        findings = check_lists(
+            lists, build=build, increment=increment, plane_index=index
+        )
+    except BuildError as error:
+        msg = f"--build: {error}"
+        raise UsageError(msg) from error
+    if as_json:
+        import dataclasses
+
+        print_json({"findings": [dataclasses.asdict(one) for one in findings]})
+    for finding in findings:
+        known = not finding.expected or finding.expected in finding.message
+        expected = "" if known else f"; expected {finding.expected}"
+        typer.echo(f"{finding}{expected}", err=as_json)
+    counts = {
+        level: sum(finding.level == level for finding in findings)
+        for level in ("error", "warning", "info")
+    }
+    nouns = {"error": "error", "warning": "warning", "info": "remark"}
+    parts = [f"{counts[k]} {noun}{'s' * (counts[k] != 1)}" for k, noun in nouns.items()]
+    summary = ", ".join(parts) if findings else "nothing found"
+    typer.echo(
+        f"{len(lists)} list{'s' * (len(lists) != 1)} checked: {summary}", err=as_json
+    )
+    if counts["error"] or (strict and counts["warning"]):
+        raise typer.Exit(1)
+
+
+def show(
+    file: Annotated[
+        pathlib.Path, typer.Argument(metavar="FILE.lis", help="List of any kind.")
+    ],
+    out: Plots = None,
+) -> None:
+    """Show a list: its parameters with their meaning, its tables in mm and µm.
+
+    Examples:
+      axcomp show axcomp-out/achskw1.lis
+    """
+    from ...data.lists import offset_curves
+    from ._show_tables import list_views
+
+    shown = read_shown_list(file)
+    console = wide_console(wraps=True)
+    for view in list_views(shown):
+        console.print(view)
+    if out is not None:
+        from ._list_plots import draw_tables
+
+        paths = draw_tables(offset_curves(shown), out)
+        for path in paths:
+            typer.echo(f"wrote {path}", err=True)
+        if not paths:
+            typer.echo("no cross, plane or leadscrew table to draw", err=True)
+
+
+def diff(
+    old: Annotated[pathlib.Path, typer.Argument(help="The list as it was.")],
+    new: Annotated[pathlib.Path, typer.Argument(help="The list as it is to be.")],
+    out: Plots = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what changed between two lists, and whether a reload is enough.
+
+    Examples:
+      axcomp diff achskw1.lis axcomp-out/achskw1.lis
+    """
+    from ...data.lists import compare, offset_curves
+
+    lists = read_shown_list(old), read_shown_list(new)
+    found = compare(*lists)
+    if as_json:
+        print_json(_tree(found))
+    else:
+        for line in _lines(found):
+            typer.echo(line)
+    if out is not None:
+        from ._list_plots import draw_tables
+
+        before, after = map(offset_curves, lists)
+        for path in draw_tables(after, out, before):
+            typer.echo(f"wrote {path}", err=True)
+
+
+def _tree(found: "Comparison") -> dict[str, object]:
+    """Return the comparison for machines."""
+    return {
+        "changed": [dataclasses.asdict(change) for change in found.changed],
+        "action": found.action,
+        "reasons": list(found.reasons),
+        "curves": [dataclasses.asdict(curve) for curve in found.curves],
+    }
+
+
+def _lines(found: "Comparison") -> list[str]:
+    """Return the comparison as lines for people."""
+    lines: list[str] = []
+    groups: dict[str, list[Change]] = {}
+    for change in found.changed:
+        head, bracket, tail = change.name.partition("[")
+        key = f"{head}{bracket}{tail.rpartition(']')[2]}" if bracket else change.name
+        groups.setdefault(key, []).append(change)
+    for changes in groups.values():
+        shown = changes[:_MOST_ENTRIES]
+        lines += [_entry_line(change) for change in shown]
+        if len(changes) > len(shown):
+            lines.append(f"  ... and {len(changes) - len(shown)} more of this table")
+    lines += [_curve_line(curve) for curve in found.curves]
+    actions = {
+        "none": "No entry changed: nothing to load.",
+        "reload": "A reload of the list is enough.",
+        "restart": "The controller must be restarted:",
+    }
+    lines.append(actions[found.action])
+    lines += [f"  {reason}" for reason in found.reasons]
+    return lines
+
+
+def _entry_line(change: "Change") -> str:
+    if change.old is None:
+        return f"+ {change.name}: {change.new}"
+    if change.new is None:
+        return f"- {change.name}: {change.old}"
+    return f"~ {change.name}: {change.old} -> {change.new}"
+
+
+def _curve_line(curve: "CurveChange") -> str:
+    branch = "" if curve.branch == "both" else f", {curve.branch} direction"
+    name = f"{curve.compensation}{branch}"
+    if curve.largest is None:
+        return f"{name}: the offset curves cannot be compared: {curve.note}"
+    note = f" ({curve.note})" if curve.note else ""
+    if curve.largest == 0:
+        return f"{name}: the controller adds the same as before{note}"
+    unit = "mm" if curve.unit == "µm" else "increments"
+    place = ", ".join(f"{position:g}" for position in curve.at)
+    return (
+        f"{name}: the offset changes by at most {curve.largest:+g} {curve.unit}, "
+        f"at {place} {unit}{note}"
+    )
+
+
+def convert(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="IN",
+            help="List, CSV, LinuxCNC compensation file, bed mesh or height map.",
+        ),
+    ],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="File to write.")],
+    to: Annotated[
+        str | None,
+        typer.Option(
+            help="Format of OUT where its ending does not tell: list, csv, linuxcnc, bed-mesh"
+            " or height-map."
+        ),
+    ] = None,
+    compensation: Annotated[
+        str | None, typer.Option(help="Which table: leadscrew, cross or plane.")
+    ] = None,
+    axis: Annotated[
+        int | None, typer.Option(help="Number of the compensated axis, for a list.")
+    ] = None,
+    master: Annotated[
+        list[int] | None,
+        typer.Option(help="Number of a master, for a list; twice for a plane."),
+    ] = None,
+    trim: Annotated[
+        bool,
+        typer.Option(
+            "--trim", help="LinuxCNC: COMP_FILE_TYPE = 1, values to add, instead of 0."
+        ),
+    ] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace a file that exists.")
+    ] = False,
+) -> None:
+    """Convert a table: lists, CSV, LinuxCNC compensation files, bed meshes, height maps.
+
+    Lengths are in mm; a CSV holds the entries as the list has them, LinuxCNC's file where
+    the joint really was, a mesh the height, whose negative a plane holds.
+
+    Examples:
+      axcomp convert axcomp-out/achskw1.lis screw.csv
+      axcomp convert axcomp-out/achskw1.lis screw.comp
+      axcomp convert screw.comp converted.lis --axis 1
+    """
+    from ...data.files import write_atomically
+    from ...data.lists import ListFile
+    from ..exchange import (
+        FORMATS,
+        format_of,
+        list_with,
+        table_in,
+        table_of_file,
+        text_of,
+    )
+
+    form = to or format_of(target)
+    if form not in FORMATS:
+        message = f"--to: found {form!r}, expected one of {', '.join(FORMATS)}"
+        raise UsageError(message)
+    if target.exists() and not force:
+        message = f"OUT: found {target}, which exists, expected a new file or --force"
+        raise UsageError(message)
+    if source.suffix.casefold() == ".lis":
+        table = table_in(ListFile.read(source), compensation)
+    else:
+        table = table_of_file(source, trim=trim)
+    table = table.stated(compensation, axis, master or [])
+    if form == "list":
+        listing, machine = list_with(table)
+        write_atomically(target, listing.dumps())
+    else:
+        machine = {}
+        write_atomically(target, text_of(table, form, trim=trim).encode())
+    size = " × ".join(str(len(each)) for each in table.nodes)
+    both = len(table.nodes) == 1 and len(table.entries) == 2
+    directions = ", both directions" * both
+    typer.echo(
+        f"{table.compensation}, {size} nodes{directions}: {target} ({form})", err=True
+    )
+    for name, value in machine.items():
+        typer.echo(f"To set in the axis list: {name} {value}", err=True)

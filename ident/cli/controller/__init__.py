@@ -1,1 +1,0 @@
-"""Commands about a controller: probe, simulate, verify, doctor, export-external."""

@@ -1,1 +1,0 @@
-"""Commands that run jobs: fit, batch and its results, demo."""

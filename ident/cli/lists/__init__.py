@@ -1,1 +1,0 @@
-"""Commands about lists: check, show, diff, convert, objects."""

@@ -1,1 +1,0 @@
-"""Commands about measurements: read, new, discover, iso230."""
