@@ -14,19 +14,20 @@ from ...fit import FitError
 from ...job._draft import AbstractDraft, Written
 from ...job._gating import spread_over
 from ...job.file._load import Job
-from ...job.result._result import staged
+from ...job.result._result import Remark, staged
 from ...job.result._second import SecondMeasurement
 from ...job.table._plan import was_active
 from ...proof import GateCheck, reversal_checks
 from ...proof.axis import check_switching
-from ...readings import Tables
+from ...readings import Readings, Tables
 from .._keys import FitSpec
-from ._recording import Recording, Sides, read_recording
+from ._recording import Sides, fit_readings, read_backlash, sides_of
 from ._result import BacklashResult, remarks_of
 from .effect import BacklashFit
 from .entries import backlash_from_list, entries_of_backlash
 from .keys import Spec
 
+_GROUPS = 5
 _SPREAD = "lr_param.n_backlash_cyc"
 """Entry that spreads a reversal over cycles (P-AXIS-00243)."""
 
@@ -83,24 +84,26 @@ class BacklashDraft(AbstractDraft):
     """A fitted backlash.
 
     Attributes:
-        recording: What was measured.
+        readings: What was measured: a trace without directions, or readings with them.
+        remarks: What was taken for granted.
         found: The estimate.
         known: What the axis list holds.
-        held_out: Error per reading under lists that were fitted without it, and whether
-            these left out whole runs, where a joint fit knows that; else the width is fitted
-            anew without each run or block.
+        joint: Error per reading under lists that were fitted without it, and whether these
+            left out whole runs, where a joint fit knows that; else the width is fitted anew
+            without each run or block.
     """
 
     fit: Spec
-    recording: Recording
+    readings: Readings
+    remarks: tuple[Remark, ...]
     found: BacklashFit
     known: KnownBacklash
-    held_out: tuple[Float[np.ndarray, " t"], bool] | None = None
+    joint: tuple[Float[np.ndarray, " t"], bool] | None = None
 
     @functools.cached_property
     def sides(self) -> Sides:
         """The readings about the mean of both directions."""
-        return self.recording.sides(self.found)
+        return sides_of(self.readings, self.found)
 
     @property
     def width(self) -> float:
@@ -160,9 +163,8 @@ class BacklashDraft(AbstractDraft):
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
-        recording = read_recording(tables, fit)
-        found = recording.fit(fit.loss)
-        sides = recording.sides(found)
+        readings = read_backlash(tables, fit)
+        sides = sides_of(readings, fit_readings(readings, fit.loss))
         return SecondMeasurement(
             ", ".join(fit.sources),
             sides.position[:, None],
@@ -173,38 +175,24 @@ class BacklashDraft(AbstractDraft):
         )
 
     def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
-        way = self.recording.direction
+        way = self.readings.direction
         if way is None:
             return {}
         change = self.found.compensation(self.reference)
-        offset = change.offset(way.astype(float))
-        added = np.asarray(offset, dtype=float)
-        return {
-            (self.axis, name): added[rows]
-            for name, rows in self.recording.slices.items()
-        }
+        added = np.asarray(change.offset(way.astype(float)), dtype=float)
+        slices = self.readings.slices
+        return {(self.axis, name): added[rows] for name, rows in slices.items()}
 
     def prove(self, done: Written) -> BacklashResult:
         sides, half = self.sides, 0.5 * self.sides.direction
-        if self.held_out is not None:
-            predicted, by_run = self.held_out
-        else:
-            predicted, by_run = sides.before + half * self._others(), sides.by_run
+        predicted, by_run = self._held_out() if self.joint is None else self.joint
         back = self._read_back(done)
         # About the mean of both directions, which the tables of the axis look after.
         from_file = sides.before + half * (back - self.known.acting)
-        return BacklashResult(
+        result = BacklashResult(
             **self.frame(done),
             error=staged(sides.before, predicted, from_file, sides.wild),
-            remarks=(
-                *remarks_of(
-                    self.recording,
-                    self.found,
-                    self.known.old is not None,
-                    self.known.active,
-                ),
-                *done.files.remarks,
-            ),
+            remarks=(),
             files=tuple(n for n in done.names if n.name == done.files.machine_name),
             held_out="run" if by_run else "block",
             width=self.width if self.written else 0.0,
@@ -213,28 +201,35 @@ class BacklashDraft(AbstractDraft):
             fit=self.found,
             view=sides,
             from_file=from_file,
-            moving=self.recording.moving,
+            moving=self.readings.direction is None,
         )
+        said = remarks_of(result, self.known.old is not None, self.known.active)
+        remarks = (*self.remarks, *said, *done.files.remarks)
+        return dataclasses.replace(result, remarks=remarks)
 
-    def _others(self) -> Float[np.ndarray, " t"]:
-        """Return the width that the other groups give, per reading."""
-        group = self.sides.group
-        found = np.full(len(group), self.found.width)
-        if self.recording.moving:
-            widths = np.array([turn.width for turn in self.found.reversals])
-            sound = ~self.found.wild
+    def _held_out(self) -> tuple[Float[np.ndarray, " t"], bool]:
+        """Return the error under the width of the others, and whether runs are left out."""
+        readings, sides, found = self.readings, self.sides, self.found
+        width = np.full(len(sides.before), found.width)
+        if readings.direction is None:
+            widths = np.array([turn.width for turn in found.reversals])
             for k in range(len(widths)):
-                others = sound & (np.arange(len(widths)) != k)
-                found[group == k] = widths[others].mean()
-            return found
+                others = ~found.wild & (np.arange(len(widths)) != k)
+                width[2 * k : 2 * k + 2] = widths[others].mean()
+            return sides.before + 0.5 * sides.direction * width, False
+        # Whole targets: those that stay must still be approached from both sides.
+        targets = np.unique(np.round(sides.position, 6), return_inverse=True)[1]
+        group, by_run = targets.reshape(-1) % _GROUPS, False
+        if readings.run is not None and len(np.unique(readings.run)) > 1:
+            group, by_run = readings.run, True
         for each in np.unique(group):
             try:
-                other = self.recording.fit(self.fit.loss, group != each)
-                found[group == each] = other.width
+                other = fit_readings(readings, self.fit.loss, group != each).width
             except FitError:
                 # What is left tells nothing: neither does the prediction.
-                found[group == each] = 0.0
-        return found
+                other = 0.0
+            width[group == each] = other
+        return sides.before + 0.5 * sides.direction * width, by_run
 
     def _read_back(self, done: Written) -> float:
         """Return the width that the written file holds."""
