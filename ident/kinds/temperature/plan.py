@@ -18,15 +18,8 @@ from ...job.table._plan import refuse_unstated
 from ...readings import Tables, sensor_name
 from . import KIND
 from ._draft import TemperatureDraft
-from ._identify import (
-    Identified,
-    ThermalRecording,
-    effects_of,
-    identify,
-    line_of,
-    read_thermal,
-)
-from .fit import LEAST_RANGE, Lag, TemperatureFit, about_meeting
+from ._recording import ThermalRecording, effects_of, line_of, read_thermal
+from .fit import LEAST_RANGE, Lag, TemperatureFit, about_meeting, fit_temperature
 from .keys import Spec
 
 if TYPE_CHECKING:
@@ -73,8 +66,18 @@ class TemperaturePlan(AbstractPlan):
         return effects_of(self.tables, self.fit)
 
     def alone(self, tables: Tables, left: Leftovers) -> TemperatureDraft:
-        found = identify(read_thermal(self), self.fit)
-        return TemperatureDraft(self.job, self.index, self.fit, found)
+        recording, fit = read_thermal(self), self.fit
+        data, line, asked = recording.data, recording.line, recording.effects
+        meet = recording.datum is None and not isinstance(fit.reference, float)
+        found = fit_temperature(data, line, meet=meet, loss=fit.loss)
+        named = {name for one in found.confounded for name in (one.first, one.second)}
+        dropped = "offset" in asked and bool(named) and "offset" not in named
+        if dropped:
+            # The slope and its change are one column: the offset stands apart from both.
+            law = {"offset": len(found.offset.value), "coefficient": 1}
+            line = dataclasses.replace(line, law=law)
+            found = fit_temperature(data, line, meet=meet, loss=fit.loss)
+        return TemperatureDraft(self.job, self.index, fit, recording, found, dropped)
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -159,9 +162,14 @@ class TemperaturePlan(AbstractPlan):
             remarks=tuple(share.remarks()),
             carriers=share.tables,
         )
-        line = self._line(share, effect)
-        found = Identified(recording, line, held_out=share.recording.held_out)
-        return TemperatureDraft(self.job, self.index, self.fit, found)
+        return TemperatureDraft(
+            self.job,
+            self.index,
+            self.fit,
+            recording,
+            self._line(share, effect),
+            held_out=share.recording.held_out,
+        )
 
     def _line(self, share: "Share", effect: Temperature) -> TemperatureFit:
         """Return the part as the fit of a single line."""

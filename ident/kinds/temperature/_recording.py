@@ -1,7 +1,6 @@
-"""What was measured for a thermal line, and the line that it determines."""
+"""What was measured for a thermal line, and what is asked of it."""
 
 import dataclasses
-import functools
 import itertools
 from typing import TYPE_CHECKING
 
@@ -10,12 +9,10 @@ from jaxtyping import Bool, Float, Int
 
 from ....data.measurements import Measurement, MeasurementError
 from ..._recording import JointData
-from ...discover import AgainstDrift, against_drift
 from ...fit import FitError
 from ...fit.joint import Temperature
 from ...job.result._result import Remark
 from ...readings import Tables, sensor_name
-from .fit import TemperatureFit, fit_temperature
 from .keys import Spec
 
 if TYPE_CHECKING:
@@ -66,90 +63,6 @@ class ThermalRecording:
         """Sensors of offset and coefficient: of one of them for both."""
         first = next(iter(self.effects.values()))
         return self.effects.get("offset", first), self.effects.get("coefficient", first)
-
-
-@dataclasses.dataclass(frozen=True)
-class Identified:
-    """A thermal line with its readings.
-
-    Attributes:
-        recording: What was measured.
-        fit: The estimate, in the sign of the error.
-        dropped: The coefficient was held constant, since only the offset is determined.
-        held_out: What was left out together: ``block`` or ``run``.
-    """
-
-    recording: ThermalRecording
-    fit: TemperatureFit
-    dropped: bool = False
-    held_out: str = "block"
-
-    @property
-    def determined(self) -> bool:
-        """Whether anything may be written."""
-        return self.dropped or not self.fit.confounded
-
-    @property
-    def written(self) -> bool:
-        """Whether there is a law to write."""
-        return bool(self.fit.moving) and self.determined
-
-    @functools.cached_property
-    def zero(self) -> float:
-        """Temperature in °C at which nothing is corrected: measured, near the reference.
-
-        Where two sensors move the line it is the reference itself: each law is held at its
-        own end, the measured temperature next to it.
-        """
-        wished = self.recording.line.reference_temperature
-        laws = self.fit.moving or tuple(self.fit.laws.values())
-        if len({law.sensor for law in laws}) > 1:
-            return wished
-        low = max(float(law.temperature[0]) for law in laws)
-        high = min(float(law.temperature[-1]) for law in laws)
-        return float(np.clip(wished, low, max(low, high)))
-
-    @functools.cached_property
-    def instead(self) -> AgainstDrift | None:
-        """What a drift of the instrument would explain as well; None where none does."""
-        if self.fit.confounded:
-            return None
-        recording, fit, used = self.recording, self.fit, self.fit.used
-        time, place, count = recording.data.time, recording.position, int(used.sum())
-        clock = np.arange(count, dtype=float) if time is None else time[used]
-        away = np.zeros(count) if place is None else place[used] - place[used].mean()
-        columns = {
-            effect: fit.temperature[used, fit.sensors.index(sensor)]
-            for effect, sensor in recording.effects.items()
-        }
-        if "coefficient" in columns:
-            warm = columns["coefficient"]
-            columns["coefficient"] = (warm - warm.mean()) * away
-        found = against_drift(
-            clock,
-            np.stack(list(columns.values()), axis=1),
-            recording.error[used],
-            np.stack([np.ones(count), away], axis=1),
-        )
-        return found if found is not None and found.doubtful else None
-
-
-def identify(recording: ThermalRecording, fit: Spec) -> Identified:
-    """Return the line of a recording.
-
-    Raises:
-        FitError: If the readings cannot determine what is asked for.
-    """
-    meet = recording.datum is None and not isinstance(fit.reference, float)
-    found = fit_temperature(recording.data, recording.line, meet=meet, loss=fit.loss)
-    named = {name for pair in found.confounded for name in (pair.first, pair.second)}
-    dropped = "offset" in recording.effects and bool(named) and "offset" not in named
-    if dropped:
-        # The slope and its change are one column: the offset stands apart from both.
-        law = {"offset": len(found.offset.value), "coefficient": 1}
-        line = dataclasses.replace(recording.line, law=law)
-        found = fit_temperature(recording.data, line, meet=meet, loss=fit.loss)
-    return Identified(recording, found, dropped)
 
 
 def effects_of(tables: Tables, fit: Spec) -> dict[str, str]:
