@@ -19,17 +19,10 @@ from ...proof.axis import check_switching
 from ...readings import Tables
 from .._keys import FitSpec
 from . import KIND
-from ._law import (
-    ThermalLaw,
-    judge_law,
-    plc_objects,
-    rates,
-    structured_text,
-    thermal_law,
-)
+from ._law import RATE, ThermalLaw, plc_objects, rates, structured_text, thermal_law
 from ._recording import ThermalRecording, read_thermal
 from ._remarks import remarks_of
-from ._result import TemperatureResult, view_of
+from ._result import TemperatureResult, ThermalView
 from .entries import (
     Table,
     entries_of_temperature,
@@ -99,10 +92,7 @@ class TemperatureDraft(AbstractDraft):
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
         still = TemperatureLine(self._position, 0.0, 0.0, cycles=self._filter)
-        entries: dict[str, Value] = dict(entries_of_temperature(still))
-        if self.fit.manual_activation is not None:
-            entries[f"{_LINE}_manual_activation"] = int(self.fit.manual_activation)
-        return entries
+        return {**entries_of_temperature(still), **self.manual_entry}
 
     def machine_remarks(self) -> list[Remark]:
         listing = self.lists.machine
@@ -124,17 +114,25 @@ class TemperatureDraft(AbstractDraft):
         return {name: text.encode() for name, text in texts.items()}
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
-        limits = self.job.limits
-        lines = judge_law(self._law, self._position, self._places, self.axis, limits)
-        switching = check_switching(
-            self.jump,
-            self._filter,
-            limits,
-            "mm",
-            f"{_LINE}_n_cycles",
-            "COMP ON/OFF, homing, reload or loss of power, while warm",
+        law, places, limits = self._law, self._places, self.job.limits
+        most, warm, place = law.largest(places - self._position)
+        where = f"at {warm:.4g} °C"
+        if len(places) > 1:
+            where += f", {self.axis} = {places[place]:g}"
+        steep = int(np.argmax(np.abs(law.coefficient)))
+        slope = float(abs(law.coefficient[steep]))
+        there = f"at {law.temperature[steep]:.4g} °C"
+        added = 1e-6 * slope * limits.feed / 60.0
+        follows = "while the PLC follows the temperature"
+        entry = f"{_LINE}_n_cycles"
+        switched = "COMP ON/OFF, homing, reload or loss of power, while warm"
+        return (
+            limits.check("max_correction", most, "mm", where),
+            limits.check("max_slope", 1e-3 * slope, "µm/mm", there),
+            limits.check("max_velocity", added, "mm/s", there),
+            limits.check("max_velocity by the PLC", RATE, "mm/s", follows),
+            check_switching(self.jump, self._filter, limits, "mm", entry, switched),
         )
-        return (*lines, switching)
 
     @property
     def jump(self) -> float:
@@ -169,7 +167,7 @@ class TemperatureDraft(AbstractDraft):
         line = None
         if self.written and table is not None:
             line = self._line_of(read_columns(table), done.machine)
-        view = view_of(self, line)
+        view = self._view(line)
         names = {done.files.machine_name, *temperature_names(self.axis)}
         return TemperatureResult(
             **self.frame(done),
@@ -189,6 +187,35 @@ class TemperatureDraft(AbstractDraft):
             fit=self.found,
             cycles=self._filter if self.written else 0,
             view=view,
+        )
+
+    def _view(self, line: TemperatureLine | None) -> ThermalView:
+        """Return the complete readings with what became of them.
+
+        Args:
+            line: What was written, read back; None: nothing, and errors stand about their
+                median.
+        """
+        recording, fit, used = self.recording, self.found, self.found.used
+        time, place = recording.data.time, recording.position
+        place = None if place is None else place[used]
+        error, structure = recording.error[used], fit.temperature[used]
+        before = predicted = from_file = error - np.median(error)
+        if line is not None:
+            before = error - fit.predict(np.full(structure.shape, self.zero), place)
+            away = np.zeros(len(before)) if place is None else place
+            from_file = before + np.asarray(line.offset(away, structure))
+            predicted = fit.predicted[used]
+        return ThermalView(
+            row=recording.rows[used],
+            time=None if time is None else time[used],
+            position=place,
+            temperature=recording.temperature[used],
+            structure=structure,
+            before=before,
+            predicted=predicted,
+            from_file=from_file,
+            wild=fit.wild[used],
         )
 
     def _line_of(self, table: Table, machine: ListFile | None) -> TemperatureLine:
