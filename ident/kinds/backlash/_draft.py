@@ -13,10 +13,8 @@ from ....models import Backlash
 from ...fit import FitError
 from ...job._draft import AbstractDraft, Written
 from ...job._gating import spread_over
-from ...job.file._load import Job
 from ...job.result._result import Remark, staged
 from ...job.result._second import SecondMeasurement
-from ...job.table._plan import was_active
 from ...proof import GateCheck, reversal_checks
 from ...proof.axis import check_switching
 from ...readings import Readings, Tables
@@ -55,29 +53,6 @@ class KnownBacklash:
         return float(self.old.width) if self.active and self.old is not None else 0.0
 
 
-def known_backlash(job: Job, index: int, fit: Spec) -> KnownBacklash:
-    """Return what the axis list holds.
-
-    Raises:
-        JobError: If it cannot be read, or does not hold what was active.
-    """
-    old: Backlash | None = None
-    holder, machine = None, job.lists[fit.axis].machine
-    if machine is not None:
-        with job.blaming(("fits", index)):
-            old = backlash_from_list(machine, job.conventions)
-        if old is not None and float(old.width) != 0.0:
-            holder = machine.source
-    active = was_active(job, index, fit, holder)
-    if active and old is None:
-        raise job.error(
-            ("axes", fit.axis, "machine_data"),
-            "backlash was active while measuring, but no axis list that switches it on"
-            " is given, expected machine_data = the file that was loaded",
-        )
-    return KnownBacklash(old, active)
-
-
 @final
 @dataclasses.dataclass(frozen=True)
 class BacklashDraft(AbstractDraft):
@@ -111,11 +86,6 @@ class BacklashDraft(AbstractDraft):
         return self.found.width + self.known.acting
 
     @property
-    def reference(self) -> int:
-        """Direction in which the axis is right without it."""
-        return self.known.reference
-
-    @property
     def written(self) -> bool:
         return self.found.significant
 
@@ -138,7 +108,7 @@ class BacklashDraft(AbstractDraft):
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
         model = dataclasses.replace(self.found, width=self.width).compensation(
-            self.reference, cycles or 0
+            self.known.reference, cycles or 0
         )
         return dict(entries_of_backlash(model, (), self.job.conventions))
 
@@ -178,7 +148,7 @@ class BacklashDraft(AbstractDraft):
         way = self.readings.direction
         if way is None:
             return {}
-        change = self.found.compensation(self.reference)
+        change = self.found.compensation(self.known.reference)
         added = np.asarray(change.offset(way.astype(float)), dtype=float)
         slices = self.readings.slices
         return {(self.axis, name): added[rows] for name, rows in slices.items()}
@@ -196,7 +166,7 @@ class BacklashDraft(AbstractDraft):
             files=tuple(n for n in done.names if n.name == done.files.machine_name),
             held_out="run" if by_run else "block",
             width=self.width if self.written else 0.0,
-            reference=self.reference,
+            reference=self.known.reference,
             cycles=done.cycles or 0,
             fit=self.found,
             view=sides,

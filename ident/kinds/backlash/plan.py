@@ -10,10 +10,12 @@ from ...fit import DriftNoise, FitError
 from ...job._draft import Leftovers
 from ...job._fit_plan import AbstractPlan
 from ...job.result._result import Remark
+from ...job.table._plan import was_active
 from ...readings import Readings, Tables
-from ._draft import BacklashDraft, KnownBacklash, known_backlash
+from ._draft import BacklashDraft, KnownBacklash
 from ._recording import fit_readings, read_backlash
 from .effect import BacklashFit, Dependence
+from .entries import backlash_from_list
 from .keys import Spec
 
 if TYPE_CHECKING:
@@ -29,10 +31,23 @@ def plan(tables: Tables, index: int, fit: Spec) -> "BacklashPlan":
     """Plan a backlash fit.
 
     Raises:
-        JobError: If existing lists do not suit.
+        JobError: If the axis list cannot be read, or does not hold what was active.
     """
-    known = known_backlash(tables.job, index, fit)
-    return BacklashPlan(tables.job, index, fit, known)
+    job, old, holder = tables.job, None, None
+    machine = job.lists[fit.axis].machine
+    if machine is not None:
+        with job.blaming(("fits", index)):
+            old = backlash_from_list(machine, job.conventions)
+        if old is not None and float(old.width) != 0.0:
+            holder = machine.source
+    active = was_active(job, index, fit, holder)
+    if active and old is None:
+        raise job.error(
+            ("axes", fit.axis, "machine_data"),
+            "backlash was active while measuring, but no axis list that switches it on"
+            " is given, expected machine_data = the file that was loaded",
+        )
+    return BacklashPlan(job, index, fit, KnownBacklash(old, active))
 
 
 @final
