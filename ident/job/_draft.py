@@ -79,6 +79,12 @@ class AbstractOfFit(abc.ABC):
         build = self.job.spec.controller.build
         return ListTarget(self.lists.compensation, self.fit.max_points, build)
 
+    @property
+    def manual_entry(self) -> dict[str, Value]:
+        """The entry that makes it wait for COMP ON, or not; empty where the job leaves it."""
+        manual, entry = self.fit.manual_activation, self.kind.manual
+        return {} if manual is None or entry is None else {entry: int(manual)}
+
     def refusal(self, reason: str) -> JobError:
         """Return the error that the fit is, ready to raise."""
         return self.job.error(("fits", self.index), reason)

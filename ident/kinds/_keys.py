@@ -214,6 +214,13 @@ def master_faults(job: "JobFile", fit: FitSpec, where: KeyPath) -> Iterator[Faul
         yield where, f"found {list(fit.over)}, expected two different axes"
 
 
+def not_linear(job: "JobFile", name: str, where: KeyPath, why: str) -> Iterator[Fault]:
+    """Yield that an axis is none of those that a compensation has units for."""
+    axis = job.axes.get(name)
+    if axis is not None and axis.kind != "linear":
+        yield where, f"found the {axis.kind} axis {name}, expected a linear one: {why}"
+
+
 def unknown(name: str, known: Iterable[str], what: str) -> str:
     """Return that a name is none of those that are known, and the nearest of them."""
     names = list(known)

@@ -4,6 +4,7 @@ A fit that its readings do not tell is left out: named, and not written.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -11,6 +12,7 @@ from jaxtyping import Bool, Float
 
 from ...fit.joint import JointFit, Part
 from ...proof import ErrorFigures, error_figures
+from ...readings import Readings
 from .._draft import AbstractDraft
 from ..result._result import AbstractResult, Remark, some_of
 from ._recording import GroupRecording
@@ -135,12 +137,6 @@ class Share:
         values = getattr(self.recording.data, table)[name]
         return np.asarray(values[self.rows], dtype=float)
 
-    @property
-    def time(self) -> Float[np.ndarray, " t"] | None:
-        """Time of the used readings in s, or None."""
-        time = self.recording.data.time
-        return None if time is None else np.asarray(time[self.rows], dtype=float)
-
     def slices(self) -> dict[str, slice]:
         """Return the used rows of each measurement."""
         kept = np.concatenate([[0], np.cumsum(self.rows)])
@@ -148,6 +144,28 @@ class Share:
             name: slice(int(kept[rows.start]), int(kept[rows.stop]))
             for name, rows in self.recording.slices.items()
         }
+
+    def readings(self, over: Sequence[str], turns: bool) -> Readings:
+        """Return the used readings as a fit of this part alone takes them.
+
+        Args:
+            over: Axes whose positions it needs.
+            turns: Whether the direction of motion counts.
+        """
+        recording, rows = self.recording, self.rows
+        way = self.column("direction", self.axis) if turns else None
+        run = recording.data.run
+        return Readings(
+            positions=np.stack(
+                [self.column("position", name) for name in over], axis=1
+            ),
+            error=self.error,
+            direction=None if way is None else way.astype(np.int64),
+            run=None if run is None else run[rows],
+            order=recording.order[rows],
+            timed=recording.timed,
+            slices=self.slices(),
+        )
 
     def remarks(self) -> list[Remark]:
         """Return what was taken for granted, and what the figures of this fit are."""

@@ -6,7 +6,6 @@ from ...core import CellCovariance
 from ...exchange import LIST_UNITS
 from ...fit import Samples, TableFit
 from ...proof import HeldOut
-from ...readings import Readings
 from ..table._draft import InMemory, TableDraft
 from ..table._fitting import doubted
 from ..table._plan import Plan
@@ -16,36 +15,27 @@ from ._share import Share
 
 def table_draft(plan: Plan, share: Share) -> TableDraft:
     """Return the table of a group as one that was fitted alone."""
-    recording, rows = share.recording, share.rows
-    positions = np.stack(
-        [share.column("position", name) for name in plan.fit.over], axis=1
-    )
-    direction = None
-    if plan.table.branches == 2:
-        direction = share.column("direction", plan.axis).astype(np.int64)
-    run = None if recording.data.run is None else recording.data.run[rows]
-    readings = Readings(
-        positions=positions,
-        error=share.error,
-        direction=direction,
-        run=run,
-        order=recording.order[rows],
-        timed=recording.timed,
-        slices=share.slices(),
-    )
+    recording = share.recording
+    readings = share.readings(plan.fit.over, plan.table.branches == 2)
     fit = _table_fit(plan, share)
     refuse_unowned_trend(plan, fit)
     spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
-    samples = Samples(positions, share.error, branch=plan.branch(direction), run=run)
+    error = readings.error
+    samples = Samples(
+        readings.positions,
+        error,
+        branch=plan.branch(readings.direction),
+        run=readings.run,
+    )
     if share.constant:
         fit = doubted(plan, readings, samples, fit)
     left = HeldOut(
-        residual=share.predicted[rows],
-        standard_deviation=np.full(len(share.error), spread),
-        groups=recording.fold[rows],
+        residual=share.predicted[share.rows],
+        standard_deviation=np.full(len(error), spread),
+        groups=recording.fold[share.rows],
         by_run=recording.by_run,
     )
-    fitted = InMemory(plan, readings, share.remarks(), samples, share.error, left, fit)
+    fitted = InMemory(plan, readings, share.remarks(), samples, error, left, fit)
     effects = "offset" if share.fit.runs.get(plan.axis) else "none"
     return TableDraft(plan.job, plan.index, plan.fit, plan, fit, effects, fitted)
 

@@ -191,17 +191,11 @@ class TableDraft(AbstractDraft):
         found: dict[str, Value] = dict(
             self.plan.table.entries(self.integers, self.target)
         )
-        options = {
-            "n_cycles": chosen_cycles(self),
-            "manual_activation": self.fit.manual_activation,
-        }
         sizes = {key: value for key, value in found.items() if "[" not in key}
-        chosen = {
-            f"{self.kind.prefix}.{key}": int(value)
-            for key, value in options.items()
-            if value is not None
-        }
-        return sizes | chosen | {k: v for k, v in found.items() if "[" in k}
+        cycles = chosen_cycles(self)
+        if cycles is not None:
+            sizes[f"{self.kind.prefix}.n_cycles"] = cycles
+        return sizes | self.manual_entry | {k: v for k, v in found.items() if "[" in k}
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
         values: dict[str, Value] = super().machine_entries(cycles)

@@ -82,7 +82,6 @@ def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
 
 
 def _program(channel: int, steps: Sequence[Mapping[str, Any]], title: str) -> str:
-    plain = title.encode("ascii", "replace").decode()
     states = [state for step in steps for state in step["states"]]
     # Words are checked, the title is a comment.
     text = (
@@ -93,7 +92,7 @@ def _program(channel: int, steps: Sequence[Mapping[str, Any]], title: str) -> st
             steps=steps,
             declared=declared(states),
             words=list(dict.fromkeys(state.word for state in states)),
-            title="".join(sign if sign.isprintable() else " " for sign in plain),
+            title=title,
         )
     )
     return numbered(text.splitlines())

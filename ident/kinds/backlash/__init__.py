@@ -1,4 +1,9 @@
-"""Backlash: the lost motion at a reversal."""
+"""Backlash: the lost motion at a reversal.
+
+Read in this order: `effect` (readings in both directions in, the width out), `_trace` (reversals of
+a motion), `_recording` (the readings of a job), `plan`, `_draft` and `_result`. The other modules
+are the parts that every compensation has.
+"""
 
 from .._kind import Kind
 

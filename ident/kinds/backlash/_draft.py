@@ -13,15 +13,13 @@ from ....models import Backlash
 from ...fit import FitError
 from ...job._draft import AbstractDraft
 from ...job._gating import spread_over
-from ...job.file._load import Job
-from ...job.result._result import staged
+from ...job.result._result import Remark, staged
 from ...job.result._second import SecondMeasurement
-from ...job.table._plan import was_active
 from ...proof import GateCheck, reversal_checks
 from ...proof.axis import check_switching
-from ...readings import Tables
+from ...readings import Readings, Tables
 from .._keys import FitSpec
-from ._recording import Recording, Sides, read_recording
+from ._recording import Sides, fit_readings, read_backlash, sides_of
 from ._result import BacklashResult, remarks_of
 from .effect import BacklashFit
 from .entries import backlash_from_list, entries_of_backlash
@@ -30,6 +28,7 @@ from .keys import Spec
 if TYPE_CHECKING:
     from ...job.write._lists import AxisFiles
 
+_GROUPS = 5
 _SPREAD = "lr_param.n_backlash_cyc"
 """Entry that spreads a reversal over cycles (P-AXIS-00243)."""
 
@@ -57,63 +56,37 @@ class KnownBacklash:
         return float(self.old.width) if self.active and self.old is not None else 0.0
 
 
-def known_backlash(job: Job, index: int, fit: Spec) -> KnownBacklash:
-    """Return what the axis list holds.
-
-    Raises:
-        JobError: If it cannot be read, or does not hold what was active.
-    """
-    old: Backlash | None = None
-    holder, machine = None, job.lists[fit.axis].machine
-    if machine is not None:
-        with job.blaming(("fits", index)):
-            old = backlash_from_list(machine, job.conventions)
-        if old is not None and float(old.width) != 0.0:
-            holder = machine.source
-    active = was_active(job, index, fit, holder)
-    if active and old is None:
-        raise job.error(
-            ("axes", fit.axis, "machine_data"),
-            "backlash was active while measuring, but no axis list that switches it on"
-            " is given, expected machine_data = the file that was loaded",
-        )
-    return KnownBacklash(old, active)
-
-
 @final
 @dataclasses.dataclass(frozen=True)
 class BacklashDraft(AbstractDraft):
     """A fitted backlash.
 
     Attributes:
-        recording: What was measured.
+        readings: What was measured: a trace without directions, or readings with them.
+        remarks: What was taken for granted.
         found: The estimate.
         known: What the axis list holds.
-        held_out: Error per reading under lists that were fitted without it, and whether
-            these left out whole runs, where a joint fit knows that; else the width is fitted
-            anew without each run or block.
+        joint: Error per reading under lists that were fitted without it, and whether these
+            left out whole runs, where a joint fit knows that; else the width is fitted anew
+            without each run or block.
     """
 
     fit: Spec
-    recording: Recording
+    readings: Readings
+    remarks: tuple[Remark, ...]
     found: BacklashFit
     known: KnownBacklash
-    held_out: tuple[Float[np.ndarray, " t"], bool] | None = None
+    joint: tuple[Float[np.ndarray, " t"], bool] | None = None
 
     @functools.cached_property
     def sides(self) -> Sides:
         """The readings about the mean of both directions."""
-        return self.recording.sides(self.found)
+        return sides_of(self.readings, self.found)
 
     @property
     def width(self) -> float:
         """What is written, in mm or °."""
         return self.found.width + self.known.acting
-
-    @property
-    def reference(self) -> int:
-        """Direction in which the axis is right without it."""
-        return self.known.reference
 
     @property
     def written(self) -> bool:
@@ -138,7 +111,7 @@ class BacklashDraft(AbstractDraft):
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
         model = dataclasses.replace(self.found, width=self.width).compensation(
-            self.reference, cycles or 0
+            self.known.reference, cycles or 0
         )
         return dict(entries_of_backlash(model, (), self.job.conventions))
 
@@ -163,9 +136,8 @@ class BacklashDraft(AbstractDraft):
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
-        recording = read_recording(tables, fit)
-        found = recording.fit(fit.loss)
-        sides = recording.sides(found)
+        readings = read_backlash(tables, fit)
+        sides = sides_of(readings, fit_readings(readings, fit.loss))
         return SecondMeasurement(
             ", ".join(fit.sources),
             sides.position[:, None],
@@ -176,68 +148,61 @@ class BacklashDraft(AbstractDraft):
         )
 
     def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
-        way = self.recording.direction
+        way = self.readings.direction
         if way is None:
             return {}
-        change = self.found.compensation(self.reference)
-        offset = change.offset(way.astype(float))
-        added = np.asarray(offset, dtype=float)
-        return {
-            (self.axis, name): added[rows]
-            for name, rows in self.recording.slices.items()
-        }
+        change = self.found.compensation(self.known.reference)
+        added = np.asarray(change.offset(way.astype(float)), dtype=float)
+        slices = self.readings.slices
+        return {(self.axis, name): added[rows] for name, rows in slices.items()}
 
     def prove(self, done: "AxisFiles") -> BacklashResult:
         sides, half = self.sides, 0.5 * self.sides.direction
-        if self.held_out is not None:
-            predicted, by_run = self.held_out
-        else:
-            predicted, by_run = sides.before + half * self._others(), sides.by_run
+        predicted, by_run = self._held_out() if self.joint is None else self.joint
         back = self._read_back(done)
         # About the mean of both directions, which the tables of the axis look after.
         from_file = sides.before + half * (back - self.known.acting)
-        return BacklashResult(
+        result = BacklashResult(
             **self.frame(done),
             error=staged(sides.before, predicted, from_file, sides.wild),
-            remarks=(
-                *remarks_of(
-                    self.recording,
-                    self.found,
-                    self.known.old is not None,
-                    self.known.active,
-                ),
-                *done.remarks,
-            ),
+            remarks=(),
             files=tuple(n for n in done.written if n.name == done.machine_name),
             held_out="run" if by_run else "block",
             width=self.width if self.written else 0.0,
-            reference=self.reference,
+            reference=self.known.reference,
             cycles=done.cycles or 0,
             fit=self.found,
             view=sides,
             from_file=from_file,
-            moving=self.recording.moving,
+            moving=self.readings.direction is None,
         )
+        said = remarks_of(result, self.known.old is not None, self.known.active)
+        remarks = (*self.remarks, *said, *done.remarks)
+        return dataclasses.replace(result, remarks=remarks)
 
-    def _others(self) -> Float[np.ndarray, " t"]:
-        """Return the width that the other groups give, per reading."""
-        group = self.sides.group
-        found = np.full(len(group), self.found.width)
-        if self.recording.moving:
-            widths = np.array([turn.width for turn in self.found.reversals])
-            sound = ~self.found.wild
+    def _held_out(self) -> tuple[Float[np.ndarray, " t"], bool]:
+        """Return the error under the width of the others, and whether runs are left out."""
+        readings, sides, found = self.readings, self.sides, self.found
+        width = np.full(len(sides.before), found.width)
+        if readings.direction is None:
+            widths = np.array([turn.width for turn in found.reversals])
             for k in range(len(widths)):
-                others = sound & (np.arange(len(widths)) != k)
-                found[group == k] = widths[others].mean()
-            return found
+                others = ~found.wild & (np.arange(len(widths)) != k)
+                width[2 * k : 2 * k + 2] = widths[others].mean()
+            return sides.before + 0.5 * sides.direction * width, False
+        # Whole targets: those that stay must still be approached from both sides.
+        targets = np.unique(np.round(sides.position, 6), return_inverse=True)[1]
+        group, by_run = targets.reshape(-1) % _GROUPS, False
+        if readings.run is not None and len(np.unique(readings.run)) > 1:
+            group, by_run = readings.run, True
         for each in np.unique(group):
             try:
-                other = self.recording.fit(self.fit.loss, group != each)
-                found[group == each] = other.width
+                other = fit_readings(readings, self.fit.loss, group != each).width
             except FitError:
                 # What is left tells nothing: neither does the prediction.
-                found[group == each] = 0.0
-        return found
+                other = 0.0
+            width[group == each] = other
+        return sides.before + 0.5 * sides.direction * width, by_run
 
     def _read_back(self, done: "AxisFiles") -> float:
         """Return the width that the written file holds."""

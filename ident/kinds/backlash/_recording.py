@@ -1,20 +1,17 @@
 """What was measured for a backlash: readings at standstill, or a trace in motion."""
 
 import dataclasses
-from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....data.measurements import MeasurementError, wrap_degrees
 from ....data.signals import aligned_error, encoder_spline, estimate_instrument
-from ...job.result._result import Remark
-from ...readings import Tables, Wanted, read_joined
+from ...readings import Readings, Tables, Wanted, read_joined
 from ._trace import fit_backlash_trace
 from .effect import BacklashFit, fit_backlash
 from .keys import Spec
 
-_GROUPS = 5
 _ROWS = 50
 """Fewer tell nothing of a delay."""
 _REACH = 0.1
@@ -32,97 +29,53 @@ class Sides:
         direction: ±1.
         before: Half the reversal error, with the scatter of the reading, in mm or °.
         wild: Which the loss rejected.
-        group: What is held out together.
-        by_run: Whether the groups are runs.
     """
 
     position: Float[np.ndarray, " t"]
     direction: Int[np.ndarray, " t"]
     before: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
-    group: Int[np.ndarray, " t"]
-    by_run: bool = False
 
 
-@dataclasses.dataclass(frozen=True)
-class Recording:
-    """Readings of an axis from both directions, or a trace over its reversals.
-
-    Attributes:
-        position: In mm or °.
-        error: Actual − commanded (trace: reference − encoder) in mm or °.
-        direction: ±1 per reading; None for a trace.
-        run: Cycle of each reading, or None.
-        time: In s, or None.
-        reach: Travel on both sides of a reversal that a trace is judged by.
-        rotary: Lengths are angles.
-        slices: Rows of each measurement; none for a trace.
-        remarks: What was taken for granted.
-    """
-
-    position: Float[np.ndarray, " t"]
-    error: Float[np.ndarray, " t"]
-    direction: Int[np.ndarray, " t"] | None
-    run: Int[np.ndarray, " t"] | None
-    time: Float[np.ndarray, " t"] | None
-    reach: float
-    rotary: bool
-    slices: Mapping[str, slice]
-    remarks: tuple[Remark, ...]
-
-    @property
-    def moving(self) -> bool:
-        """Whether this is a trace in motion."""
-        return self.direction is None
-
-    def fit(self, loss: str, keep: np.ndarray | None = None) -> BacklashFit:
-        """Return the backlash of all readings, or of those for which ``keep`` is true.
-
-        Raises:
-            FitError: If they do not determine it.
-        """
-        rows = np.ones(len(self.error), dtype=bool) if keep is None else keep
-        if self.direction is None:
-            assert self.time is not None  # a trace has it
-            return fit_backlash_trace(
-                self.time[rows], self.position[rows], self.error[rows],
-                reach=self.reach, loss=loss,
-            )  # fmt: skip
-        return fit_backlash(
-            self.position[rows],
-            self.error[rows],
-            self.direction[rows],
-            run=None if self.run is None else self.run[rows],
-            time=None if self.time is None else self.time[rows],
-            loss=loss,
-        )
-
-    def in_unit(self, words: str) -> str:
-        """Return words in thousandths of a degree where the axis turns."""
-        return words.replace(" µm", " × 0.001°") if self.rotary else words
-
-    def sides(self, found: BacklashFit) -> Sides:
-        """Return the readings, or reversals, that a fit to them rests on."""
-        way = self.direction
-        if way is None:
-            turns = found.reversals
-            way = np.tile(np.array([1, -1]), len(turns))
-            # Each reversal gives one width: half of it to either side.
-            width = np.repeat([turn.width for turn in turns], 2)
-            place = np.repeat([turn.position for turn in turns], 2)
-            group = np.repeat(np.arange(len(turns)), 2)
-            wild = np.repeat(found.wild, 2)
-            return Sides(place, way, -0.5 * way * width, wild, group)
+def sides_of(readings: Readings, found: BacklashFit) -> Sides:
+    """Return the readings, or reversals, that a fit to them rests on."""
+    way = readings.direction
+    if way is not None:
         before = found.residual - 0.5 * way * found.width
-        if self.run is not None and len(np.unique(self.run)) > 1:
-            return Sides(self.position, way, before, found.wild, self.run, by_run=True)
-        # Whole targets: those that stay must still be approached from both sides.
-        _, place = np.unique(np.round(self.position, 6), return_inverse=True)
-        group = np.asarray(place.reshape(-1) % _GROUPS)
-        return Sides(self.position, way, before, found.wild, group)
+        return Sides(readings.positions[:, 0], way, before, found.wild)
+    turns = found.reversals
+    way = np.tile(np.array([1, -1]), len(turns))
+    # Each reversal gives one width: half of it to either side.
+    width = np.repeat([turn.width for turn in turns], 2)
+    place = np.repeat([turn.position for turn in turns], 2)
+    return Sides(place, way, -0.5 * way * width, np.repeat(found.wild, 2))
 
 
-def read_recording(tables: Tables, fit: Spec) -> Recording:
+def fit_readings(
+    readings: Readings, loss: str, keep: Bool[np.ndarray, " t"] | slice = slice(None)
+) -> BacklashFit:
+    """Return the backlash of readings in both directions, or of a trace, which has none.
+
+    Args:
+        readings: Of the axis.
+        loss: As for `fit_backlash`.
+        keep: Those that count.
+
+    Raises:
+        FitError: If they do not determine it.
+    """
+    position, error = readings.positions[keep, 0], readings.error[keep]
+    time = None if readings.time is None else readings.time[keep]
+    if readings.direction is None:
+        assert time is not None  # a trace has it
+        reach = _reach(position)
+        return fit_backlash_trace(time, position, error, reach=reach, loss=loss)
+    run = None if readings.run is None else readings.run[keep]
+    way = readings.direction[keep]
+    return fit_backlash(position, error, way, run=run, time=time, loss=loss)
+
+
+def read_backlash(tables: Tables, fit: Spec) -> Readings:
     """Return the readings of a backlash fit, all its measurements joined.
 
     Raises:
@@ -139,25 +92,13 @@ def read_recording(tables: Tables, fit: Spec) -> Recording:
             reason = "found a trace in motion among several measurements, expected one"
             raise MeasurementError(str(measured.source), reason)
         return _trace(encoder, actual, time, tables.job.spec.axes[fit.axis].kind)
-    wanted = Wanted((fit.axis,), "needed", lengths=True)
-    found = read_joined(tables, fit, wanted)
-    assert found.direction is not None  # `read_joined` refuses it otherwise
-    return Recording(
-        position=found.positions[:, 0],
-        error=found.error,
-        direction=found.direction.astype(np.int64),
-        run=found.run,
-        time=found.time,
-        reach=0.0,
-        rotary=tables.job.spec.axes[fit.axis].kind != "linear",
-        slices=found.slices,
-        remarks=tuple(map(Remark.info, found.remarks)),
-    )
+    return read_joined(tables, fit, Wanted((fit.axis,), "needed", lengths=True))
 
 
 def _trace(
     encoder: np.ndarray, actual: np.ndarray, time: np.ndarray, kind: str
-) -> Recording:
+) -> Readings:
+    """Return a trace in motion: reference − encoder over the time, without directions."""
     position = np.asarray(encoder, dtype=float)
     error, time = np.asarray(actual - position, dtype=float), np.asarray(time, float)
     late = ""
@@ -174,22 +115,22 @@ def _trace(
         )
     if kind != "linear":
         error = wrap_degrees(error)
-    travel = float(np.ptp(position))
-    reach = min(_REACH * travel, _FARTHEST)
-    return Recording(
-        position=position,
+    words = (
+        "The axis was moving: the error is that of the reference against the encoder,"
+        f" over {_reach(position):.3g} mm (or °) on both sides of each reversal.{late}"
+    )
+    return Readings(
+        positions=position[:, None],
         error=error,
         direction=None,
         run=None,
-        time=time,
-        reach=reach,
-        rotary=kind != "linear",
+        order=time,
+        timed=True,
         slices={},
-        remarks=(
-            Remark.info(
-                "The axis was moving: the error is that of the reference against the"
-                f" encoder, over {reach:.3g} mm (or °) on both sides of each reversal."
-                f"{late}"
-            ),
-        ),
+        remarks=(words,),
     )
+
+
+def _reach(position: Float[np.ndarray, " t"]) -> float:
+    """Return the travel on both sides of a reversal that a trace is judged by."""
+    return min(_REACH * float(np.ptp(position)), _FARTHEST)

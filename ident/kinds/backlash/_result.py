@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...job.result._result import AbstractResult, Expectation, Remark
-from ._recording import Recording, Sides
+from ._recording import Sides
 from .effect import BacklashFit
 
 
@@ -69,29 +69,29 @@ class BacklashResult(AbstractResult):
         }
 
 
-def remarks_of(
-    recording: Recording, found: BacklashFit, known: bool, active: bool
-) -> Iterator[Remark]:
-    """Return all remarks.
+def remarks_of(result: BacklashResult, known: bool, active: bool) -> Iterator[Remark]:
+    """Return all that a fit has to say for itself.
 
     Args:
-        recording: What was measured.
-        found: The estimate.
+        result: Of the job, its remarks left out.
         known: An axis list says in which direction the axis is right.
         active: Whether backlash was active while measuring.
     """
-    yield from list(recording.remarks)
+    found = result.fit
+
+    def warning(words: str) -> Remark:
+        turns = result.unit != "mm"
+        return Remark.warning(words.replace(" µm", " × 0.001°") if turns else words)
+
     if not found.significant:
-        yield Remark.warning(
-            recording.in_unit(
-                f"No backlash shows: {1e3 * found.width:.2f} µm ±"
-                f" {1e3 * found.standard_deviation:.2f} µm is less than 3 standard"
-                " deviations. Nothing is written."
-            ),
+        yield warning(
+            f"No backlash shows: {1e3 * found.width:.2f} µm ±"
+            f" {1e3 * found.standard_deviation:.2f} µm is less than 3 standard"
+            " deviations. Nothing is written."
         )
     else:
         yield Remark.info(f"{found.kind.capitalize()}.")
-    yield from (Remark.warning(recording.in_unit(words)) for words in _warnings(found))
+    yield from map(warning, _warnings(found))
     if not known and found.significant:
         yield Remark.warning(
             "The axis is taken as right when it moves in positive direction"

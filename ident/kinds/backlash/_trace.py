@@ -1,6 +1,7 @@
 """Backlash from the reversals of a trace in motion."""
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -74,24 +75,22 @@ def fit_backlash_trace(
     fast = float(np.median(np.abs(speed)))
     delayed = len(width) > 4 and float(np.ptp(speed)) > _SPEEDS * max(fast, 1e-300)
     columns = np.column_stack([np.ones(len(width)), *[speed] * delayed])
-    weight = _weights(turns, 0.0)
-    found = regress(columns, width, time=clock, weight=weight, loss=loss, names=_NAMES)
-    delay = None
+    fitted = functools.partial(
+        regress, time=clock, loss=loss, names=_NAMES, weight=_weights(turns, 0.0)
+    )
+    found, delay = fitted(columns, width), None
     if delayed:
         # Scatter within a reversal counts what the delay leaves, not the delay itself.
         weight = _weights(turns, float(found.coefficients[1]))
-        found = regress(
-            columns, width, time=clock, weight=weight, loss=loss, names=_NAMES
-        )
+        fitted = functools.partial(fitted, weight=weight)
+        found = fitted(columns, width)
         # The error of a reference that is late is −delay · speed.
         delay = -float(found.coefficients[1]), float(found.standard_deviation[1])
     places = len(np.unique(np.round(where / max(float(np.ptp(where)), 1e-12), 2)))
     order = min(_HIGHEST, places - 1)
     return dataclasses.replace(
         BacklashFit.of(found, way, "reversals"),
-        dependence=dependence_along(
-            where, columns[:, 0], columns[:, 1:], width, order, clock, loss, weight
-        ),
+        dependence=dependence_along(where, columns, width, order, fitted),
         delay=delay,
         delay_gain=None if delayed or not fast > 0 else fast,
         reversals=tuple(turns),

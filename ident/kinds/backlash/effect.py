@@ -1,6 +1,8 @@
 """Backlash: readings from both directions in, the width out; `_trace` has reversals."""
 
 import dataclasses
+import functools
+from collections.abc import Callable
 
 import jax.numpy as jnp
 import numpy as np
@@ -31,6 +33,9 @@ _TARGETS = 60
 _NODES = 24
 """Nodes of the error along the axis where the positions are all different."""
 _COMMON = "the error common to both directions, or runs"
+
+Fitted = Callable[[Float[np.ndarray, "t k"], Float[np.ndarray, " t"]], Regression]
+"""`regress` with what is known of the readings: time, weight and loss."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -210,45 +215,38 @@ def fit_backlash(
     play = -np.asarray(Backlash(jnp.ones(()), 1).offset(way)) - 0.5
     columns = np.column_stack([play, common])
     names = ["backlash", *[_COMMON] * common.shape[1]]
-    found = regress(columns, error, time=time, names=names, loss=loss)
+    fitted = functools.partial(regress, time=time, loss=loss)
     order = min(_HIGHEST, places - 1)
     return dataclasses.replace(
-        BacklashFit.of(found, way, "readings"),
-        dependence=dependence_along(position, play, common, error, order, time, loss),
-        drift=None if run is None else _drift(columns, run, error, time, loss),
+        BacklashFit.of(fitted(columns, error, names=names), way, "readings"),
+        dependence=dependence_along(position, columns, error, order, fitted),
+        drift=None if run is None else _drift(columns, run, error, fitted),
     )
 
 
 def dependence_along(
     position: Float[np.ndarray, " t"],
-    unit: Float[np.ndarray, " t"],
-    beside: Float[np.ndarray, "t k"],
+    columns: Float[np.ndarray, "t k"],
     target: Float[np.ndarray, " t"],
     order: int,
-    time: Float[np.ndarray, " t"] | None,
-    loss: str,
-    weight: Float[np.ndarray, " t"] | None = None,
+    fitted: Fitted,
 ) -> Dependence | None:
     """Return how the width changes along the axis; None where the readings do not show it.
 
     Args:
         position: Of readings or reversals in mm or °.
-        unit: What a width of 1 does to each.
-        beside: Columns of what else is fitted.
+        columns: What a width of 1 does to each, then what else is fitted.
         target: Readings or reversals in mm or °.
         order: Of the highest Legendre polynomial over the measured range.
-        time: As for `regress`.
-        loss: As for `regress`.
-        weight: As for `regress`.
+        fitted: The regression with what is known of the readings.
     """
-    if order < 1 or len(target) <= beside.shape[1] + order + 4:
+    if order < 1 or len(target) <= columns.shape[1] + order + 3:
         return None
     low, high = float(position.min()), float(position.max())
     place = 2.0 * (position - low) / max(high - low, 1e-300) - 1.0
-    shapes = unit[:, None] * legendre.legvander(place, order)
+    shapes = columns[:, :1] * legendre.legvander(place, order)
     try:
-        columns = np.hstack([shapes, beside])
-        found = regress(columns, target, time=time, weight=weight, loss=loss)
+        found = fitted(np.hstack([shapes, columns[:, 1:]]), target)
     except FitError:
         return None
     if found.undetermined[: 1 + order].any():
@@ -344,8 +342,7 @@ def _drift(
     columns: Float[np.ndarray, "t k"],
     run: Int[np.ndarray, " t"],
     error: Float[np.ndarray, " t"],
-    clock: Float[np.ndarray, " t"] | None,
-    loss: str,
+    fitted: Fitted,
 ) -> tuple[float, float] | None:
     """Return a drift over each run, where it shows, and the width beside it."""
     within = np.zeros(len(run))
@@ -353,8 +350,7 @@ def _drift(
         rows = np.flatnonzero(run == label)
         within[rows] = np.linspace(-0.5, 0.5, len(rows)) if len(rows) > 1 else 0.0
     try:
-        both = np.column_stack([columns, within])
-        found = regress(both, error, time=clock, loss=loss)
+        found = fitted(np.column_stack([columns, within]), error)
     except FitError:
         return None
     if not abs(found.coefficients[-1]) >= SURE * found.standard_deviation[-1]:

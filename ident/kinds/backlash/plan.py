@@ -9,10 +9,13 @@ from jaxtyping import Float
 from ...fit import DriftNoise, FitError
 from ...job._draft import Leftovers
 from ...job._fit_plan import AbstractPlan
-from ...readings import Tables
-from ._draft import BacklashDraft, KnownBacklash, known_backlash
-from ._recording import Recording, read_recording
-from .effect import BacklashFit
+from ...job.result._result import Remark
+from ...job.table._plan import was_active
+from ...readings import Readings, Tables
+from ._draft import BacklashDraft, KnownBacklash
+from ._recording import fit_readings, read_backlash
+from .effect import BacklashFit, Dependence
+from .entries import backlash_from_list
 from .keys import Spec
 
 if TYPE_CHECKING:
@@ -28,10 +31,23 @@ def plan(tables: Tables, index: int, fit: Spec) -> "BacklashPlan":
     """Plan a backlash fit.
 
     Raises:
-        JobError: If existing lists do not suit.
+        JobError: If the axis list cannot be read, or does not hold what was active.
     """
-    known = known_backlash(tables.job, index, fit)
-    return BacklashPlan(tables.job, index, fit, known)
+    job, old, holder = tables.job, None, None
+    machine = job.lists[fit.axis].machine
+    if machine is not None:
+        with job.blaming(("fits", index)):
+            old = backlash_from_list(machine, job.conventions)
+        if old is not None and float(old.width) != 0.0:
+            holder = machine.source
+    active = was_active(job, index, fit, holder)
+    if active and old is None:
+        raise job.error(
+            ("axes", fit.axis, "machine_data"),
+            "backlash was active while measuring, but no axis list that switches it on"
+            " is given, expected machine_data = the file that was loaded",
+        )
+    return BacklashPlan(job, index, fit, KnownBacklash(old, active))
 
 
 @final
@@ -47,10 +63,11 @@ class BacklashPlan(AbstractPlan):
     known: KnownBacklash
 
     def alone(self, tables: Tables, left: Leftovers) -> BacklashDraft:
-        recording = read_recording(tables, self.fit)
-        found = recording.fit(self.fit.loss)
+        readings = read_backlash(tables, self.fit)
+        found = fit_readings(readings, self.fit.loss)
+        remarks = tuple(map(Remark.info, readings.remarks))
         job, index = self.job, self.index
-        return BacklashDraft(job, index, self.fit, recording, found, self.known)
+        return BacklashDraft(job, index, self.fit, readings, remarks, found, self.known)
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -68,52 +85,33 @@ class BacklashPlan(AbstractPlan):
         return Backlash(self.axis, reference=self.known.reference)
 
     def draft(self, share: "Share") -> BacklashDraft:
-        part = share.part
-        way = share.column("direction", self.axis)
-        width, deviation = float(part.values[0]), float(part.standard_deviation[0])
+        readings, part = share.readings((self.axis,), turns=True), share.part
+        width, way = float(part.values[0]), readings.direction
+        assert way is not None  # it was asked for
         # Both directions about their mean: what lies between them is not the backlash's.
         middle = 0.5 * self.known.reference * width
-        run = share.recording.data.run
-        data = Recording(
-            position=share.column("position", self.axis),
-            error=share.error - middle,
-            direction=way.astype(np.int64),
-            run=None if run is None else run[share.rows],
-            time=share.time,
-            reach=0.0,
-            rotary=self.job.spec.axes[self.axis].kind != "linear",
-            slices=share.slices(),
-            remarks=tuple(share.remarks()),
-        )
-        alone = _alone(data, self.fit.loss)
+        readings = dataclasses.replace(readings, error=readings.error - middle)
         found = BacklashFit(
             width=width,
-            standard_deviation=deviation,
+            standard_deviation=float(part.standard_deviation[0]),
             noise=DriftNoise(share.noise),
             independent=float(np.sum(~share.wild)),
             support=(int(np.sum(way > 0)), int(np.sum(way < 0))),
-            dependence=None if alone is None else alone.dependence,
+            dependence=self._dependence(readings),
             residual=share.left,
             wild=share.wild,
             converged=share.fit.converged,
         )
+        left_out = share.predicted[share.rows], share.recording.by_run
+        remarks, job = tuple(share.remarks()), self.job
         return BacklashDraft(
-            job=self.job,
-            index=self.index,
-            fit=self.fit,
-            recording=data,
-            found=found,
-            known=self.known,
-            held_out=(share.predicted[share.rows], share.recording.by_run),
+            job, self.index, self.fit, readings, remarks, found, self.known, left_out
         )
 
-
-def _alone(recording: Recording, loss: str) -> BacklashFit | None:
-    """Return the backlash of what the other effects leave, fitted alone, or None."""
-    count = len(recording.error)
-    keep = np.zeros(count, dtype=bool)
-    keep[:: max(count // _MOST, 1)] = True
-    try:
-        return recording.fit(loss, keep)
-    except FitError:
-        return None
+    def _dependence(self, readings: Readings) -> Dependence | None:
+        """Return how the width changes along the axis in what the other effects leave."""
+        few = slice(None, None, max(len(readings.error) // _MOST, 1))
+        try:
+            return fit_readings(readings, self.fit.loss, few).dependence
+        except FitError:
+            return None

@@ -5,7 +5,7 @@ import functools
 from typing import TYPE_CHECKING, final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ....data.lists import Value
 from ....models import Crosstalk, LegacyCrosstalk
@@ -16,8 +16,7 @@ from ...job.file._load import Job
 from ...job.result._result import Remark, staged
 from ...job.table._plan import was_active
 from ...proof import GateCheck, error_figures
-from ._events import events_under
-from ._identify import Identified
+from ._events import cut_events
 from ._result import (
     CrosstalkResult,
     coverage_of,
@@ -25,7 +24,7 @@ from ._result import (
     largest_jump,
     remarks_of,
 )
-from .effect import full_offsets
+from .effect import CrosstalkFit, CrosstalkReadings, full_offsets
 from .entries import ENTRIES, crosstalk_from_list, entries_of_crosstalk
 from .keys import Spec
 
@@ -103,21 +102,35 @@ class CrosstalkDraft(AbstractDraft):
 
     Attributes:
         remarks: What was taken for granted while reading.
-        found: The estimate and its proof.
+        found: The estimate.
+        readings: What it saw: positions of its own adaptation axes only, no delay.
+        masters: Names of these axes.
+        held_out: Value of each event in mm under the list fitted without it; NaN where what
+            remains determines none.
         old: Crosstalk of the list that is there.
+        delay: By how much the error follows the acceleration, in s; taken off.
     """
 
     fit: Spec
     remarks: tuple[Remark, ...]
-    found: Identified
+    found: CrosstalkFit
+    readings: CrosstalkReadings
+    masters: tuple[str, ...]
+    held_out: Float[np.ndarray, " n"]
     old: Existing
+    delay: float = 0.0
 
     @functools.cached_property
     def list_model(self) -> Crosstalk | None:
         """The list as the controller runs it, without a filter; None: nothing is written."""
-        if not (self.found.significant and self.found.fit.complete.any()):
+        if not (self.found.significant and self.found.complete.any()):
             return None
-        return self.found.fit.compensation(self.old.active)
+        return self.found.compensation(self.old.active)
+
+    @property
+    def judged(self) -> Bool[np.ndarray, " n"]:
+        """Events that others predict."""
+        return np.asarray(np.isfinite(self.held_out))
 
     @property
     def written(self) -> bool:
@@ -129,18 +142,18 @@ class CrosstalkDraft(AbstractDraft):
         model, cycles = self.list_model, self.fit.n_cycles
         assert model is not None  # it is written
         if cycles is None:
-            jump = largest_jump(full_offsets(model, model), model.by_speed)
+            jump = largest_jump(model)
             entry = f"{self.kind.prefix}.n_cycles"
             cycles = spread_over(self.job, jump, self.lists.compensation, entry)
         return dataclasses.replace(model, cycles=cycles)
 
     @property
     def settled(self) -> bool:
-        return self.found.fit.converged
+        return self.found.converged
 
     @property
     def needs(self) -> str:
-        masters = self.found.masters
+        masters = self.masters
         if not masters:
             return "Works from start-up on"
         verb = "is" if len(masters) == 1 else "are"
@@ -149,42 +162,33 @@ class CrosstalkDraft(AbstractDraft):
     @property
     def _masters(self) -> tuple[int, ...]:
         """Numbers of the axes that it acts over, the accelerating one first."""
-        names = (self.fit.master, *self.found.masters)
+        names = (self.fit.master, *self.masters)
         return tuple(self.job.spec.axes[name].number for name in names)
 
     def entries(self) -> dict[str, Value]:
-        entries: dict[str, Value] = dict(
-            entries_of_crosstalk(self.model, self._masters)
-        )
-        manual = self.fit.manual_activation
-        if manual is not None:
-            entries[f"{self.kind.prefix}.manual_activation"] = int(manual)
-        return entries
+        return {**entries_of_crosstalk(self.model, self._masters), **self.manual_entry}
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
-        return judge_crosstalk(
-            self.model,
-            self.found.masters,
-            self.job.spec.controller.cycle_time,
-            self.job.limits,
-            self._change(),
-        )
+        return judge_crosstalk(self)
 
-    def _change(self) -> Float[np.ndarray, "4 p"] | None:
-        """Return what the new list adds beyond the old one, where both can be compared."""
+    @property
+    def change(self) -> Float[np.ndarray, "4 p"] | None:
+        """What the new list adds beyond the old one, where both can be compared, in mm."""
         old, model = self.old.model, self.model
         if old is None or self.old.masters != self._masters:
             return None
         return np.asarray(full_offsets(model, model) - full_offsets(old, model))
 
     def prove(self, done: "AxisFiles") -> CrosstalkResult:
-        found, fit = self.found, self.found.fit
-        added, rates = self.added_to_log(done), (fit.acceleration, fit.deceleration)
-        left = events_under(found.readings, added, rates, fit.conventions)
-        before, wild, judged = fit.events.value, fit.events.wild, found.judged
+        fit, log = self.found, self.readings
+        added = self.added_to_log(done)
+        corrected = dataclasses.replace(log, error=log.error + added)
+        rates, rules = (fit.acceleration, fit.deceleration), fit.conventions
+        left = cut_events(corrected, *rates, conventions=rules).value
+        before, wild, judged = fit.events.value, fit.events.wild, self.judged
         error = staged(before, before, left, wild)
         if judged.any():
-            predicted = error_figures(found.held_out[judged], wild=wild[judged])
+            predicted = error_figures(self.held_out[judged], wild=wild[judged])
             error["predicted"] = predicted
         model = self.model if self.written else None
         shown = np.zeros(len(fit.points), dtype=bool)
@@ -198,7 +202,7 @@ class CrosstalkDraft(AbstractDraft):
             files=() if model is None else done.written,
             held_out="event",
             master=self.fit.master,
-            adaptation=found.masters,
+            adaptation=self.masters,
             points=fit.points[shown],
             entries=np.zeros((4, 0)) if model is None else np.asarray(model.values),
             standard_deviation=fit.standard_deviation[:, shown],
@@ -207,18 +211,18 @@ class CrosstalkDraft(AbstractDraft):
             coverage=0.0 if model is None else coverage_of(model, workspace),
             workspace=workspace,
             fit=fit,
-            predicted=found.held_out,
+            predicted=np.where(judged, self.held_out, before),
             from_file=left,
-            readings=found.readings,
+            readings=log,
             added=added,
         )
-        said = remarks_of(result, found, self.job.spec.controller.cycle_time)
+        said = remarks_of(result, self)
         remarks = (*self.remarks, *said, *self._about_the_old(), *done.remarks)
         return dataclasses.replace(result, remarks=remarks)
 
     def added_to_log(self, done: "AxisFiles") -> Float[np.ndarray, " t"]:
         """Return what the written file adds in each row beyond what acted already."""
-        readings, listing = self.found.readings, done.compensation
+        readings, listing = self.readings, done.compensation
         motion = readings.acceleration, readings.velocity, readings.positions
         if not self.written or listing is None:
             return np.zeros(len(readings.time))
@@ -230,11 +234,11 @@ class CrosstalkDraft(AbstractDraft):
 
     def _workspace(self) -> Float[np.ndarray, "k 2"]:
         """Return where the adaptation axes go: software limits, else as measured."""
-        places = self.found.readings.positions
+        places = self.readings.positions
         spans = [
             self.job.spec.axes[name].limits
             or [float(column.min()), float(column.max())]
-            for name, column in zip(self.found.masters, places.T, strict=True)
+            for name, column in zip(self.masters, places.T, strict=True)
         ]
         return np.array(spans, dtype=float).reshape(-1, 2)
 

@@ -244,17 +244,6 @@ def cut_events(
     )
 
 
-def events_under(
-    readings: CrosstalkReadings,
-    added: Float[np.ndarray, " t"],
-    rates: tuple[float, float],
-    rules: Conventions,
-) -> Float[np.ndarray, " n"]:
-    """Return the value of every event in mm where a list adds this to the slave."""
-    left = dataclasses.replace(readings, error=readings.error + added)
-    return cut_events(left, *rates, conventions=rules).value
-
-
 def shares_of(
     readings: CrosstalkReadings,
     acceleration: float,

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -12,8 +12,10 @@ from ....models import Crosstalk
 from ...job.result._result import AbstractResult, Remark
 from ...proof import GateCheck, GateLimits, reversal_dynamics
 from . import SAFE_TESTS
-from ._identify import Identified
 from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings, full_offsets
+
+if TYPE_CHECKING:
+    from ._draft import CrosstalkDraft
 
 SHORT = ("accelerating +", "accelerating −", "decelerating +", "decelerating −")
 """Words for the rows of `BRANCHES`: what the master does, and its direction."""
@@ -48,49 +50,36 @@ def _grid(lines: Sequence[Float[np.ndarray, " _n"]]) -> Float[np.ndarray, "..."]
     return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
 
 
-def reversal_jumps(
-    four: Float[np.ndarray, "4 p"], by_speed: bool
-) -> Float[np.ndarray, "2 p"]:
-    """Return how far the value jumps where the master turns under full acceleration."""
-    # A turn keeps the sign of the acceleration and changes the direction.
-    pairs = ((0, 3), (2, 1)) if by_speed else ((0, 1), (2, 3))
-    return np.stack([np.abs(four[a] - four[b]) for a, b in pairs])
-
-
-def largest_jump(four: Float[np.ndarray, "4 p"], by_speed: bool) -> float:
+def largest_jump(model: Crosstalk) -> float:
     """Return the largest jump in mm when the master's acceleration steps at will."""
+    four = full_offsets(model, model)
     braking = np.abs(four[[0, 1]] - four[[2, 3]])
-    sizes = [np.abs(four), braking, reversal_jumps(four, by_speed)]
+    sizes = [np.abs(four), braking, _reversal_jumps(model)]
     return max(float(each.max(initial=0.0)) for each in sizes)
 
 
-def judge_crosstalk(
-    model: Crosstalk,
-    names: Sequence[str],
-    cycle_time: float,
-    limits: GateLimits,
-    change: np.ndarray | None,
-) -> tuple[GateCheck, ...]:
-    """Return every line of the gate.
+def _reversal_jumps(model: Crosstalk) -> Float[np.ndarray, "2 p"]:
+    """Return how far the value jumps where the master turns under full acceleration."""
+    four = full_offsets(model, model)
+    # A turn keeps the sign of the acceleration and changes the direction.
+    pairs = ((0, 3), (2, 1)) if model.by_speed else ((0, 1), (2, 3))
+    return np.stack([np.abs(four[a] - four[b]) for a, b in pairs])
 
-    Args:
-        model: As it is written.
-        names: Of its adaptation axes.
-        cycle_time: In s.
-        limits: Of the job.
-        change: Against the list that was there, by entry, in mm; None = not known.
-    """
+
+def judge_crosstalk(draft: "CrosstalkDraft") -> tuple[GateCheck, ...]:
+    """Return every line of the gate."""
+    model, names, limits = draft.model, draft.masters, draft.job.limits
     points = np.asarray(model.surface.points)
     full = full_offsets(model, model)
     row, test = divmod(int(np.argmax(np.abs(full))), full.shape[1])
     where = f"{SHORT[row]}{_at(names, points[test])}"
     checks = [limits.check("max_correction", abs(full[row, test]), "mm", where)]
-    turns = reversal_jumps(full, model.by_speed)
+    turns = _reversal_jumps(model)
     test = int(np.argmax(turns.max(axis=0)))
     where = f"where the master turns under full acceleration{_at(names, points[test])}"
     checks.append(limits.check("max_reversal", turns.max(), "mm", where))
-    jump = largest_jump(full, model.by_speed)
-    fast, hard = reversal_dynamics(jump, model.cycles, cycle_time)
+    cycle_time = draft.job.spec.controller.cycle_time
+    fast, hard = reversal_dynamics(largest_jump(model), model.cycles, cycle_time)
     where = (
         f"if the acceleration of the master steps, spread over {model.cycles} cycles"
     )
@@ -100,6 +89,7 @@ def judge_crosstalk(
     ]
     if names:
         checks += _along(model, names, points, limits)
+    change = draft.change
     if change is not None and limits.max_change is not None:
         value = float(np.max(np.abs(change)))
         words = "against the list that was there"
@@ -235,41 +225,39 @@ class CrosstalkResult(AbstractResult):
         }
 
 
-def remarks_of(
-    result: CrosstalkResult, found: Identified, cycle_time: float
-) -> Iterator[Remark]:
+def remarks_of(result: CrosstalkResult, draft: "CrosstalkDraft") -> Iterator[Remark]:
     """Return everything that the report has to say of a fit.
 
     Args:
         result: Of the job, its remarks left out.
-        found: The estimate.
-        cycle_time: In s.
+        draft: What it was made of.
     """
-    yield from _of_the_fit(found.fit)
-    yield from _of_the_log(result, found)
+    yield from _of_the_fit(result.fit)
+    yield from _of_the_log(result, draft.delay)
     if not len(result.points):
-        yield _nothing(result, found)
-    if not found.judged.all():
+        yield _nothing(result)
+    judged = draft.judged
+    if not judged.all():
         yield Remark.warning(
-            f"{int((~found.judged).sum())} of {len(found.judged)} events could not"
+            f"{int((~judged).sum())} of {len(judged)} events could not"
             " be held out, since what remains determines no test: nothing is"
             " predicted for them."
         )
     if len(result.points):
-        yield from _of_the_list(result, cycle_time)
+        yield from _of_the_list(result, draft.job.spec.controller.cycle_time)
 
 
-def _of_the_log(result: CrosstalkResult, found: Identified) -> Iterator[Remark]:
+def _of_the_log(result: CrosstalkResult, delay: float) -> Iterator[Remark]:
     """Return what the log says of itself: a delay, and accelerations beyond the list."""
-    if found.delay:
-        way = "late" if found.delay > 0 else "early"
+    if delay:
+        way = "late" if delay > 0 else "early"
         yield Remark.warning(
-            f"The error of {result.axis} comes {1e3 * abs(found.delay):.3g} ms {way}"
+            f"The error of {result.axis} comes {1e3 * abs(delay):.3g} ms {way}"
             f" against the acceleration of {result.master}; that was taken off, as the"
             " delay of an instrument is. If it is the machine that follows late, the"
             " correction will come too early by as much."
         )
-    own = found.fit
+    own = result.fit
     over = float(np.max(np.abs(own.events.peak) / own.full))
     if over > _ABOVE:
         yield Remark.warning(
@@ -280,19 +268,20 @@ def _of_the_log(result: CrosstalkResult, found: Identified) -> Iterator[Remark]:
         )
 
 
-def _nothing(result: CrosstalkResult, found: Identified) -> Remark:
-    if not found.fit.complete.any():
+def _nothing(result: CrosstalkResult) -> Remark:
+    fit = result.fit
+    if not fit.complete.any():
         return Remark.error(
             "No test has all four of its entries measured, and a missing one would be 0"
             f" in the controller: no list is written. Measure {result.master} with"
             " acceleration and deceleration in both directions."
         )
-    if found.significant:
+    if fit.significant:
         return Remark.error(
             "The tests whose four entries are all measured stand in a line, or are too"
             " few to span the adaptation axes: no list is written."
         )
-    known = np.abs(found.fit.values[np.isfinite(found.fit.values)])
+    known = np.abs(fit.values[np.isfinite(fit.values)])
     largest = 1e3 * float(known.max()) if known.size else math.nan
     return Remark.warning(
         f"No crosstalk from {result.master} shows: no value exceeds what chance over all of"

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.special import chdtrc  # scipy.stats takes long to load
+from scipy.special import chdtrc, ndtri  # scipy.stats takes long to load
 
 from ....models import Conventions, Crosstalk, LegacyCrosstalk, surface_through
 from ...core import FitError, filled, one_blas_thread
@@ -29,6 +29,8 @@ MOST_TESTS = 15
 """Measurement tests that a list holds at most ([001] p.84)."""
 _CHANCE = 0.01
 """Probability under equal directions below which they differ."""
+_SURE = 0.0027
+"""Probability of three standard deviations, shared by all values that are looked at."""
 _FEW = 3
 """Events below which their scatter is believed from within them."""
 _MEDIAN = 1.57
@@ -95,6 +97,17 @@ class CrosstalkFit:
         """Size of the specified acceleration that each event is a part of, in mm/s²."""
         slows = self.events.branch >= 2
         return np.where(slows, -self.deceleration, self.acceleration)
+
+    @property
+    def significant(self) -> bool:
+        """Whether any value is more than chance over all of them would show."""
+        rows = slice(None) if self.velocity_dependent else slice(0, 4, 2)
+        value, spread = self.values[rows], self.standard_deviation[rows]
+        known = np.isfinite(value) & np.isfinite(spread)
+        if not known.any():
+            return False
+        limit = -float(ndtri(0.5 * _SURE / int(known.sum())))
+        return bool((np.abs(value[known]) > limit * spread[known]).any())
 
     def kept(self, active: Crosstalk | None) -> Bool[np.ndarray, " p"]:
         """Return which tests are written: all four values measured, or known from before.

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from .._keys import Fault, FitSpec, KeyPath, Positive, unknown
+from .._keys import Fault, FitSpec, KeyPath, Positive, not_linear, unknown
 from . import SAFE_TESTS
 
 if TYPE_CHECKING:
@@ -58,13 +58,9 @@ class Spec(FitSpec, frozen=True):
                 f"found {self.axis!r}, the compensated axis itself, expected another"
             )
             yield (*where, "master"), reason
+        why = "the units of a crosstalk list are not defined for others"
         for key, name in (("axis", self.axis), *named):
-            if name in job.axes and job.axes[name].kind != "linear":
-                yield (
-                    (*where, key),
-                    f"found the {job.axes[name].kind} axis {name}, expected a linear one:"
-                    " the units of a crosstalk list are not defined for others",
-                )
+            yield from not_linear(job, name, (*where, key), why)
         yield from self._tests(where)
 
     def _tests(self, where: KeyPath) -> Iterator[Fault]:

@@ -1,7 +1,8 @@
 """A planned crosstalk: fitted alone, or in a group."""
 
 import dataclasses
-from typing import TYPE_CHECKING, final
+import functools
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from jaxtyping import Float
@@ -11,10 +12,11 @@ from ...job._draft import Leftovers
 from ...job._fit_plan import AbstractPlan
 from ...job.result._result import Remark
 from ...readings import Tables
+from . import SAFE_TESTS
 from ._draft import CrosstalkDraft, Existing, existing_crosstalk
-from ._events import cut_events, events_under, joined_logs
-from ._identify import Identified, identify, options_of, read_crosstalk
-from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings, fit_crosstalk
+from ._events import cut_events, joined_logs
+from ._log import held_out_events, read_crosstalk, without_delay
+from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings, are_among, fit_crosstalk
 from .keys import Spec
 
 if TYPE_CHECKING:
@@ -29,9 +31,8 @@ def plan(tables: Tables, index: int, fit: Spec) -> "CrosstalkPlan":
     Raises:
         JobError: If existing lists do not suit.
     """
-    job = tables.job
-    old = existing_crosstalk(job, index, fit)
-    return CrosstalkPlan(job, index, fit, old, fit.mover(job.conventions))
+    old = existing_crosstalk(tables.job, index, fit)
+    return CrosstalkPlan(tables.job, index, fit, old)
 
 
 @final
@@ -41,19 +42,108 @@ class CrosstalkPlan(AbstractPlan):
 
     Attributes:
         old: Crosstalk of the list that is there.
-        mover: Axis whose direction of motion counts.
     """
 
     fit: Spec
     old: Existing
-    mover: str
+
+    @property
+    def mover(self) -> str:
+        """Axis whose direction of motion counts."""
+        return self.fit.mover(self.job.conventions)
+
+    @functools.cached_property
+    def options(self) -> dict[str, Any]:
+        """What the job leaves open of the tests, as options of `fit_crosstalk`.
+
+        Raises:
+            FitError: If keys contradict each other.
+        """
+        fit, active, points = self.fit, self.old.active, self._tests
+        rates = fit.acceleration, fit.deceleration
+        if active is not None:
+            rates = float(active.acceleration), float(active.deceleration)
+        mode: int | str = fit.mode if points is None else 1 + points.shape[1]
+        if fit.mode not in ("auto", mode):
+            msg = (
+                f"mode: found {fit.mode}, expected {mode} as the tests that are given."
+            )
+            raise FitError(msg)
+        apart = fit.velocity_dependent
+        return {
+            "acceleration": rates[0],
+            "deceleration": rates[1],
+            "velocity_dependent": "auto" if apart is None else apart,
+            "most_tests": min(fit.max_points or SAFE_TESTS, SAFE_TESTS),
+            "conventions": self.job.conventions,
+            "loss": fit.loss,
+            "mode": mode,
+            "positions": points,
+        }
+
+    @property
+    def _tests(self) -> Float[np.ndarray, "p k"] | None:
+        """Where the tests are to stand: at those of the active list, or at more than these.
+
+        Raises:
+            FitError: If the wished ones lack one of these.
+        """
+        wished = self.fit.positions
+        points = None if wished is None else np.array(wished, dtype=float)
+        if self.old.active is None:
+            return points
+        own = np.asarray(self.old.active.surface.points, dtype=float)
+        if points is None:
+            return own
+        if points.shape[1] == own.shape[1] and are_among(own, points).all():
+            return points
+        msg = (
+            "positions: found others than the tests of the list that was active while"
+            " measuring, expected those and, if you like, more."
+        )
+        raise FitError(msg)
+
+    def _refuse_still(self, log: CrosstalkReadings) -> None:
+        """Raise where an axis that the tests are to adapt to never moved."""
+        mode = self.options["mode"]
+        if not isinstance(mode, int) or self.options["positions"] is not None:
+            return
+        names = self.fit.adapts_to[: mode - 1]
+        for name, column in zip(names, log.positions.T, strict=False):
+            known = column[np.isfinite(column)]
+            if known.size and not np.ptp(known) > 0:
+                msg = (
+                    f"{name} stands at {known[0]:g} in all readings: mode {mode} needs"
+                    f" accelerations at two places of {name} or more."
+                )
+                raise FitError(msg)
 
     def alone(self, tables: Tables, left: Leftovers) -> CrosstalkDraft:
         job, fit = self.job, self.fit
-        readings, words = read_crosstalk(tables, fit)
-        found = identify(readings, fit, self.old.active, job.conventions)
-        remarks = tuple(map(Remark.info, words))
-        return CrosstalkDraft(job, self.index, fit, remarks, found, self.old)
+        log, words = read_crosstalk(tables, fit)
+        options = self.options
+        self._refuse_still(log)
+        found = fit_crosstalk(log, **options)
+        log, delay = without_delay(log, found)
+        if delay:
+            found = fit_crosstalk(log, **options)
+        # What a list adds beside an event is that of the direction of the event.
+        log = log.directed(found.acceleration, found.deceleration)
+        axes, events = list(found.axes), found.events
+        events = dataclasses.replace(events, positions=events.positions[:, axes])
+        found = dataclasses.replace(found, events=events)
+        return CrosstalkDraft(
+            job,
+            self.index,
+            fit,
+            tuple(map(Remark.info, words)),
+            found,
+            dataclasses.replace(log, positions=log.positions[:, axes]),
+            tuple(fit.adapts_to[k] for k in axes),
+            held_out_events(found, options),
+            self.old,
+            delay=delay,
+        )
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -90,8 +180,8 @@ class CrosstalkPlan(AbstractPlan):
     ) -> "Crosstalk | None":
         from ...fit.joint import Crosstalk  # takes long to load
 
-        options = options_of(self.fit, self.old.active, self.job.conventions)
-        names, points, mode = self.fit.adapts_to, options["positions"], options["mode"]
+        options, names = self.options, self.fit.adapts_to
+        points, mode = options["positions"], options["mode"]
         rates = options["acceleration"], options["deceleration"]
         way = options["velocity_dependent"]
         plain = mode == 1 or points is not None
@@ -141,12 +231,12 @@ class CrosstalkPlan(AbstractPlan):
 
         assert isinstance(effect, Crosstalk)  # of `effect`
         names, rates = effect.adaptation, (effect.acceleration, effect.deceleration)
-        used = np.full(len(share.rows), np.nan)
-        used[share.rows] = share.error
-        log = self._log(share.recording, used, names).directed(*rates)
-        events = cut_events(log, *rates, conventions=self.job.conventions)
-        left = self._log(share.recording, share.predicted, names).error
-        added = np.where(np.isfinite(log.error), np.nan_to_num(left - log.error), 0.0)
+        rules, error = self.job.conventions, np.full((2, len(share.rows)), np.nan)
+        error[:, share.rows] = share.error, share.predicted[share.rows]
+        logs = [
+            self._log(share.recording, own, names).directed(*rates) for own in error
+        ]
+        events, left = (cut_events(log, *rates, conventions=rules) for log in logs)
         told = effect.table(part.determined.astype(float)) > 0.5
         scatter = [
             events.standard_deviation[events.branch == row]
@@ -166,15 +256,16 @@ class CrosstalkPlan(AbstractPlan):
             events=events,
             scores=(),
             converged=share.fit.converged,
-            conventions=self.job.conventions,
+            conventions=rules,
         )
-        found = Identified(
-            fit=fit,
-            readings=log,
-            masters=names,
-            held_out=events_under(log, added, rates, self.job.conventions),
-            judged=np.ones(len(events), dtype=bool),
-            delay=0.0,
+        return CrosstalkDraft(
+            self.job,
+            self.index,
+            self.fit,
+            tuple(share.remarks()),
+            fit,
+            logs[0],
+            names,
+            left.value,
+            self.old,
         )
-        remarks = tuple(share.remarks())
-        return CrosstalkDraft(self.job, self.index, self.fit, remarks, found, self.old)

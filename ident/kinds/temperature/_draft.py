@@ -19,17 +19,10 @@ from ...proof.axis import check_switching
 from ...readings import Tables
 from .._keys import FitSpec
 from . import KIND
-from ._identify import Identified, read_thermal
-from ._law import (
-    ThermalLaw,
-    judge_law,
-    plc_objects,
-    rates,
-    structured_text,
-    thermal_law,
-)
+from ._law import RATE, ThermalLaw, plc_objects, rates, structured_text, thermal_law
+from ._recording import ThermalRecording, read_thermal
 from ._remarks import remarks_of
-from ._result import TemperatureResult, view_of
+from ._result import TemperatureResult, ThermalView
 from .entries import (
     Table,
     entries_of_temperature,
@@ -37,6 +30,7 @@ from .entries import (
     read_columns,
     temperature_line,
 )
+from .fit import TemperatureFit
 from .keys import Spec, temperature_names
 
 if TYPE_CHECKING:
@@ -51,23 +45,49 @@ class TemperatureDraft(AbstractDraft):
     """A fitted thermal line.
 
     Attributes:
-        found: The estimate with its readings.
+        recording: What was measured.
+        found: The estimate, in the sign of the error.
+        dropped: The coefficient was held constant, since only the offset is determined.
+        held_out: What was left out together: ``block`` or ``run``.
     """
 
     fit: Spec
-    found: Identified
+    recording: ThermalRecording
+    found: TemperatureFit
+    dropped: bool = False
+    held_out: str = "block"
+
+    @property
+    def determined(self) -> bool:
+        """Whether anything may be written."""
+        return self.dropped or not self.found.confounded
 
     @property
     def written(self) -> bool:
-        return self.found.written
+        return bool(self.found.moving) and self.determined
 
     @property
     def settled(self) -> bool:
-        return self.found.fit.converged
+        return self.found.converged
 
     @property
     def partial(self) -> bool:
-        return bool(self.found.fit.confounded)
+        return bool(self.found.confounded)
+
+    @functools.cached_property
+    def zero(self) -> float:
+        """Temperature in °C at which nothing is corrected: measured, near the reference.
+
+        Where two sensors move the line it is the reference itself: each law is held at its
+        own end, the measured temperature next to it.
+        """
+        wished = self.recording.line.reference_temperature
+        laws = self.found.moving or tuple(self.found.laws.values())
+        if len({law.sensor for law in laws}) > 1:
+            return wished
+        low = max(float(law.temperature[0]) for law in laws)
+        high = min(float(law.temperature[-1]) for law in laws)
+        return float(np.clip(wished, low, max(low, high)))
 
     @property
     def needs(self) -> str:
@@ -75,10 +95,7 @@ class TemperatureDraft(AbstractDraft):
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
         still = TemperatureLine(self._position, 0.0, 0.0, cycles=self._filter)
-        entries: dict[str, Value] = dict(entries_of_temperature(still))
-        if self.fit.manual_activation is not None:
-            entries[f"{_LINE}_manual_activation"] = int(self.fit.manual_activation)
-        return entries
+        return {**entries_of_temperature(still), **self.manual_entry}
 
     def machine_remarks(self) -> list[Remark]:
         listing = self.lists.machine
@@ -100,17 +117,25 @@ class TemperatureDraft(AbstractDraft):
         return {name: text.encode() for name, text in texts.items()}
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
-        limits = self.job.limits
-        lines = judge_law(self._law, self._position, self._places, self.axis, limits)
-        switching = check_switching(
-            self.jump,
-            self._filter,
-            limits,
-            "mm",
-            f"{_LINE}_n_cycles",
-            "COMP ON/OFF, homing, reload or loss of power, while warm",
+        law, places, limits = self._law, self._places, self.job.limits
+        most, warm, place = law.largest(places - self._position)
+        where = f"at {warm:.4g} °C"
+        if len(places) > 1:
+            where += f", {self.axis} = {places[place]:g}"
+        steep = int(np.argmax(np.abs(law.coefficient)))
+        slope = float(abs(law.coefficient[steep]))
+        there = f"at {law.temperature[steep]:.4g} °C"
+        added = 1e-6 * slope * limits.feed / 60.0
+        follows = "while the PLC follows the temperature"
+        entry = f"{_LINE}_n_cycles"
+        switched = "COMP ON/OFF, homing, reload or loss of power, while warm"
+        return (
+            limits.check("max_correction", most, "mm", where),
+            limits.check("max_slope", 1e-3 * slope, "µm/mm", there),
+            limits.check("max_velocity", added, "mm/s", there),
+            limits.check("max_velocity by the PLC", RATE, "mm/s", follows),
+            check_switching(self.jump, self._filter, limits, "mm", entry, switched),
         )
-        return (*lines, switching)
 
     @property
     def jump(self) -> float:
@@ -118,11 +143,11 @@ class TemperatureDraft(AbstractDraft):
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        return self.found.fit.sensors
+        return self.found.sensors
 
     @property
     def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
-        heat = self.found.fit.temperature
+        heat = self.found.temperature
         return {name: heat[:, k] for k, name in enumerate(self.sensors)}
 
     def line(self, machine: ListFile | None) -> TemperatureLine | None:
@@ -145,50 +170,79 @@ class TemperatureDraft(AbstractDraft):
         line = None
         if self.written and table is not None:
             line = self._line_of(read_columns(table), done.machine)
-        view = view_of(self.found, line)
+        view = self._view(line)
         names = {done.machine_name, *temperature_names(self.axis)}
         return TemperatureResult(
             **self.frame(done),
             error=staged(view.before, view.predicted, view.from_file, view.wild),
             remarks=(
-                *remarks_of(self.found, "temperature_sign" in self.job.verified),
+                *remarks_of(self),
                 *self._switching(),
                 *done.remarks,
             ),
             files=tuple(
                 file for file in done.written if self.written and file.name in names
             ),
-            held_out=self.found.held_out,
+            held_out=self.held_out,
             reference=self._position,
-            zero=self.found.zero,
+            zero=self.zero,
             law=self._law if self.written else None,
-            fit=self.found.fit,
+            fit=self.found,
             cycles=self._filter if self.written else 0,
             view=view,
         )
 
+    def _view(self, line: TemperatureLine | None) -> ThermalView:
+        """Return the complete readings with what became of them.
+
+        Args:
+            line: What was written, read back; None: nothing, and errors stand about their
+                median.
+        """
+        recording, fit, used = self.recording, self.found, self.found.used
+        time, place = recording.data.time, recording.position
+        place = None if place is None else place[used]
+        error, structure = recording.error[used], fit.temperature[used]
+        before = predicted = from_file = error - np.median(error)
+        if line is not None:
+            before = error - fit.predict(np.full(structure.shape, self.zero), place)
+            away = np.zeros(len(before)) if place is None else place
+            from_file = before + np.asarray(line.offset(away, structure))
+            predicted = fit.predicted[used]
+        return ThermalView(
+            row=recording.rows[used],
+            time=None if time is None else time[used],
+            position=place,
+            temperature=recording.temperature[used],
+            structure=structure,
+            before=before,
+            predicted=predicted,
+            from_file=from_file,
+            wild=fit.wild[used],
+        )
+
     def _line_of(self, table: Table, machine: ListFile | None) -> TemperatureLine:
         """Return the line that the PLC makes of a table, beside an axis list."""
-        first, second = map(self.sensors.index, self.found.recording.followed)
+        first, second = map(self.sensors.index, self.recording.followed)
         return temperature_line(table, (first, second), self.job.conventions, machine)
 
     @property
     def _position(self) -> float:
         """Reference position in mm, in whole units of the list."""
-        return round(self.found.fit.reference * 1e4) / 1e4
+        return round(self.found.reference * 1e4) / 1e4
 
     @functools.cached_property
     def _law(self) -> ThermalLaw:
-        zero, sign = self.found.zero, int(self.job.conventions.temperature_sign)
-        return thermal_law(self.found.fit.relative_to(zero), zero, sign)
+        zero, sign = self.zero, int(self.job.conventions.temperature_sign)
+        return thermal_law(self.found.relative_to(zero), zero, sign)
 
     @functools.cached_property
     def _places(self) -> Float[np.ndarray, " p"]:
         """The ends of what the axis reaches in mm; its reference without those."""
-        place = self.found.recording.position
+        place = self.recording.position
         if place is None:
             return np.array([self._position])
-        place = place[self.found.fit.used]
+        place = place[self.found.used]
         reached = [*place, *(self.job.spec.axes[self.axis].limits or ())]
         return np.array([min(reached), max(reached)], dtype=float)
 
@@ -218,7 +272,7 @@ class TemperatureDraft(AbstractDraft):
 
     @property
     def _program(self) -> dict[str, Any]:
-        job, recording, lags = self.job, self.found.recording, self.found.fit.lags
+        job, recording, lags = self.job, self.recording, self.found.lags
         applied = {lag.sensor: lag.time_constant for lag in lags if lag.applied}
         offset, coefficient = recording.followed
         return {
@@ -227,7 +281,7 @@ class TemperatureDraft(AbstractDraft):
             "title": job.spec.title or job.path.name,
             "law": self._law,
             "position": self._position,
-            "zero": self.found.zero,
+            "zero": self.zero,
             "sensors": {k: applied.get(n, 0.0) for n, k in enumerate(self.sensors)},
             "offset": offset,
             "coefficient": coefficient,

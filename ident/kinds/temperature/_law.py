@@ -1,4 +1,4 @@
-"""The law over the temperature: its table and program for the PLC, and what it may do.
+"""The law over the temperature: its table and program for the PLC.
 
 The program is Structured Text (IEC 61131-3) in ``program.st.jinja``: the law, which is
 arithmetic alone, and around it the access to the objects of the CNC by ADS ([001] p.22 to 23:
@@ -17,7 +17,6 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._templates import templates
-from ...proof import GateCheck, GateLimits
 from .entries import COLUMNS
 from .fit import TemperatureFit
 from .keys import block_names, plain_name
@@ -101,39 +100,6 @@ def thermal_law(relative: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
     )
 
 
-def judge_law(
-    law: ThermalLaw,
-    reference: float,
-    places: Float[np.ndarray, " p"],
-    axis: str,
-    limits: GateLimits,
-) -> tuple[GateCheck, ...]:
-    """Return every line of the gate.
-
-    Args:
-        law: As it is written.
-        reference: Position in mm where the line turns.
-        places: Smallest and largest position in mm; one: there is no coefficient.
-        axis: For the words.
-        limits: Of the job.
-    """
-    most, warm, place = law.largest(places - reference)
-    where = f"at {warm:.4g} °C"
-    if len(places) > 1:
-        where += f", {axis} = {places[place]:g}"
-    steep = int(np.argmax(np.abs(law.coefficient)))
-    slope = float(abs(law.coefficient[steep]))
-    there = f"at {law.temperature[steep]:.4g} °C"
-    added = 1e-6 * slope * limits.feed / 60.0
-    follows = "while the PLC follows the temperature"
-    return (
-        limits.check("max_correction", most, "mm", where),
-        limits.check("max_slope", 1e-3 * slope, "µm/mm", there),
-        limits.check("max_velocity", added, "mm/s", there),
-        limits.check("max_velocity by the PLC", RATE, "mm/s", follows),
-    )  # fmt: skip
-
-
 def rates(away: Float[np.ndarray, " p"]) -> tuple[float, float]:
     """Return what the PLC may change per second: offset in mm, coefficient in µm/m.
 
@@ -183,9 +149,9 @@ def plc_objects(program: Mapping[str, Any]) -> dict[str, str]:
 
 @functools.cache
 def _templates() -> jinja2.Environment:
-    # The comments are made safe, CDATA is closed by no text.
+    # CDATA is closed by no text.
     environment = templates(__package__ or "")
-    environment.filters |= {"ascii": _ascii, "declare": _declare}
+    environment.filters["declare"] = _declare
     return environment
 
 
@@ -214,10 +180,3 @@ def _parts(program: Mapping[str, Any]) -> jinja2.environment.TemplateModule:
 def _declare(variable: str, comment: str) -> str:
     """Return the line of a variable with its comment, in a column."""
     return f"    {variable:<34}(* {comment} *)"
-
-
-def _ascii(text: str) -> str:
-    """Return a text that may stand in a comment of the PLC program."""
-    plain = text.encode("ascii", "replace").decode()
-    printable = "".join(sign if sign.isprintable() else " " for sign in plain)
-    return printable.replace("(*", "(").replace("*)", ")")

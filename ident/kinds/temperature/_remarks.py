@@ -1,13 +1,16 @@
 """What a person must know of a thermal line, and what the readings do not tell."""
 
 from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...discover import heat_or_drift
+from ...discover import AgainstDrift, against_drift, heat_or_drift
 from ...job.result._result import Remark
-from ._identify import Identified
 from .fit import Effect, Lag, Meeting, TemperatureFit
+
+if TYPE_CHECKING:
+    from ._draft import TemperatureDraft
 
 _ONE_WAY = 0.95
 """Correlation of temperature and time from which nothing but the clock may be seen."""
@@ -43,12 +46,12 @@ _SIGN = Remark.warning(
 )
 
 
-def remarks_of(found: Identified, sign_known: bool) -> Iterator[Remark]:
+def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
     """Return everything that the report has to say of a fit."""
-    recording, fit = found.recording, found.fit
+    recording, fit = draft.recording, draft.found
     yield from recording.remarks
-    yield from _undetermined(found)
-    if not fit.moving and found.determined:
+    yield from _undetermined(draft)
+    if not fit.moving and draft.determined:
         yield Remark.warning(
             "No effect of the temperature shows beyond chance: laws that follow it"
             " predict readings left out no better. Nothing is written."
@@ -64,33 +67,33 @@ def remarks_of(found: Identified, sign_known: bool) -> Iterator[Remark]:
         yield Remark.warning(f"{wild} wild readings were left out.")
     if missed:
         yield Remark.info(f"{missed} readings were missed or incomplete.")
-    yield from _not_told(found)
+    yield from _not_told(draft)
     hottest = float(np.max(recording.temperature[fit.used]))
     if hottest > _HOT:
         yield Remark.warning(
             f"A sensor reads {hottest:.4g} °C: where the column is in kelvin, state"
             ' unit = "K".',
         )
-    if found.written:
-        yield from _state(found)
-        if not sign_known:
+    if draft.written:
+        yield from _state(draft)
+        if "temperature_sign" not in draft.job.verified:
             yield _SIGN
 
 
-def _undetermined(found: Identified) -> Iterator[Remark]:
+def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
     """Return which effects the readings confuse, and what becomes of them."""
     left = " Neither is written."
-    if found.dropped:
+    if draft.dropped:
         left = (
             " The coefficient is left out; the offset over the temperature is determined"
             " and written."
         )
-    for pair in found.fit.confounded:
+    for pair in draft.found.confounded:
         first, second = _EFFECTS[pair.first], _EFFECTS[pair.second]
         yield Remark.error(
             f"These readings cannot tell the {first} from the {second}:"
             f" their correlation is {pair.correlation:.4f}.{left}"
-            f" Measure {found.recording.line.axis} at all positions per temperature."
+            f" Measure {draft.axis} at all positions per temperature."
         )
 
 
@@ -120,9 +123,9 @@ def _lag_words(lag: Lag, name: str) -> str:
     )
 
 
-def _not_told(found: Identified) -> Iterator[Remark]:
+def _not_told(draft: "TemperatureDraft") -> Iterator[Remark]:
     """Return what these readings cannot say, however well they fit."""
-    recording, fit, axis = found.recording, found.fit, found.recording.line.axis
+    recording, fit, axis = draft.recording, draft.found, draft.axis
     if fit.coefficient is None:
         why = f"The error was measured at one position of {axis}"
         if recording.carriers is not None:
@@ -131,7 +134,7 @@ def _not_told(found: Identified) -> Iterator[Remark]:
             f"{why}: how the error grows along the axis is not known, and the same"
             " correction acts everywhere."
         )
-    yield from _alike(found)
+    yield from _alike(draft)
     if recording.datum is not None and "offset" in recording.effects:
         yield Remark.warning(
             f"The instrument was set to zero at {recording.datum:g} mm (datum): a"
@@ -155,12 +158,13 @@ def _not_told(found: Identified) -> Iterator[Remark]:
                     " with time is taken for the temperature. A measurement over"
                     " warming and cooling tells them apart."
                 )
-    if found.instead is not None:
+    instead = _instead(draft)
+    if instead is not None and instead.doubtful:
         # The words of `discover`, which says so of the same readings.
         effect, sensor = next(iter(recording.effects.items()))
         heat = f"temperature {effect} of {axis} by {sensor}"
         what, remedy = heat_or_drift(heat, axis)
-        size = f"{1e3 * found.instead.rms:.2g} µm rms"
+        size = f"{1e3 * instead.rms:.2g} µm rms"
         yield Remark.warning(
             f"The data cannot tell: {what} ({size}). {remedy} What is written takes all"
             " of it for the temperature."
@@ -173,9 +177,33 @@ def _not_told(found: Identified) -> Iterator[Remark]:
         )
 
 
-def _alike(found: Identified) -> Iterator[Remark]:
+def _instead(draft: "TemperatureDraft") -> AgainstDrift | None:
+    """Return what a drift of the instrument would explain as well; None where none can."""
+    recording, fit = draft.recording, draft.found
+    if fit.confounded:
+        return None
+    used, time, place = fit.used, recording.data.time, recording.position
+    count = int(used.sum())
+    clock = np.arange(count, dtype=float) if time is None else time[used]
+    away = np.zeros(count) if place is None else place[used] - place[used].mean()
+    columns = {
+        effect: fit.temperature[used, fit.sensors.index(sensor)]
+        for effect, sensor in recording.effects.items()
+    }
+    if "coefficient" in columns:
+        warm = columns["coefficient"]
+        columns["coefficient"] = (warm - warm.mean()) * away
+    return against_drift(
+        clock,
+        np.stack(list(columns.values()), axis=1),
+        recording.error[used],
+        np.stack([np.ones(count), away], axis=1),
+    )
+
+
+def _alike(draft: "TemperatureDraft") -> Iterator[Remark]:
     """Return a warning where two sensors changed in the same way."""
-    effects, warm = found.recording.effects, found.recording.data.temperature
+    effects, warm = draft.recording.effects, draft.recording.data.temperature
     names = [effects[key] for key in ("offset", "coefficient") if key in effects]
     if len(set(names)) < 2:
         return
@@ -192,9 +220,9 @@ def _alike(found: Identified) -> Iterator[Remark]:
         )
 
 
-def _state(found: Identified) -> Iterator[Remark]:
+def _state(draft: "TemperatureDraft") -> Iterator[Remark]:
     """Return where the law is zero, and what stays for the tables."""
-    recording, fit, zero = found.recording, found.fit, found.zero
+    recording, fit, zero = draft.recording, draft.found, draft.zero
     wished = recording.line.reference_temperature
     far = {
         fit.sensors[law.sensor]: float(np.clip(zero, *law.temperature[[0, -1]]))

@@ -7,9 +7,7 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....models import TemperatureLine
 from ...job.result._result import AbstractResult, Expectation
-from ._identify import Identified
 from ._law import RATE, ThermalLaw
 from .fit import Law, TemperatureFit
 
@@ -149,33 +147,3 @@ def _law(law: Law | None, sensors: tuple[str, ...], factor: float) -> Any:
         "error": factor * law.value,
         "standard_deviation": factor * law.standard_deviation,
     }
-
-
-def view_of(found: Identified, line: TemperatureLine | None) -> ThermalView:
-    """Return the complete readings with what became of them.
-
-    Args:
-        found: The estimate with its readings.
-        line: What was written, read back; None: nothing, and errors stand about their
-            median.
-    """
-    recording, fit, used = found.recording, found.fit, found.fit.used
-    error, time, place = recording.error[used], recording.data.time, recording.position
-    place = None if place is None else place[used]
-    structure = fit.temperature[used]
-    before = from_file = error - np.median(error)
-    if line is not None:
-        before = error - fit.predict(np.full(structure.shape, found.zero), place)
-        away = np.zeros(len(before)) if place is None else place
-        from_file = before + np.asarray(line.offset(away, structure))
-    return ThermalView(
-        row=recording.rows[used],
-        time=None if time is None else time[used],
-        position=place,
-        temperature=recording.temperature[used],
-        structure=structure,
-        before=before,
-        predicted=before if line is None else fit.predicted[used],
-        from_file=from_file,
-        wild=fit.wild[used],
-    )

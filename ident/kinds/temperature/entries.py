@@ -11,12 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.lists import ListFile
-from ....models import (
-    ConstantParameter,
-    Conventions,
-    TemperatureCurve,
-    TemperatureLine,
-)
+from ....models import ConstantParameter, Conventions, TemperatureCurve, TemperatureLine
 from ...exchange._capacity import ANY_LIST, ListTarget
 from ...exchange._identity import flag, not_negative, optional, real, refuse_many
 from ...exchange._machine_lists import Reading

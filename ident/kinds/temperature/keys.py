@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from .._keys import Fault, FitSpec, JobPart, KeyPath, Positive
+from .._keys import Fault, FitSpec, JobPart, KeyPath, Positive, not_linear
 from . import KIND
 
 if TYPE_CHECKING:
@@ -64,13 +64,8 @@ class Spec(FitSpec, frozen=True):
         return temperature_names(self.axis)
 
     def faults(self, job: "JobFile", where: KeyPath) -> Iterator[Fault]:
-        axis = job.axes.get(self.axis)
-        if axis is not None and axis.kind != "linear":
-            yield (
-                (*where, "axis"),
-                f"found the {axis.kind} axis {self.axis}, expected a linear one: the unit"
-                " of the coefficient is not defined for others",
-            )
+        why = "the unit of the coefficient is not defined for others"
+        yield from not_linear(job, self.axis, (*where, "axis"), why)
         assert KIND.cycles is not None
         most = KIND.cycles[1]
         if self.n_cycles is not None and self.n_cycles > most:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import block_diag
 
+from ....data.measurements import MeasurementError
 from ..._recording import JointData
 from ...fit import DriftNoise
 from ...fit.joint import Leadscrew, Temperature, examine_design
@@ -18,15 +19,8 @@ from ...job.table._plan import refuse_unstated
 from ...readings import Tables, sensor_name
 from . import KIND
 from ._draft import TemperatureDraft
-from ._identify import (
-    Identified,
-    ThermalRecording,
-    effects_of,
-    identify,
-    line_of,
-    read_thermal,
-)
-from .fit import LEAST_RANGE, Lag, TemperatureFit, about_meeting
+from ._recording import ThermalRecording, read_thermal
+from .fit import LEAST_RANGE, Lag, TemperatureFit, about_meeting, fit_temperature
 from .keys import Spec
 
 if TYPE_CHECKING:
@@ -68,13 +62,38 @@ class TemperaturePlan(AbstractPlan):
         """Sensor of each effect that is fitted.
 
         Raises:
-            MeasurementError: If the only sensor is to be taken and there is none.
+            MeasurementError: If the only sensor is to be taken and there is none, or several.
         """
-        return effects_of(self.tables, self.fit)
+        found = self.fit.effects
+        if found is None:
+            only = self._only_sensor()
+            found = {"offset": only, "coefficient": only}
+        return {str(effect): sensor_name(role) for effect, role in found.items()}
+
+    def _only_sensor(self) -> str:
+        """Return the role of the only sensor of the first measurement."""
+        axis = self.axis
+        measured = self.tables.measured(self.fit.sources[0], axis, (axis,))
+        found = [role for role in measured.values if sensor_name(role) != role]
+        if len(found) == 1:
+            return found[0]
+        listed = ", ".join(found) or "no temperature"
+        reason = f"found {listed}, expected sensor = the one that the error of {axis} follows"
+        raise MeasurementError(str(measured.source), reason)
 
     def alone(self, tables: Tables, left: Leftovers) -> TemperatureDraft:
-        found = identify(read_thermal(self), self.fit)
-        return TemperatureDraft(self.job, self.index, self.fit, found)
+        recording, fit = read_thermal(self), self.fit
+        data, line, asked = recording.data, recording.line, recording.effects
+        meet = recording.datum is None and not isinstance(fit.reference, float)
+        found = fit_temperature(data, line, meet=meet, loss=fit.loss)
+        named = {name for one in found.confounded for name in (one.first, one.second)}
+        dropped = "offset" in asked and bool(named) and "offset" not in named
+        if dropped:
+            # The slope and its change are one column: the offset stands apart from both.
+            law = {"offset": len(found.offset.value), "coefficient": 1}
+            line = dataclasses.replace(line, law=law)
+            found = fit_temperature(data, line, meet=meet, loss=fit.loss)
+        return TemperatureDraft(self.job, self.index, fit, recording, found, dropped)
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -135,11 +154,28 @@ class TemperaturePlan(AbstractPlan):
     def effect(
         self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
     ) -> Temperature:
-        warmth = {
-            self.job.spec.measurements[name].reference_temperature
-            for name in self.fit.sources
-        }
-        return line_of(self.fit, self.effects, recording.data, warmth.pop())
+        return self.line(recording.data)
+
+    def line(self, data: JointData) -> Temperature:
+        """Return the line that is asked for; it turns in the middle where no reference is given."""
+        fit, effects = self.fit, self.effects
+        place = data.position[fit.axis] if "coefficient" in effects else np.zeros(0)
+        place = place[np.isfinite(place)]
+        reference = 0.5 * float(place.min() + place.max()) if place.size else 0.0
+        if isinstance(fit.reference, float):
+            reference = fit.reference
+        lag: float | str = 0.0
+        if data.time is not None and fit.lag != "none":
+            lag = "fit" if fit.lag == "auto" else fit.lag
+        measured = self.job.spec.measurements[fit.sources[0]]
+        return Temperature(
+            fit.axis,
+            effects,
+            reference=reference,
+            law={str(effect): law for effect, law in (fit.law or {}).items()},
+            lag=lag,
+            reference_temperature=measured.reference_temperature,
+        )
 
     def draft(self, share: "Share") -> TemperatureDraft:
         effect = share.part.effect
@@ -159,9 +195,14 @@ class TemperaturePlan(AbstractPlan):
             remarks=tuple(share.remarks()),
             carriers=share.tables,
         )
-        line = self._line(share, effect)
-        found = Identified(recording, line, held_out=share.recording.held_out)
-        return TemperatureDraft(self.job, self.index, self.fit, found)
+        return TemperatureDraft(
+            self.job,
+            self.index,
+            self.fit,
+            recording,
+            self._line(share, effect),
+            held_out=share.recording.held_out,
+        )
 
     def _line(self, share: "Share", effect: Temperature) -> TemperatureFit:
         """Return the part as the fit of a single line."""
@@ -184,7 +225,6 @@ class TemperaturePlan(AbstractPlan):
             independent=float(np.sum(~share.wild)),
             used=np.ones(int(rows.sum()), dtype=bool),
             wild=share.wild,
-            residual=share.left,
             predicted=share.predicted[rows],
             temperature=np.stack(
                 [effect.structure(data, name)[rows] for name in self.sensors], axis=1

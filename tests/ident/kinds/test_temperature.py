@@ -212,7 +212,7 @@ def test_one_sensor_moves_the_offset_and_another_the_coefficient() -> None:
     assert fit.meeting == "two sensors"
 
 
-def test_the_wrong_way_round_two_sensors_leave_a_larger_residual() -> None:
+def test_the_wrong_way_round_two_sensors_leave_more_unpredicted() -> None:
     right, wrong = (
         fitted(
             two_sensors(1),
@@ -223,7 +223,7 @@ def test_the_wrong_way_round_two_sensors_leave_a_larger_residual() -> None:
         )
         for first, second in (("1", "2"), ("2", "1"))
     )
-    assert np.std(wrong.residual) > 5 * np.std(right.residual)
+    assert np.std(wrong.predicted) > 5 * np.std(right.predicted)
 
 
 def test_at_one_position_only_the_offset_is_fitted() -> None:
@@ -341,7 +341,7 @@ def test_shuffled_rows_give_the_same_fit() -> None:
         for each in (data, data.take(order))
     )
     assert one.reference == pytest.approx(other.reference, rel=1e-9)
-    np.testing.assert_allclose(one.residual[order], other.residual, atol=1e-12)
+    np.testing.assert_allclose(one.predicted[order], other.predicted, atol=1e-12)
 
 
 def test_a_single_given_lag_is_applied_and_not_fitted() -> None:

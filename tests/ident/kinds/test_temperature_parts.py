@@ -11,7 +11,7 @@ import pytest
 from axcomp.ident._recording import lagged
 from axcomp.ident.fit import FitError
 from axcomp.ident.fit.joint import JointData
-from axcomp.ident.kinds.temperature._identify import steady
+from axcomp.ident.kinds.temperature._recording import steady
 from axcomp.ident.readings._clocks import find_offset
 
 from ..thermal_line import fitted, readings

@@ -107,9 +107,14 @@ def choose_lags(data: Data) -> dict[str, float]:
         line, _ = fit_line(fitted[0], data, free, quick=True)
         lags = {sensor: float(line.lags[sensor]) for sensor in data.sensors}
         fitted = _fitted(data, shape, lags)
-    if fitted is None or not _better(data, fitted, still):
+    if fitted is None:
         return none
-    return lags
+    left = [_left_out(data, each) for each in (still, fitted)]
+    known = [each for each in left if each is not None]
+    if len(known) < 2:
+        return none
+    better, _ = simplest(known, (0, 1), scale, data.blocks, _MATTERS)
+    return lags if better else none
 
 
 def _fitted(data: Data, shape: Shape, lags: Mapping[str, float]) -> Fitted | None:
@@ -121,15 +126,6 @@ def _fitted(data: Data, shape: Shape, lags: Mapping[str, float]) -> Fitted | Non
         return fit_line(line, data, quick=True)
     except FitError:
         return None
-
-
-def _better(data: Data, richer: Fitted, plain: Fitted) -> bool:
-    """Return whether a law predicts better than a plainer one by more than chance."""
-    left = [_left_out(data, each) for each in (plain, richer)]
-    known = [each for each in left if each is not None]
-    if len(known) < len(left):
-        return False
-    return bool(simplest(known, (0, 1), _scale_of(plain), data.blocks, _MATTERS)[0])
 
 
 def _left_out(data: Data, fitted: Fitted) -> Float[np.ndarray, " t"] | None:

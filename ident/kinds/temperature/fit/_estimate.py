@@ -150,9 +150,8 @@ class TemperatureFit:
             sure value.
         used: Rows that were complete.
         wild: Rows that the loss rejected outright (missed steps, glitches).
-        residual: Error − line in mm per row; NaN where a reading was missed.
         predicted: Error − line fitted without the block of time of each reading, in mm per
-            row.
+            row; NaN where a reading was missed.
         temperature: Of the structure as the laws see it, per row and sensor in °C.
         scores: Laws compared by hold-out; empty where the law was given.
         confounded: What these readings cannot tell apart.
@@ -171,7 +170,6 @@ class TemperatureFit:
     independent: float
     used: Bool[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
-    residual: Float[np.ndarray, " t"]
     predicted: Float[np.ndarray, " t"]
     temperature: Float[np.ndarray, "t s"]
     support: tuple[int, ...]

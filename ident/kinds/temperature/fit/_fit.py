@@ -5,7 +5,7 @@ import itertools
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ...._recording import JointData
 from ....core import FitError, Regression, one_blas_thread
@@ -44,7 +44,7 @@ def fit_temperature(
     Raises:
         FitError: If the readings cannot determine what is asked for.
     """
-    complete, rows = Data.of(line, data, loss)
+    complete = Data.of(line, data, loss)
     few = complete.thinned()
     lags = choose_lags(few)
     late = {sensor for sensor, constant in lags.items() if constant < 0.0}
@@ -55,16 +55,13 @@ def fit_temperature(
     follows = {sensor for (_, sensor), count in laws if count > 1}
     lags = {name: lags[name] * (name in follows) for name in lags}
 
-    def of(shape: Shape) -> tuple[TemperatureFit, Regression]:
-        return _fitted(complete, few, data, rows, shape, lags)
-
-    fit, found = of(shape)
+    fit, found = _fitted(complete, shape, lags)
     if meet and "coefficient" in complete.moved:
         met, own = fit, found
         try:
             if shape[0] < shape[1]:
                 # Where the lines meet, the offset bends as the coefficient does.
-                met, own = of((shape[1], shape[1]))
+                met, own = _fitted(complete, (shape[1], shape[1]), lags)
             met = about_meeting(met, float(np.ptp(complete.position)))
         except FitError:
             met = dataclasses.replace(met, meeting="too few")
@@ -73,19 +70,16 @@ def fit_temperature(
         fit = dataclasses.replace(
             fit, meeting=met.meeting, meeting_deviation=met.meeting_deviation
         )
-    residual, predicted = np.full((2, len(data)), np.nan)
-    columns = complete.columns(fit.line)
-    residual[rows] = complete.error - columns @ fit.values
+    columns, predicted = complete.columns(fit.line), np.full(len(data), np.nan)
     left, _ = leave_out(complete, (fit.line, found), complete.stretches % FOLDS)
     level = complete.error - np.median(complete.error)
-    predicted[rows] = np.where(np.isnan(left), level, left)
+    predicted[complete.rows] = np.where(np.isnan(left), level, left)
     return dataclasses.replace(
         fit,
         lags=tuple(
             dataclasses.replace(lag, sensor_late=sensor in late)
             for lag, sensor in zip(fit.lags, fit.line.lags, strict=True)
         ),
-        residual=residual,
         predicted=predicted,
         scores=scores,
         confounded=_confusions(complete, fit.line),
@@ -94,20 +88,12 @@ def fit_temperature(
 
 
 def _fitted(
-    complete: Data,
-    few: Data,
-    data: JointData,
-    rows: Int[np.ndarray, " r"],
-    shape: Shape,
-    lags: Mapping[str, float],
+    complete: Data, shape: Shape, lags: Mapping[str, float]
 ) -> tuple[TemperatureFit, Regression]:
-    """Return the fit of a law with what its regression says, residuals left open.
+    """Return the fit of a law with what its regression says, the prediction left open.
 
     Args:
         complete: Readings of the line.
-        few: Some of them, by which lags are found.
-        data: All readings, and
-        rows: where the complete ones stand among them.
         shape: Of the law.
         lags: In s by sensor; those that a job leaves open are where to begin.
     """
@@ -116,8 +102,6 @@ def _fitted(
         msg = f"too few readings between {max(shape)} nodes."
         raise FitError(msg)
     free = [name for name in complete.open_lags if lags[name] > 0]
-    if free:
-        line, _ = fit_line(line, few, free, quick=True)
     line, found = fit_line(line, complete, free)
     names = names_of(line, len(free))
     if lacking := ", ".join(itertools.compress(names, found.undetermined)):
@@ -126,10 +110,10 @@ def _fitted(
             f"{int(found.wild.sum())} wild ones are left out."
         )
         raise FitError(msg)
-    sensors, unknown = tuple(data.temperature), np.full(len(data), np.nan)
-    used, wild = np.zeros((2, len(data)), bool)
+    sensors, rows = tuple(complete.whole.temperature), complete.rows
+    used, wild = np.zeros((2, complete.count), bool)
     used[rows], wild[rows] = True, found.wild
-    temperature: Float[np.ndarray, "t s"] = np.full((len(data), len(sensors)), np.nan)
+    temperature = np.full((complete.count, len(sensors)), np.nan)
     for name in complete.sensors:
         structure = line.structure(complete.whole, name)
         temperature[rows, sensors.index(name)] = structure
@@ -152,8 +136,7 @@ def _fitted(
         independent=float(found.independent[: line.size].min()),
         used=used,
         wild=wild,
-        residual=unknown,
-        predicted=unknown,
+        predicted=np.full(complete.count, np.nan),
         temperature=temperature,
         support=(0,) * line.size,
         converged=found.converged,
@@ -169,7 +152,7 @@ def _confusions(data: Data, line: Temperature) -> tuple[Confusion, ...]:
     """
     if "coefficient" not in data.moved:
         return ()
-    offset, slope = data.warmth(line)
+    offset, slope, _ = data.inputs(line)
     away = data.position - data.position.mean()
     effects: dict[Effect, Float[np.ndarray, " t"]] = {"level": np.ones(len(away))}
     if "offset" in data.moved:

@@ -43,23 +43,23 @@ class Data:
 
     Attributes:
         whole: All of them.
+        rows: Where they stood among all that were handed in.
+        count: How many these were.
         line: The line; its nodes and lags may still be open.
         moved: The laws that follow a sensor; the offset may be a constant.
         loss: As for `regress`.
-        every: Each so manieth row of the whole counts.
     """
 
     whole: JointData
+    rows: Int[np.ndarray, " t"]
+    count: int
     line: Temperature
     moved: tuple[str, ...]
     loss: str
-    every: int = 1
 
     @classmethod
-    def of(
-        cls, line: Temperature, data: JointData, loss: str
-    ) -> tuple["Data", Int[np.ndarray, " r"]]:
-        """Return the complete readings, and the rows where they stood.
+    def of(cls, line: Temperature, data: JointData, loss: str) -> "Data":
+        """Return the complete readings.
 
         Args:
             line: What is asked for; without an offset of its own it gets a constant one.
@@ -85,15 +85,16 @@ class Data:
         other = line.sensors[moved[0]]
         followed = {law: line.sensors.get(law, other) for law in ("offset", *moved)}
         line = dataclasses.replace(line, sensors=followed, law={**line.law, **constant})
-        found = cls(dataclasses.replace(data, time=clock).take(rows), line, moved, loss)
-        found._check(len(data))
-        return found, rows
+        whole = dataclasses.replace(data, time=clock).take(rows)
+        found = cls(whole, rows, len(data), line, moved, loss)
+        found._check()
+        return found
 
-    def _check(self, count: int) -> None:
-        """Refuse readings that show no law; ``count`` is how many there were."""
+    def _check(self) -> None:
+        """Refuse readings that show no law."""
         if len(self.error) < _LEAST:
             msg = (
-                f"{len(self.error)} of {count} readings are complete, expected at least"
+                f"{len(self.error)} of {self.count} readings are complete, expected at least"
                 f" {_LEAST}."
             )
             raise FitError(msg)
@@ -115,21 +116,21 @@ class Data:
             )
             raise FitError(msg)
 
-    @cached_property
+    @property
     def error(self) -> Float[np.ndarray, " t"]:
         """In mm."""
-        return np.asarray(self.whole.error[self.line.axis][:: self.every])
+        return np.asarray(self.whole.error[self.line.axis])
 
-    @cached_property
+    @property
     def position(self) -> Float[np.ndarray, " t"]:
         """In mm."""
-        return np.asarray(self.whole.position[self.line.axis][:: self.every])
+        return np.asarray(self.whole.position[self.line.axis])
 
     @property
     def time(self) -> Float[np.ndarray, " t"]:
         """In s."""
         assert self.whole.time is not None  # `of` makes one
-        return np.asarray(self.whole.time[:: self.every])
+        return np.asarray(self.whole.time)
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -156,13 +157,9 @@ class Data:
         nodes = self.line.placed(self.whole).nodes
         return {law: len(own) for law, own in nodes.items() if law in self.line.law}
 
-    def warmth(self, line: Temperature) -> list[Float[np.ndarray, " t"]]:
-        """Return the temperature of each law's structure in °C."""
-        return self.inputs(line)[: len(line.sensors)]
-
     def inputs(self, line: Temperature) -> list[Float[np.ndarray, " t"]]:
         """Return the temperature of each law's structure in °C, then the position."""
-        return [each[:: self.every] for each in line.columns_of(self.whole)]
+        return list(line.columns_of(self.whole))
 
     def columns(self, line: Temperature) -> Float[np.ndarray, "t k"]:
         """Return the functions of which the node values of a line are the factors."""
@@ -171,7 +168,7 @@ class Data:
     def laid_out(self, shape: Shape, lags: Mapping[str, float]) -> Temperature | None:
         """Return the line over these readings, as `laid_out`; lags in s by sensor."""
         line = self.line.lagging(lags)
-        return laid_out(line, self.warmth(line), shape)
+        return laid_out(line, self.inputs(line)[: len(shape)], shape)
 
     @property
     def stretches(self) -> Int[np.ndarray, " t"]:
@@ -181,7 +178,7 @@ class Data:
     @cached_property
     def blocks(self) -> Int[np.ndarray, " t"]:
         """Stays at one temperature, which are held out together, or stretches of time."""
-        theta = self.whole.temperature[self.sensors[0]][:: self.every]
+        theta = self.whole.temperature[self.sensors[0]]
         limit = _VISIT * max(float(np.ptp(theta)), 1e-9)
         stay = np.zeros(len(theta), np.int64)
         start, number = theta[0], 0
@@ -207,7 +204,10 @@ class Data:
 
     def thinned(self) -> "Data":
         """Return every n-th reading so that choices cost the same for logs of any length."""
-        return dataclasses.replace(self, every=-(-len(self.whole) // _MANY))
+        few = np.arange(0, len(self.whole), -(-len(self.whole) // _MANY))
+        return dataclasses.replace(
+            self, whole=self.whole.take(few), rows=self.rows[few]
+        )
 
 
 def laid_out(

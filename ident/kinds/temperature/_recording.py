@@ -1,21 +1,18 @@
-"""What was measured for a thermal line, and the line that it determines."""
+"""What was measured for a thermal line, and what is asked of it."""
 
 import dataclasses
-import functools
 import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....data.measurements import Measurement, MeasurementError
+from ....data.measurements import MeasurementError
 from ..._recording import JointData
-from ...discover import AgainstDrift, against_drift
 from ...fit import FitError
 from ...fit.joint import Temperature
 from ...job.result._result import Remark
 from ...readings import Tables, sensor_name
-from .fit import TemperatureFit, fit_temperature
 from .keys import Spec
 
 if TYPE_CHECKING:
@@ -68,133 +65,6 @@ class ThermalRecording:
         return self.effects.get("offset", first), self.effects.get("coefficient", first)
 
 
-@dataclasses.dataclass(frozen=True)
-class Identified:
-    """A thermal line with its readings.
-
-    Attributes:
-        recording: What was measured.
-        fit: The estimate, in the sign of the error.
-        dropped: The coefficient was held constant, since only the offset is determined.
-        held_out: What was left out together: ``block`` or ``run``.
-    """
-
-    recording: ThermalRecording
-    fit: TemperatureFit
-    dropped: bool = False
-    held_out: str = "block"
-
-    @property
-    def determined(self) -> bool:
-        """Whether anything may be written."""
-        return self.dropped or not self.fit.confounded
-
-    @property
-    def written(self) -> bool:
-        """Whether there is a law to write."""
-        return bool(self.fit.moving) and self.determined
-
-    @functools.cached_property
-    def zero(self) -> float:
-        """Temperature in °C at which nothing is corrected: measured, near the reference.
-
-        Where two sensors move the line it is the reference itself: each law is held at its
-        own end, the measured temperature next to it.
-        """
-        wished = self.recording.line.reference_temperature
-        laws = self.fit.moving or tuple(self.fit.laws.values())
-        if len({law.sensor for law in laws}) > 1:
-            return wished
-        low = max(float(law.temperature[0]) for law in laws)
-        high = min(float(law.temperature[-1]) for law in laws)
-        return float(np.clip(wished, low, max(low, high)))
-
-    @functools.cached_property
-    def instead(self) -> AgainstDrift | None:
-        """What a drift of the instrument would explain as well; None where none does."""
-        if self.fit.confounded:
-            return None
-        recording, fit, used = self.recording, self.fit, self.fit.used
-        time, place, count = recording.data.time, recording.position, int(used.sum())
-        clock = np.arange(count, dtype=float) if time is None else time[used]
-        away = np.zeros(count) if place is None else place[used] - place[used].mean()
-        columns = {
-            effect: fit.temperature[used, fit.sensors.index(sensor)]
-            for effect, sensor in recording.effects.items()
-        }
-        if "coefficient" in columns:
-            warm = columns["coefficient"]
-            columns["coefficient"] = (warm - warm.mean()) * away
-        found = against_drift(
-            clock,
-            np.stack(list(columns.values()), axis=1),
-            recording.error[used],
-            np.stack([np.ones(count), away], axis=1),
-        )
-        return found if found is not None and found.doubtful else None
-
-
-def identify(recording: ThermalRecording, fit: Spec) -> Identified:
-    """Return the line of a recording.
-
-    Raises:
-        FitError: If the readings cannot determine what is asked for.
-    """
-    meet = recording.datum is None and not isinstance(fit.reference, float)
-    found = fit_temperature(recording.data, recording.line, meet=meet, loss=fit.loss)
-    named = {name for pair in found.confounded for name in (pair.first, pair.second)}
-    dropped = "offset" in recording.effects and bool(named) and "offset" not in named
-    if dropped:
-        # The slope and its change are one column: the offset stands apart from both.
-        law = {"offset": len(found.offset.value), "coefficient": 1}
-        line = dataclasses.replace(recording.line, law=law)
-        found = fit_temperature(recording.data, line, meet=meet, loss=fit.loss)
-    return Identified(recording, found, dropped)
-
-
-def effects_of(tables: Tables, fit: Spec) -> dict[str, str]:
-    """Return the sensor of each effect that is fitted.
-
-    Raises:
-        MeasurementError: If the only sensor is to be taken and there is none, or several.
-    """
-    found = fit.effects
-    if found is None:
-        measured = tables.measured(fit.sources[0], fit.axis, (fit.axis,))
-        only = _only_sensor(measured, fit.axis)
-        found = {"offset": only, "coefficient": only}
-    return {str(effect): sensor_name(role) for effect, role in found.items()}
-
-
-def line_of(
-    fit: Spec, effects: dict[str, str], data: JointData, warmth: float
-) -> Temperature:
-    """Return the line that a fit asks for; its reference is in the middle where none is given.
-
-    Args:
-        fit: Keys of the job.
-        effects: Sensor of each effect.
-        data: Readings.
-        warmth: Reference temperature in °C.
-    """
-    place = data.position[fit.axis] if "coefficient" in effects else np.zeros(0)
-    place = place[np.isfinite(place)]
-    reference = 0.5 * float(place.min() + place.max()) if place.size else 0.0
-    if isinstance(fit.reference, float):
-        reference = fit.reference
-    lag: float | str = 0.0
-    if data.time is not None and fit.lag != "none":
-        lag = "fit" if fit.lag == "auto" else fit.lag
-    return Temperature(
-        fit.axis,
-        effects,
-        reference=reference,
-        law={str(effect): law for effect, law in (fit.law or {}).items()},
-        lag=lag,
-        reference_temperature=warmth,
-    )
-
-
 def read_thermal(plan: "TemperaturePlan") -> ThermalRecording:
     """Return the readings of a temperature fit, all its measurements joined.
 
@@ -217,29 +87,12 @@ def read_thermal(plan: "TemperaturePlan") -> ThermalRecording:
         keep, said = _plateau(fit, warm[sensor_name(fit.steady.sensor)], time)
         remarks.append(said)
         data, kept = data.take(keep), kept[keep]
-    datum, warmth = _common(plan.tables, fit)
-    line = line_of(fit, effects, data, warmth)
+    datum, line = _common_datum(plan.tables, fit), plan.line(data)
     if datum is not None and "coefficient" in effects:
         # The instrument was set to zero there: what the offset does, nobody saw.
         only = {"coefficient": effects["coefficient"]}
         line = dataclasses.replace(line, sensors=only, reference=datum)
     return ThermalRecording(data, kept, line, effects, datum, tuple(remarks))
-
-
-def _only_sensor(measured: Measurement, axis: str) -> str:
-    """Return the role of the only sensor.
-
-    Raises:
-        MeasurementError: If there is none, or several.
-    """
-    found = [role for role in measured.values if sensor_name(role) != role]
-    if len(found) == 1:
-        return found[0]
-    listed = ", ".join(found) or "no temperature"
-    reason = (
-        f"found {listed}, expected sensor = the one that the error of {axis} follows"
-    )
-    raise MeasurementError(str(measured.source), reason)
 
 
 def _one_clock(
@@ -321,20 +174,19 @@ def steady(
     return np.asarray(result & inside)
 
 
-def _common(tables: Tables, fit: Spec) -> tuple[float | None, float]:
-    """Return datum and reference temperature, which all measurements share."""
+def _common_datum(tables: Tables, fit: Spec) -> float | None:
+    """Return the datum, which all measurements share like the reference temperature."""
     specs = [tables.job.spec.measurements[name] for name in fit.sources]
     # One number, or a list of one.
     datums = {
         None if spec.datum is None else float(np.ravel(spec.datum.at)[0])
         for spec in specs
     }
-    warmth = {spec.reference_temperature for spec in specs}
-    if len(datums) > 1 or len(warmth) > 1:
+    if len(datums) > 1 or len({spec.reference_temperature for spec in specs}) > 1:
         what = "datums" if len(datums) > 1 else "reference temperatures"
         raise MeasurementError(
             ", ".join(fit.sources),
             f"found measurements with different {what}, expected the same one for all"
             " that are joined",
         )
-    return datums.pop(), warmth.pop()
+    return datums.pop()

@@ -1,4 +1,4 @@
-"""From the measurements of a job to tests, and each event predicted by the others."""
+"""From the measurements of a job to a log, and what the log tells beside the tests."""
 
 import dataclasses
 import math
@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.special import ndtri  # scipy.stats takes long to load
 
 from ....data.measurements import (
     Measurement,
@@ -16,20 +15,10 @@ from ....data.measurements import (
     derive_error,
     derive_motion,
 )
-from ....models import Conventions, Crosstalk
 from ...fit import FitError
 from ...readings import POSITION_ORDER, Rows, Tables
-from . import SAFE_TESTS
 from ._events import joined_logs, shares_of
-from .effect import (
-    BRANCHES,
-    CrosstalkFit,
-    CrosstalkReadings,
-    are_among,
-    fit_crosstalk,
-    fit_events,
-    full_offsets,
-)
+from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings, fit_events, full_offsets
 from .keys import Spec
 
 _STILL = 2.0
@@ -37,47 +26,12 @@ _STILL = 2.0
 _COMMANDED = 1e-3
 """mm/s: the same where the command itself was recorded."""
 _FOLDS = 5
-_SURE = 0.0027
-"""Probability of three standard deviations, shared by all values that are looked at."""
 _FARTHEST = 0.02
 """s: a delay beyond this is another event."""
 _MOST_ROWS = 25
 _MOST_EVENTS = 60
 _GAIN = 0.05
 """Relative fall of the residual's standard deviation below which there is no delay."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Identified:
-    """A fit and how it predicts.
-
-    Attributes:
-        fit: The estimate.
-        readings: What it saw: positions of its own adaptation axes only, no delay.
-        masters: Names of these axes.
-        held_out: Value of each event in mm under the list fitted without its fold.
-        judged: Events whose fold left enough to predict them.
-        delay: By how much the error follows the acceleration, in s; taken off.
-    """
-
-    fit: CrosstalkFit
-    readings: CrosstalkReadings
-    masters: tuple[str, ...]
-    held_out: Float[np.ndarray, " n"]
-    judged: Bool[np.ndarray, " n"]
-    delay: float
-
-    @property
-    def significant(self) -> bool:
-        """Whether any value is more than chance over all of them would show."""
-        fit = self.fit
-        rows = slice(None) if fit.velocity_dependent else slice(0, 4, 2)
-        value, spread = fit.values[rows], fit.standard_deviation[rows]
-        known = np.isfinite(value) & np.isfinite(spread)
-        if not known.any():
-            return False
-        limit = -float(ndtri(0.5 * _SURE / int(known.sum())))
-        return bool((np.abs(value[known]) > limit * spread[known]).any())
 
 
 def read_crosstalk(
@@ -154,127 +108,15 @@ def _still(measured: Measurement, axis: str) -> Bool[np.ndarray, " t"]:
     return np.asarray(np.abs(derive_motion(measured, axis).velocity) <= _STILL)
 
 
-def options_of(
-    fit: Spec, active: Crosstalk | None, rules: Conventions
-) -> dict[str, Any]:
-    """Return what a job leaves open of the tests, as options of `fit_crosstalk`.
-
-    Args:
-        fit: Keys of the job.
-        active: The list that was active while measuring: its tests stay; or None.
-        rules: Of the controller.
-
-    Raises:
-        FitError: If keys contradict each other.
-    """
-    points = None if fit.positions is None else np.array(fit.positions, dtype=float)
-    rates = fit.acceleration, fit.deceleration
-    if active is not None:
-        points = _more_tests(active, points)
-        rates = float(active.acceleration), float(active.deceleration)
-    mode: int | str = fit.mode if points is None else 1 + points.shape[1]
-    if fit.mode not in ("auto", mode):
-        msg = f"mode: found {fit.mode}, expected {mode} as the tests that are given."
-        raise FitError(msg)
-    apart = fit.velocity_dependent
-    return {
-        "acceleration": rates[0],
-        "deceleration": rates[1],
-        "velocity_dependent": "auto" if apart is None else apart,
-        "most_tests": min(fit.max_points or SAFE_TESTS, SAFE_TESTS),
-        "conventions": rules,
-        "loss": fit.loss,
-        "mode": mode,
-        "positions": points,
-    }
-
-
-def _more_tests(
-    active: Crosstalk, wished: Float[np.ndarray, "q k"] | None
-) -> Float[np.ndarray, "q k"]:
-    """Return the tests of the list that follows an active one: its own, or more.
-
-    Raises:
-        FitError: If the wished ones lack one of these.
-    """
-    own = np.asarray(active.surface.points, dtype=float)
-    if wished is None:
-        return own
-    if wished.shape[1] == own.shape[1] and are_among(own, wished).all():
-        return wished
-    msg = (
-        "positions: found others than the tests of the list that was active while"
-        " measuring, expected those and, if you like, more."
-    )
-    raise FitError(msg)
-
-
-def identify(
-    whole: CrosstalkReadings, fit: Spec, active: Crosstalk | None, rules: Conventions
-) -> Identified:
-    """Fit the tests of a list and hold events out.
-
-    Args:
-        whole: What was measured.
-        fit: Keys of the job.
-        active: The list that was active while measuring, or None.
-        rules: Of the controller.
-
-    Raises:
-        FitError: If there are no events or the keys cannot be met.
-    """
-    options = options_of(fit, active, rules)
-    _refuse_still(options, whole, fit.adapts_to)
-    found = fit_crosstalk(whole, **options)
-    late = instrument_delay(whole, found)
-    if late:
-        whole = without_delay(whole, late)
-        found = fit_crosstalk(whole, **options)
-    # What a list adds beside an event is that of the direction of the event.
-    whole = whole.directed(found.acceleration, found.deceleration)
-    axes, events = list(found.axes), found.events
-    found = dataclasses.replace(
-        found, events=dataclasses.replace(events, positions=events.positions[:, axes])
-    )
-    held_out, judged = _held_out(found, options)
-    return Identified(
-        found,
-        dataclasses.replace(whole, positions=whole.positions[:, axes]),
-        tuple(fit.adapts_to[k] for k in axes),
-        held_out,
-        judged,
-        late * float(np.median(np.diff(whole.time))),
-    )
-
-
-def _refuse_still(
-    options: Mapping[str, Any], readings: CrosstalkReadings, adaptation: tuple[str, ...]
-) -> None:
-    """Raise where an axis that the tests are to adapt to never moved."""
-    mode = options["mode"]
-    if not isinstance(mode, int) or options["positions"] is not None:
-        return
-    names = adaptation[: mode - 1]
-    for name, column in zip(names, readings.positions.T, strict=False):
-        known = column[np.isfinite(column)]
-        if known.size and not np.ptp(known) > 0:
-            msg = (
-                f"{name} stands at {known[0]:g} in all readings: mode {mode} needs"
-                f" accelerations at two places of {name} or more."
-            )
-            raise FitError(msg)
-
-
-def _held_out(
+def held_out_events(
     found: CrosstalkFit, options: Mapping[str, Any]
-) -> tuple[Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """Return what lists fitted to the other events leave of each, and which had one.
+) -> Float[np.ndarray, " n"]:
+    """Return what lists fitted to the other events leave of each; NaN where there is none.
 
     Nothing is chosen anew but where the tests stand.
     """
     events, branch = found.events, found.events.branch
-    left, judged = events.value.copy(), np.zeros(len(events), dtype=bool)
-    fold = np.zeros(len(events), dtype=np.int64)
+    left, fold = np.full(len(events), np.nan), np.zeros(len(events), dtype=np.int64)
     for row in range(len(BRANCHES)):
         # Dealt out by sign and direction, so that none is left without.
         own = np.flatnonzero(branch == row)
@@ -290,16 +132,17 @@ def _held_out(
             ).compensation()  # fmt: skip
         except FitError:
             continue
-        if model is None:
-            continue
-        added = full_offsets(model, model, events.positions[out])
-        left[out] += added[branch[out], np.arange(int(out.sum()))]
-        judged[out] = True
-    return left, judged
+        if model is not None:
+            added = full_offsets(model, model, events.positions[out])
+            value = events.value[out]
+            left[out] = value + added[branch[out], np.arange(len(value))]
+    return left
 
 
-def instrument_delay(readings: CrosstalkReadings, fit: CrosstalkFit) -> int:
-    """Return by how many rows the error is late, 0 where that does not show.
+def without_delay(
+    readings: CrosstalkReadings, fit: CrosstalkFit
+) -> tuple[CrosstalkReadings, float]:
+    """Return a log whose error is not late, and by how many s it was; 0 if that is not seen.
 
     The same line per event as `cut_events` fits it, with the error moved against the
     motion; the events' residuals together say which delay is right. Other delays have an
@@ -339,18 +182,13 @@ def instrument_delay(readings: CrosstalkReadings, fit: CrosstalkFit) -> int:
         cost += 0.5 * len(rows) * np.log(spread)
         rows_in_all += len(rows)
     if not rows_in_all:
-        return 0
+        return readings, 0.0
     best = int(np.argmin(cost))
     # Mean fall of the logarithm of the standard deviation.
-    gain = (cost[reach] - cost[best]) / rows_in_all
-    return int(lags[best]) if gain > _GAIN else 0
-
-
-def without_delay(readings: CrosstalkReadings, rows: int) -> CrosstalkReadings:
-    """Return a log with the error moved back in time by this many rows."""
-    error = np.full(len(readings.error), np.nan)
-    if rows > 0:
-        error[:-rows] = readings.error[rows:]
-    else:
-        error[-rows:] = readings.error[:rows]
-    return dataclasses.replace(readings, error=error)
+    gain, late = (cost[reach] - cost[best]) / rows_in_all, int(lags[best])
+    if not late or gain <= _GAIN:
+        return readings, 0.0
+    back = np.arange(len(readings.error)) + late
+    known = (back >= 0) & (back < len(back))
+    error = np.where(known, readings.error[np.where(known, back, 0)], np.nan)
+    return dataclasses.replace(readings, error=error), late * step
