@@ -22,5 +22,6 @@ from ._hypothesis import Hypothesis as Hypothesis
 from ._judge import Verdict as Verdict
 from ._motion import LogMotion as LogMotion
 from ._tables import TableChannel as TableChannel, ways_of as ways_of
+from ._target import FLOOR as FLOOR, Target as Target
 from ._verify import Verification as Verification, verify_log as verify_log
 from ._words import fault_words as fault_words
