@@ -2,16 +2,11 @@
 
 from typing import Any
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
-from ...models import AbstractLookup, Stencil
-from ..core import filled
-
-_SMALLEST = 256
-"""Positions are filled up to powers of two from here on: few shapes to compile."""
+from ...models import AbstractLookup
+from ..core import touched
 
 
 def offset_at(
@@ -47,27 +42,11 @@ def offsets_at(
         positions: One column per master (leadscrew: the axis itself), in mm or °.
         direction: ±1 per row for a leadscrew; positive where it is left out.
     """
-    rows = len(positions)
-    if not rows:
-        return np.zeros((len(entries), 0))
-    sense = np.ones(rows, dtype=np.int64) if direction is None else direction
     # Further columns are other axes.
     own = np.asarray(positions[:, : len(model.ways)], dtype=np.float64)
-    ways = np.where(sense < 0, -1, 1)
-    places = jnp.asarray(filled(own, _SMALLEST)), jnp.asarray(filled(ways, _SMALLEST))
-    found = _stencil(model, *places)
-    nodes, weights = np.asarray(found.nodes)[:rows], np.asarray(found.weights)[:rows]
+    nodes, weights = touched(model, own, direction)
     table: Any = model
     # One by one, which takes less memory.
     return np.stack(
         [table.sign * (row[nodes] * weights).sum(axis=1) for row in entries]
     )
-
-
-@eqx.filter_jit
-def _stencil(
-    model: AbstractLookup, positions: Float[Array, "p d"], direction: Int[Array, " p"]
-) -> Stencil:
-    table: Any = model
-    found: Stencil = table.stencil(*model.looked_up(positions, direction))
-    return found
