@@ -70,7 +70,7 @@ class Target:
     def residual(self, columns: Float[np.ndarray, "*h t"]) -> Float[np.ndarray, "*h t"]:
         """Return what columns leave of the values, in mm or °."""
         left = self.values - self.free_of(columns)
-        return left if self.root is None else left / self.root
+        return np.asarray(left if self.root is None else left / self.root)
 
     @functools.cached_property
     def power(self) -> float:
