@@ -134,7 +134,8 @@ class Scene:
 
         The zero of the instrument, what other compensations of the axis did, and within a
         tenth of it the factor are fitted: the same for every column, so that none gains by
-        it. Readings count by Student's t about the one that explains most, for all alike.
+        it. Noise is Student's t, its scale that of each column; what is free is fitted with
+        the weights that it gives about the column that explains most.
 
         Args:
             use: The compensation.
@@ -148,7 +149,7 @@ class Scene:
         values = self.switched[own] * change.change
         low, high = scales - _BAND * np.abs(scales), scales + _BAND * np.abs(scales)
         weight = 1.0 / change.variance
-        noise, likelihood = np.zeros(len(scales)), np.zeros(len(scales))
+        noise = likelihood = factor = power = np.zeros(len(scales))
         for step in range(_STEPS):
             target = Target.of(values, free, weight=weight)
             inner, power = target.products(columns)

@@ -8,6 +8,7 @@ length); the judge puts the best into words.
 Read `_verify` (the whole, and a clock that is off), `_lists` and `_target` (what is to be
 explained), `_channel` and `_tables` (the channels; each compensation has its own in `kinds`),
 `_hypothesis`, `_scan` and `_search`, `_judge`, `_words`; `_total` for logs that show sums only.
+The `doctor` weighs what was measured on the same channels, hypotheses and targets.
 """
 
 from ._channel import (
