@@ -63,6 +63,7 @@ from ._filter import (
     Delay as Delay,
     Past as Past,
     SineSquaredFilter as SineSquaredFilter,
+    step_response as step_response,
 )
 from ._friction import (
     AbstractFriction as AbstractFriction,

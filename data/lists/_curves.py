@@ -107,13 +107,18 @@ def _interpolate(
     return tuple(found)
 
 
-def offset_curves(file: ListFile) -> tuple[OffsetCurve, ...]:
+def offset_curves(file: ListFile, plane_index: str = "ji") -> tuple[OffsetCurve, ...]:
     """Return the cross, plane and leadscrew tables that a list holds.
 
     A table as far as its size entries say; where they are missing, as far as its
     entries reach. Nothing is judged here: that is what `check` is for.
+
+    Args:
+        file: The list.
+        plane_index: First index of a plane table: master 2 (``ji``) or 1 (``ij``), as the
+            convention of that name (S-17).
     """
-    return (*_cross(file), *_plane(file), *_leadscrew(file))
+    return (*_cross(file), *_plane(file, plane_index), *_leadscrew(file))
 
 
 def _positions(units: list[int], metric: bool) -> tuple[float, ...]:
@@ -179,10 +184,10 @@ def _leadscrew(file: ListFile) -> list[OffsetCurve]:
     ]
 
 
-def _plane(file: ListFile) -> list[OffsetCurve]:
+def _plane(file: ListFile, plane_index: str) -> list[OffsetCurve]:
     prefix = "kw.crosscomp2"
     values = {
-        k: value
+        k if plane_index == "ji" else k[::-1]: value
         for k, value in file.table(prefix, "correction").items()
         if isinstance(k, tuple)
     }

@@ -1,7 +1,6 @@
 """The folder of a batch: its jobs, what is done so far, and who works in it."""
 
 import contextlib
-import dataclasses
 import datetime
 import importlib.metadata
 import json
@@ -14,7 +13,6 @@ from typing import Any
 from ...data.errors import AxcompError
 from ...data.files import write_atomically
 from ._rows import VERSION, Row
-from ._work import Task
 
 
 class BatchError(AxcompError, RuntimeError):
@@ -31,98 +29,83 @@ class BatchError(AxcompError, RuntimeError):
 _MANIFEST = "batch.json"
 
 
-@dataclasses.dataclass(frozen=True)
-class Manifest:
-    """The file ``batch.json``.
+def refuse_used(folder: Path) -> None:
+    """Raise where a folder holds a batch already.
 
-    Attributes:
+    Raises:
+        BatchError: Naming what to do.
+    """
+    if (folder / _MANIFEST).exists():
+        raise BatchError(
+            where=str(folder),
+            reason="found a batch in it, expected --resume to go on with it, or"
+            " another folder (--out)",
+        )
+    for kind in ("lists", "unverified"):
+        if (folder / kind).exists():
+            raise BatchError(
+                where=str(folder / kind),
+                reason="found files of something else, expected an empty folder (--out)",
+            )
+
+
+def resumed(
+    folder: Path, jobs: Mapping[str, str], rows: Mapping[str, list[Row]]
+) -> dict[str, list[Row]]:
+    """Return the rows of jobs that are done; those whose file changed are not.
+
+    Args:
+        folder: Of the batch.
+        jobs: Hash of every job file of now, by name of the job.
+        rows: Of jobs that were done (`Journal`).
+
+    Raises:
+        BatchError: If the folder holds a batch of other jobs.
+    """
+    try:
+        before = json.loads((folder / _MANIFEST).read_bytes())["jobs"]
+    except FileNotFoundError:
+        return {}
+    except (ValueError, KeyError):
+        reason = "found no manifest of a batch, expected one"
+        raise BatchError(where=str(folder / _MANIFEST), reason=reason) from None
+    lost = [name for name in before if name not in jobs]
+    if lost:
+        raise BatchError(
+            where=str(folder),
+            reason=f"found a batch with the job {lost[0]!r}, which is not among the"
+            f" {len(jobs)} given now, expected the same jobs (or more)",
+        )
+    return {n: own for n, own in rows.items() if before.get(n) == jobs.get(n)}
+
+
+def manifest_of(
+    arguments: Sequence[str | Path], jobs: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return what ``batch.json`` says of a batch that begins now.
+
+    Args:
         arguments: What was asked for.
         jobs: Hash of every job file, by name of the job.
-        started: When the batch first began.
     """
-
-    arguments: tuple[str, ...]
-    jobs: Mapping[str, str]
-    started: str
-
-    @classmethod
-    def of(cls, arguments: Sequence[str | Path], tasks: Sequence[Task]) -> "Manifest":
-        """Return the manifest of a batch that begins now."""
-        return cls(
-            tuple(map(str, arguments)),
-            {task.name: task.sha256 for task in tasks},
-            _now(),
-        )
-
-    def refuse_used(self, folder: Path) -> None:
-        """Raise where the folder holds a batch already.
-
-        Raises:
-            BatchError: Naming what to do.
-        """
-        if (folder / _MANIFEST).exists():
-            raise BatchError(
-                where=str(folder),
-                reason="found a batch in it, expected --resume to go on with it, or"
-                " another folder (--out)",
-            )
-        for kind in ("lists", "unverified"):
-            if (folder / kind).exists():
-                raise BatchError(
-                    where=str(folder / kind),
-                    reason="found files of something else, expected an empty folder"
-                    " (--out)",
-                )
-
-    def resumed(
-        self, folder: Path, rows: Mapping[str, list[Row]]
-    ) -> dict[str, list[Row]]:
-        """Return the rows of jobs that are done; those whose file changed are not.
-
-        Raises:
-            BatchError: If the folder holds a batch of other jobs.
-        """
-        try:
-            before = json.loads((folder / _MANIFEST).read_bytes())["jobs"]
-        except FileNotFoundError:
-            return {}
-        except (ValueError, KeyError):
-            reason = "found no manifest of a batch, expected one"
-            raise BatchError(where=str(folder / _MANIFEST), reason=reason) from None
-        lost = [name for name in before if name not in self.jobs]
-        if lost:
-            raise BatchError(
-                where=str(folder),
-                reason=f"found a batch with the job {lost[0]!r}, which is not among the"
-                f" {len(self.jobs)} given now, expected the same jobs (or more)",
-            )
-        return {
-            name: own
-            for name, own in rows.items()
-            if before.get(name) == self.jobs.get(name)
-        }
-
-    def write(self, folder: Path, seconds: float | None = None) -> None:
-        """Write it, before any job runs; and once more, with how long the batch took."""
-        end: dict[str, Any] = {}
-        if seconds is not None:
-            end = {"finished": _now(), "seconds": round(seconds, 1)}
-        packages = ("axcomp", "numpy", "scipy", "jax", "distributed", "pyarrow")
-        tree = {
-            "schema": VERSION,
-            "arguments": list(self.arguments),
-            "started": self.started,
-            **end,
-            "versions": {"python": platform.python_version()}
-            | {name: importlib.metadata.version(name) for name in packages},
-            "jobs": dict(self.jobs),
-        }
-        write_atomically(
-            folder / _MANIFEST, (json.dumps(tree, indent=1) + "\n").encode()
-        )
+    packages = ("axcomp", "numpy", "scipy", "jax", "distributed", "pyarrow")
+    return {
+        "schema": VERSION,
+        "arguments": [str(one) for one in arguments],
+        "started": now(),
+        "versions": {"python": platform.python_version()}
+        | {name: importlib.metadata.version(name) for name in packages},
+        "jobs": dict(jobs),
+    }
 
 
-def _now() -> str:
+def write_manifest(folder: Path, tree: Mapping[str, Any]) -> None:
+    """Write ``batch.json``: before any job runs, and once more when all are done."""
+    write_atomically(folder / _MANIFEST, (json.dumps(tree, indent=1) + "\n").encode())
+
+
+def now() -> str:
+    """Return the time of now, to the second."""
     return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
 
 

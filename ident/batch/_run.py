@@ -1,6 +1,7 @@
 """Run a batch: collect, check all jobs, run them on workers, write tables and summary."""
 
 import dataclasses
+import datetime
 import secrets
 import shutil
 import time
@@ -10,7 +11,16 @@ from pathlib import Path
 from typing import Any
 
 from ._collect import collect_jobs
-from ._folder import BatchError, Journal, Manifest, locked
+from ._folder import (
+    BatchError,
+    Journal,
+    locked,
+    manifest_of,
+    now,
+    refuse_used,
+    resumed,
+    write_manifest,
+)
 from ._rows import Row
 from ._summary import Summary, summarise
 from ._table import write_results
@@ -42,29 +52,13 @@ class Progress:
         self.done += jobs
         self._fresh += jobs
 
-    @property
-    def rate(self) -> float:
-        """Jobs per second since this run began."""
-        return self._fresh / max(time.monotonic() - self._start, 1e-9)
-
-    @property
-    def left(self) -> float | None:
-        """Seconds still to go at that rate, None before anything is done."""
-        return (self.total - self.done) / self.rate if self._fresh else None
-
     def __str__(self) -> str:
         words = f"{self.done} of {self.total} jobs"
-        if self.left is None:
+        if not self._fresh:
             return words
-        return f"{words}, {self.rate:.1f} per second, {_duration(self.left)} left"
-
-
-def _duration(seconds: float) -> str:
-    whole = round(seconds)
-    hours, minutes = whole // 3600, whole % 3600 // 60
-    if hours:
-        return f"{hours} h {minutes} min"
-    return f"{minutes} min {whole % 60} s" if minutes else f"{whole} s"
+        rate = self._fresh / max(time.monotonic() - self._start, 1e-9)
+        left = datetime.timedelta(seconds=round((self.total - self.done) / rate))
+        return f"{words}, {rate:.1f} per second, {left} left"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,12 +137,13 @@ def run_batch(
         tasks = [
             Task(item.name, str(item.path.resolve()), item.sha256) for item in items
         ]
-        manifest = Manifest.of(jobs, tasks)
+        hashes = {task.name: task.sha256 for task in tasks}
         journal = Journal(out)
-        done = manifest.resumed(out, journal.read()) if resume else {}
+        done = resumed(out, hashes, journal.read()) if resume else {}
         if not resume:
-            manifest.refuse_used(out)
-        manifest.write(out)
+            refuse_used(out)
+        manifest = manifest_of(jobs, hashes)
+        write_manifest(out, manifest)
         for item in items:
             if item.text is not None:
                 item.path.parent.mkdir(exist_ok=True)
@@ -167,7 +162,9 @@ def run_batch(
         ordered = [row for task in tasks for row in done[task.name]]
         write_results(out, ordered)
         summary = summarise(out, history)
-        manifest.write(out, seconds=time.monotonic() - start)
+        seconds = time.monotonic() - start
+        end = {"finished": now(), "seconds": round(seconds, 1)}
+        write_manifest(out, manifest | end)
     reasons = {row["job"]: row["reason"] for row in ordered if row["state"] == "failed"}
     ran = {
         row["job"] for row in ordered if row["state"] == "done" and not row["passed"]
@@ -178,7 +175,7 @@ def run_batch(
         failed=len(reasons),
         reasons=reasons,
         rejected=len(ran),
-        seconds=time.monotonic() - start,
+        seconds=seconds,
         summary=summary,
     )
 

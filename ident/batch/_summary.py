@@ -1,7 +1,6 @@
 """What a batch says over all machines, as JSON and as one page to read or to print."""
 
 import dataclasses
-import io
 import itertools
 import json
 from collections import Counter, defaultdict
@@ -24,6 +23,11 @@ _FAR = 5.0
 _LEAST, _STEADY = 4, 0.9
 """Measurements that a trend needs, and share of pairs that must agree on its direction."""
 _YEAR = 365.25
+
+_Fit = dict[str, Any]
+"""The columns that count here of a row of a fit."""
+_Kind = tuple[str, str]
+"""Compensation and unit."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,7 +119,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         *(f"{stage}_rms" for stage in _STAGES),
     ]
     table = read_results(folder).select(columns)
-    rows: list[dict[str, Any]] = table.to_pylist()
+    rows: list[_Fit] = table.to_pylist()
     fits = [row for row in rows if row["state"] == "done"]
     earlier = [
         row
@@ -124,7 +128,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         if row["state"] == "done"
     ]
     failed = [row for row in rows if row["state"] == "failed"]
-    kinds: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
+    kinds: dict[_Kind, list[_Fit]] = defaultdict(list)
     for row in fits:
         kinds[row["compensation"], row["unit"]].append(row)
     reasons = Counter(_plain_reason(row["reason"]) for row in failed)
@@ -150,7 +154,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
     )
     text = json.dumps(dataclasses.asdict(summary), indent=1) + "\n"
     write_atomically(folder / _FIGURES, text.encode())
-    write_page(folder, summary, {kind: _errors(own) for kind, own in kinds.items()})
+    write_atomically(folder / _PAGE, _page(summary, kinds).encode())
     return summary
 
 
@@ -160,14 +164,14 @@ def _plain_reason(reason: str | None) -> str:
     return "".join("#" if sign.isdigit() else sign for sign in words[-1])[:160]
 
 
-def _errors(rows: Sequence[dict[str, Any]]) -> dict[str, np.ndarray]:
+def _errors(rows: Sequence[_Fit]) -> dict[str, np.ndarray]:
     return {
         stage: np.array([row[f"{stage}_rms"] for row in rows], dtype=float)
         for stage in _STAGES
     }
 
 
-def _spread(compensation: str, unit: str, rows: Sequence[dict[str, Any]]) -> Spread:
+def _spread(compensation: str, unit: str, rows: Sequence[_Fit]) -> Spread:
     found = {}
     for stage, values in _errors(rows).items():
         known = values[np.isfinite(values)]
@@ -176,7 +180,7 @@ def _spread(compensation: str, unit: str, rows: Sequence[dict[str, Any]]) -> Spr
     return Spread(compensation, unit, len(rows), found)
 
 
-def _outliers(rows: Sequence[dict[str, Any]]) -> Iterable[Outlier]:
+def _outliers(rows: Sequence[_Fit]) -> Iterable[Outlier]:
     """Yield fits whose error lies far above those of the same kind."""
     if len(rows) < 10:
         return
@@ -195,7 +199,7 @@ def _outliers(rows: Sequence[dict[str, Any]]) -> Iterable[Outlier]:
             )  # fmt: skip
 
 
-def _trends(rows: Sequence[dict[str, Any]]) -> list[Trend]:
+def _trends(rows: Sequence[_Fit]) -> list[Trend]:
     """Return axes whose measured error moves one way, by the medians of all slopes.
 
     Source: P. K. Sen, J. Am. Stat. Assoc. 63, 1968 (slope); M. G. Kendall, 1938 (pairs).
@@ -236,57 +240,34 @@ _WORDS = {
 _COLOURS = {"before": "#b5541c", "predicted": "#7a7a7a", "from_file": "#1f6f8b"}
 
 
-def write_page(
-    folder: Path,
-    summary: Summary,
-    errors: Mapping[tuple[str, str], Mapping[str, np.ndarray]],
-) -> Path:
-    """Write the page.
-
-    Args:
-        folder: Of the batch.
-        summary: Its figures.
-        errors: By compensation and unit, and stage: errors (rms) of all fits.
-    """
+def _page(summary: Summary, kinds: Mapping[_Kind, Sequence[_Fit]]) -> str:
+    """Return the page; of the fits by compensation and unit it shows the errors (rms)."""
     page = templates(__package__ or "", html=True).get_template("summary.html.jinja")
-    pictures = [
-        _picture(errors[spread.compensation, spread.unit], spread.unit)
-        for spread in summary.spreads
-    ]
-    text = page.render(
+    return page.render(
         summary=summary,
-        pictures=pictures,
+        pictures=[_picture(_errors(own), unit) for (_, unit), own in kinds.items()],
         scale_of=scale_of,
         words=_WORDS,
         most=_MOST,
     )
-    path = folder / _PAGE
-    write_atomically(path, text.encode())
-    return path
 
 
 def _picture(errors: Mapping[str, np.ndarray], unit: str) -> str:
     """Return the distribution of the errors as SVG."""
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
+    from ..report._style import new_figure, to_inline, to_svg
 
     scale = scale_of(unit)
-    figure = Figure(figsize=(7.0, 3.4), layout="constrained")
-    FigureCanvasSVG(figure)
-    axes = figure.add_subplot()
+    figure, (axes,) = new_figure(3.4)
     for stage, values in errors.items():
         known = np.sort(values[np.isfinite(values) & (values > 0)]) * scale.factor
-        if not len(known):
-            continue
-        # A curve of a few hundred points says as much as one of a hundred thousand.
-        index = np.unique(np.linspace(0, len(known) - 1, 400).astype(int))
-        share = 100.0 * (index + 1) / len(known)
-        axes.plot(known[index], share, color=_COLOURS[stage], label=_WORDS[stage])
+        if len(known):
+            # A curve of a few hundred points says as much as one of a hundred thousand.
+            index = np.unique(np.linspace(0, len(known) - 1, 400).astype(int))
+            share = 100.0 * (index + 1) / len(known)
+            axes.plot(known[index], share, color=_COLOURS[stage], label=_WORDS[stage])
     axes.set_xscale("log")
     axes.set_xlabel(f"error (rms), {scale.error}")
     axes.set_ylabel("share of fits, %")
     axes.grid(True, color="#dddddd")
     axes.legend(frameon=False)
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return buffer.getvalue()[buffer.getvalue().index("<svg") :]
+    return to_inline(to_svg(figure, f"errors in {unit}"))

@@ -211,23 +211,17 @@ def _run(task: Task, order: Order, stage: Path) -> list[Row]:
     place = out / ("lists" if verified else "unverified") / task.name
     place.parent.mkdir(exist_ok=True)
     sync_folder(stage)
-    mine = task.sha256 in result.inputs.values()
     try:
         stage.rename(place)
     except OSError:
         # A worker that was believed dead was faster: its files are whole as well.
         if not place.is_dir():
             raise
-        mine = False
         shutil.rmtree(stage, ignore_errors=True)
-    if mine:
-        # What lies there says what the result does: no need to read it back.
-        folder = f"{place.parent.name}/{task.name}"
-        rows = rows_of(task.name, folder, verified, task.sha256, result.tree)
-        return [plain(row) for row in rows]
-    found = published(task, out, fresh=True)
-    assert found is not None
-    return found
+    # What lies there says what the result does: no need to read it back.
+    folder = f"{place.parent.name}/{task.name}"
+    rows = rows_of(task.name, folder, verified, task.sha256, result.tree)
+    return [plain(row) for row in rows]
 
 
 _DRAWING = threading.Lock()
@@ -241,28 +235,27 @@ def _report(result: "JobResult", folder: Path) -> None:
         write_report(result, folder)
 
 
-def published(task: Task, out: Path, *, fresh: bool = False) -> list[Row] | None:
-    """Return the rows of a job whose files lie in their place, or None.
+def published(task: Task, out: Path) -> list[Row] | None:
+    """Return the rows of a job whose files lie in their place, made of what is there now.
+
+    None where there are none, of a job that was changed since, or of a worker that was
+    stopped: what lies there then is taken away.
 
     Args:
         task: The job.
         out: Folder of the batch.
-        fresh: They were put there just now; else what they were made of is looked at.
     """
     for verified, kind in ((True, "lists"), (False, "unverified")):
-        file = out.joinpath(kind, task.name, "result.json")
+        folder = out / kind / task.name
         try:
-            result = json.loads(file.read_bytes())
+            result = json.loads((folder / "result.json").read_bytes())
         except (OSError, ValueError):
             continue
-        folder = file.parent
-        current = task.sha256 in result["inputs"].values() and (
-            fresh or hash_of_inputs(result["inputs"]) == inputs_hash(Path(task.path))
-        )
-        whole = all((folder / file).is_file() for file in result["files"])
-        if not (current and whole):
-            # Of a job that was changed since, or of a worker that was stopped.
-            shutil.rmtree(folder, ignore_errors=True)
-            continue
-        return rows_of(task.name, f"{kind}/{task.name}", verified, task.sha256, result)
+        inputs = result["inputs"]
+        current = task.sha256 in inputs.values()
+        current = current and hash_of_inputs(inputs) == inputs_hash(Path(task.path))
+        if current and all((folder / file).is_file() for file in result["files"]):
+            place = f"{kind}/{task.name}"
+            return rows_of(task.name, place, verified, task.sha256, result)
+        shutil.rmtree(folder, ignore_errors=True)
     return None

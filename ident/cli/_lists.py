@@ -91,6 +91,7 @@ def show(
     file: Annotated[
         pathlib.Path, typer.Argument(metavar="FILE.lis", help="List of any kind.")
     ],
+    conventions: Rules = None,
     out: Plots = None,
 ) -> None:
     """Show a list: its parameters with their meaning, its tables in mm and µm.
@@ -101,14 +102,18 @@ def show(
     from ...data.lists import offset_curves
     from ._show_tables import list_views
 
-    shown = read_shown_list(file)
+    shown, index, settled = read_shown_list(file), "ji", False
+    if conventions is not None:  # the rules take the models: only where there are some
+        rules = rules_of(conventions)
+        index = rules.conventions.plane_index
+        settled = "plane_index" in rules.verified
     console = wide_console(wraps=True)
-    for view in list_views(shown):
+    for view in list_views(shown, index, settled=settled):
         console.print(view)
     if out is not None:
         from ._list_plots import draw_tables
 
-        paths = draw_tables(offset_curves(shown), out)
+        paths = draw_tables(offset_curves(shown, index), out)
         for path in paths:
             typer.echo(f"wrote {path}", err=True)
         if not paths:

@@ -23,8 +23,16 @@ _KINDS = {
 }
 
 
-def list_views(file: ListFile) -> Iterator[RenderableType]:
-    """Return what to print of a list, from its head to its tables."""
+def list_views(
+    file: ListFile, plane_index: str = "ji", *, settled: bool = False
+) -> Iterator[RenderableType]:
+    """Return what to print of a list, from its head to its tables.
+
+    Args:
+        file: The list.
+        plane_index: How the indices of a plane are read, as `offset_curves`.
+        settled: A measurement has settled that; else it is said that it is assumed.
+    """
     yield Text(_headline(file), style="bold")
     if file.remarks:
         lines = sorted({remark.line for remark in file.remarks})
@@ -34,10 +42,11 @@ def list_views(file: ListFile) -> Iterator[RenderableType]:
             style="yellow",
         )
     yield _parameters(file)
-    curves = offset_curves(file)
+    curves = offset_curves(file, plane_index)
+    order = f"plane_index = {plane_index}, {'verified' if settled else 'assumed'}"
     for compensation in dict.fromkeys(curve.compensation for curve in curves):
         alike = [curve for curve in curves if curve.compensation == compensation]
-        yield Padding(_curve_view(alike), (1, 0, 0, 0))
+        yield Padding(_curve_view(alike, order), (1, 0, 0, 0))
     for each in sorted(kinds(), key=lambda one: one.prefix):
         for table in each.raw_tables:
             raw = _plain_table(file, each, table)
@@ -107,7 +116,7 @@ def _with_unit(value: int | None, unit: str, metric: bool) -> str:
     return f"{value / 10:g} µm"
 
 
-def _curve_view(curves: Sequence[OffsetCurve]) -> Group:
+def _curve_view(curves: Sequence[OffsetCurve], order: str) -> Group:
     """Return the tables of one compensation under a sentence on their sign."""
     first = curves[0]
     values = [value for curve in curves for row in curve.offsets for value in row]
@@ -129,7 +138,7 @@ def _curve_view(curves: Sequence[OffsetCurve]) -> Group:
         sentences.append(f"Entries missing, which count as 0: {missing}.")
     if not first.ascending:
         sentences.append("Its positions do not ascend.")
-    body = _plane_table(first) if len(first.nodes) == 2 else _line_table(curves)
+    body = _plane_table(first, order) if len(first.nodes) == 2 else _line_table(curves)
     return Group(Text(" ".join(sentences)), body)
 
 
@@ -167,7 +176,7 @@ def _grid(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     return table
 
 
-def _plane_table(curve: OffsetCurve) -> Table:
+def _plane_table(curve: OffsetCurve, order: str) -> Table:
     """Return what a plane adds, over both masters; some of its rows and columns."""
     unit = "mm" if curve.metric else "inc"
     offsets = curve.offsets
@@ -175,6 +184,7 @@ def _plane_table(curve: OffsetCurve) -> Table:
     rows = _some(len(curve.nodes[1]), MOST_ROWS)
     caption = f"adds/{'µm' if curve.metric else 'inc'}; "
     caption += f"to the right: axis {curve.masters[0]}, down: axis {curve.masters[1]}"
+    caption += f" ({order})"
     for shown, nodes, what in zip(
         (columns, rows), curve.nodes, ("columns", "rows"), strict=True
     ):

@@ -31,6 +31,7 @@ from ._effect import (
     TableEffect as TableEffect,
     axis_nodes as axis_nodes,
     design_of as design_of,
+    touched as touched,
 )
 from ._errors import FitError as FitError
 from ._evidence import choose_weights as choose_weights

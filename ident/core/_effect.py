@@ -10,12 +10,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from ...models import AbstractNodes, EquidistantNodes, Leadscrew, Plane, Setpoints
+from ...models import (
+    AbstractLookup,
+    AbstractNodes,
+    EquidistantNodes,
+    Leadscrew,
+    Plane,
+    Setpoints,
+)
 from ._chain import Chain, chain
 from ._prior import AbstractPrior, NoPrior, Smooth
-from ._readings import Readings, padded
+from ._readings import Readings, filled
 
 Design = tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]
 """Unknowns that each reading touches, and their shares: a sparse matrix, k per row."""
@@ -58,12 +65,33 @@ def design_of(effect: AbstractEffect, readings: Readings) -> Design:
     return readings.designs[effect]
 
 
+def touched(
+    model: AbstractLookup,
+    positions: Float[np.ndarray, "t d"],
+    direction: Float[np.ndarray, " t"] | Int[np.ndarray, " t"] | None = None,
+) -> Design:
+    """Return the entries of a table that readings touch, and their weights.
+
+    Args:
+        model: The table; only its nodes count.
+        positions: One column per master, in mm or °.
+        direction: ±1 per reading for a leadscrew; positive where it is left out.
+    """
+    count = len(positions)
+    if count == 0:
+        return np.zeros((0, 1), dtype=np.int64), np.zeros((0, 1))
+    sense = np.ones(count, dtype=np.int64)
+    if direction is not None:
+        sense = np.where(direction < 0, -1, 1)
+    nodes, weights = _stencil(model, filled(positions, 64), filled(sense, 64))
+    return np.asarray(nodes)[:count], np.asarray(weights)[:count]
+
+
 @jax.jit
-def _stencil(model: Any, inputs: dict[str, jax.Array]) -> tuple[jax.Array, jax.Array]:
-    if isinstance(model, Plane):
-        found = model.stencil(jnp.stack([inputs["1"], inputs["2"]], axis=1))
-    else:
-        found = model.stencil(inputs["1"], inputs["way"] if model.bilateral else 1)
+def _stencil(
+    model: Any, positions: Float[Array, "n d"], direction: Int[Array, " n"]
+) -> tuple[Array, Array]:
+    found = model.stencil(*model.looked_up(positions, direction))
     return found.nodes, found.weights
 
 
@@ -194,14 +222,10 @@ class TableEffect(AbstractEffect):
 
     def design(self, readings: Readings) -> Design:
         """See `AbstractEffect`."""
-        given = {
-            str(k + 1): readings.inputs[name] for k, name in enumerate(self.inputs)
-        }
-        if self.way is not None:
-            given["way"] = readings.inputs[self.way]
-        nodes, shares = _stencil(self.model, padded(given))
-        count = len(readings)
-        return self.place[np.asarray(nodes)[:count]], np.asarray(shares)[:count]
+        columns = [readings.inputs[name] for name in self.inputs]
+        way = None if self.way is None else readings.inputs[self.way]
+        nodes, shares = touched(self.model, np.stack(columns, axis=1), way)
+        return self.place[nodes], shares
 
     def to_values(self, table: np.ndarray) -> np.ndarray:
         """Return the unknowns of an array of the model's shape; the last of a ring ignored."""

@@ -87,9 +87,7 @@ from .controller._external import (
     EXTERNAL as EXTERNAL,
     ExternalAxis as ExternalAxis,
     entries_of_external_axis as entries_of_external_axis,
-    external_axis_from_list as external_axis_from_list,
     external_from_lists as external_from_lists,
-    external_limits as external_limits,
     from_interface as from_interface,
 )
 from .controller._motion import (

@@ -1,7 +1,7 @@
 """The lists of a machine by axis, and which compensations they switch on."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from ...data.lists import ListFile
 from ...models import Conventions, TemperatureLine
@@ -92,39 +92,33 @@ class MachineLists:
                 tables of two lists act on one axis.
         """
         found: dict[tuple[int, str], InUse] = {}
-        every = kinds()
-        for number, listing in self.compensation.items():
-            for each in every:
-                if each.holder != "compensation" or not each.entries.is_in(listing):
-                    continue
-                one = _in_list(number, each, listing, conventions)
-                key = one.axis, one.name
-                own = self.machine.get(one.axis)
-                if own is not None and not each.entries.is_activated(own):
-                    continue
-                if key in found:
-                    raise ExchangeError(
-                        where=listing.source,
-                        found=f"a second {one.name} table for axis {one.axis} beside"
-                        f" {found[key].listing.source}",
-                        expected="one per axis",
-                    )
-                found[key] = one
-        for number in set(heated) - set(self.machine):
-            for each in every:
-                if each.by_plc:
-                    words = f"{each.name} line of axis {number}"
-                    nowhere = ListFile.parse(b"", words)
-                    found[number, each.name] = _in_list(
-                        number, each, nowhere, conventions
-                    )
-        for number, machine in self.machine.items():
-            for each in every:
-                if each.holder == "axis" and each.entries.is_in(machine):
-                    found[number, each.name] = _in_list(
-                        number, each, machine, conventions
-                    )
+        for number, each, listing in self._held(heated):
+            one = _in_list(number, each, listing, conventions)
+            key, own = (one.axis, one.name), self.machine.get(one.axis)
+            is_table = each.holder == "compensation"
+            if is_table and own is not None and not each.entries.is_activated(own):
+                continue
+            if key in found:
+                raise ExchangeError(
+                    where=listing.source,
+                    found=f"a second {one.name} table for axis {one.axis} beside"
+                    f" {found[key].listing.source}",
+                    expected="one per axis",
+                )
+            found[key] = one
         return tuple(found[key] for key in sorted(found))
+
+    def _held(self, heated: Iterable[int]) -> Iterator[tuple[int, Kind, ListFile]]:
+        """Yield what the lists hold, switched on or not, and what a PLC does beside them."""
+        for each in kinds():
+            lists = self.compensation if each.holder == "compensation" else self.machine
+            for number, listing in lists.items():
+                if each.entries.is_in(listing):
+                    yield number, each, listing
+            if each.by_plc:
+                for number in set(heated) - set(self.machine):
+                    words = f"{each.name} line of axis {number}"
+                    yield number, each, ListFile.parse(b"", words)
 
 
 def machine_lists(lists: Sequence[ListFile]) -> MachineLists:

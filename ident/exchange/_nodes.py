@@ -1,7 +1,6 @@
 """Node positions as a list holds them: on a grid or one by one, also over axes that turn."""
 
 import dataclasses
-import functools
 from collections.abc import Mapping
 
 import jax.numpy as jnp
@@ -11,24 +10,12 @@ from jaxtyping import Array, Float, Int
 from ...models import AbstractNodes, EquidistantNodes, ModuloNodes, Setpoints
 from ._units import LIST_UNITS, ExchangeError, exact_in_list
 
-_FEW = 1024
-"""Numbers up to which an array is looked up among the last ones."""
-
 
 def as_array(
     values: Float[np.ndarray, "..."] | Float[Array, "..."] | float,
 ) -> Float[Array, "..."]:
     """Return numbers as the 64-bit array that a model holds."""
-    given = np.asarray(values, dtype=np.float64)
-    if given.size > _FEW:
-        return jnp.array(given)
-    return _kept_array(given.tobytes(), given.shape)
-
-
-@functools.lru_cache(maxsize=64)
-def _kept_array(content: bytes, shape: tuple[int, ...]) -> Float[Array, "..."]:
-    # A table is made, written and read back twice: the same numbers are the same array.
-    return jnp.array(np.frombuffer(content).reshape(shape))
+    return jnp.array(np.asarray(values, dtype=np.float64))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,21 +60,15 @@ class PointNodes:
 
     def model(self) -> Setpoints:
         """Return the nodes of a model."""
-        return _point_model(self)
+        return Setpoints(as_array(self.positions))
 
 
 ListNodes = GridNodes | PointNodes
 
 
-@functools.lru_cache(maxsize=256)
 def equidistant(start: float, interval: float, count: int) -> EquidistantNodes:
-    """Return the nodes of a model; those of a kind of machine are the same ones."""
+    """Return the nodes of a model."""
     return EquidistantNodes(as_array(start), as_array(interval), count)
-
-
-@functools.lru_cache(maxsize=256)
-def _point_model(nodes: PointNodes) -> Setpoints:
-    return Setpoints(as_array(nodes.positions))
 
 
 def grid_nodes(start: float, interval: float, count: int, name: str) -> GridNodes:

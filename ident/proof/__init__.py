@@ -38,7 +38,6 @@ from ._heldout import (
 from ._reversal import (
     choose_cycles as choose_cycles,
     reversal_dynamics as reversal_dynamics,
-    spread_share as spread_share,
 )
 
 if TYPE_CHECKING:

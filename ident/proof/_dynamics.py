@@ -89,21 +89,25 @@ class _Lines:
         return np.asarray(self.steps / (self.nodes[1:] - self.nodes[:-1]))
 
     @functools.cached_property
-    def slopes_with_ends(self) -> Float[np.ndarray, "b r l"]:
-        """Between the nodes, and beyond both ends at either side."""
-        slopes = self.slopes
+    def course(self) -> tuple[Float[np.ndarray, " l"], Float[np.ndarray, "b r k"]]:
+        """Nodes, and the slopes between them and beyond both ends; a ring goes on a turn."""
+        nodes, slopes = self.nodes, self.slopes
         if self.table.periodic:
-            ends = slopes[..., -1:], slopes[..., :1]
+            turn = nodes[-1] - nodes[0]
+            nodes = np.concatenate([nodes[:-1] - turn, nodes, nodes[1:] + turn])
+            ends, slopes = (slopes[..., -1:], slopes[..., :1]), np.tile(slopes, 3)
         elif self.table.closed[self.way]:
             ends = slopes[..., :1], slopes[..., -1:]
         else:
             # Outside the table the controller holds its edge: the slope there is 0.
             flat = np.zeros((*slopes.shape[:-1], 1))
             ends = flat, flat
-        return np.concatenate([ends[0], slopes, ends[1]], axis=-1)
+        return nodes, np.concatenate([ends[0], slopes, ends[1]], axis=-1)
 
     def node(self, row: int, k: int) -> str:
-        """Return a node in words."""
+        """Return a node of the course in words."""
+        if self.table.periodic:
+            k %= len(self.nodes) - 1
         index = [k] if len(self.table.nodes) == 1 else [[row, k], [k, row]][self.way]
         return f"at {place_of(self.table, index)}"
 
@@ -158,7 +162,7 @@ def gradient(table: GateTable) -> float:
 def kink(table: GateTable) -> tuple[float, str]:
     """Return the largest change of slope at a node, as a pure number, and where."""
     return _largest(
-        (np.abs(np.diff(lines.slopes_with_ends)), lines.node) for lines in table.lines
+        (np.abs(np.diff(lines.course[1])), lines.node) for lines in table.lines
     )
 
 
@@ -178,17 +182,7 @@ def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
     made = feed * SMOOTHING
     tried: list[_Tried] = []
     for lines in table.lines:
-        nodes, slopes = lines.nodes, lines.slopes_with_ends
-        words = lines.node
-        if table.periodic:
-            around = len(nodes) - 1
-            turn = nodes[-1] - nodes[0]
-            nodes = np.concatenate([nodes[:-1] - turn, nodes, nodes[1:] + turn])
-            inner = slopes[..., 1:-1]
-            slopes = np.concatenate(
-                [inner[..., -1:], *[inner] * 3, inner[..., :1]], axis=-1
-            )
-            words = functools.partial(_node_around, lines, around)
+        nodes, slopes = lines.course
         # The slope is constant between nodes: its change over a fixed way is largest
         # where one end of the way has just passed a node.
         passed = np.arange(1, len(nodes) + 1)
@@ -196,7 +190,7 @@ def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
         behind = np.searchsorted(nodes, nodes - made, side="right")
         for start, end in ((passed, ahead), (behind, passed)):
             change = np.abs(slopes[..., end] - slopes[..., start])
-            tried.append((change * feed / SMOOTHING, words))
+            tried.append((change * feed / SMOOTHING, lines.node))
     if len(table.nodes) == 2:
         area = np.outer(np.diff(table.nodes[1]), np.diff(table.nodes[0]))
         across = table.lines[1].steps.swapaxes(1, 2)
@@ -208,8 +202,3 @@ def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
         # Along the diagonal each master moves with feed/√2: 2 · v₁ · v₂ = feed².
         tried.append((twist * feed**2, cell))
     return _largest(tried)
-
-
-def _node_around(lines: _Lines, around: int, row: int, k: int) -> str:
-    """Return a node of a line that goes on past its ends in words."""
-    return lines.node(row, k % around)

@@ -1,30 +1,14 @@
 """How fast a jump is that is spread over cycles: at reversal, and on switching."""
 
-import functools
 from collections.abc import Callable
 
 import numpy as np
 
+from ...models import step_response
 from ..exchange import MOST_REVERSAL_CYCLES
 
 MOST_CYCLES = 20
 """Largest `n_cycles` of cross, plane and crosstalk (P-COMP-00026, 00027, 00064)."""
-
-
-def spread_share(cycles: int) -> np.ndarray:
-    """Return the share of the jump that is out after 0, 1, … ``cycles`` cycles.
-
-    sin²(π/2 · k/n), as P-AXIS-00243 describes it; 0 and 1 are abrupt (S-06, S-25).
-    """
-    if cycles <= 1:
-        return np.array([0.0, 1.0])
-    return np.sin(0.5 * np.pi * np.arange(cycles + 1) / cycles) ** 2
-
-
-@functools.lru_cache(maxsize=32)
-def _spread(cycles: int) -> np.ndarray:
-    """Return the share before, during and after the reversal."""
-    return np.concatenate([[0.0], spread_share(cycles), [1.0]])
 
 
 def reversal_dynamics(
@@ -42,7 +26,8 @@ def reversal_dynamics(
     Returns:
         mm/s and mm/s² (°/s, °/s²).
     """
-    position = jump * _spread(cycles)
+    # Before, during and after it: sin²(π/2 · k/n), 0 and 1 abrupt (P-AXIS-00243, S-25).
+    position = jump * np.concatenate([[0.0, 0.0], step_response(cycles), [1.0]])
     velocity = (position[1:] - position[:-1]) / cycle_time
     acceleration = (velocity[1:] - velocity[:-1]) / cycle_time
     return float(np.abs(velocity).max()), float(np.abs(acceleration).max())
@@ -74,13 +59,10 @@ def choose_cycles(
         velocity, acceleration = reversal_dynamics(jump, cycles, cycle_time)
         return velocity <= max_velocity and acceleration <= max_acceleration
 
-    if (
-        existing is not None
-        and 2 <= existing <= MOST_REVERSAL_CYCLES
-        and inside(existing)
-    ):
+    longest = MOST_REVERSAL_CYCLES
+    if existing is not None and 2 <= existing <= longest and inside(existing):
         return existing
-    return _fewest(inside, MOST_REVERSAL_CYCLES)
+    return _fewest(inside, longest)
 
 
 def largest_step(jump: float, cycles: int) -> float:

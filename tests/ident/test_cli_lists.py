@@ -255,6 +255,28 @@ def test_help_names_the_table_of_fits(
     assert "needs no []" not in shown
 
 
+@pytest.mark.parametrize(
+    ("table", "word"), [("verified", "verified"), ("assumed", "assumed")]
+)
+def test_show_reads_a_plane_by_the_conventions_given_and_says_so(
+    tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str], table: str, word: str
+) -> None:
+    head = "kopf.achs_nr 3\nkw.crosscomp2.unit 1\nkw.crosscomp2.interval 100000\n"
+    ends = "kw.crosscomp2.last_index_master1 2\nkw.crosscomp2.last_index_master2 1\n"
+    masters = "kw.crosscomp2.master1_ax_nr 1\nkw.crosscomp2.master2_ax_nr 2\n"
+    path, rules = tmp_path / "achskw3.lis", tmp_path / "mill.toml"
+    entry = "kw.crosscomp2.table[2][0].correction 30\n"
+    path.write_text(head + ends + masters + entry)
+    rules.write_text(f'[{table}]\nplane_index = "ij"\n')
+    assert main(["show", str(path), "--conventions", str(rules)]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert f"plane_index = ij, {word}" in shown
+    # Three nodes along master 1, the entry at the last of them; mm 0 10 20, then the rows.
+    assert "mm 0 10 20 0 - - 3 10 - - -" in shown
+    assert main(["show", str(path)]) == 0
+    assert "plane_index = ji, assumed" in " ".join(capsys.readouterr().out.split())
+
+
 def test_show_draws_a_plane(plane: pathlib.Path, tmp_path: pathlib.Path) -> None:
     assert main(["show", str(plane), "--out", str(tmp_path / "a" / "b")]) == 0
     assert (tmp_path / "a" / "b" / "plane.png").read_bytes()[1:4] == b"PNG"

@@ -10,8 +10,6 @@ from axcomp.ident.exchange import (
     ExternalAxis,
     entries_of_activation,
     entries_of_external_axis,
-    external_axis_from_list,
-    external_limits,
 )
 from axcomp.ident.kinds import kind
 from axcomp.ident.kinds.backlash.entries import backlash_from_list, entries_of_backlash
@@ -177,7 +175,7 @@ def test_activation_comes_back_from_its_entries() -> None:
 # ------------------------------------------------------------- external compensation
 
 
-def test_external_limits_come_back_from_their_entries() -> None:
+def test_external_limits_are_entries_of_the_axis_list() -> None:
     limits = ExternalAxis(warning=0.2, error=0.5, acceleration=1500.9)
     entries = entries_of_external_axis(limits)
     assert entries == {
@@ -185,22 +183,5 @@ def test_external_limits_come_back_from_their_entries() -> None:
         "lr_param.ext_comp.err_limit": 5000,
         "lr_param.ext_comp.max_a": 1500,
     }
-    back = external_axis_from_list(written(entries))
-    assert back == ExternalAxis(0.2, 0.5, 1500.0)
     with pytest.raises(ExchangeError, match=r"err_limit: found 0, expected .*70585"):
         entries_of_external_axis(ExternalAxis(0.0, 0.0, None))
-
-
-def test_limits_of_all_axes_take_the_acceleration_of_the_axis_where_none_is_stated() -> (
-    None
-):
-    stated = external_axis_from_list(
-        parse("lr_param.ext_comp.err_limit 5000\nlr_param.ext_comp.max_a 300\n")
-    )
-    silent = external_axis_from_list(parse("lr_param.ext_comp.err_limit 70\n"))
-    found = external_limits([stated, silent], RULES, default_acceleration=900.0)
-    np.testing.assert_array_equal(found.error, [0.5, 0.007])
-    np.testing.assert_array_equal(found.acceleration, [300.0, 900.0])
-    assert not found.of_change
-    change = Conventions(external_limit="change")
-    assert external_limits([stated], change).of_change

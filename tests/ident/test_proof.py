@@ -11,7 +11,6 @@ from axcomp.ident.proof import (
     error_figures,
     judge,
     reversal_dynamics,
-    spread_share,
 )
 
 
@@ -152,12 +151,6 @@ def test_reversal_jump_is_judged_with_its_spread() -> None:
     velocity, acceleration = reversal_dynamics(0.03, 6, 1e-3)
     assert found["max_velocity at reversal"].value == velocity
     assert found["max_acceleration at reversal"].value == acceleration
-
-
-def test_spread_is_a_sine_squared() -> None:
-    np.testing.assert_allclose(spread_share(4)[[0, 2, 4]], [0.0, 0.5, 1.0], atol=1e-15)
-    np.testing.assert_array_equal(spread_share(1), [0.0, 1.0])
-    np.testing.assert_array_equal(spread_share(0), [0.0, 1.0])
 
 
 def test_fewest_cycles_inside_the_limits_are_chosen() -> None:

@@ -1,24 +1,20 @@
 """External compensation: limits in axis lists, tables as offsets, units of its interface."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ....data.lists import ListFile
 from ....models import (
-    Conventions,
     ExternalCompensation,
-    ExternalLimits,
     OffsetPart,
     OffsetStack,
 )
 from ...kinds import kinds
-from .._identity import optional
 from .._machine_lists import InUse, Reading, axes_in_use, machine_lists
-from .._nodes import as_array
-from .._units import LIST_UNITS, ExchangeError, round_to_list
+from .._units import ExchangeError, round_to_list
 from ._controller import columns_of, model_of
 
 INTERFACE_UNITS = 10**8
@@ -99,46 +95,6 @@ class ExternalAxis:
     warning: float
     error: float
     acceleration: float | None
-
-
-def external_axis_from_list(machine: ListFile) -> ExternalAxis:
-    """Return the limits that an axis list sets for an external compensation.
-
-    Raises:
-        ExchangeError: If an entry is unreadable.
-    """
-    stated = machine.get(f"{_EXTERNAL}.max_a") is not None
-    return ExternalAxis(
-        warning=optional(machine, f"{_EXTERNAL}.warn_limit") / LIST_UNITS,
-        error=optional(machine, f"{_EXTERNAL}.err_limit") / LIST_UNITS,
-        acceleration=float(optional(machine, f"{_EXTERNAL}.max_a")) if stated else None,
-    )
-
-
-def external_limits(
-    axes: Iterable[ExternalAxis],
-    conventions: Conventions,
-    default_acceleration: float = 0.0,
-) -> ExternalLimits:
-    """Return the limits of all axes, in the order of their columns.
-
-    Args:
-        axes: Of each axis.
-        conventions: What the limits limit (S-54).
-        default_acceleration: Of an axis whose list does not state its own, in mm/s².
-    """
-    rows = [
-        (one.warning, one.error, default_acceleration if a is None else a)
-        for one in axes
-        for a in (one.acceleration,)
-    ]
-    table = np.array(rows, dtype=float).reshape(-1, 3)
-    return ExternalLimits(
-        warning=as_array(table[:, 0]),
-        error=as_array(table[:, 1]),
-        acceleration=as_array(table[:, 2]),
-        of_change=conventions.external_limit == "change",
-    )
 
 
 def entries_of_external_axis(limits: ExternalAxis) -> dict[str, int | str]:

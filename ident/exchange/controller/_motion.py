@@ -3,10 +3,13 @@
 import dataclasses
 from collections.abc import Callable, Mapping
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
 from ....data.measurements import Measurement
+from ....models import DirectionState, directions
+from ...core import filled
 from .._units import ExchangeError
 
 _COLUMNS = {
@@ -257,6 +260,6 @@ def direction_of_motion(
         position: Commanded, in mm or °.
         start: Direction before the first motion (S-21).
     """
-    step = np.sign(np.diff(position, prepend=position[:1])).astype(np.int64)
-    last = np.maximum.accumulate(np.where(step != 0, np.arange(len(step)), -1))
-    return np.where(last < 0, start, step[np.maximum(last, 0)])
+    places = jnp.asarray(filled(position, 256))
+    found, _, _ = directions(DirectionState.start(start), places)
+    return np.asarray(found)[: len(position)].astype(np.int64)

@@ -15,14 +15,14 @@ from ....models import (
     Offsets,
     PositionController,
 )
-from ...kinds import NAMES, kind, kinds
+from ...core import filled
+from ...kinds import kinds
 from .._machine_lists import InUse, Reading, axes_in_use, machine_lists
 from .._nodes import as_array
 from .._units import ExchangeError
 from ._controller import controller_of
 from ._events import (
     ControllerEvent,
-    Windows,
     homed_rows,
     loaded_versions,
     selected_rows,
@@ -88,85 +88,69 @@ def simulate(
             lacks an axis, has bad values, or no time for events; if a list that is loaded
             again replaces none.
     """
-    if events is None:
-        return _simulated(lists, motion, reading, cycle_time, only)
-    if motion.time is None:
+    if events is not None and motion.time is None:
         raise ExchangeError(
             where=motion.source, found="no time", expected="time, for events"
         )
-    others = [one for one in events if one.action != "reload"]
-    versions, spans = loaded_versions(lists, events, motion.rows)
-    found: tuple[AxisOffsets, ...] = ()
+    motion.check(cycle_time)
+    reading = dataclasses.replace(reading, commanded=events is None)
+    versions, spans = loaded_versions(lists, events or (), motion.rows)
+    added: dict[tuple[int, str], Float[np.ndarray, " t"]] = {}
+    why: dict[InUse, str | None] = {}
+    shown: set[int] = set()
     known: set[int] = set()
     for version in versions:
-        used = machine_lists(version).in_use(reading.conventions, reading.lines)
-        windows = {
-            (one.axis, one.name): spans[id(one.listing)]
-            for one in used
-            if id(one.listing) in spans
-        }
-        offsets = _simulated(
-            version, motion, reading, cycle_time, only, others, windows
-        )
-        new = {id(one) for one in version} - known
-        known |= new
-        fresh = {(one.axis, one.name) for one in used if id(one.listing) in new}
-        found = _joined(found, offsets, fresh) if found else offsets
-    return found
-
-
-def _simulated(
-    lists: Sequence[ListFile],
-    motion: Motion,
-    reading: Reading,
-    cycle_time: float | None,
-    only: Callable[[InUse], bool] | None,
-    events: Sequence[ControllerEvent] | None = None,
-    windows: Windows | None = None,
-) -> tuple[AxisOffsets, ...]:
-    """Return what lists add that are loaded in some rows, the windows, or in all."""
-    motion.check(cycle_time)
-    machine = machine_lists(lists)
-    used = machine.in_use(reading.conventions, reading.lines)
-    if only is not None:
-        used = tuple(one for one in used if only(one))
-    own = {one.axis for one in used if one.kind.holder == "axis"}
-    if not machine.compensation and not own:
-        names = ", ".join(one.source for one in lists)
-        raise ExchangeError(
-            where=names or "lists",
-            found="no compensation list",
-            expected="at least one (kopf.*, kw.*)",
-        )
-    reading = dataclasses.replace(reading, commanded=events is None)
-    why = {one: one.kind.entries.lacks(one, motion, reading) for one in used}
-    computed = [one for one in used if why[one] is None]
-    for one in computed:
-        for axis in one.kind.entries.looks_at(one, motion):
-            motion.position(axis, f"for {one.kind.noun} of A{one.axis}")
-    numbers = axes_in_use(used, machine)
-    controller = controller_of(computed, machine, numbers, reading)
-    whole = _controller_motion(motion, numbers, reading)
-    if events is not None:
-        rows = whole.cycles
-        whole = dataclasses.replace(
-            whole,
-            homed=homed_rows(events, numbers, rows),
-            active=selected_rows(controller, events, numbers, rows, windows or {}),
-        )
-    found = _run(controller, whole, settled=motion.time is None)
-    listed = set(machine.compensation) if only is None else set[int]()
-    shown = sorted({one.axis for one in used} | listed)
+        machine = machine_lists(version)
+        used = [
+            one
+            for one in machine.in_use(reading.conventions, reading.lines)
+            if only is None or only(one)
+        ]
+        if not machine.compensation and all(o.kind.holder != "axis" for o in used):
+            names = ", ".join(one.source for one in version)
+            raise ExchangeError(
+                where=names or "lists",
+                found="no compensation list",
+                expected="at least one (kopf.*, kw.*)",
+            )
+        lacks = {one: one.kind.entries.lacks(one, motion, reading) for one in used}
+        computed = [one for one in used if lacks[one] is None]
+        for one in computed:
+            for axis in one.kind.entries.looks_at(one, motion):
+                motion.position(axis, f"for {one.kind.noun} of A{one.axis}")
+        numbers = axes_in_use(used, machine)
+        controller = controller_of(computed, machine, numbers, reading)
+        whole = _controller_motion(motion, numbers, reading)
+        if events is not None:
+            others = [one for one in events if one.action != "reload"]
+            windows = {
+                (one.axis, one.name): spans[id(one.listing)]
+                for one in used
+                if id(one.listing) in spans
+            }
+            homed = homed_rows(others, numbers, motion.rows)
+            active = selected_rows(controller, others, numbers, motion.rows, windows)
+            whole = dataclasses.replace(whole, homed=homed, active=active)
+        found = _run(controller, whole, settled=motion.time is None)
+        loaded = {id(one) for one in version} - known
+        for one in computed:
+            # What was there before a list was loaded again is added already.
+            if not known or id(one.listing) in loaded:
+                rows = found[one.name][:, numbers.index(one.axis)]
+                added[one.axis, one.name] = rows + added.get((one.axis, one.name), 0.0)
+        why |= lacks
+        known |= loaded
+        shown |= {one.axis for one in used}
+        shown |= set(machine.compensation) if only is None else set()
     return tuple(
         _axis(
             axis,
-            numbers.index(axis),
-            found,
+            added,
             {one: reason for one, reason in why.items() if one.axis == axis},
             motion,
             waiting=events is not None,
         )
-        for axis in shown
+        for axis in sorted(shown)
     )
 
 
@@ -272,37 +256,33 @@ def _run(
 
 def _padded(motion: ControllerMotion) -> ControllerMotion:
     """Return the motion with its last row repeated: the axes stand, as they would."""
-    size = max(_SMALLEST, 1 << max(motion.cycles - 1, 0).bit_length())
-    more = ((0, size - motion.cycles), (0, 0), (0, 0))
     longer: ControllerMotion = jax.tree.map(
-        lambda rows: jnp.pad(rows, more[: rows.ndim], mode="edge"), motion
+        lambda rows: jnp.asarray(filled(np.asarray(rows), _SMALLEST)), motion
     )
-    still = jnp.pad(motion.velocity, more[:2]), jnp.pad(motion.acceleration, more[:2])
-    return dataclasses.replace(longer, velocity=still[0], acceleration=still[1])
+    moves = (jnp.arange(longer.cycles) < motion.cycles)[:, None]
+    return dataclasses.replace(
+        longer,
+        velocity=jnp.where(moves, longer.velocity, 0.0),
+        acceleration=jnp.where(moves, longer.acceleration, 0.0),
+    )
 
 
 def _axis(
     axis: int,
-    column: int,
-    found: Mapping[str, np.ndarray],
+    added: Mapping[tuple[int, str], Float[np.ndarray, " t"]],
     why: Mapping[InUse, str | None],
     motion: Motion,
     *,
     waiting: bool,
 ) -> AxisOffsets:
-    here = {one.name for one, reason in why.items() if reason is None}
-    parts, currents = {}, []
-    for each in kinds():
-        if each.name in here:
-            rows = np.ascontiguousarray(found[each.name][:, column])
-            if each.adds_current:
-                currents.append(rows)
-            else:
-                parts[each.name] = rows
+    """Return what is added to an axis; why something is not computed, by what is in use."""
+    own = [each for each in kinds() if (axis, each.name) in added]
+    parts = {each.name: added[axis, each.name] for each in own if not each.adds_current}
+    currents = [added[axis, each.name] for each in own if each.adds_current]
+    out = {one.name: reason for one, reason in why.items() if reason is not None}
     remarks = [
-        f"A{axis}: {one.name} stands in the list and is not computed: {reason}"
-        for one, reason in why.items()
-        if reason is not None
+        f"A{axis}: {name} stands in the list and is not computed: {reason}"
+        for name, reason in out.items()
     ]
     remarks += [
         f"A{axis}: {one.name} waits for COMP ON in the NC program"
@@ -310,7 +290,7 @@ def _axis(
         for one, reason in why.items()
         if one.manual and reason is None and not waiting
     ]
-    if here and not motion.is_even:
+    if own and not motion.is_even:
         remarks.append(
             f"A{axis}: the time steps of {motion.source} differ: filters and delays"
             " take each row as one cycle"
@@ -319,40 +299,7 @@ def _axis(
         axis=axis,
         parts=parts,
         total=sum(parts.values(), np.zeros(motion.rows)),
-        left_out=tuple(one.name for one, reason in why.items() if reason is not None),
+        left_out=tuple(out),
         current=sum(currents[1:], currents[0]) if currents else None,
-        remarks=tuple(remarks),
+        remarks=tuple(dict.fromkeys(remarks)),
     )
-
-
-def _joined(
-    before: tuple[AxisOffsets, ...],
-    after: tuple[AxisOffsets, ...],
-    fresh: set[tuple[int, str]],
-) -> tuple[AxisOffsets, ...]:
-    """Add what the new tables of a version add to what is known."""
-    joined = {one.axis: one for one in (*after, *before)}
-    for one in after:
-        old = joined[one.axis]
-        if old is one:
-            continue
-        new = {n: v for n, v in one.parts.items() if (one.axis, n) in fresh}
-        none = np.zeros_like(old.total)
-        pushes = any(
-            kind(name).adds_current for axis, name in fresh if axis == one.axis
-        )
-        currents = [old.current, one.current if pushes else None]
-        pushed = [current for current in currents if current is not None]
-        joined[one.axis] = dataclasses.replace(
-            old,
-            parts={
-                name: old.parts.get(name, none) + new.get(name, none)
-                for name in NAMES
-                if name in old.parts or name in new
-            },
-            total=old.total + sum(new.values(), none),
-            current=sum(pushed[1:], pushed[0]) if pushed else None,
-            left_out=tuple(dict.fromkeys((*old.left_out, *one.left_out))),
-            remarks=tuple(dict.fromkeys((*old.remarks, *one.remarks))),
-        )
-    return tuple(joined[axis] for axis in sorted(joined))

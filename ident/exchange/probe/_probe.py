@@ -12,10 +12,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ....data.lists import ListFile, Value, new_list
+from ....data.lists import ListFile, Value
 from ....models import Conventions
 from ...kinds import kind
-from .._files import axis_file, compensation_file
+from .._files import compensation_file, to_add, with_tables
 from .._identity import Increments
 from .._machine_lists import Reading, machine_lists
 from .._nodes import GridNodes
@@ -250,23 +250,17 @@ def make_probe(
             size = f"{facts.prefix}.max_points"
             if old is not None and facts.probe.plateaus and old.integer(size):
                 entries[size] = old.integer(size) or 0
-        head: dict[str, Value] = {"kopf.achs_nr": number}
-        head["kopf.log_achs_name"] = axes[number].name
-        title = f"Probe list of {axes[number].name}: 10 um plateaus, not for machining."
+        name = axes[number].name
+        title = f"Probe list of {name}: 10 um plateaus, not for machining."
         if entries:
-            lists[number] = dataclasses.replace(
-                new_list(head | entries, comment=(title,)),
-                source=compensation_file(number),
-            )
+            made = with_tables(None, number, entries, (), title, name=name).listing
+            lists[number] = dataclasses.replace(made, source=compensation_file(number))
         added: dict[str, Value] = {"kopf.achs_nr": number}
         for one in mine:
             found = kind(one.name)
             own = found.probe.additions(axes[number])
             added |= own or found.entries.activation()
-        additions[number] = dataclasses.replace(
-            new_list(added, comment=("Add these entries to the axis list.",)),
-            source=axis_file(number, whole=False),
-        )
+        additions[number] = to_add(number, added)
     return Probe(dict(axes), tuple(tables), lists, additions, tuple(remarks))
 
 

@@ -122,31 +122,27 @@ def _judged(
         loaded.used[name].kind.entries.turns(loaded.models[name]) for name in names
     )
     ways = (1, -1) if any(turns) else (1,)
-    bounds, lines = (0.0, 0.0), dict[str, GateCheck]()
-    jumps = dict.fromkeys(names, 0.0)
-    for warm in travel.warmth:
-        branches = []
-        for way in ways:
-            motion = Motion(
-                positions=places,
-                directions={loaded.axis: np.full(count, way)},
-                time=None,
-                temperatures={
-                    sensor: np.full(count, value) for sensor, value in warm.items()
-                },
-            )
-            added = loaded.parts(motion)
-            for name in names:
-                jumps[name] = max(jumps[name], float(np.abs(added[name]).max()))
-            total = np.sum([added[name] for name in names], axis=0)
-            branches.append(total.reshape([len(each) for each in reversed(nodes)]))
-        bounds = (
-            min(bounds[0], *(float(b.min()) for b in branches)),
-            max(bounds[1], *(float(b.max()) for b in branches)),
-        )
+    # Every state of the sensors in both directions, in one run of the controller.
+    states = list(itertools.product(travel.warmth, ways))
+    motion = Motion(
+        positions={axis: np.tile(each, len(states)) for axis, each in places.items()},
+        directions={loaded.axis: np.repeat([way for _, way in states], count)},
+        time=None,
+        temperatures={
+            sensor: np.repeat([warm[sensor] for warm, _ in states], count)
+            for sensor in travel.warmth[0]
+        },
+    )
+    added = loaded.parts(motion)
+    total = np.sum([added[name] for name in names], axis=0)
+    sizes = [len(each) for each in reversed(nodes)]
+    lines = dict[str, GateCheck]()
+    for branches in total.reshape(len(travel.warmth), len(ways), *sizes):
         for check in judge(_table(loaded, travel, axes, nodes, branches), limits):
             if check.name not in lines or check.value > lines[check.name].value:
                 lines[check.name] = check
+    bounds = min(0.0, float(total.min())), max(0.0, float(total.max()))
+    jumps = {name: float(np.abs(added[name]).max()) for name in names}
     return _Part(bounds, jumps, tuple(lines.values()))
 
 
@@ -155,12 +151,12 @@ def _table(
     travel: Travel,
     axes: Sequence[int],
     nodes: Sequence[Float[np.ndarray, " _n"]],
-    branches: Sequence[Float[np.ndarray, "..."]],
+    branches: Float[np.ndarray, "b ..."],
 ) -> GateTable:
     return GateTable(
         names=tuple(travel.names.get(axis, f"axis {axis}") for axis in axes),
         nodes=tuple(nodes),
-        offset=branches,
+        offset=list(branches),
         change=None,
         closed=tuple(axis in travel.closed for axis in axes),
         periodic=False,

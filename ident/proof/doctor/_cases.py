@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...exchange import InUse, Reading
-from ..verify import AbstractChannel, Hypothesis, LogMotion
+from ..verify import FLOOR, AbstractChannel, Hypothesis, LogMotion, Target
 from ._measured import Difference
 
 _SCALES = {
@@ -42,9 +42,6 @@ _FREEDOM = 6.0
 
 _BAND = 0.1
 """Share by which the effect of a list may be off: machine and instrument drift."""
-
-_FLOOR = 1e-5
-"""mm: noise that is taken for granted."""
 
 _STEPS = 25
 _SETTLED = 1e-5
@@ -126,112 +123,63 @@ class Scene:
         channel = self.channel(use, axis)
         return channel.column(channel.plain)
 
-    def fits(
+    def weigh(
         self,
         use: InUse,
         axis: int,
-        columns: list[np.ndarray],
-        scales: Sequence[float],
-    ) -> "_Fitted":
-        """Return how well columns explain the change of an axis.
+        columns: Float[np.ndarray, "h g"],
+        scales: Float[np.ndarray, " h"],
+    ) -> "_Weighed":
+        """Return how likely columns make the change of an axis, at the places measured.
 
-        What other compensations of the axis did is not known either.
+        The zero of the instrument, what other compensations of the axis did, and within a
+        tenth of it the factor are fitted: the same for every column, so that none gains by
+        it. Noise is Student's t, its scale that of each column; what is free is fitted with
+        the weights that it gives about the column that explains most.
+
+        Args:
+            use: The compensation.
+            axis: Where it is looked for.
+            columns: What the list adds under each hypothesis, in mm or °.
+            scales: Factor of it; NaN: whatever fits.
         """
         change, own = self.changes[axis], (use.axis, use.name)
         others = [v for k, v in self.columns.items() if k[0] == axis and k != own]
-        return _fit_changes(
-            self.switched[own] * change.change,
-            np.stack(columns),
-            np.array(scales),
-            np.column_stack([change.free, *others]),
-            change.variance,
-        )
+        free = np.column_stack([change.free, *others])
+        values = self.switched[own] * change.change
+        low, high = scales - _BAND * np.abs(scales), scales + _BAND * np.abs(scales)
+        weight = 1.0 / change.variance
+        noise = likelihood = factor = power = np.zeros(len(scales))
+        for step in range(_STEPS):
+            target = Target.of(values, free, weight=weight)
+            inner, power = target.products(columns)
+            power = np.maximum(power, 1e-30)
+            fitted = inner / power
+            factor = np.where(np.isnan(scales), fitted, np.clip(fitted, low, high))
+            rest = target.residual(factor[:, None] * columns)
+            squares, before = np.square(rest) / change.variance, noise
+            if step == 0:
+                noise = np.maximum(np.sqrt(np.median(squares, axis=1)), FLOOR)
+            # The scale of Student's t that makes these squares most likely.
+            for _ in range(2):
+                mean = np.mean(_shares(squares, noise) * squares, axis=1)
+                noise = np.maximum(np.sqrt(mean), FLOOR)
+            logs = np.log1p(squares / (_FREEDOM * noise[:, None] ** 2)).sum(axis=1)
+            likelihood = -len(values) * np.log(noise) - 0.5 * (_FREEDOM + 1.0) * logs
+            if np.max(np.abs(noise - before) / noise) < _SETTLED:
+                break
+            weight = _shares(squares, noise)[np.argmax(likelihood)] / change.variance
+        return _Weighed(likelihood, factor, noise / np.sqrt(power))
 
 
-def cases_of(use: InUse, scene: Scene) -> tuple[Sequence[Case], float, float | None]:
-    """Return every explanation of a change, and what else the fits say of it.
-
-    That is the factor of the offset that fits best, and the largest shift in mm or ° that
-    the readings cannot exclude and that would matter; None where there is none.
-    """
-    channel = scene.channel(use, use.axis)
-    change, plain = channel.plain, channel.column(channel.plain)
-    scales = [*_SCALES, 0.0, np.nan]
-    scaled = scene.fits(use, use.axis, [plain] * len(scales), scales)
-    likely = scaled.likelihood.tolist()
-    cases = [
-        Case(word, likely[k], prior, Hypothesis(change, scale=scale))
-        for k, (scale, (word, prior)) in enumerate(_SCALES.items())
-    ]
-    blind: float | None = None
-    shifts = _shifts(channel)
-    moved = np.zeros((0, len(plain)))
-    if len(shifts):
-        moved = channel.columns_at(change, shifts, np.arange(len(plain)))
-    # A shift that changes less than the band of every factor counts as none.
-    apart = np.linalg.norm(moved - plain, axis=1)
-    effect = np.linalg.norm(plain - plain.mean())
-    seen = apart >= _BAND * effect
-    if seen.any():
-        many, shifts = int(seen.sum()), shifts[seen]
-        tried = scene.fits(use, use.axis, list(moved[seen]), [1.0] * many).likelihood
-        matters = apart[seen] >= _MATTERS * effect
-        kept = matters & (tried > likely[0] - _EXCLUDED)
-        if kept.any():
-            blind = float(np.abs(shifts[kept]).max())
-        best = tuple(shifts[int(np.argmax(tried))].tolist())
-        further = Hypothesis(dataclasses.replace(change, shift=best))
-        together = float(np.logaddexp.reduce(tried) - np.log(many))
-        cases.append(Case("shift", together, _SHIFTED, further))
-    for swap in channel.swaps:
-        other = dataclasses.replace(change, masters=swap)
-        left = scene.fits(use, use.axis, [channel.column(other)], [1.0]).likelihood
-        prior = 0.5 * _ELSEWHERE / len(channel.swaps)
-        cases.append(Case("wrong axis", float(left[0]), prior, Hypothesis(other)))
-    cases += _elsewhere(use, scene, likely[-2])
-    # Any factor at all, up to `_LARGEST`: the share of that range that fits.
-    factor, width = float(scaled.factor[-1]), float(scaled.deviation[-1])
-    range_cost = min(0.0, float(np.log(2.5 * width / (2.0 * _LARGEST))))
-    cases.append(Case("cannot tell", likely[-1] + range_cost, _UNKNOWN))
-    return cases, factor, blind
-
-
-def _shifts(channel: AbstractChannel) -> Float[np.ndarray, "s k"]:
-    """Return every other place of the table that is worth telling from its own."""
-    found: list[Float[np.ndarray, "s k"]] = [np.zeros((0, len(channel.ways)))]
-    for k, way in enumerate(channel.ways):
-        length = way.high - way.low
-        spacing = max(0.1 * way.step, length / _MOST_SHIFTS)
-        count = int(0.5 * length / spacing)
-        steps = np.array([*range(-count, 0), *range(1, count + 1)], dtype=float)
-        shift = np.zeros((len(steps), len(channel.ways)))
-        shift[:, k] = steps * spacing
-        found.append(shift)
-    return np.concatenate(found)
-
-
-def _elsewhere(use: InUse, scene: Scene, nothing: float) -> list[Case]:
-    """Return the cases in which nothing is added here: on another axis, or nowhere."""
-    found: list[Case] = []
-    for axis, change in scene.changes.items():
-        if axis == use.axis or any(one not in change.positions for one in use.masters):
-            continue
-        column = scene.column(use, axis)
-        if np.ptp(column) == 0.0:
-            continue
-        there, absent = scene.fits(use, axis, [column] * 2, [1.0, 0.0]).likelihood
-        likely = nothing + float(there - absent)
-        found.append(Case("wrong axis", likely, 0.0, axis=axis))
-    if not found:
-        return [Case("wrong axis", nothing, _ELSEWHERE)]
-    share = _ELSEWHERE / len(found)
-    found = [dataclasses.replace(one, prior=share) for one in found]
-    # Not where it was measured: not active, or on an axis that nobody looked at.
-    return [*found, Case("cannot tell", nothing, _ELSEWHERE)]
+def _shares(
+    squares: Float[np.ndarray, "h g"], noise: Float[np.ndarray, " h"]
+) -> Float[np.ndarray, "h g"]:
+    return np.asarray((_FREEDOM + 1.0) / (_FREEDOM + squares / noise[:, None] ** 2))
 
 
 @dataclasses.dataclass(frozen=True)
-class _Fitted:
+class _Weighed:
     """How well hypotheses explain a change.
 
     Attributes:
@@ -245,74 +193,85 @@ class _Fitted:
     deviation: Float[np.ndarray, " h"]
 
 
-def _fit_changes(
-    change: Float[np.ndarray, " g"],
-    columns: Float[np.ndarray, "h g"],
-    scales: Float[np.ndarray, " h"],
-    free: Float[np.ndarray, "g f"],
-    variance: Float[np.ndarray, " g"],
-) -> "_Fitted":
-    """Return how likely a change is under each hypothesis.
+def cases_of(use: InUse, scene: Scene) -> tuple[Sequence[Case], float, float | None]:
+    """Return every explanation of a change, and what else the fits say of it.
 
-    Zero, noise and, within a tenth of it, the factor are fitted: the same for every
-    hypothesis, so that none gains by it.
-
-    Args:
-        change: Error after − before, in mm or °.
-        columns: What the list adds under each hypothesis, in mm or °.
-        scales: Factor of it; NaN: whatever fits.
-        free: Columns that may be in the change in any case.
-        variance: Of each change, relative to that of one reading.
+    That is the factor of the offset that fits best, and the largest shift in mm or ° that
+    the readings cannot exclude and that would matter; None where there is none.
     """
-    # Free columns of a like size keep the equations solvable.
-    free = free / np.sqrt(np.mean(np.square(free), axis=0))
-    weight = np.broadcast_to(1.0 / variance, columns.shape)
-    low, high = scales - _BAND * np.abs(scales), scales + _BAND * np.abs(scales)
-    noise = np.zeros(len(columns))
-    factor, power = np.zeros(len(columns)), np.zeros(len(columns))
-    squares = np.zeros(columns.shape)
-    for step in range(_STEPS):
-        clear = columns - _explained(columns, free, weight)
-        power = np.sum(weight * clear * clear, axis=1)
-        best = np.sum(weight * clear * change, axis=1) / np.maximum(power, 1e-30)
-        factor = np.where(np.isnan(scales), best, np.clip(best, low, high))
-        rest = change - factor[:, None] * columns
-        rest = rest - _explained(rest, free, weight)
-        squares = np.square(rest) / variance
-        if step == 0:
-            noise = np.maximum(np.sqrt(np.median(squares, axis=1)), _FLOOR)
-        before = noise
-        # The scale of Student's t that makes these squares most likely.
-        for _ in range(2):
-            mean = np.mean(_shares(squares, noise) * squares, axis=1)
-            noise = np.maximum(np.sqrt(mean), _FLOOR)
-        weight = _shares(squares, noise) / variance
-        if np.max(np.abs(noise / before - 1.0)) < _SETTLED:
-            break
-    logs = np.log1p(squares / (_FREEDOM * noise[:, None] ** 2)).sum(axis=1)
-    likelihood = -len(change) * np.log(noise) - 0.5 * (_FREEDOM + 1.0) * logs
-    return _Fitted(likelihood, factor, noise / np.sqrt(np.maximum(power, 1e-30)))
+    channel = scene.channel(use, use.axis)
+    change, shifts = channel.plain, _shifts(channel)
+    rows = np.arange(len(scene.changes[use.axis].change))
+    moved = channel.columns_at(change, shifts, rows)
+    plain = moved[0]
+    # A shift that changes less than the band of every factor counts as none.
+    apart = np.linalg.norm(moved - plain, axis=1)
+    effect = np.linalg.norm(plain - plain.mean())
+    seen = 1 + np.flatnonzero(apart[1:] >= _BAND * effect)
+    swaps = [dataclasses.replace(change, masters=one) for one in channel.swaps]
+    scales = [*_SCALES, 0.0, np.nan]
+    columns = [plain] * len(scales) + [*moved[seen], *map(channel.column, swaps)]
+    factors = np.ones(len(columns))
+    factors[: len(scales)] = scales
+    weighed = scene.weigh(use, use.axis, np.stack(columns), factors)
+    ends = np.cumsum([len(scales), len(seen)])
+    likely, tried, swapped = np.split(weighed.likelihood, ends)
+    cases = [
+        Case(word, float(likely[k]), prior, Hypothesis(change, scale=scale))
+        for k, (scale, (word, prior)) in enumerate(_SCALES.items())
+    ]
+    blind: float | None = None
+    if len(seen):
+        near = (apart[seen] >= _MATTERS * effect) & (tried > likely[0] - _EXCLUDED)
+        if near.any():
+            blind = float(np.abs(shifts[seen[near]]).max())
+        best = tuple(shifts[seen[np.argmax(tried)]].tolist())
+        further = Hypothesis(dataclasses.replace(change, shift=best))
+        together = float(np.logaddexp.reduce(tried) - np.log(len(seen)))
+        cases.append(Case("shift", together, _SHIFTED, further))
+    prior = 0.5 * _ELSEWHERE / max(len(swaps), 1)
+    cases += [
+        Case("wrong axis", likelihood, prior, Hypothesis(other))
+        for other, likelihood in zip(swaps, swapped.tolist(), strict=True)
+    ]
+    nothing, anything = likely[-2:].tolist()
+    cases += _elsewhere(use, scene, nothing)
+    # Any factor at all, up to `_LARGEST`: the share of that range that fits.
+    at = len(scales) - 1
+    factor, width = float(weighed.factor[at]), float(weighed.deviation[at])
+    range_cost = min(0.0, float(np.log(2.5 * width / (2.0 * _LARGEST))))
+    cases.append(Case("cannot tell", anything + range_cost, _UNKNOWN))
+    return cases, factor, blind
 
 
-def _shares(
-    squares: Float[np.ndarray, "h g"], noise: Float[np.ndarray, " h"]
-) -> Float[np.ndarray, "h g"]:
-    return np.asarray((_FREEDOM + 1.0) / (_FREEDOM + squares / noise[:, None] ** 2))
+def _shifts(channel: AbstractChannel) -> Float[np.ndarray, "s k"]:
+    """Return the place of the table, and every other one that is worth telling from it."""
+    found = [np.zeros((1, len(channel.ways)))]
+    for k, way in enumerate(channel.ways):
+        length = way.high - way.low
+        spacing = max(0.1 * way.step, length / _MOST_SHIFTS)
+        count = int(0.5 * length / spacing)
+        steps = np.array([*range(-count, 0), *range(1, count + 1)], dtype=float)
+        shift = np.zeros((len(steps), len(channel.ways)))
+        shift[:, k] = steps * spacing
+        found.append(shift)
+    return np.concatenate(found)
 
 
-def _explained(
-    values: Float[np.ndarray, "h g"],
-    free: Float[np.ndarray, "g f"],
-    weight: Float[np.ndarray, "h g"],
-) -> Float[np.ndarray, "h g"]:
-    """Return what of each row of values the free columns explain."""
-    weighted = weight[:, :, None] * free
-    normal = free.T @ weighted
-    normal += (
-        1e-12
-        * np.trace(normal, axis1=1, axis2=2)[:, None, None]
-        * np.eye(free.shape[1])
-    )
-    right = np.einsum("hgf,hg->hf", weighted, values)
-    found = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
-    return np.asarray(found @ free.T)
+def _elsewhere(use: InUse, scene: Scene, nothing: float) -> list[Case]:
+    """Return the cases in which nothing is added here: on another axis, or nowhere."""
+    found: dict[int, float] = {}
+    for axis, change in scene.changes.items():
+        if axis == use.axis or any(one not in change.positions for one in use.masters):
+            continue
+        column = scene.column(use, axis)
+        if np.ptp(column) > 0.0:
+            both = np.stack([column, column]), np.array([1.0, 0.0])
+            there, absent = scene.weigh(use, axis, *both).likelihood
+            found[axis] = nothing + float(there - absent)
+    if not found:
+        return [Case("wrong axis", nothing, _ELSEWHERE)]
+    share = _ELSEWHERE / len(found)
+    named = [Case("wrong axis", one, share, axis=axis) for axis, one in found.items()]
+    # Not where it was measured: not active, or on an axis that nobody looked at.
+    return [*named, Case("cannot tell", nothing, _ELSEWHERE)]

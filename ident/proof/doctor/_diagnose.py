@@ -157,45 +157,28 @@ def _judged(
     told = by_word[word] >= SURE and word != "cannot tell"
     told = told and (word == "right" or not blurred)
     verdict = word if told and blind is None else "cannot tell"
+    unit = "°" if use.axis in scene.reading.modulo else "mm"
+    sentence = f"cannot tell: {_doubt(by_word, factor, blind, unit)}"
+    if verdict != "cannot tell":
+        axis, other = (names.get(n, f"A{n}") for n in (use.axis, best.axis or 0))
+        sentence = _sentence(verdict, best, unit, axis, other)
     return Diagnosis(
         axis=use.axis,
         compensation=use.name,
         verdict=verdict,
         value=None if verdict == "cannot tell" else best.value,
         probability=by_word[word],
-        sentence=_sentence(
-            verdict,
-            best,
-            by_word,
-            factor,
-            blind=blind,
-            unit="°" if use.axis in scene.reading.modulo else "mm",
-            axis=names.get(use.axis, f"A{use.axis}"),
-            other=names.get(int(best.value or 0), f"A{best.value or 0:g}"),
-        ),
+        sentence=sentence,
         sign=best.sign if told else 0,
     )
 
 
-def _sentence(
-    verdict: str,
-    best: Case,
-    shares: Mapping[str, float],
-    factor: float,
-    *,
-    blind: float | None,
-    unit: str,
-    axis: str,
-    other: str,
-) -> str:
-    """Return the sentence on one compensation.
+def _sentence(verdict: str, best: Case, unit: str, axis: str, other: str) -> str:
+    """Return the sentence on a compensation that a verdict is given on.
 
     Args:
         verdict: Word of the interface.
         best: Explanation that it stands for.
-        shares: Probability by word.
-        factor: What fits best, of the offset that the list gives.
-        blind: Shift that these readings cannot tell from none, in the unit of lengths.
         unit: Of lengths.
         axis: Name of the axis.
         other: Name of the axis on which it acts instead, if it does.
@@ -203,39 +186,43 @@ def _sentence(
     value = best.value or 0.0
     if verdict == "right":
         return "right: the list adds what it says"
-    if verdict in ("sign", "unit", "twice", "shift"):
+    if verdict != "wrong axis":
         words = fault_words(verdict, value, unit)
         if verdict == "sign" and value != -1.0:
             words += f" and {-value:g} times as large"
         return words
-    if verdict == "wrong axis":
-        if best.axis is not None:
-            return f"acts on {other} instead of {axis}"
-        if best.follows_another:
-            return "follows another master: masters swapped"
-        return (
-            f"does nothing to {axis}: it acts on another axis, follows another master, or"
-            " is not active"
-        )
+    if best.axis is not None:
+        return f"acts on {other} instead of {axis}"
+    if best.follows_another:
+        return "follows another master: masters swapped"
+    return (
+        f"does nothing to {axis}: it acts on another axis, follows another master, or"
+        " is not active"
+    )
+
+
+def _doubt(
+    shares: Mapping[str, float], factor: float, blind: float | None, unit: str
+) -> str:
+    """Return why nothing can be said.
+
+    Args:
+        shares: Probability by word.
+        factor: What fits best, of the offset that the list gives.
+        blind: Shift that these readings cannot tell from none, in the unit of lengths.
+        unit: Of lengths.
+    """
     if blind is not None:
         return (
-            f"cannot tell: right, or shifted by up to {blind:.1f} {unit}: these readings"
+            f"right, or shifted by up to {blind:.1f} {unit}: these readings"
             " do not show the difference; measure at more places, or with less noise"
         )
-    return _doubt(shares, factor)
-
-
-def _doubt(shares: Mapping[str, float], factor: float) -> str:
-    """Return why nothing can be said."""
     likely = sorted(shares, key=lambda word: -shares[word])
+    if likely[0] == "cannot tell" and abs(factor) < 0.3:
+        return "it does nothing to any axis that was measured; is it active?"
     if likely[0] == "cannot tell":
-        if abs(factor) < 0.3:
-            return (
-                "cannot tell: it does nothing to any axis that was measured; is it"
-                " active?"
-            )
         return (
-            f"cannot tell: what it does is {factor:.2g} times what the list says, which"
+            f"what it does is {factor:.2g} times what the list says, which"
             " no single fault explains"
         )
     named = [
@@ -243,7 +230,4 @@ def _doubt(shares: Mapping[str, float], factor: float) -> str:
         for word in likely[:3]
         if shares[word] > 0.005 and word != "cannot tell"
     ]
-    return (
-        f"cannot tell: {', '.join(named)}; measure again with more readings, or with"
-        " less noise"
-    )
+    return f"{', '.join(named)}; measure again with more readings, or with less noise"

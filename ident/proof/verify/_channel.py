@@ -9,9 +9,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from jaxtyping import Float, Int
 
-from ....models import Conventions
+from ....models import Conventions, step_response
 from ...exchange import InUse, Reading, model_of
-from .._reversal import spread_share
 from ._motion import LogMotion
 
 Edge = Literal["held", "zero", "line"]
@@ -266,10 +265,10 @@ def smoothed(
     values: Float[np.ndarray, " t"], cycles: int, late: int = 0
 ) -> Float[np.ndarray, " t"]:
     """Return values with each change distributed over cycles by sin² (S-06)."""
-    taps = np.diff(spread_share(cycles))
-    before = np.full(cycles - 1 + late, values[0])
+    taps = np.diff(step_response(cycles, late), prepend=0.0)
+    before = np.full(len(taps) - 1, values[0])
     found = np.convolve(np.concatenate([before, values]), taps, mode="valid")
-    return np.asarray(found[: len(values)])
+    return np.asarray(found)
 
 
 def lagged(

@@ -1,10 +1,9 @@
 """From what the search found to a verdict in the words of the interface."""
 
 import dataclasses
-import itertools
 import math
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +12,7 @@ from ._channel import AbstractChannel
 from ._hypothesis import RULES, Hypothesis, other_rules
 from ._search import EQUAL, Found
 from ._target import RESOLUTION
-from ._words import Phrase, joined, phrases
+from ._words import joined, said
 
 SETTLED = 2.0 * math.log(1000.0)
 """Difference of criteria from which on a convention is settled: odds of 1000 to 1."""
@@ -84,12 +83,13 @@ def judge_found(channel: AbstractChannel, found: Found) -> Verdict:
         return silent("the log cannot tell: what is added is lost in its noise")
     left = systematic(found.residual)
     size = float(np.sqrt(np.mean(np.square(found.column[judged]))))
-    faults = phrases(best.hypothesis, channel)
+    faults = best.hypothesis.faults(channel)
+    whole_text = said(best.hypothesis, channel)
     if left > max(_ROUGH * size, 1e-4):
         rest, whole = _size_of(channel, left), _size_of(channel, size)
         text = f"not explained: {rest} of {whole} follow no rule that was tried"
         if faults:
-            text += f" (nearest: {_said(faults)})"
+            text += f" (nearest: {whole_text})"
         idle = np.abs(found.residual + found.column[judged]) < RESOLUTION / 100.0
         if idle.mean() > _IDLE and channel.acting is None:
             text += (
@@ -109,25 +109,22 @@ def judge_found(channel: AbstractChannel, found: Found) -> Verdict:
     if not faults:
         within = max(1e-4, math.ceil(left * 1e4 - 1e-6) / 1e4)
         text = f"agrees within {_size_of(channel, within)}{rules}"
-        text += "".join(f"; as well explained: {_said(one)}" for one in others)
-        words = [phrase.word for one in others for phrase in one]
-        value = (within, *[None] * len(words))
-        return verdict(("agrees", *words), value, text if others else text + tail)
-    text = _said(faults) + rules
-    text += "".join(f", or as well {_said(one)}" for one in others)
+        text += "".join(f"; as well explained: {said(one, channel)}" for one in others)
+        words = [word for one in others for word in one.faults(channel)]
+        sizes = (within, *[None] * len(words))
+        return verdict(("agrees", *words), sizes, text if others else text + tail)
+    text = whole_text + rules
+    text += "".join(f", or as well {said(one, channel)}" for one in others)
     named: dict[str, float | None] = {}
-    for phrase in itertools.chain(faults, *others):
-        named.setdefault(phrase.word, phrase.value)
+    for one in (best.hypothesis, *others):
+        for word, value in one.faults(channel).items():
+            named.setdefault(word, value)
     alike = _looks_alike(channel, found, set(named))
     return verdict(tuple(named), tuple(named.values()), text + alike + tail)
 
 
-def _said(parts: Sequence[Phrase]) -> str:
-    return joined([one.text for one in parts])
-
-
-def _equals(channel: AbstractChannel, found: Found) -> list[list[Phrase]]:
-    """Return other faults that explain the log as well as the best ones."""
+def _equals(channel: AbstractChannel, found: Found) -> list[Hypothesis]:
+    """Return hypotheses of other faults that explain the log as well as the best one."""
     best = found.rivals[0]
     seen = [set(best.hypothesis.faults(channel))]
     result = []
@@ -137,7 +134,7 @@ def _equals(channel: AbstractChannel, found: Found) -> list[list[Phrase]]:
             continue
         if not any(words >= known for known in seen):
             seen.append(words)
-            result.append(phrases(one.hypothesis, channel))
+            result.append(one.hypothesis)
     return result
 
 
@@ -148,20 +145,15 @@ def _looks_alike(channel: AbstractChannel, found: Found, told: set[str]) -> str:
     nothing of the controller.
     """
     best = found.rivals[0]
-    own = set(best.hypothesis.faults(channel))
-    if not {"lag", "filter"} & own:
+    own, either = set(best.hypothesis.faults(channel)), {"lag", "filter"}
+    if not either & own:
         return ""
     for one in found.rivals[1:]:
         words = set(one.hypothesis.faults(channel))
-        if words ^ own != {"lag", "filter"} or one.misfit > best.misfit + EQUAL:
-            continue
-        texts = [
-            part.text
-            for part in phrases(one.hypothesis, channel)
-            if part.word in ("lag", "filter") and part.word not in told
-        ]
-        if texts:
-            return f"; on this table it looks the same when {joined(texts)}"
+        if words ^ own == either and one.misfit <= best.misfit + EQUAL:
+            text = said(one.hypothesis, channel, either - told)
+            if text:
+                return f"; on this table it looks the same when {text}"
     return ""
 
 

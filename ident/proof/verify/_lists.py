@@ -209,9 +209,9 @@ def _left(
     """Return the criterion of what a table leaves of a column by any factor."""
     rows = few_rows(motion.judged)
     part = Target.of(reported.values, step=reported.step).at(rows)
-    squares = part.power
+    squares = np.array([part.power])
     if channel is not None:
         none = np.zeros((1, len(channel.ways)))
         column = channel.columns_at(channel.plain, none, rows)
-        squares = float(least_squares(part, column)[0])
-    return part.criterion(squares, float(len(rows)))
+        squares = least_squares(part, column)
+    return float(part.criterion(squares, float(len(rows)))[0])

@@ -38,9 +38,6 @@ class LogMotion(Motion):
     acting: Mapping[tuple[int, str], Bool[np.ndarray, " t"]] = dataclasses.field(
         default_factory=dict
     )
-    _kept: dict[tuple[int, int, bool], np.ndarray] = dataclasses.field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
 
     @property
     def edge_rows(self) -> int:
@@ -75,13 +72,10 @@ class LogMotion(Motion):
         place = self.actual(axis, why) if actual else self.position(axis, why)
         if self.cycle is None:
             return np.full(self.rows, start, dtype=np.int64)
-        key = axis, start, actual
-        if key not in self._kept:
-            if axis in self.ranges:
-                low, high = self.ranges[axis]
-                place = np.unwrap(place, period=high - low)
-            self._kept[key] = direction_of_motion(place, start)
-        return self._kept[key]
+        if axis in self.ranges:
+            low, high = self.ranges[axis]
+            place = np.unwrap(place, period=high - low)
+        return direction_of_motion(place, start)
 
     def rates(
         self, axis: int, why: str, actual: bool = False

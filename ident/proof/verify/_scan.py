@@ -38,7 +38,7 @@ def scaled(
 
     Factors far from the best one are left out: they cannot win.
     """
-    inner, power = target.products(column)
+    inner, power = (float(one[0]) for one in target.products(column[None]))
     if power <= 1e-18 * len(column):
         return {Hypothesis(change, lag): target.power}
     best = inner / power
@@ -130,10 +130,7 @@ def least_squares(
     target: Target, columns: Float[np.ndarray, "s r"]
 ) -> Float[np.ndarray, " s"]:
     """Return the least that each column leaves, by any factor that `scaled` tries."""
-    inner = columns @ target.values
-    power = np.einsum("sr,sr->s", columns, columns)
-    if target.basis.shape[1]:
-        power = power - np.square(columns @ target.basis).sum(axis=1)
+    inner, power = target.products(columns)
     seen = power > 1e-18 * columns.shape[1]
     best = inner / np.where(seen, power, 1.0)
     left = target.power - best * inner

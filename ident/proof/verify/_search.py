@@ -90,10 +90,10 @@ def search(
     column = channel.column(first.hypothesis.change)
     late = np.arange(len(column)) - first.hypothesis.lag
     column = first.hypothesis.scale * column[np.clip(late, 0, len(column) - 1)]
-    nothing = judged.criterion(judged.power, samples) + 2.0 * 4.6
+    nothing = judged.criterion(np.array([judged.power]), samples)
     return Found(
         rivals=(first, *(one for one in rivals if one is not first)),
-        nothing=nothing,
+        nothing=float(nothing[0]) + 2.0 * 4.6,
         column=column,
         residual=judged.values - judged.free_of(column[rows]),
         samples=samples,
@@ -107,10 +107,11 @@ def _ranked(
     samples: float,
 ) -> list[Rival]:
     """Return hypotheses, the best first, by the sum of squares that each leaves."""
-    found = []
-    for one, squares in left.items():
-        misfit = judged.criterion(squares, samples)
-        found.append(Rival(one, misfit, misfit + one.cost(channel, samples)))
+    misfits = judged.criterion(np.array(list(left.values())), samples).tolist()
+    found = [
+        Rival(one, misfit, misfit + one.cost(channel, samples))
+        for one, misfit in zip(left, misfits, strict=True)
+    ]
     return sorted(found, key=lambda one: one.criterion)
 
 
@@ -178,8 +179,8 @@ def _squares(
     """Return the sum of squares that each hypothesis leaves."""
     found: dict[Hypothesis, float] = {}
     for one in hypotheses:
-        inner, power = judged.products(_column(channel, one))
-        found[one] = judged.power - 2.0 * inner + power
+        inner, power = judged.products(_column(channel, one)[None])
+        found[one] = float(judged.power - 2.0 * inner[0] + power[0])
     return found
 
 

@@ -21,7 +21,6 @@ class TableChannel(AbstractChannel):
     """A table over positions of its masters."""
 
     def prepare(self) -> None:
-        self._stacked: dict[tuple[tuple[int, ...], bool], np.ndarray] = {}
         self.ways = ways_of(self.law(self.conventions))
         entry = self.one.kind.cycles
         self.listed = self.one.listing.integer(entry[0]) or 0 if entry else 0
@@ -55,12 +54,9 @@ class TableChannel(AbstractChannel):
         self, masters: tuple[int, ...], actual: bool = False
     ) -> Float[np.ndarray, "t d"]:
         """Return positions of the masters, commanded or actual, a column each."""
-        if (masters, actual) not in self._stacked:
-            why = f"for the {self.compensation} table of A{self.axis}"
-            place = self.motion.actual if actual else self.motion.position
-            columns = [place(axis, why) for axis in masters]
-            self._stacked[masters, actual] = np.stack(columns, axis=1)
-        return self._stacked[masters, actual]
+        why = f"for the {self.compensation} table of A{self.axis}"
+        place = self.motion.actual if actual else self.motion.position
+        return np.stack([place(axis, why) for axis in masters], axis=1)
 
     def _beyond(
         self, model: Model, places: Float[np.ndarray, "r d"], way: int, edge: Edge

@@ -10,24 +10,27 @@ from jaxtyping import Float
 RESOLUTION = 1e-4
 """mm or °: the unit of the lists, and the smallest difference that is spoken of."""
 
-_FLOOR = RESOLUTION / 10
+FLOOR = RESOLUTION / 10
 """Noise in mm that is taken for granted: the arithmetic of two programs differs."""
 
 
 @final
 @dataclasses.dataclass(frozen=True)
 class Target:
-    """A column of a log without what is known of it.
+    """Measured values without what is known of them, and how well columns explain them.
 
     Attributes:
-        values: In mm or °, shape ``(t,)``.
-        basis: Orthonormal columns that may be added freely (zero of the drive, clock).
-        step: Worth of its last digit in mm; 0 where it is not counted.
+        values: In mm or °, shape ``(t,)``, each times the root of its weight.
+        basis: Orthonormal columns that may be added freely (zero of a drive or of an
+            instrument, clock), likewise weighted.
+        step: Worth of the last digit of a value in mm; 0 where it is not counted.
+        root: Of the weights; None: all count alike.
     """
 
     values: Float[np.ndarray, " t"]
     basis: Float[np.ndarray, "t b"]
     step: float = 0.0
+    root: Float[np.ndarray, " t"] | None = None
 
     @classmethod
     def of(
@@ -35,14 +38,18 @@ class Target:
         values: Float[np.ndarray, " t"],
         nuisance: Float[np.ndarray, "t b"] | None = None,
         step: float = 0.0,
+        weight: Float[np.ndarray, " t"] | None = None,
     ) -> "Target":
         """Return a target; free columns may be anything, dependent ones too."""
+        root = None if weight is None else np.sqrt(weight)
         if nuisance is None or not nuisance.shape[1]:
-            return cls(values, np.zeros((len(values), 0)), step)
-        scaled = nuisance / np.maximum(np.linalg.norm(nuisance, axis=0), 1e-300)
+            weighed = values if root is None else root * values
+            return cls(weighed, np.zeros((len(values), 0)), step, root)
+        free = nuisance if root is None else root[:, None] * nuisance
+        scaled = free / np.maximum(np.linalg.norm(free, axis=0), 1e-300)
         left, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
         basis = left[:, sizes > 1e-9 * sizes[0]]
-        return cls(values, basis, step).but(values)
+        return cls(values, basis, step, root).but(values)
 
     def but(self, values: Float[np.ndarray, " t"]) -> "Target":
         """Return the target with other values, what is free taken out of them."""
@@ -52,30 +59,44 @@ class Target:
         """Return the target at some rows."""
         return Target.of(self.values[rows], self.basis[rows], self.step)
 
-    def free_of(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
-        """Return what of a column cannot be had from the free ones."""
+    def free_of(self, values: Float[np.ndarray, "*h t"]) -> Float[np.ndarray, "*h t"]:
+        """Return what of columns cannot be had from the free ones, weighted."""
+        if self.root is not None:
+            values = self.root * values
         if not self.basis.shape[1]:
             return values
-        return np.asarray(values - self.basis @ (self.basis.T @ values))
+        return np.asarray(values - values @ self.basis @ self.basis.T)
+
+    def residual(self, columns: Float[np.ndarray, "*h t"]) -> Float[np.ndarray, "*h t"]:
+        """Return what columns leave of the values, in mm or °."""
+        left = self.values - self.free_of(columns)
+        return np.asarray(left if self.root is None else left / self.root)
 
     @functools.cached_property
     def power(self) -> float:
         """Sum of squares."""
         return float(self.values @ self.values)
 
-    def products(self, column: Float[np.ndarray, " t"]) -> tuple[float, float]:
-        """Return the column's product with the target, and with itself."""
-        if not self.basis.shape[1]:
-            return float(self.values @ column), float(column @ column)
-        inner = self.basis.T @ column
-        return float(self.values @ column), float(column @ column - inner @ inner)
+    def products(
+        self, columns: Float[np.ndarray, "h t"]
+    ) -> tuple[Float[np.ndarray, " h"], Float[np.ndarray, " h"]]:
+        """Return the products of columns with the target, and with themselves."""
+        if self.root is not None:
+            columns = self.root * columns
+        power = np.einsum("ht,ht->h", columns, columns)
+        if self.basis.shape[1]:
+            power = power - np.square(columns @ self.basis).sum(axis=1)
+        return columns @ self.values, power
 
-    def criterion(self, squares: float, samples: float) -> float:
-        """Return −2 log likelihood of a sum of squares left over, noise estimated.
+    def criterion(
+        self, squares: Float[np.ndarray, " h"], samples: float
+    ) -> Float[np.ndarray, " h"]:
+        """Return −2 log likelihood of sums of squares left over, noise estimated.
 
         Args:
-            squares: Sum of squares in mm².
+            squares: Sums of squares in mm².
             samples: Number of independent rows.
         """
-        floor = max(_FLOOR**2, self.step**2 / 12.0)
-        return samples * float(np.log(max(squares, 0.0) / len(self.values) + floor))
+        floor = max(FLOOR**2, self.step**2 / 12.0)
+        variance = np.maximum(squares, 0.0) / len(self.values) + floor
+        return np.asarray(samples * np.log(variance))

@@ -1,37 +1,28 @@
 """What a controller does with a compensation, in words for the person at the machine."""
 
-import dataclasses
 import math
+from collections.abc import Collection, Sequence
 
 from ._channel import AbstractChannel, Change
 from ._hypothesis import Hypothesis, other_rules
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
             "nine", "ten")  # fmt: skip
+WORDS = ("sign", "twice", "unit", "shift", "swapped", "lag", "filter", "edge")
+"""All faults that a hypothesis may consist of."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Phrase:
-    """One fault: its word, its size, and what it means.
-
-    Attributes:
-        word: Of the interface.
-        value: Factor; mm or °; cycles; None where there is no size.
-        text: Part of a sentence.
-    """
-
-    word: str
-    value: float | None
-    text: str
-
-
-def phrases(hypothesis: Hypothesis, channel: AbstractChannel) -> list[Phrase]:
-    """Return every fault of a hypothesis."""
-    change, found = hypothesis.change, hypothesis.faults(channel)
-    return [
-        Phrase(word, value, _text(word, value or 0.0, change, channel))
-        for word, value in found.items()
-    ]
+def said(
+    hypothesis: Hypothesis, channel: AbstractChannel, words: Collection[str] = WORDS
+) -> str:
+    """Return the faults of a hypothesis as part of a sentence, or those of some words."""
+    return joined(
+        [
+            _text(word, value or 0.0, hypothesis.change, channel)
+            for word, value in hypothesis.faults(channel).items()
+            if word in words
+        ]
+    )
 
 
 def fault_words(word: str, value: float, unit: str = "mm") -> str:
@@ -133,7 +124,7 @@ def _swapped(masters: tuple[int, ...] | None, channel: AbstractChannel) -> str:
     return f"{'it follows ' * (len(masters) == 1)}{names} instead of {own}"
 
 
-def joined(texts: list[str]) -> str:
+def joined(texts: Sequence[str]) -> str:
     """Return parts of a sentence as one."""
     if len(texts) < 2:
         return "".join(texts)
