@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ...fit import TableFit
 from ...kinds._keys import TableSpec
@@ -55,11 +55,20 @@ class Trend:
         Args:
             negligible: Size that is never significant, in mm or °.
         """
+        sizes, sure = self._sizes
+        return bool(np.any(sure & (sizes > max(self.remainder, negligible))))
+
+    @property
+    def is_surely_there(self) -> bool:
+        """Whether the constant or a slope is there at all, however small it is."""
+        return bool(np.any(self._sizes[1]))
+
+    @property
+    def _sizes(self) -> tuple[Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+        """Return the rms of each slope and the constant, and whether they are surely there."""
         sizes = np.append(np.abs(self.slopes) * self.reach, abs(self.constant))
-        sure = np.append(self.slope_deviations * self.reach, self.constant_deviation)
-        return bool(
-            np.any((sizes > _SURE * sure) & (sizes > max(self.remainder, negligible)))
-        )
+        spread = np.append(self.slope_deviations * self.reach, self.constant_deviation)
+        return sizes, sizes > _SURE * spread
 
 
 def trend_of(fit: TableFit) -> Trend:
