@@ -171,6 +171,7 @@ class Table:
         missing: Number of readings that the file announces and lacks (run table).
         form: How a text table is written; None for all others.
         axis: Axis that the file says it is of, or None.
+        across: Its errors are those of an axis across the one that moved: straightness.
     """
 
     path: Path
@@ -186,6 +187,7 @@ class Table:
     missing: int = 0
     form: TextForm | None = None
     axis: str | None = None
+    across: bool = False
 
     def column(self, name: str) -> Column:
         """Return a column by name or header text; by number where there is no header.

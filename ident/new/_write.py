@@ -9,7 +9,15 @@ from typing import Any
 from ...data.lists import ListFile
 from ...data.measurements import CellError, ColumnSpec, Table, find_role
 from .._job_text import job_line
-from ..job import Gate, Job, JobFile, Trend, asks_for_owner, trend_words
+from ..job import (
+    Gate,
+    Job,
+    JobFile,
+    Trend,
+    asks_for_owner,
+    is_negligible,
+    trend_words,
+)
 from ..kinds import kind
 from ..proof import GateLimits
 from ..readings import Observation
@@ -262,8 +270,8 @@ def _write_zero(
 ) -> None:
     """Ask whose constant and slope are, where they stand out of the readings of any fit.
 
-    Also where they are surely there without that, in a measurement beside one that is asked,
-    and in one with a list that is there already: the zero of any instrument is arbitrary.
+    Also where they hardly do but would move the table, in a measurement beside one that is
+    asked, and in one with a list that is there already: any zero is arbitrary.
     """
     quiet = []
     for one in fits:
@@ -277,13 +285,13 @@ def _write_zero(
         needed = asks_for_owner(contents.job, own)
         beside = any(t and asks_for_owner(contents.job, t) for t in trends.values())
         held = _holder(contents.axes, one) is not None
-        if beside or held or own.is_surely_there:
+        if beside or held or not is_negligible(contents.job, own):
             _ask_for_owner(page, contents, name, one, words, needed=needed)
             return
         quiet.append(words)
     if quiet:
         page.note(
-            f"The readings show {quiet[0]}: neither stands out, and nothing has to be"
+            f"The readings show {quiet[0]}: both are negligible, and nothing has to be"
             ' answered here (by datum = { at = … }, or remove = "none", "offset" or "line").'
         )
 

@@ -77,6 +77,15 @@ def test_a_direction_that_is_none_is_named_with_its_line(tmp_path: Path) -> None
     [
         ("Straightness of Y along X\nPosition;Error\n0;1\n9;2\n", "X.position Y.error"),
         (
+            "Geradheitsmessung Y über X\nPosition;Lauf 1;Lauf 2\n0;1;2\n9;2;3\n",
+            "X.position Y.error run",
+        ),
+        ("EXZ\nZ position;deviation\n0;1\n9;2\n", "Z.position X.error"),
+        (
+            "Straightness of X axis in Z direction\nPosition;Error\n0;1\n9;2\n",
+            "X.position Z.error",
+        ),
+        (
             "Geradheit\nAchse;X;\nX;EYX;EZX\n0;1;2\n9;2;3\n",
             "X.position Y.error Z.error",
         ),

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ...fit import TableFit
 from ...kinds._keys import TableSpec
@@ -55,20 +55,18 @@ class Trend:
         Args:
             negligible: Size that is never significant, in mm or °.
         """
-        sizes, sure = self._sizes
-        return bool(np.any(sure & (sizes > max(self.remainder, negligible))))
+        sure = np.append(self.slope_deviations * self.reach, self.constant_deviation)
+        return bool(
+            np.any(
+                (self.sizes > _SURE * sure)
+                & (self.sizes > max(self.remainder, negligible))
+            )
+        )
 
     @property
-    def is_surely_there(self) -> bool:
-        """Whether the constant or a slope is there at all, however small it is."""
-        return bool(np.any(self._sizes[1]))
-
-    @property
-    def _sizes(self) -> tuple[Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-        """Return the rms of each slope and the constant, and whether they are surely there."""
-        sizes = np.append(np.abs(self.slopes) * self.reach, abs(self.constant))
-        spread = np.append(self.slope_deviations * self.reach, self.constant_deviation)
-        return sizes, sizes > _SURE * spread
+    def sizes(self) -> Float[np.ndarray, " n"]:
+        """Rms of each slope over the nodes, and the constant, in mm or °."""
+        return np.append(np.abs(self.slopes) * self.reach, abs(self.constant))
 
 
 def trend_of(fit: TableFit) -> Trend:
@@ -165,6 +163,12 @@ def refuse_unowned_trend(plan: Plan, fit: TableFit) -> None:
 def asks_for_owner(job: Job, trend: Trend) -> bool:
     """Return whether a job must say whose the constant and the slopes of an error are."""
     return trend.is_significant(_NEGLIGIBLE * job.limits.max_correction)
+
+
+def is_negligible(job: Job, trend: Trend) -> bool:
+    """Return whether a list without the constant and the slopes is no other list."""
+    least = _NEGLIGIBLE * job.limits.max_correction
+    return bool(np.all(trend.sizes <= least))
 
 
 def trend_words(job: Job, fit: TableSpec, trend: Trend) -> str:
