@@ -32,6 +32,8 @@ VECTOR_POINTS = 600
 """More points than this in one layer are drawn as a picture inside the SVG."""
 _DPI = 160
 """Of what is drawn as a picture inside an SVG."""
+_TICKS = 6
+"""Intervals of an axis at most."""
 DRAWN_POINTS = 6000
 """More readings than this are thinned before drawing, and the caption says so."""
 
@@ -77,8 +79,11 @@ def new_figure(
 ) -> tuple[Figure, list[Axes]]:
     """Return an empty figure 7.2 inches wide and its axes, row by row."""
     figure = Figure(figsize=(7.2, height), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, **options)
-    return figure, list(axes.ravel())
+    axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
+    for each in axes:
+        # More are not read on a phone; placing their labels is half of the drawing.
+        each.locator_params(nbins=_TICKS)
+    return figure, axes
 
 
 def thin(size: int, limit: int = DRAWN_POINTS) -> Int[np.ndarray, " k"]:
