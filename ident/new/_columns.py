@@ -136,10 +136,11 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     runs = [each for each in named if each.column.run is not None]
     if runs:
         question = _of_runs(runs, owner[0])
-        if len(question.choices) > 1:
-            unclear.append(question)
+        if len(question.choices) == 1:
+            ((text, spec),) = question.choices
+            roles[text] = [spec]
         else:
-            roles[question.choices[0][0]] = [question.choices[0][1]]
+            unclear.append(question)
         named = [each for each in named if each.kind != runs[0].kind]
     for each in _without_commands(named):
         axis = (owner if each.kind == "error" else home)[0]
