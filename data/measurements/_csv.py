@@ -291,6 +291,7 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
     skipped: list[Skipped] = []
     lines: list[int] = []
     rows: list[list[str]] = []
+    usual = 0  # cells, empty ones at the end among them
     for at, line in enumerate(text[layout.body :].split("\n")):
         number = at + layout.body_line
         if not line.strip():
@@ -299,6 +300,7 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
             skipped.append(Skipped(number, "comment"))
             continue
         cells = dialect.split(line)
+        whole = len(cells)
         while len(cells) > width and cells[-1] == "":
             cells.pop()
         if layout.header and tuple(cells) == layout.header[:width]:
@@ -307,11 +309,13 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
         if len(cells) == width and layout.units_line and is_unit_row(cells, width):
             skipped.append(Skipped(number, "the units again"))
             continue
-        if len(cells) != width:
-            last = " in the last line" if not _more(text, layout, at) else ""
-            found = f"{len(cells)} cells{last} ('{line.strip()[:40]}')"
-            expected = f"{width} {dialect.words} as in the lines above"
+        short = whole < usual and not _more(text, layout, at)
+        if len(cells) != width or short:
+            last = "" if _more(text, layout, at) else " in the last line"
+            found = f"{whole} cells{last} ('{line.strip()[:40]}')"
+            expected = f"{max(width, usual)} {dialect.words} as in the lines above"
             raise LineError(str(path), number, found, expected, f"skip = [{number}]")
+        usual = min(usual, whole) if rows else whole
         lines.append(number)
         rows.append(cells)
     columns = [

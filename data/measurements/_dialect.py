@@ -112,7 +112,7 @@ class Dialect:
             joined = _UNIT_IN_BRACKETS.sub("\0", text)
             ways.append([cell.replace("\0", " ") for cell in joined.split()])
         for cells in ways:
-            if len(cells) == width + 1 and cells[-1] == "":
+            while len(cells) > width and cells[-1] == "":
                 cells = cells[:-1]
             if len(cells) == width:
                 return cells

@@ -86,6 +86,8 @@ class ColumnError(MeasurementError):
         hint = f" (nearest: '{nearest}')" if nearest else ""
         count = sum(name == column for name in names)
         found = f"{count} columns named" if count > 1 else "no column"
+        if count > 1:
+            hint = " (or the job says header = [], with columns by number)"
         self.reason = (
             f"found {found} '{column}', expected one of {_listed(names)}{hint}"
         )

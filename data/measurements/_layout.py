@@ -6,6 +6,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from ._dialect import (
     Dialect,
     begins_with_name,
@@ -35,6 +37,8 @@ _LONGEST_HEADER = 10_000
 _MOST_HEADERS = 4
 _LONGEST_UNIT = 8
 _AS_SHOWN = Lines()
+_BROKEN_NUMBER = re.compile(r"[\d.,]*\d\s?[-−]|\([\d.,]*\d\)")
+"""A negative number as book-keepers write it."""
 _ANY_NUMBER = re.compile(r"[+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?")
 
 
@@ -139,8 +143,8 @@ def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout
         raise MeasurementError(str(path), reason)
     rows = [dialect.split(every[at]) for at in content]
     width = usual_width(dialect, rows)
-    if width > 1 and not any(row[-1] for row in rows if len(row) == width):
-        # Every line ends with a separator.
+    while width > 1 and not any(row[-1] for row in rows if len(row) == width):
+        # Every line ends with a separator, or columns of a sheet are empty.
         rows = [row[:-1] if len(row) == width else row for row in rows]
         width -= 1
     texts = [every[at] for at in content]
@@ -158,7 +162,10 @@ def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout
     if not top:
         names = _names_from_comment(dialect, every[: content[0]], width)
     if units is not None:
-        for at, cell in enumerate(rows[units][:width]):
+        cells = rows[units]
+        if top and len(cells) < width:
+            cells = _placed(head, units, top[-1])
+        for at, cell in enumerate(cells[:width]):
             unit = unit_in(cell) or cell.strip("[]()- ")
             if unit and not is_format(cell):
                 names[at] = dataclasses.replace(names[at], unit=unit, doubtful=False)
@@ -226,7 +233,8 @@ def _is_damaged_row(head: _Head, index: int) -> bool:
         return False
     known = heading(cells[0]) is not None or looks_like_names(cells[:1])
     known |= not cells[0] or unit_in(cells[0]) is not None
-    return not known and any(map(head.dialect.is_number, cells))
+    broken = any(map(_BROKEN_NUMBER.fullmatch, cells))
+    return (broken or not known) and any(map(head.dialect.is_number, cells))
 
 
 def _block_above(head: _Head, first: int, wanted: Lines) -> tuple[int, str] | None:
@@ -245,7 +253,9 @@ def _header_above(
 ) -> tuple[list[int], int | None]:
     """Return the indices of the header lines above a body, and of the units."""
     at, units = first - 1, None
-    if at >= 0 and is_unit_row(head.rows[at], head.width):
+    if at >= 0 and (
+        is_unit_row(head.rows[at], head.width) or _has_units_of_some(head, at)
+    ):
         at, units = at - 1, at
     if wanted.header is not None:
         missing = [line for line in wanted.header if line not in head.lines]
@@ -260,6 +270,48 @@ def _header_above(
         top.insert(0, at)
         at -= 1
     return top, units
+
+
+def _has_units_of_some(head: _Head, index: int) -> bool:
+    """Whether a line between blanks holds units in brackets for some of the names above."""
+    cells = head.rows[index]
+    return (
+        head.dialect.separator == " "
+        and len(cells) < head.width
+        and index > 0
+        and head.dialect.header(head.texts[index - 1], head.width) is not None
+        and all(cell[0] in "[(" and unit_in(cell) is not None for cell in cells)
+    )
+
+
+def _placed(head: _Head, units: int, names: int) -> list[str]:
+    """Return the units of a line, each for the name that it stands nearest to.
+
+    Raises:
+        LineError: If two stand under one name.
+    """
+    cells = head.rows[units]
+    above = head.dialect.header(head.texts[names], head.width) or []
+    middles = np.array(_middles(head.texts[names], above))
+    found = [""] * head.width
+    for cell, middle in zip(cells, _middles(head.texts[units], cells), strict=True):
+        nearest = int(np.argmin(np.abs(middles - middle)))
+        if found[nearest]:
+            stand = f"the units {found[nearest]} and {cell} under '{above[nearest]}'"
+            raise head.error(units, stand, "one", f"skip = [{head.lines[units]}]")
+        found[nearest] = cell
+    return found
+
+
+def _middles(text: str, cells: Sequence[str]) -> list[float]:
+    """Return where the middle of each cell stands in a line."""
+    found, end = [], 0
+    text = text.expandtabs()
+    for cell in cells:
+        start = text.index(cell, end)
+        end = start + len(cell)
+        found.append(0.5 * (start + end))
+    return found
 
 
 def _is_header(head: _Head, index: int) -> bool:

@@ -37,13 +37,15 @@ _AXIS = re.compile(
 )
 _STRAIGHT = re.compile(r"(?i)straightness|geradheit")
 _DEVIATES = re.compile(
-    r"(?i:\b(?:in|of|straightness|geradheit|abweichung|error|deviation)"
+    r"(?i:\b(?:in|of|\w*straightness|geradheit\w*|abweichung|error|deviation)"
     r"(?:\s+(?:direction|richtung))?)\s+(?P<axis>[XYZ])\b"
 )
 _MOVES = re.compile(
     r"(?i:\b(?:über|ueber|over|along|entlang|axis|achse|vs|against))\.?[\s:=;,]+"
-    r"(?P<axis>[XYZ])\b"
+    r"(?P<axis>[XYZ])\b|\b(?P<before>[XYZ])[- ](?i:axis|achse)\b"
 )
+_ISO = re.compile(r"\bE_?(?P<across>[XYZ])(?P<along>[XYZ])\b")
+"""Straightness as ISO 230-1 writes it: EYX deviates in Y while X moves."""
 _INCHES = ("in", "thou", "uin")
 _KINDS = {"actual": "actual positions", "error": "errors"}
 _FEWEST = 3
@@ -437,7 +439,8 @@ def _with_titles(table: Table, titles: Mapping[int, str]) -> Table:
     """Return the table with what the lines above its header say: axis, unit, direction."""
     table = _straight(table, " \n ".join(titles.values()))
     for line, text in titles.items():
-        if (named := _AXIS.search(text)) is not None and table.axis is None:
+        named = _AXIS.search(text)
+        if named is not None and table.axis is None and not table.across:
             axis = named["axis"] or named["before"]
             remark = f"Line {line} says that the axis is {axis}."
             table = _noted(table, table.columns, remark, axis)
@@ -515,35 +518,54 @@ def _in_direction(table: Table, line: int, text: str) -> Table:
 
 
 def _straight(table: Table, titles: str) -> Table:
-    """Return a table of straightness with the axes that move and deviate, or no roles.
+    """Return a table of straightness with the axes that move and deviate, as far as known.
 
     Its errors are across the motion: those of a laser table would be of the wrong axis.
     """
+    across, along = _axes_of_straightness(titles)
+    axes = {"position": along, "error": across, "actual": across}
     names = " ".join(column.header for column in table.columns)
-    roles = [column.role for column in table.columns]
-    if not _STRAIGHT.search(f"{titles} {names}") or "position" not in roles:
+    kinds = [_kind_told(column) for column in table.columns]
+    told = (across and along) or _STRAIGHT.search(f"{titles} {names}")
+    if not told or kinds.count("position") != 1 or not {"error", "actual"} & set(kinds):
         return table
-    across, along = _DEVIATES.search(titles), _MOVES.search(titles)
-    known = across and along and across["axis"] != along["axis"]
-    axes = {}
-    if across and along and known:
-        axes = {"position": along["axis"], "error": across["axis"]}
+    table = dataclasses.replace(table, across=True)
+    bare = [
+        kind in axes and column.role in (None, kind)
+        for column, kind in zip(table.columns, kinds, strict=True)
+    ]
+    if not any(bare):
+        return table
+    columns = [
+        dataclasses.replace(column, role=f"{axes[kind]}.{kind}" if axes[kind] else None)
+        if own
+        else column
+        for column, kind, own in zip(table.columns, kinds, bare, strict=True)
+    ]
+    if across and along:
         remark = (
-            f"Straightness: the titles say that {axes['position']} moves and"
-            f" {axes['error']} deviates."
+            f"Straightness: the titles say that {along} moves and {across} deviates."
         )
     else:
         remark = (
             "Straightness: which axis moves and which deviates is not said; the job's"
             ' columns say it, such as "X.position" and "Y.error".'
         )
-    columns = tuple(
-        dataclasses.replace(
-            column,
-            role=f"{axes[column.role]}.{column.role}" if column.role in axes else None,
-        )
-        if column.role in ("position", "error", "actual")
-        else column
-        for column in table.columns
-    )
     return dataclasses.replace(_noted(table, columns, remark), format="CSV")
+
+
+def _kind_told(column: Column) -> str:
+    """Return the kind of role of a column, by its name where it has none."""
+    if column.role is not None or column.text is not None:
+        return _kind(column)
+    return next(iter(kinds_in(words_in([column.name]))), "")
+
+
+def _axes_of_straightness(titles: str) -> tuple[str | None, str | None]:
+    """Return the axis that deviates and the one that moves, as titles say them."""
+    if (iso := _ISO.search(titles)) and iso["across"] != iso["along"]:
+        return iso["across"], iso["along"]
+    moves = _MOVES.search(titles)
+    along = (moves["axis"] or moves["before"]) if moves else None
+    found = [match["axis"] for match in _DEVIATES.finditer(titles)]
+    return next((axis for axis in found if axis != along), None), along

@@ -171,6 +171,7 @@ class Table:
         missing: Number of readings that the file announces and lacks (run table).
         form: How a text table is written; None for all others.
         axis: Axis that the file says it is of, or None.
+        across: Its errors are those of an axis across the one that moved: straightness.
     """
 
     path: Path
@@ -186,6 +187,7 @@ class Table:
     missing: int = 0
     form: TextForm | None = None
     axis: str | None = None
+    across: bool = False
 
     def column(self, name: str) -> Column:
         """Return a column by name or header text; by number where there is no header.
@@ -205,6 +207,7 @@ class Table:
             if hits:
                 break
         names = [column.name for column in self.columns]
+        wanted = hits[0].name if hits else wanted
         close = difflib.get_close_matches(wanted, names, n=1, cutoff=0.4)
         raise ColumnError(
             str(self.path), wanted, names, close[0] if close and not hits else None
@@ -243,7 +246,10 @@ class Table:
             raise MeasurementError(str(self.path), reason)
         if column.text is not None:
             first = BadCell(int(self.lines[0]), column.text[0])
-            raise self.cell_error(column, first, "a number")
+            turns = "°" in first.found
+            raise self.cell_error(
+                column, first, "decimal degrees" if turns else "a number"
+            )
         if column.bad is not None:
             raise self.cell_error(column, column.bad, "a finite number", damaged=True)
         return column.values

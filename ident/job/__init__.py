@@ -108,6 +108,7 @@ if TYPE_CHECKING:
     from .table._trend import (
         Trend as Trend,
         asks_for_owner as asks_for_owner,
+        is_negligible as is_negligible,
         trend_through as trend_through,
         trend_words as trend_words,
     )

@@ -135,7 +135,12 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     unclear: list[Unclear] = []
     runs = [each for each in named if each.column.run is not None]
     if runs:
-        unclear.append(_of_runs(runs, owner[0]))
+        question = _of_runs(runs, owner[0])
+        if len(question.choices) == 1:
+            ((text, spec),) = question.choices
+            roles[text] = [spec]
+        else:
+            unclear.append(question)
         named = [each for each in named if each.kind != runs[0].kind]
     for each in _without_commands(named):
         axis = (owner if each.kind == "error" else home)[0]
@@ -307,8 +312,8 @@ def _home(
 ) -> tuple[str, bool]:
     """Return the axis of columns that name none, and whether anybody has named it."""
     known = [each.axis for each in named if each.axis is not None]
-    if axes:
-        return axes[0], True
+    if mine := axes[table.across :]:  # the first one is the one that deviates
+        return mine[0], True
     if table.axis is not None or known:
         return table.axis or str(known[0]), True
     stem = table.path.stem
@@ -326,7 +331,11 @@ def _owner(
     Where other axes moved it is one that did not: what a straightedge or a probe shows.
     """
     known = [each.axis for each in named if each.axis is not None]
-    if axes or not known or table.axis is not None:
+    if axes:
+        return axes[0], True
+    if table.across:
+        known.append(_home(table, axes, named)[0])
+    elif not known or table.axis is not None:
         return _home(table, axes, named)
     others = [axis for axis in ("Y", "Z", "X") if axis not in known]
     return (others[0] if others else known[0]), False
@@ -351,6 +360,8 @@ def _named(column: Column) -> _Named | None:
         if role is None:
             return _Named(column, column.role, None, own)
         return _Named(column, role.kind, role.axis, own)
+    if column.run is not None:
+        return _Named(column, "error", None)
     if says_correction(column.name):
         return None  # errors of which sign, the user says
     pieces = pieces_of(column.name)

@@ -9,7 +9,15 @@ from typing import Any
 from ...data.lists import ListFile
 from ...data.measurements import CellError, ColumnSpec, Table, find_role
 from .._job_text import job_line
-from ..job import Gate, Job, JobFile, asks_for_owner, trend_words
+from ..job import (
+    Gate,
+    Job,
+    JobFile,
+    Trend,
+    asks_for_owner,
+    is_negligible,
+    trend_words,
+)
 from ..kinds import kind
 from ..proof import GateLimits
 from ..readings import Observation
@@ -262,35 +270,36 @@ def _write_zero(
 ) -> None:
     """Ask whose constant and slope are, where they stand out of the readings of any fit.
 
-    Also where they do not, in a measurement beside one that is asked, and in one with a list
-    that is there already: the zero of its instrument is as arbitrary as theirs.
+    Also where they hardly do but would move the table, in a measurement beside one that is
+    asked, and in one with a list that is there already: any zero is arbitrary.
     """
     quiet = []
     for one in fits:
-        trends = {source: _trend(contents, one, source) for source in one.sources}
+        trends = {
+            source: trend_in(contents.job, contents.observation, one, source)
+            for source in one.sources
+        }
         if (own := trends[name]) is None:
             continue
-        words, needed = own
-        beside = any(each is not None and each[1] for each in trends.values())
-        if beside or _holder(contents.axes, one) is not None:
+        words = _trend_words(contents, one, own)
+        needed = asks_for_owner(contents.job, own)
+        beside = any(t and asks_for_owner(contents.job, t) for t in trends.values())
+        held = _holder(contents.axes, one) is not None
+        if beside or held or not is_negligible(contents.job, own):
             _ask_for_owner(page, contents, name, one, words, needed=needed)
             return
         quiet.append(words)
     if quiet:
         page.note(
-            f"The readings show {quiet[0]}: neither stands out, and nothing has to be"
+            f"The readings show {quiet[0]}: both are negligible, and nothing has to be"
             ' answered here (by datum = { at = … }, or remove = "none", "offset" or "line").'
         )
 
 
-def _trend(contents: Contents, one: Suggestion, name: str) -> tuple[str, bool] | None:
-    """Return the line through the readings of a fit in words, and whether it stands out."""
-    trend = trend_in(contents.job, contents.observation, one, name)
-    if trend is None:
-        return None
+def _trend_words(contents: Contents, one: Suggestion, trend: Trend) -> str:
     spec = contents.job.spec.model_dump(by_alias=True, exclude_none=True)
     fit: Any = JobFile.model_validate(spec | {"fits": [one.of_job]}).fits[0]
-    return trend_words(contents.job, fit, trend), asks_for_owner(contents.job, trend)
+    return trend_words(contents.job, fit, trend)
 
 
 def _ask_for_owner(
@@ -319,8 +328,8 @@ def _ask_for_owner(
     asked = f"which the {one.compensation} table would take over. Whose are they?"
     if not needed:
         asked = (
-            "which do not stand out. Whose are they? Of the same instrument, answer as for"
-            " the other measurement of this axis."
+            "which do not stand out; without an answer both are the machine's. Whose are"
+            " they? Of one instrument, answer alike for all its measurements."
         )
     page.ask(
         f"measurements.{name}.remove",

@@ -32,6 +32,8 @@ VECTOR_POINTS = 600
 """More points than this in one layer are drawn as a picture inside the SVG."""
 _DPI = 160
 """Of what is drawn as a picture inside an SVG."""
+_TICKS = 6
+"""Intervals of an axis at most."""
 DRAWN_POINTS = 6000
 """More readings than this are thinned before drawing, and the caption says so."""
 
@@ -43,6 +45,8 @@ _RC: Any = {
     "axes.titlesize": 11,
     "axes.titlelocation": "left",
     "axes.titleweight": "bold",
+    # Nothing stands above a plot: to look for it takes longer than to draw the title.
+    "axes.titley": 1.0,
     "axes.labelsize": 11,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -75,8 +79,11 @@ def new_figure(
 ) -> tuple[Figure, list[Axes]]:
     """Return an empty figure 7.2 inches wide and its axes, row by row."""
     figure = Figure(figsize=(7.2, height), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, **options)
-    return figure, list(axes.ravel())
+    axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
+    for each in axes:
+        # More are not read on a phone; placing their labels is half of the drawing.
+        each.locator_params(nbins=_TICKS)
+    return figure, axes
 
 
 def thin(size: int, limit: int = DRAWN_POINTS) -> Int[np.ndarray, " k"]:
@@ -210,7 +217,9 @@ def to_svg(figure: Figure, name: str) -> str:
         )
         figure.draw(renderer)
         renderer.finalize()
-        figure.clear()
+    # `clear` would make all axes anew.
+    for axes in figure.axes:
+        axes.remove()
     # Narrower fallbacks than the font that the plot was laid out with never overlap.
     return text.getvalue().replace(
         "'DejaVu Sans'", "'DejaVu Sans', Verdana, Arial, sans-serif"

@@ -77,6 +77,15 @@ def test_a_direction_that_is_none_is_named_with_its_line(tmp_path: Path) -> None
     [
         ("Straightness of Y along X\nPosition;Error\n0;1\n9;2\n", "X.position Y.error"),
         (
+            "Geradheitsmessung Y über X\nPosition;Lauf 1;Lauf 2\n0;1;2\n9;2;3\n",
+            "X.position Y.error run",
+        ),
+        ("EXZ\nZ position;deviation\n0;1\n9;2\n", "Z.position X.error"),
+        (
+            "Straightness of X axis in Z direction\nPosition;Error\n0;1\n9;2\n",
+            "X.position Z.error",
+        ),
+        (
             "Geradheit\nAchse;X;\nX;EYX;EZX\n0;1;2\n9;2;3\n",
             "X.position Y.error Z.error",
         ),
@@ -337,3 +346,40 @@ def test_inches_are_exact_and_said(tmp_path: Path) -> None:
     assert found.require("X.error").tolist() == [0.0, 0.0254]
     said = "In inches, of which one is 25.4 mm: 'Target', 'Error'."
     assert said in found.remarks
+
+
+def test_units_in_brackets_belong_to_the_names_that_they_stand_under(
+    tmp_path: Path,
+) -> None:
+    rows = "".join(f"1   FWD  {10.0 * k:8.1f}  {k:8.2f}\n" for k in range(5))
+    head = "Run Dir     Target      Dev.\n              [mm]      [um]\n"
+    found = read(tmp_path, f"POSITIONING  AXIS X\n{head}{rows}")
+    assert found.require("X.error").tolist() == [0.0, 0.001, 0.002, 0.003, 0.004]
+
+
+def test_empty_columns_of_a_sheet_are_no_columns(tmp_path: Path) -> None:
+    found = read(tmp_path, "Target [mm];Error [um];;\n0;1;;\n9;2;;\n")
+    assert found.require("X.error").tolist() == [0.001, 0.002]
+
+
+def test_a_last_line_without_the_empty_cells_of_the_others_was_cut_off(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(LineError, match=r"found 2 cells in the last line \('9;2'\)"):
+        read(tmp_path, "Target [mm];Error [um];;\n0;1;;\n5;3;;\n9;2")
+
+
+@pytest.mark.parametrize("cell", ["0,66-", "(0,66)"])
+def test_a_minus_of_a_book_keeper_is_named_with_its_line(
+    tmp_path: Path, cell: str
+) -> None:
+    text = f"Target [mm];Error [um]\n0;{cell}\n9;2,5\n10;3,1\n11;2,5\n"
+    with pytest.raises(MeasurementError, match=r":2: column 'Error': found '.*0,66"):
+        read(tmp_path, text).require("X.error")
+
+
+def test_degrees_and_minutes_are_asked_for_as_decimal_degrees(tmp_path: Path) -> None:
+    with pytest.raises(MeasurementError, match="expected decimal degrees"):
+        read(tmp_path, "Target;Error [arcsec]\n0°30';1\n1°00';2\n").require(
+            "X.position"
+        )

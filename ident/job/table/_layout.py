@@ -129,11 +129,14 @@ Grid = tuple[float, float, int]
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 _LINE, _SURFACE = 80, 20
 """Intervals of a table over one position, and over each of two."""
-_EACH = 10
-"""Readings per node, at least, where there are no targets."""
+_EACH = 2
+"""Readings per node, at least, where there are no targets: the prior smooths, and what
+too few nodes cannot follow no standard deviation tells."""
 _TARGETS = 250
 """Different places up to which they are taken for targets."""
-_HOLES = 0.05
+_BESIDE = 0.1
+"""Share of their distance by which readings lie beside targets at most."""
+_HOLES = 0.3
 """Share of the nodes of a plane that may lack a reading: targets that were left out."""
 
 
@@ -145,7 +148,8 @@ def grid_over(
 ) -> Grid:
     """Return nodes that suit readings.
 
-    Evenly spaced targets become the nodes; else round numbers that cover the readings.
+    Evenly spaced targets become the nodes, also where readings lie a little beside them;
+    else round numbers that cover the readings.
 
     Args:
         places: Positions of the readings.
@@ -156,20 +160,42 @@ def grid_over(
     low, high = float(known[0]), float(known[-1])
     if reach is not None:
         low, high = min(low, reach[0]), max(high, reach[1])
-    steps = np.diff(known)
-    if 2 <= len(known) <= _TARGETS and np.ptp(steps) < 1e-3 * steps[0]:
-        interval = round(float(steps.mean()), 4)
-        if abs(known[0] + interval * (len(known) - 1) - known[-1]) < 1e-3:
-            before = int(np.ceil((known[0] - low) / interval - 1e-6))
-            after = int(np.ceil((high - known[-1]) / interval - 1e-6))
-            start = float(known[0]) - before * interval
-            return start, interval, len(known) + before + after
+    if (targets := _targets(known)) is not None:
+        first, interval, count = targets
+        last = first + interval * (count - 1)
+        before = max(0, int(np.ceil((first - low) / interval - _BESIDE)))
+        after = max(0, int(np.ceil((high - last) / interval - _BESIDE)))
+        return first - before * interval, interval, count + before + after
     count = len(places) // _EACH
     most = min(_SURFACE, int(np.sqrt(count))) if surface else min(_LINE, count)
     interval = _round_up((high - low) / max(2, min(most, len(known) - 1)))
     start = np.floor(low / interval + 1e-6) * interval
     points = int(np.ceil((high - start) / interval - 1e-6)) + 1
     return round(float(start), 4), interval, max(points, 2)
+
+
+def _targets(known: Float[np.ndarray, " p"]) -> Grid | None:
+    """Return the evenly spaced targets at or beside which all places lie, or None.
+
+    Args:
+        known: Different places, ascending.
+    """
+    steps = np.diff(known)
+    ends = np.flatnonzero(steps > 0.5 * steps.max(initial=0.0))
+    count = len(ends) + 1
+    if not 2 <= count <= _TARGETS:
+        return None
+    low, high = known[np.append(0, ends + 1)], known[np.append(ends, len(known) - 1)]
+    middle, beside = 0.5 * (low + high), float((high - low).max()) / 2.0
+    interval = float(middle[-1] - middle[0]) / (count - 1)
+    if beside > _BESIDE * interval:
+        return None
+    for digits in range(-2, 5):
+        start, step = round(float(middle[0]), digits), round(interval, digits)
+        off = np.abs(start + step * np.arange(count) - middle)
+        if step > 0.0 and off.max() < max(beside, 1e-3):
+            return start, step, count
+    return None
 
 
 def grids_for(

@@ -55,11 +55,18 @@ class Trend:
         Args:
             negligible: Size that is never significant, in mm or °.
         """
-        sizes = np.append(np.abs(self.slopes) * self.reach, abs(self.constant))
         sure = np.append(self.slope_deviations * self.reach, self.constant_deviation)
         return bool(
-            np.any((sizes > _SURE * sure) & (sizes > max(self.remainder, negligible)))
+            np.any(
+                (self.sizes > _SURE * sure)
+                & (self.sizes > max(self.remainder, negligible))
+            )
         )
+
+    @property
+    def sizes(self) -> Float[np.ndarray, " n"]:
+        """Rms of each slope over the nodes, and the constant, in mm or °."""
+        return np.append(np.abs(self.slopes) * self.reach, abs(self.constant))
 
 
 def trend_of(fit: TableFit) -> Trend:
@@ -156,6 +163,12 @@ def refuse_unowned_trend(plan: Plan, fit: TableFit) -> None:
 def asks_for_owner(job: Job, trend: Trend) -> bool:
     """Return whether a job must say whose the constant and the slopes of an error are."""
     return trend.is_significant(_NEGLIGIBLE * job.limits.max_correction)
+
+
+def is_negligible(job: Job, trend: Trend) -> bool:
+    """Return whether a list without the constant and the slopes is no other list."""
+    least = _NEGLIGIBLE * job.limits.max_correction
+    return bool(np.all(trend.sizes <= least))
 
 
 def trend_words(job: Job, fit: TableSpec, trend: Trend) -> str:

@@ -52,7 +52,8 @@ def residual_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot | 
     if not readings.sound.any():
         return None
     known = np.unique([] if readings.run is None else readings.run).astype(float)
-    runs = known if 2 <= known.size <= 60 else None
+    # What belongs to each run has a plot of its own.
+    runs = known if 2 <= known.size <= 60 and not fit.fit.runs else None
     views = views_of(fit, readings, scale)
     rows = len(views) + (runs is not None)
     figure, axes = style.new_figure(1.9 * rows + 0.5, rows, sharey=True)
@@ -72,7 +73,7 @@ def residual_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot | 
     caption = _say_residuals(
         fit, readings, scale, limit, _say_bins(fit, views, found, scale)
     )
-    title = "What remains over position, order and run (predicted)"
+    title = "What remains over position and order (predicted)"
     return Plot("residuals", title, figure, caption)
 
 

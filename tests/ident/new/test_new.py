@@ -108,6 +108,29 @@ def test_an_axis_that_nobody_names_is_asked_for(
     assert 'does not say of which axis "deviation" is' in str(question["words"])
 
 
+@pytest.mark.parametrize(
+    "names", ["Position [mm];Deviation [µm]", "Position [mm];Run 1 [µm];Run 2 [µm]"]
+)
+def test_a_straightness_whose_axes_nobody_names_is_no_leadscrew(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], names: str
+) -> None:
+    cells = names.count(";")
+    rows = "".join(f"{50 * k}" + f";{k * k % 17}" * cells + "\n" for k in range(21))
+    job = new(tmp_path, f"Straightness\n{names}\n{rows}")
+    assert 'compensation = "cross"\naxis = "Y"' in job.read_text()
+    questions = {question["about"] for question in asked(tmp_path, capsys)}
+    assert questions >= {"axes.X.number", "axes.Y.number"}
+
+
+def test_a_zero_within_the_shape_of_the_error_is_asked_for_and_may_stay_open(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{10 * k},{3 + 4 * (-1) ** k}\n" for k in range(41))
+    new(tmp_path, f"X target [mm],X error [um]\n{rows}", "--axis", "X=1")
+    question = asked(tmp_path, capsys)[-1]
+    assert "without an answer both are the machine's" in str(question["words"])
+
+
 @pytest.mark.parametrize(("size", "first"), [(0.0123, "mm"), (12.3, "um")])
 def test_a_unit_that_the_file_lacks_is_asked_for_the_likelier_first(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], size: float, first: str
