@@ -10,6 +10,7 @@ from ._aligned import (
     InstrumentClock,
     aligned_error,
     encoder_spline,
+    first_motion,
 )
 from ._errors import check_lengths
 from ._windows import Solution, Windows
@@ -60,7 +61,10 @@ def estimate_instrument(
     if spline is None:
         return _judged(clock, None, half, longest, "nothing moves")
     beside = _beside(time, others)
-    chosen = np.arange(time.size) % max(1, time.size // _MOST_ROWS) == 0
+    row = np.arange(time.size)
+    chosen = row % max(1, time.size // _MOST_ROWS) == 0
+    # From which side the axis came before its first motion, nobody knows.
+    chosen &= row >= first_motion(time, encoder)
     found = None
     for with_rate in (True, False):
         clock = dataclasses.replace(clock, rate=0.0)
