@@ -81,8 +81,9 @@ def new_figure(
     figure = Figure(figsize=(7.2, height), layout="constrained")
     axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
     for each in axes:
-        # More are not read on a phone; placing their labels is half of the drawing.
-        each.locator_params(nbins=_TICKS)
+        if each.name == "rectilinear":  # a circle has its own angles
+            # More are not read on a phone; placing their labels is half of the drawing.
+            each.locator_params(nbins=_TICKS)
     return figure, axes
 
 

@@ -176,15 +176,19 @@ def make_cross(count: int = 33, old: bool = True) -> TableResult:
 
 
 def make_plane(
-    columns: int = 33, rows: int = 17, readings: int = 4000, old: bool = False
+    columns: int = 33,
+    rows: int = 17,
+    readings: int = 4000,
+    old: bool = False,
+    width: float = 800.0,
 ) -> TableResult:
     rng = np.random.default_rng(3)
-    x, y = np.linspace(0, 800, columns), np.linspace(0, 400, rows)
+    x, y = np.linspace(0, width, columns), np.linspace(0, 400, rows)
 
     def surface(u: np.ndarray, v: np.ndarray) -> np.ndarray:
         return 0.02 * np.sin(u / 150) * np.cos(v / 120) + 2e-5 * u
 
-    positions = rng.uniform([0, 0], [800, 400], (readings, 2))
+    positions = rng.uniform([0, 0], [width, 400], (readings, 2))
     hidden = (positions[:, 0] > 620) & (positions[:, 1] > 260)
     positions = positions[~hidden]
     error = surface(positions[:, 0], positions[:, 1])

@@ -1,6 +1,7 @@
 """The report as a browser shows it: on a phone, on a screen, on paper."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pypdfium2
@@ -73,6 +74,27 @@ def test_words_in_the_plots_can_be_read_on_a_phone(
             e => [e.scrollWidth, e.clientWidth])"""
     )
     assert all(inner <= outer <= 375 for inner, outer in widths)
+
+
+@pytest.mark.slow
+def test_words_in_the_plots_do_not_run_into_each_other(
+    browser: "Browser", leadscrew: Make, plane: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    report, *_ = write_report(
+        job(leadscrew(), plane(columns=13, rows=11, width=600.0)), tmp_path
+    )
+    page, _ = open_page(browser, report.as_uri(), 1200)
+    over = page.evaluate(
+        """() => [...document.querySelectorAll("svg.plot")].flatMap(plot => {
+            const words = [...plot.querySelectorAll("text")].map(
+                e => [e.textContent, e.getBoundingClientRect()]).filter(e => e[1].width);
+            return words.flatMap(([one, a], k) => words.slice(k + 1).filter(([_, b]) =>
+                Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2 &&
+                Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4
+            ).map(([other]) => one + " | " + other));
+        })"""
+    )
+    assert over == []
 
 
 @pytest.mark.slow

@@ -222,6 +222,23 @@ def test_spread_compares_like_with_like(plane: Make) -> None:
     assert spread.ratio == pytest.approx(1 / stated, rel=0.04)
 
 
+def test_few_readings_predicted_from_afar_say_nothing_of_the_others(
+    leadscrew: Make,
+) -> None:
+    fit = leadscrew()
+    wide = fit.samples.predicted_sd.copy()
+    wide[:5] *= 50.0
+    far = dataclasses.replace(
+        fit, samples=dataclasses.replace(fit.samples, predicted_sd=wide)
+    )
+    plain, spread = (spread_of(readings_of(each, MM)) for each in (fit, far))
+    assert plain is not None
+    assert spread is not None
+    # Five of them no longer count among the z.
+    assert spread.ratio == pytest.approx(plain.ratio, rel=0.05)
+    assert spread.predicted == pytest.approx(plain.predicted, rel=0.05)
+
+
 def test_run_effects_name_the_farthest_run(leadscrew: Make) -> None:
     plot = runs_plot(leadscrew(), MM)
     assert plot is not None

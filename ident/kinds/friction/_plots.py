@@ -130,28 +130,35 @@ def _caption(fit: FrictionResult, curve: LawCurve) -> str:
 
 
 def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
-    """Draw what the law leaves on windows held out, over velocity and position."""
+    """Draw what the list leaves on windows held out, over velocity and position.
+
+    Over the position the whole friction is taken off, also where a cautious list gives a
+    share of it: what is left there is what depends on the place.
+    """
     view = fit.view
     rows = np.flatnonzero(view.moving)
     if not rows.size:
         return None
     chosen = rows[style.thin(rows.size)]
     left = view.predicted[chosen]
-    limit = _ROOM * float(np.median(np.abs(left))) or 1.0
+    limit = min(_ROOM * float(np.median(np.abs(left))), 1.2 * float(np.abs(left).max()))
+    limit = limit or 1.0
     outside = int(np.sum(np.abs(left) > limit))
+    given = 1.0 if fit.knots is None else fit.level
+    beyond = left - (1.0 / given - 1.0) * view.listed[chosen]
     figure, panels = style.new_figure(2.8, columns=2, sharey=True)
     unit = fit.length_unit
     views = {
-        f"velocity in {unit}/s": view.velocity,
-        f"position in {unit}": view.position,
+        f"velocity in {unit}/s": (view.velocity, left),
+        f"position in {unit}": (view.position, beyond),
     }
     medians = []
-    for panel, (name, where) in zip(panels, views.items(), strict=True):
+    for panel, (name, (where, value)) in zip(panels, views.items(), strict=True):
         panel.plot(
-            where[chosen], left, linestyle="none", marker=".", markersize=1.6,
+            where[chosen], value, linestyle="none", marker=".", markersize=1.6,
             color=style.BLUE, alpha=0.35, markeredgewidth=0, rasterized=True,
         )  # fmt: skip
-        places, middle, _ = _binned(where[chosen], left, _FINE)
+        places, middle, _ = _binned(where[chosen], value, _FINE)
         panel.plot(places, middle, color=style.ORANGE, linewidth=1.3)
         panel.axhline(0, color=style.INK, linewidth=0.7)
         panel.set_ylim(-limit, limit)
@@ -162,8 +169,9 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     over = percent(medians[1] / level) if level else "–"
     caption = (
         "Current that lists made of the other windows leave, sample by sample; the line"
-        f" is the running median. Over the position it moves by up to {over} of the"
-        " friction: what depends on the place, a friction list cannot say."
+        " is the running median. Over the position, where the whole law is taken off, it"
+        f" moves by up to {over} of the friction: what depends on the place, a friction"
+        " list cannot say."
     )
     if outside:
         caption += f" {outside} samples lie beyond the plot."
@@ -214,7 +222,7 @@ def circle_plot(fit: FrictionResult) -> Plot | None:
             [span, 2 * span, 3 * span], [f"−{span:.2g}", "0", f"+{span:.2g} µm"]
         )
         panel.tick_params(labelsize=9.5)
-        panel.set_title(name)
+        panel.set_title(name, loc="center", y=1.12)  # clear of the angle at the top
     magnified = circle.radius * _PER_MM / (2 * span)
     caption = (
         f"Simulated: circle of {circle.radius:g} mm radius at"

@@ -67,6 +67,7 @@ def coverage_maps(fit: TableResult, scale: Scale) -> Plot:
     # Two wide maps stand one above the other, two square ones side by side.
     if height > _TALL:
         figure, (above, below) = style.new_figure(0.6 * height, 1, 2)
+        figure.set_layout_engine("compressed")
     else:
         figure, (above, below) = style.new_figure(2 * height + 0.8, 2, 1)
     mesh = heat(above, table, table.sd, limits=spread_limits(table))
@@ -75,8 +76,8 @@ def coverage_maps(fit: TableResult, scale: Scale) -> Plot:
     mesh = heat(below, table, table.support.astype(float), limits=(0.0, most))
     counts = bar(figure, mesh, [below], "readings per node")
     counts.locator = MaxNLocator(integer=True)
-    above.set_title("standard deviation of each node")
-    below.set_title("readings that touch each node")
+    above.set_title("standard deviation")
+    below.set_title("readings that touch it")
     hatch(above, table)
     hatch(below, table, colour="white")
     label(above, table, scale)

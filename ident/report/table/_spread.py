@@ -20,10 +20,11 @@ class Spread:
     """How far the residuals scatter against what was predicted.
 
     Attributes:
-        predicted: Root mean square of the predicted sd in µm.
+        predicted: Median of the predicted sd in µm; that of readings far from all others,
+            as at the end of a left-out block, is many times as large.
         z: Residual / predicted sd of every sound reading.
         inside: Share of readings within ± 2 predicted sd.
-        ratio: Seen / predicted scatter.
+        ratio: Root mean square of `z`.
     """
 
     predicted: float
@@ -43,12 +44,11 @@ def spread_of(readings: Readings) -> Spread | None:
         return None
     residual, sd = readings.predicted[keep], readings.predicted_sd[keep]
     z = residual / sd
-    predicted = float(np.sqrt(np.mean(sd**2)))
     return Spread(
-        predicted=predicted,
+        predicted=float(np.median(sd)),
         z=z,
         inside=float(np.mean(np.abs(z) <= 2)),
-        ratio=float(np.sqrt(np.mean(residual**2))) / predicted,
+        ratio=float(np.sqrt(np.mean(z**2))),
     )
 
 
@@ -80,8 +80,9 @@ def _draw_histogram(axes: Axes, spread: Spread) -> None:
 
 def _say(spread: Spread, scale: Scale) -> str:
     text = (
-        f"Predicted sd of a left-out reading: {number(spread.predicted)} {scale.error}; seen is "
-        f"{spread.ratio:.2f} × that. {percent(spread.inside)} of the readings lie "
+        f"Half of the left-out readings are predicted to {number(spread.predicted)} "
+        f"{scale.error} (1 sd) or better; what remains is {spread.ratio:.2f} × the "
+        f"predicted sd (rms). {percent(spread.inside)} of the readings lie "
         f"within ± 2 predicted sd ({percent(_INSIDE)} expected of a normal law): "
     )
     if spread.ratio <= 1.25 and spread.inside < 0.9:

@@ -12,8 +12,10 @@ import pytest
 from axcomp.data.lists import ListFile, check
 from axcomp.data.measurements import MeasurementError
 from axcomp.ident.job import FrictionResult, JobError, JobResult, Verdict, run_job
+from axcomp.ident.kinds.friction._plots import residual_plot
 from axcomp.ident.kinds.friction.entries import friction_from_list
 from axcomp.ident.report import write_report
+from axcomp.ident.report._scale import scale_of
 from axcomp.models import AbstractFriction, Conventions, StribeckFriction
 
 from ..friction_job import friction_job
@@ -160,6 +162,19 @@ def test_report_says_what_a_list_cannot(done: tuple[Path, JobResult]) -> None:
     }  # fmt: skip
     tree = json.loads((done[0] / "out" / "result.json").read_text())["fits"][0]
     assert tree["parameters"]["curve"]["velocity"][0] > 0
+
+
+def test_what_a_cautious_list_leaves_is_no_friction_of_the_place(
+    tmp_path: Path,
+) -> None:
+    record(tmp_path)
+    found = friction(run(tmp_path, keys=f"{PLAIN}\nlevel = 0.15"))
+    plot = residual_plot(found, scale_of(found.unit))
+    assert plot is not None
+    share = re.search(r"moves by up to (\S+) % of the friction", plot.caption)
+    assert share is not None
+    # No friction of the trace depends on the place: what is left is noise.
+    assert float(share[1]) < 10.0
 
 
 def test_without_torque_unit_the_law_is_reported_and_no_list_written(
