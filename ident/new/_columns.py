@@ -414,6 +414,22 @@ def _axis_in(name: str, pieces: Sequence[str]) -> str | None:
     return next(iter(linear or found), None)
 
 
+def own_roles(table: Table, axis: str | None) -> dict[str, ColumnSpec]:
+    """Return the column of each role that the file names itself.
+
+    Args:
+        table: The file as read.
+        axis: Of the roles that it names without one.
+    """
+    found = {}
+    for column in table.columns:
+        if column.role is not None and column.run is None:
+            whole = find_role(column.role) is not None
+            text = column.role if whole else f"{axis}.{column.role}"
+            found[text] = _spec(column, column.unit)
+    return found
+
+
 def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
     """Whether the file's own roles need no mapping beside them."""
     runs = [each for each in named if each.column.run is not None]

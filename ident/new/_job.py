@@ -12,8 +12,10 @@ from ...data.errors import UsageError
 from ...data.lists import ListFile
 from ...data.measurements import (
     CellError,
+    Column,
     Lines,
     MeasurementError,
+    Table,
     advice,
     find_role,
     find_unit,
@@ -24,7 +26,7 @@ from ...models import Conventions
 from ..exchange import axis_number
 from ..job import Job, JobFile, nodes_for
 from ..readings import Observation, observe
-from ._columns import meaning_of
+from ._columns import Meaning, meaning_of, own_roles
 from ._fits import suggestions
 from ._text import JobPage, Question
 from ._write import Axis, Contents, Source, page_of, relative
@@ -125,15 +127,17 @@ def _source(name: str, file: Path, axes: Sequence[str]) -> Source:
         MeasurementError: If too many are damaged, or they cannot be left out.
     """
     table = read_table(file)
-    meaning = meaning_of(table, axes)
+    poor = [column for column in table.columns if _is_poor_sensor(column)]
+    meaning = _meaning_without(table, poor, axes)
     used = {spec.column for spec in meaning.likeliest.values()}
+    left_out = {column.name for column in poor}
     damaged: list[CellError] = []
     while bad := next(
         (
             each
             for each in problems_of(table)
-            if (column := table.column(each.column)).role is not None
-            or {column.name, column.header} & used
+            if (column := table.column(each.column)).name not in left_out
+            and (column.role is not None or {column.name, column.header} & used)
         ),
         None,
     ):
@@ -143,6 +147,37 @@ def _source(name: str, file: Path, axes: Sequence[str]) -> Source:
         lines = Lines(skip=tuple(each.line for each in damaged))
         table = dataclasses.replace(read_table(file, lines=lines), format=table.format)
     return Source(name, table, meaning, tuple(damaged))
+
+
+def _is_poor_sensor(column: Column) -> bool:
+    """Whether a column of temperatures lacks so many that its rows cannot be left out."""
+    unit = find_unit(column.unit or "")
+    if unit is None or unit.dimension != "temperature" or column.text is not None:
+        return False
+    return bool(np.count_nonzero(np.isnan(column.values)) > _DAMAGED)
+
+
+def _meaning_without(
+    table: Table, poor: Sequence[Column], axes: Sequence[str]
+) -> Meaning:
+    """Return what a file means but for some of its columns, which it says."""
+    kept = tuple(
+        column for column in table.columns if all(column is not each for each in poor)
+    )
+    table = dataclasses.replace(table, columns=kept)
+    meaning = meaning_of(table, axes)
+    if not poor:
+        return meaning
+    if not meaning.likeliest:
+        # Left to itself the file would name those columns as well.
+        columns = own_roles(table, meaning.axis)
+        meaning = dataclasses.replace(meaning, axis=None, columns=columns)
+    words = [
+        f"{column.name} (no number in {np.count_nonzero(np.isnan(column.values))} of"
+        f" {table.rows} rows)"
+        for column in poor
+    ]
+    return dataclasses.replace(meaning, unused=(*meaning.unused, *words))
 
 
 def _axes(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...data.lists import ListFile
-from ...data.measurements import CellError, ColumnSpec, Table, find_role
+from ...data.measurements import CellError, ColumnSpec, Table
 from .._job_text import job_line
 from ..job import (
     Gate,
@@ -21,7 +21,7 @@ from ..job import (
 from ..kinds import kind
 from ..proof import GateLimits
 from ..readings import Observation
-from ._columns import Meaning, Unclear
+from ._columns import Meaning, Unclear, own_roles
 from ._fits import Suggestion, trend_in
 from ._text import JobPage
 
@@ -188,17 +188,12 @@ def _write_damaged(page: JobPage, source: Source) -> None:
 
 def _write_own_roles(page: JobPage, source: Source) -> None:
     """Write what the columns of a file mean that says it itself, as a remark."""
-    table = source.table
-    named = [c for c in table.columns if c.role is not None and c.run is None]
-    if source.meaning.likeliest or not named:
+    roles = own_roles(source.table, source.meaning.axis)
+    if source.meaning.likeliest or not roles:
         return
     page.note("The columns name themselves; to change that, state all of them:")
     page.add(f"# [measurements.{source.name}.columns]")
-    for column in named:
-        text = str(column.role)
-        if find_role(text) is None:
-            text = f"{source.meaning.axis}.{text}"
-        spec = ColumnSpec(column.header or column.name, column.unit)
+    for text, spec in roles.items():
         page.add(f"# {_column_line(text, spec)}")
 
 

@@ -329,6 +329,21 @@ def test_a_damaged_line_is_asked_for_and_left_out_where_that_is_answered(
     assert main(["fit", str(job), "--out", str(tmp_path / "out")]) == 0
 
 
+@pytest.mark.parametrize("name", ["Temperature", "T_scale"])
+def test_a_sensor_that_failed_for_long_is_left_out_with_a_word(
+    tmp_path: Path, name: str
+) -> None:
+    rows = "".join(
+        f"{60 * k},{100 * (k % 4)},{k % 7},{20 + k / 40:.2f},{21 if k % 3 else 'n.v.'}\n"
+        for k in range(90)
+    )
+    head = f"time [s],X.position [mm],X.error [um],T_frame [degC],{name} [degC]\n"
+    job = new(tmp_path, head + rows, "--axis", "X=1")
+    assert f"Not used: {name} (no number in 30 of 90 rows)." in job.read_text()
+    assert main(["fit", str(job), "--out", str(tmp_path / "out")]) in (0, 1)
+    assert (tmp_path / "out" / "result.json").is_file()
+
+
 def test_the_unit_of_columns_per_run_is_asked_for(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
