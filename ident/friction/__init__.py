@@ -21,7 +21,6 @@ Read in this order:
 from ._choice import (
     Candidate as Candidate,
     Choice as Choice,
-    WindowLaw as WindowLaw,
     choose_law as choose_law,
 )
 from ._equation import Known as Known
@@ -43,6 +42,7 @@ from ._structures import (
     CoulombViscous as CoulombViscous,
     DirectionalTable as DirectionalTable,
     KnotTable as KnotTable,
+    Laws as Laws,
     Stribeck as Stribeck,
     default_knots as default_knots,
 )

@@ -100,15 +100,23 @@ class FrictionFit:
         factors = self.factors.reshape(self.structure.ways, -1)
         return self.structure.law(factors, self.shape)
 
+    def slopes(self, velocity: Float[np.ndarray, " v"]) -> Float[np.ndarray, "v p"]:
+        """Return the derivatives of the friction by ``factors`` and ``shape``."""
+        columns = self.structure.columns(velocity, self.shape)
+        tangents = self.structure.tangents(velocity, self.shape, self.factors)
+        return np.hstack([columns, tangents])
+
     def band(
         self, velocity: Float[np.ndarray, " v"]
     ) -> tuple[Float[np.ndarray, " v"], Float[np.ndarray, " v"]]:
-        """Return friction and its standard deviation at velocities in mm/s, in load units."""
-        columns = self.structure.columns(velocity, self.shape)
-        tangents = self.structure.tangents(velocity, self.shape, self.factors)
-        full = np.hstack([columns, tangents])
-        variance = np.einsum("tk,tk->t", full @ self.law_covariance, full)
-        return columns @ self.factors, np.sqrt(np.maximum(variance, 0.0))
+        """Return friction and its standard deviation at velocities in mm/s, in load units.
+
+        That of the noise: the law itself is taken as true (see `Choice.deviation`).
+        """
+        slopes = self.slopes(velocity)
+        variance = ((slopes @ self.law_covariance) * slopes).sum(axis=1)
+        friction = slopes[:, : len(self.factors)] @ self.factors
+        return friction, np.sqrt(np.maximum(variance, 0.0))
 
 
 def fit_inverse(
