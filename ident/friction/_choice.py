@@ -15,7 +15,6 @@ from ._inverse import (
     assemble,
     fit_carried,
     fit_competing,
-    reading_of,
 )
 from ._samples import DriveSamples
 from ._separable import Solution, View
@@ -32,6 +31,8 @@ from ._structures import (
 WINDOWS = 10
 _FEWEST = 30
 """Rows in motion that a window needs."""
+_UNLIKELY = 0.02
+"""Share of the best law's likelihood below which another law casts no doubt on it."""
 _NEAR, _LONGEST = 0.1, 0.5
 """Steps of a shape's logarithm: up to which a law is linear in it, and the longest taken."""
 
@@ -157,6 +158,8 @@ class Choice:
                 continue
             seen.add(law.structure)
             share = (1 + max(one.worse(best), 0) ** 2 / (count - 1)) ** (-count / 2)
+            if share < _UNLIKELY:
+                continue
             apart = read(law.friction(velocity)[:, 0]) - own
             more = jackknife(one.without) + lines(law.structure, law.factors[0])
             variance, total = variance + share * (more + apart**2), total + share
@@ -276,7 +279,7 @@ def _laws(
     shapes: Float[np.ndarray, "n h"],
 ) -> Laws:
     """Return the laws that linear factors of an equation and shapes stand for."""
-    names, linear, to_law = reading_of(equation)
+    names, linear, to_law = equation.reading
     read = dict(zip(names, linear @ factors.T, strict=True))
     beside = [
         np.broadcast_to(read.get(name, known or 0.0), len(factors))
@@ -331,6 +334,11 @@ def _hold_out(
     square = np.add.reduceat(square, edges[:-1])
     square = square / np.add.reduceat(used * load, edges[:-1])
     mean = float(square.mean())
+    laws = _laws(
+        equation,
+        np.vstack([solution.factors, factors]),
+        np.vstack([shape, shapes]),
+    )
     fitted = float(np.minimum(solution.residual[used] ** 2, limit**2).mean() / load)
     return Candidate(
         structure=equation.structure,
@@ -338,6 +346,6 @@ def _hold_out(
         error=float(np.sqrt(mean)),
         standard_error=_mean_error(square) / float(np.sqrt(4.0 * max(mean, 1e-300))),
         fitted_error=float(np.sqrt(fitted)),
-        law=_laws(equation, solution.factors[None], shape[None]),
-        without=_laws(equation, factors, shapes),
+        law=laws[:1],
+        without=laws[1:],
     )

@@ -261,7 +261,7 @@ def assemble(
     """
     structure, fixed = equation.structure, len(equation.fixed_names)
     count, shapes = len(solution.factors), len(solution.shape)
-    linear_names, linear, to_law = reading_of(equation)
+    linear_names, linear, to_law = equation.reading
     names = (*linear_names, *structure.shapes)
     parted = "offset" in names and "offset" not in equation.fixed_names
     # The law as fitted, and all parameters as users read them, by factors and shape.
@@ -322,31 +322,6 @@ def assemble(
         shape=solution.shape,
         law_covariance=inner @ solution.covariance @ inner.T,
     )
-
-
-def reading_of(
-    equation: Equation,
-) -> tuple[tuple[str, ...], Float[np.ndarray, "r k"], Float[np.ndarray, "f k"]]:
-    """Return how the linear factors as fitted are read.
-
-    Names of parameters as users read them, the map to these, and that to the factors of the
-    law. Per direction, seen in motion are level⁺ + offset and level⁻ − offset only: where the
-    offset is not known, it is chosen so that the mean levels of both directions are equal.
-    """
-    structure, fixed = equation.structure, len(equation.fixed_names)
-    unit = np.eye(fixed + len(structure.names))
-    names, beside, to_law = equation.fixed_names, unit[:fixed], unit[fixed:]
-    words, sums = structure.reported
-    if structure.directional:
-        words = tuple(name + way for way in WAYS for name in words)
-    if structure.directional and equation.known.offset is None:
-        one = structure.levels
-        both = np.concatenate([one, -one])
-        offset = 0.5 * both @ to_law / one.sum()
-        names, beside = (*names, "offset"), np.vstack([beside, offset])
-        to_law = to_law - np.outer(both, offset)
-    law = np.kron(np.eye(structure.ways), sums) @ to_law
-    return (*names, *words), np.vstack([beside, law]), to_law
 
 
 def _undetermined(

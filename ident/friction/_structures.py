@@ -208,7 +208,7 @@ class CoulombViscous(AbstractStructure):
         """See `AbstractStructure`: a Stribeck curve without an excess at break-away."""
         coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
         numbers = coulomb, coulomb, 1.0, GAUSS, viscous
-        return StribeckFriction(*map(jnp.asarray, numbers))
+        return StribeckFriction(*numbers)
 
 
 @final
@@ -291,7 +291,7 @@ class Stribeck(AbstractStructure):
         """See `AbstractStructure`."""
         coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
         numbers = coulomb, coulomb + drop, *self._natural(shape), viscous
-        return StribeckFriction(*map(jnp.asarray, numbers))
+        return StribeckFriction(*numbers)
 
 
 @final
@@ -356,8 +356,8 @@ class KnotTable(AbstractStructure):
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
         """See `AbstractStructure`."""
-        nodes = Setpoints(jnp.asarray(self.knots))
-        tables = [FrictionTable(nodes, jnp.asarray(row)) for row in factors]
+        nodes = Setpoints(np.asarray(self.knots))
+        tables = [FrictionTable(nodes, row) for row in factors]
         return tables[0] if len(tables) == 1 else DirectionalTable(*tables)
 
 
@@ -379,6 +379,11 @@ class Laws:
     shapes: Float[np.ndarray, "n h"]
     inertia: Float[np.ndarray, " n"]
     offset: Float[np.ndarray, " n"]
+
+    def __getitem__(self, which: slice) -> "Laws":
+        """Return some of them."""
+        rows = (self.factors, self.shapes, self.inertia, self.offset)
+        return Laws(self.structure, *(each[which] for each in rows))
 
     def friction(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t n"]:
         """Return the friction of each at velocities in mm/s, in load units."""
