@@ -13,7 +13,6 @@ from ._inverse import (
     METHOD,
     FrictionFit,
     assemble,
-    fit_carried,
     fit_competing,
 )
 from ._samples import DriveSamples
@@ -200,15 +199,15 @@ def choose_law(
     with one_blas_thread():
         weights = weigh(equation, loss)
         found: dict[AbstractStructure, Candidate] = {}
-        near, fits, candidates = None, dict[int, FrictionFit](), []
-        for place, kind in enumerate(kinds):
+        solved = list[tuple[Equation, Solution, dict[str, str]]]()
+        near, candidates = None, list[Candidate]()
+        for kind in kinds:
             asked, solution, missing = fit_competing(
                 equation.with_structure(kind), weights, near
             )
+            solved.append((asked, solution, missing))
             # Both directions apart have nearly the shape that they have together.
             near = solution.shape if len(solution.shape) else None
-            if kind.parametric:
-                fits[place] = assemble(asked, solution, missing, METHOD)
             # Where the data do not carry a law, the simpler one speaks for it.
             law = asked.structure
             if law not in found:
@@ -216,9 +215,11 @@ def choose_law(
             own = kind if missing else law
             candidates.append(dataclasses.replace(found[law], structure=own))
         chosen, best = _order(candidates)
-        if chosen not in fits:
-            carried = fit_carried(equation.with_structure(kinds[chosen]), weights)
-            fits[chosen] = assemble(*carried, METHOD)
+        fits = {
+            place: assemble(*solved[place], METHOD)
+            for place, kind in enumerate(kinds)
+            if kind.parametric or place == chosen
+        }
     # Each sample belongs to the window of the nearest row.
     centres = equation.lowpass.centres
     between = 0.5 * (centres[1:] + centres[:-1])

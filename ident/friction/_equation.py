@@ -231,7 +231,7 @@ class Equation:
     ) -> Float[np.ndarray, "s w k"]:
         """Return columns over speed with the signs of each direction, filtered."""
         signs = structure.signs(self.samples.velocity)
-        found = self.lowpass(in_line(signs.T[:, :, None] * profile[:, None]))
+        found = self.lowpass(np.hstack([sign[:, None] * profile for sign in signs]))
         return found.reshape(len(found), len(signs), profile.shape[1])
 
     @cached_property

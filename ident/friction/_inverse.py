@@ -185,12 +185,12 @@ def fit_competing(
 ) -> tuple[Equation, Solution, dict[str, str]]:
     """Return what `fit_carried` does, of a law that competes with others.
 
-    The covariance of a table is left out, and an exponent is `GAUSS` unless the data ask for
-    another one: where they do not, a free one follows the noise.
+    An exponent is `GAUSS` unless the data ask for another one: where they do not, a free one
+    follows the noise.
     """
     structure = equation.structure
     if not structure.parametric:
-        return equation, fit_equation(equation, weights, quick=True), {}
+        return equation, fit_equation(equation, weights), {}
     # Where one direction asks for an exponent, both do.
     if len(structure.shapes) > (1 if near is None else len(near)):
         usual = equation.with_structure(Stribeck(structure.directional, GAUSS))

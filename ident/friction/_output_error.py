@@ -373,14 +373,15 @@ class _Task:
             columns=columns,
             rows=Rows(columns, columns),
             prior=np.zeros((count, count)),
-            covariance=np.asarray(inverse @ inner @ inverse.T),
             null=np.zeros((count, 0)),
             residual=residual,
             share=used.astype(float),
+            piece=equation.piece,
             # Of Gaussian noise this is the standard deviation.
             scale=1.4826 * float(np.median(np.abs(residual[used]))),
             converged=converged,
             at_bound=((values < low + edge) | (values > high - edge))[count:size],
+            given=np.asarray(inverse @ inner @ inverse.T),
         )
         missing = {
             name: reason

@@ -127,18 +127,14 @@ def view_of(
         offset = float((left - full)[sound].mean())
         before = left - offset
     laws = found.without
-    means = None if curve is None else curve.mean_of(laws)
-    others = None if curve is not None else laws.friction(samples.velocity)
+    curves = laws.friction(samples.velocity) if curve is None else curve.mean_of(laws)
     for number, (inertia, constant) in enumerate(
         zip(laws.inertia, laws.offset, strict=True)
     ):
-        own = window == number
+        own, given = window == number, curves[:, number]
         rest = samples.current - inertia * push
-        if means is None:
-            given = others[:, number]
-        else:
-            mean = means[:, number]
-            given = ahead[0] * mean[first] + ahead[1] * mean[first + 1]
+        if curve is not None:
+            given = ahead[0] * given[first] + ahead[1] * given[first + 1]
             constant = float((rest - given)[sound & ~own].mean())
         predicted[own] = (rest - constant - level * given)[own]
     return FrictionView(
