@@ -108,7 +108,7 @@ class LawCurve:
             for each in (self.currents, self.deviations)
         )
         beside = np.square(knots.out * knots.unit - law)
-        beside = np.maximum(beside, knots.unit**2 / 12.0)
+        beside = np.maximum(beside, knots.rms**2)
         return np.asarray(np.sqrt(deviation**2 + beside))
 
     @property
