@@ -142,10 +142,10 @@ class Choice:
             count = values.shape[-1]
             # Mean square of Student's t: few windows tell their own spread badly.
             heavier = (count - 1) / max(count - 3, 1)
-            return heavier * (count - 1) * np.var(values, axis=-1)
+            return np.asarray(heavier * (count - 1) * np.var(values, axis=-1))
 
         def lines(structure: AbstractStructure, factors: np.ndarray) -> np.ndarray:
-            return np.square(read(structure.bent(velocity, factors)))
+            return np.asarray(np.square(read(structure.bent(velocity, factors))))
 
         total, best = 1.0, self.candidates[self.best]
         variance = np.maximum(noise, jackknife(without))

@@ -390,7 +390,7 @@ class Laws:
         columns = self.structure.over_shapes(velocity, self.shapes)
         if len(columns) == 1:
             return np.asarray(columns[0] @ self.factors.T)
-        return np.einsum("ntk,nk->tn", columns, self.factors)
+        return np.asarray(np.einsum("ntk,nk->tn", columns, self.factors))
 
 
 def range_of(speed: Float[np.ndarray, " t"]) -> tuple[float, float]:

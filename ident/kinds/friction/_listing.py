@@ -81,21 +81,21 @@ class LawCurve:
     @property
     def positive(self) -> Float[np.ndarray, " v"]:
         """Current moving positive."""
-        return self.currents[0]
+        return np.asarray(self.currents[0])
 
     @property
     def negative(self) -> Float[np.ndarray, " v"]:
         """Current moving negative, as a positive number."""
-        return self.currents[1]
+        return np.asarray(self.currents[1])
 
     @property
     def mean(self) -> Float[np.ndarray, " v"]:
         """What a list can say."""
-        return self.currents[2]
+        return np.asarray(self.currents[2])
 
     def mean_of(self, laws: Laws) -> Float[np.ndarray, "v n"]:
         """Return what a list can say of other laws."""
-        return _read(laws.friction(self.velocity), self.positive_share)[2]
+        return np.asarray(_read(laws.friction(self.velocity), self.positive_share)[2])
 
     def deviation_of(self, knots: Knots, level: float) -> Float[np.ndarray, " k"]:
         """Return the standard deviations of entries that give a share of the friction.
