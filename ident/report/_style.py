@@ -82,7 +82,8 @@ def new_figure(
     axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
     for each in axes:
         # More are not read on a phone; placing their labels is half of the drawing.
-        each.locator_params(nbins=_TICKS)
+        if each.name == "rectilinear":
+            each.locator_params(nbins=_TICKS)
     return figure, axes
 
 
