@@ -5,6 +5,7 @@ WHEEL_VENV ?= .venv-wheel
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 WORKERS ?= 2
+SIDE_BY_SIDE := $(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo test shapes test-all lint wheel-test bench docs clean
 
@@ -26,17 +27,19 @@ test shapes test-all: export JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES := -1
 # Shapes are checked at each call of what computes with arrays. Checking them everywhere is half
 # of the time of many files: `make shapes` does so on one way through each package, and
 # `make test-all`, like pytest by itself, always.
+shapes: WAY := $(addprefix tests/ident/, test_cli_demo.py discover/test_discover_job.py \
+  joint_jobs/test_groups.py test_doctor.py test_convert.py volumetric external/test_export.py)
 test: SHAPES := axcomp.models,axcomp.ident.core,axcomp.ident.fit,axcomp.ident.friction
 test: $(INSTALLED)
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not heavy" \
+	$(SIDE_BY_SIDE) -m "not heavy" \
 	  --jaxtyping-packages=$(SHAPES),beartype.beartype
 
 shapes: $(INSTALLED)
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not heavy" $(WAY)
+	$(SIDE_BY_SIDE) -m "not heavy" $(WAY)
 
 # With all repetitions.
 test-all: $(INSTALLED)
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile
+	$(SIDE_BY_SIDE)
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
