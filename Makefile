@@ -5,8 +5,9 @@ WHEEL_VENV ?= .venv-wheel
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 WORKERS ?= 2
+SIDE_BY_SIDE := $(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-all lint wheel-test bench docs clean
+.PHONY: demo test shapes test-all lint wheel-test bench docs clean
 
 demo: $(INSTALLED)
 	$(BIN)/axcomp demo --out axcomp-demo
@@ -14,25 +15,31 @@ demo: $(INSTALLED)
 # More than half of it is compilation. With these emitters of XLA and few optimisations it
 # takes a quarter of the time; what users compile with is tested by `make wheel-test` and
 # `make test-all`.
-test: export XLA_FLAGS += --xla_cpu_use_fusion_emitters=false
-test: export JAX_DISABLE_MOST_OPTIMIZATIONS := 1
+test shapes: export XLA_FLAGS += --xla_cpu_use_fusion_emitters=false
+test shapes: export JAX_DISABLE_MOST_OPTIMIZATIONS := 1
 # A machine may ask Python to keep no bytecode: then both workers and each command that a
 # test starts would compile all sources again, 4 s of CPU a time.
-test test-all: export PYTHONDONTWRITEBYTECODE :=
+test shapes test-all: export PYTHONDONTWRITEBYTECODE :=
 # What JAX compiles is kept from run to run, beside the source and not in the user's cache.
-test test-all: export JAX_COMPILATION_CACHE_DIR := $(CURDIR)/build/jax
-test test-all: export JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS := 0
-test test-all: export JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES := -1
-# Shapes are checked at each call of what computes with arrays; checking them everywhere,
-# as `make test-all` and pytest by itself do, is half of the time of many files.
+test shapes test-all: export JAX_COMPILATION_CACHE_DIR := $(CURDIR)/build/jax
+test shapes test-all: export JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS := 0
+test shapes test-all: export JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES := -1
+# Shapes are checked at each call of what computes with arrays. Checking them everywhere is half
+# of the time of many files: `make shapes` does so on one way through each package, and
+# `make test-all`, like pytest by itself, always.
+shapes: WAY := $(addprefix tests/ident/, test_cli_demo.py discover/test_discover_job.py \
+  joint_jobs/test_groups.py test_doctor.py test_convert.py volumetric external/test_export.py)
 test: SHAPES := axcomp.models,axcomp.ident.core,axcomp.ident.fit,axcomp.ident.friction
 test: $(INSTALLED)
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not heavy" \
+	$(SIDE_BY_SIDE) -m "not heavy" \
 	  --jaxtyping-packages=$(SHAPES),beartype.beartype
+
+shapes: $(INSTALLED)
+	$(SIDE_BY_SIDE) -m "not heavy" $(WAY)
 
 # With all repetitions.
 test-all: $(INSTALLED)
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile
+	$(SIDE_BY_SIDE)
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

@@ -10,7 +10,8 @@ Read in this order:
   deviations where neighbouring residuals resemble each other.
 - `_inverse`: `fit_inverse`, all of that in one call, and what the data do not tell;
   `FrictionFit` with parameters and σ.
-- `_choice`: `choose_law`, which kind of law predicts windows held out.
+- `_choice`: `choose_law`, which kind of law predicts windows held out, and the deviations of a
+  curve with the doubt of the law.
 - `_simulate`: a drive under a measured force, with its sensitivities, the problem of its
   positions with both solvers, and what a controller gives around reversals; `_output_error`:
   `fit_output_error`.
@@ -21,7 +22,6 @@ Read in this order:
 from ._choice import (
     Candidate as Candidate,
     Choice as Choice,
-    WindowLaw as WindowLaw,
     choose_law as choose_law,
 )
 from ._equation import Known as Known
@@ -43,6 +43,7 @@ from ._structures import (
     CoulombViscous as CoulombViscous,
     DirectionalTable as DirectionalTable,
     KnotTable as KnotTable,
+    Laws as Laws,
     Stribeck as Stribeck,
     default_knots as default_knots,
 )

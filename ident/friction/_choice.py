@@ -2,8 +2,7 @@
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -14,9 +13,7 @@ from ._inverse import (
     METHOD,
     FrictionFit,
     assemble,
-    fit_carried,
     fit_competing,
-    reading_of,
 )
 from ._samples import DriveSamples
 from ._separable import Solution, View
@@ -25,6 +22,7 @@ from ._structures import (
     AbstractStructure,
     CoulombViscous,
     KnotTable,
+    Laws,
     Stribeck,
     default_knots,
 )
@@ -32,6 +30,8 @@ from ._structures import (
 WINDOWS = 10
 _FEWEST = 30
 """Rows in motion that a window needs."""
+_UNLIKELY = 0.02
+"""Share of the best law's likelihood below which another law casts no doubt on it."""
 _NEAR, _LONGEST = 0.1, 0.5
 """Steps of a shape's logarithm: up to which a law is linear in it, and the longest taken."""
 
@@ -47,6 +47,8 @@ class Candidate:
         error: Root of their mean square.
         standard_error: Of the mean square over the windows, in terms of ``error``.
         fitted_error: As ``error``, on the rows fitted.
+        law: What it is by all rows; a simpler law stands there where they do not carry it.
+        without: What it is without each window.
     """
 
     structure: AbstractStructure
@@ -54,6 +56,8 @@ class Candidate:
     error: float
     standard_error: float
     fitted_error: float
+    law: Laws
+    without: Laws
 
     @property
     def parameters(self) -> int:
@@ -65,28 +69,10 @@ class Candidate:
         """Least and largest error over the windows."""
         return float(np.min(self.window_error)), float(np.max(self.window_error))
 
-
-@dataclasses.dataclass(frozen=True)
-class WindowLaw:
-    """A law fitted to a recording without one of its windows.
-
-    Attributes:
-        structure: Kind of law.
-        factors: Linear factors of the law, in the order of `AbstractStructure.names`.
-        shape: Logarithms of its non-linear parameters.
-        inertia: In load units per mm/s².
-        offset: Constant load in load units.
-    """
-
-    structure: AbstractStructure
-    factors: Float[np.ndarray, " k"]
-    shape: Float[np.ndarray, " h"]
-    inertia: float
-    offset: float
-
-    def friction(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
-        """Return the friction at velocities in mm/s, in load units."""
-        return np.asarray(self.structure.columns(velocity, self.shape) @ self.factors)
+    def worse(self, other: "Candidate") -> float:
+        """Return how much it predicts worse, in standard errors of the paired difference."""
+        off = self.window_error**2 - other.window_error**2
+        return float(off.mean() / max(_mean_error(off), 1e-300))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,7 +87,6 @@ class Choice:
         candidates: From simple to rich.
         windows: How many windows were held out.
         window: Of each sample of the recording.
-        without: The chosen law fitted without each window.
     """
 
     fit: FrictionFit
@@ -111,7 +96,6 @@ class Choice:
     candidates: tuple[Candidate, ...]
     windows: int
     window: Int[np.ndarray, " t"]
-    without: tuple[WindowLaw, ...]
 
     @property
     def law(self) -> FrictionFit:
@@ -121,6 +105,64 @@ class Choice:
         limit = best.error + best.standard_error
         good = [place for place, each in enumerate(own) if each.error <= limit]
         return self.laws[min(good, key=lambda place: own[place].parameters)]
+
+    @property
+    def without(self) -> Laws:
+        """The chosen law fitted without each window."""
+        return self.candidates[self.chosen].without
+
+    def deviation(
+        self,
+        fit: FrictionFit,
+        without: Laws,
+        velocity: Float[np.ndarray, " v"],
+        read: Callable[[Float[np.ndarray, "v *n"]], Float[np.ndarray, "*c"]],
+    ) -> Float[np.ndarray, "*c"]:
+        """Return the standard deviation of what is read from a law, with the doubt of the law.
+
+        A law is doubtful by the noise of its rows (`score_covariance`) or by how it changes
+        without each window (jackknife, B. Efron, C. Stein, Ann. Statist. 9(3), 1981),
+        whichever is more, by the straight lines of a table, and by the other laws: the
+        mean over them counts each as likely as its windows held out are no worse than those
+        of the best, by Student's distribution for so few windows.
+
+        Args:
+            fit: The law, fitted to the whole recording.
+            without: The same without each window.
+            velocity: In mm/s.
+            read: Linear map of friction at these velocities, along the first axis, to the
+                values in question; further axes are kept.
+        """
+        own, covariance = read(fit.band(velocity)[0]), fit.law_covariance
+        slopes = read(fit.slopes(velocity))
+        noise = ((slopes @ covariance) * slopes).sum(axis=-1)
+
+        def jackknife(laws: Laws) -> Float[np.ndarray, "*c"]:
+            values = read(laws.friction(velocity))
+            count = values.shape[-1]
+            # Mean square of Student's t: few windows tell their own spread badly.
+            heavier = (count - 1) / max(count - 3, 1)
+            return np.asarray(heavier * (count - 1) * np.var(values, axis=-1))
+
+        def lines(structure: AbstractStructure, factors: np.ndarray) -> np.ndarray:
+            return np.asarray(np.square(read(structure.bent(velocity, factors))))
+
+        total, best = 1.0, self.candidates[self.best]
+        variance = np.maximum(noise, jackknife(without))
+        variance += lines(fit.structure, fit.factors)
+        seen = {fit.structure}
+        for one in self.candidates:
+            law, count = one.law, len(one.window_error)
+            if law.structure in seen:
+                continue
+            seen.add(law.structure)
+            share = (1 + max(one.worse(best), 0) ** 2 / (count - 1)) ** (-count / 2)
+            if share < _UNLIKELY:
+                continue
+            apart = read(law.friction(velocity)[:, 0]) - own
+            more = jackknife(one.without) + lines(law.structure, law.factors[0])
+            variance, total = variance + share * (more + apart**2), total + share
+        return np.asarray(np.sqrt(variance / total))
 
 
 def choose_law(
@@ -156,28 +198,28 @@ def choose_law(
     kinds = tuple(structures or default_structures(equation))
     with one_blas_thread():
         weights = weigh(equation, loss)
-        found: dict[AbstractStructure, _HeldOut] = {}
-        near, fits, spoken, candidates = None, dict[int, FrictionFit](), [], []
-        for place, kind in enumerate(kinds):
+        found: dict[AbstractStructure, Candidate] = {}
+        solved = list[tuple[Equation, Solution, dict[str, str]]]()
+        near, candidates = None, list[Candidate]()
+        for kind in kinds:
             asked, solution, missing = fit_competing(
                 equation.with_structure(kind), weights, near
             )
+            solved.append((asked, solution, missing))
             # Both directions apart have nearly the shape that they have together.
             near = solution.shape if len(solution.shape) else None
-            if kind.parametric:
-                fits[place] = assemble(asked, solution, missing, METHOD)
             # Where the data do not carry a law, the simpler one speaks for it.
             law = asked.structure
-            spoken.append(law)
             if law not in found:
                 found[law] = _hold_out(asked, solution, weights.limit, window)
             own = kind if missing else law
-            one = dataclasses.replace(found[law].candidate, structure=own)
-            candidates.append(one)
+            candidates.append(dataclasses.replace(found[law], structure=own))
         chosen, best = _order(candidates)
-        if chosen not in fits:
-            carried = fit_carried(equation.with_structure(kinds[chosen]), weights)
-            fits[chosen] = assemble(*carried, METHOD)
+        fits = {
+            place: assemble(*solved[place], METHOD)
+            for place, kind in enumerate(kinds)
+            if kind.parametric or place == chosen
+        }
     # Each sample belongs to the window of the nearest row.
     centres = equation.lowpass.centres
     between = 0.5 * (centres[1:] + centres[:-1])
@@ -189,7 +231,6 @@ def choose_law(
         candidates=tuple(candidates),
         windows=windows,
         window=window[np.searchsorted(between, np.arange(len(samples.time)))],
-        without=tuple(found[spoken[chosen]].laws()),
     )
 
 
@@ -203,14 +244,16 @@ def default_structures(equation: Equation) -> tuple[AbstractStructure, ...]:
     return tuple(laws)
 
 
+def _mean_error(values: Float[np.ndarray, " w"]) -> float:
+    """Return the standard error of a mean."""
+    return float(np.std(values, ddof=1) / np.sqrt(len(values)))
+
+
 def _order(candidates: Sequence[Candidate]) -> tuple[int, int]:
     """Return the simplest that is as good as the best, and the best."""
     best = int(np.argmin([each.error for each in candidates]))
-    good = []
-    for place, one in enumerate(candidates):
-        worse = one.window_error**2 - candidates[best].window_error ** 2
-        if worse.mean() <= np.std(worse, ddof=1) / np.sqrt(len(worse)):
-            good.append(place)
+    worse = [each.worse(candidates[best]) for each in candidates]
+    good = [place for place, each in enumerate(worse) if each <= 1.0]
     return min(good, key=lambda place: candidates[place].parameters), best
 
 
@@ -231,23 +274,22 @@ def _windows(equation: Equation, windows: int) -> Int[np.ndarray, " s"]:
     return np.minimum((share * windows).astype(np.int64), windows - 1)
 
 
-class _HeldOut(NamedTuple):
-    """How a law predicts; its equation, and factors and shapes without each window."""
-
-    candidate: Candidate
-    equation: Equation
-    factors: Float[np.ndarray, "w k"]
-    shapes: Float[np.ndarray, "w h"]
-
-    def laws(self) -> Iterator[WindowLaw]:
-        """Yield the laws without each window."""
-        names, linear, to_law = reading_of(self.equation)
-        known = self.equation.known
-        given = {"inertia": known.inertia or 0.0, "offset": known.offset or 0.0}
-        for own, shape in zip(self.factors, self.shapes, strict=True):
-            read = given | dict(zip(names, (linear @ own).tolist(), strict=True))
-            law = to_law @ own, shape, read["inertia"], read["offset"]
-            yield WindowLaw(self.equation.structure, *law)
+def _laws(
+    equation: Equation,
+    factors: Float[np.ndarray, "n k"],
+    shapes: Float[np.ndarray, "n h"],
+) -> Laws:
+    """Return the laws that linear factors of an equation and shapes stand for."""
+    names, linear, to_law = equation.reading
+    read = dict(zip(names, linear @ factors.T, strict=True))
+    beside = [
+        np.broadcast_to(read.get(name, known or 0.0), len(factors))
+        for name, known in (
+            ("inertia", equation.known.inertia),
+            ("offset", equation.known.offset),
+        )
+    ]
+    return Laws(equation.structure, factors @ to_law.T, shapes, *beside)
 
 
 def _hold_out(
@@ -255,7 +297,7 @@ def _hold_out(
     solution: Solution,
     limit: float,
     window: Int[np.ndarray, " s"],
-) -> _HeldOut:
+) -> Candidate:
     """Return how a law predicts, and what it is without each window.
 
     Solved by the sums of all rows less those of the window.
@@ -292,13 +334,19 @@ def _hold_out(
     square = used * np.minimum(error**2, limit**2)
     square = np.add.reduceat(square, edges[:-1])
     square = square / np.add.reduceat(used * load, edges[:-1])
-    mean, spread = float(square.mean()), float(np.std(square, ddof=1))
+    mean = float(square.mean())
+    laws = _laws(
+        equation,
+        np.vstack([solution.factors, factors]),
+        np.vstack([shape, shapes]),
+    )
     fitted = float(np.minimum(solution.residual[used] ** 2, limit**2).mean() / load)
-    candidate = Candidate(
+    return Candidate(
         structure=equation.structure,
         window_error=np.sqrt(square),
         error=float(np.sqrt(mean)),
-        standard_error=spread / float(np.sqrt(4.0 * max(mean, 1e-300) * len(square))),
+        standard_error=_mean_error(square) / float(np.sqrt(4.0 * max(mean, 1e-300))),
         fitted_error=float(np.sqrt(fitted)),
+        law=laws[:1],
+        without=laws[1:],
     )
-    return _HeldOut(candidate, equation, factors, shapes)

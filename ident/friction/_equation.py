@@ -22,6 +22,7 @@ from ..core._regression import iterate, least_scale
 from ._samples import DriveSamples, check_samples
 from ._structures import (
     KNOTS,
+    WAYS,
     AbstractStructure,
     KnotTable,
     Stribeck,
@@ -31,6 +32,8 @@ from ._structures import (
 
 _REACH = 10
 """Half the length of the filter in rows."""
+_TOGETHER = 8
+"""Rows that are filtered at a time."""
 _RATE = 100.0
 """Rows per s where nothing else is asked for."""
 _WILD = 4.0
@@ -70,15 +73,21 @@ class Lowpass:
     factor: int
 
     @cached_property
-    def _kernel(self) -> Float[np.ndarray, " k"]:
+    def _kernel(self) -> Float[np.ndarray, "m l"]:
+        """The filter for a few rows, as a matrix on the samples that they share."""
         taps = 2 * _REACH * self.factor + 1
-        return np.asarray(firwin(taps, 1.0 / self.factor, window="hamming"))
+        kernel = firwin(taps, 1.0 / self.factor, window="hamming")
+        found = np.zeros((_TOGETHER, taps + (_TOGETHER - 1) * self.factor))
+        for row, own in enumerate(found):
+            own[row * self.factor :][:taps] = kernel
+        return found
 
     @cached_property
     def _runs(self) -> list[slice]:
         edges = np.flatnonzero(np.diff(self.piece, prepend=-1, append=-1)).tolist()
         runs = [slice(*ends) for ends in itertools.pairwise(edges)]
-        return [run for run in runs if run.stop - run.start >= len(self._kernel)]
+        taps = 2 * _REACH * self.factor + 1
+        return [run for run in runs if run.stop - run.start >= taps]
 
     @cached_property
     def centres(self) -> Int[np.ndarray, " s"]:
@@ -102,9 +111,16 @@ class Lowpass:
         if self.factor == 1:
             return columns
         found, kernel = [np.zeros((0, columns.shape[1]))], self._kernel
+        length, step = kernel.shape[1], _TOGETHER * self.factor
         for run in self._runs:
-            seen = sliding_window_view(columns[run], len(kernel), axis=0)
-            found.append(seen[:: self.factor] @ kernel)
+            count = len(
+                range(run.start, run.stop - 2 * _REACH * self.factor, self.factor)
+            )
+            behind = length + -(-count // _TOGETHER - 1) * step - (run.stop - run.start)
+            own = np.pad(columns[run], ((0, max(behind, 0)), (0, 0)))
+            seen = sliding_window_view(own, length, axis=0)[::step]
+            rows = kernel @ seen.transpose(0, 2, 1)
+            found.append(rows.reshape(len(seen) * _TOGETHER, own.shape[1])[:count])
         return np.concatenate(found)
 
 
@@ -230,8 +246,16 @@ class Equation:
 
     def falling(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s w c"]:
         """Return the column of each direction that follows the shape, and its derivatives."""
-        profile = self.structure.falling(np.abs(self.samples.velocity), shape)
-        return self._of_each_way(self.structure, profile)
+        key = shape.tobytes()
+        if key not in self._falling:
+            profile = self.structure.falling(np.abs(self.samples.velocity), shape)
+            self._falling[key] = self._of_each_way(self.structure, profile)
+        return self._falling[key]
+
+    @cached_property
+    def _falling(self) -> dict[bytes, Float[np.ndarray, "s w c"]]:
+        """What `falling` returned before: a search ends where it has been."""
+        return {}
 
     def columns(
         self, shape: Float[np.ndarray, " h"]
@@ -250,6 +274,32 @@ class Equation:
         """Return the derivatives of the load by the logarithms of the shape."""
         own = factors[len(self.fixed_names) :].reshape(self.structure.ways, -1)
         return np.asarray(np.tensordot(slopes, own[:, -1], (1, 0)))
+
+    @cached_property
+    def reading(
+        self,
+    ) -> tuple[tuple[str, ...], Float[np.ndarray, "r k"], Float[np.ndarray, "f k"]]:
+        """How the linear factors as fitted are read.
+
+        Names of parameters as users read them, the map to these, and that to the factors of
+        the law. Per direction, seen in motion are level⁺ + offset and level⁻ − offset only:
+        where the offset is not known, it is chosen so that the mean levels of both directions
+        are equal.
+        """
+        structure, fixed = self.structure, len(self.fixed_names)
+        unit = np.eye(fixed + len(structure.names))
+        names, beside, to_law = self.fixed_names, unit[:fixed], unit[fixed:]
+        words, sums = structure.reported
+        if structure.directional:
+            words = tuple(name + way for way in WAYS for name in words)
+        if structure.directional and self.known.offset is None:
+            one = structure.levels
+            both = np.concatenate([one, -one])
+            offset = 0.5 * both @ to_law / one.sum()
+            names, beside = (*names, "offset"), np.vstack([beside, offset])
+            to_law = to_law - np.outer(both, offset)
+        law = np.kron(np.eye(structure.ways), sums) @ to_law
+        return (*names, *words), np.vstack([beside, law]), to_law
 
     @cached_property
     def penalty(self) -> Float[np.ndarray, "k k"]:

@@ -100,15 +100,23 @@ class FrictionFit:
         factors = self.factors.reshape(self.structure.ways, -1)
         return self.structure.law(factors, self.shape)
 
+    def slopes(self, velocity: Float[np.ndarray, " v"]) -> Float[np.ndarray, "v p"]:
+        """Return the derivatives of the friction by ``factors`` and ``shape``."""
+        columns = self.structure.columns(velocity, self.shape)
+        tangents = self.structure.tangents(velocity, self.shape, self.factors)
+        return np.hstack([columns, tangents])
+
     def band(
         self, velocity: Float[np.ndarray, " v"]
     ) -> tuple[Float[np.ndarray, " v"], Float[np.ndarray, " v"]]:
-        """Return friction and its standard deviation at velocities in mm/s, in load units."""
-        columns = self.structure.columns(velocity, self.shape)
-        tangents = self.structure.tangents(velocity, self.shape, self.factors)
-        full = np.hstack([columns, tangents])
-        variance = np.einsum("tk,tk->t", full @ self.law_covariance, full)
-        return columns @ self.factors, np.sqrt(np.maximum(variance, 0.0))
+        """Return friction and its standard deviation at velocities in mm/s, in load units.
+
+        That of the noise: the law itself is taken as true (see `Choice.deviation`).
+        """
+        slopes = self.slopes(velocity)
+        variance = ((slopes @ self.law_covariance) * slopes).sum(axis=1)
+        friction = slopes[:, : len(self.factors)] @ self.factors
+        return friction, np.sqrt(np.maximum(variance, 0.0))
 
 
 def fit_inverse(
@@ -177,12 +185,12 @@ def fit_competing(
 ) -> tuple[Equation, Solution, dict[str, str]]:
     """Return what `fit_carried` does, of a law that competes with others.
 
-    The covariance of a table is left out, and an exponent is `GAUSS` unless the data ask for
-    another one: where they do not, a free one follows the noise.
+    An exponent is `GAUSS` unless the data ask for another one: where they do not, a free one
+    follows the noise.
     """
     structure = equation.structure
     if not structure.parametric:
-        return equation, fit_equation(equation, weights, quick=True), {}
+        return equation, fit_equation(equation, weights), {}
     # Where one direction asks for an exponent, both do.
     if len(structure.shapes) > (1 if near is None else len(near)):
         usual = equation.with_structure(Stribeck(structure.directional, GAUSS))
@@ -253,7 +261,7 @@ def assemble(
     """
     structure, fixed = equation.structure, len(equation.fixed_names)
     count, shapes = len(solution.factors), len(solution.shape)
-    linear_names, linear, to_law = reading_of(equation)
+    linear_names, linear, to_law = equation.reading
     names = (*linear_names, *structure.shapes)
     parted = "offset" in names and "offset" not in equation.fixed_names
     # The law as fitted, and all parameters as users read them, by factors and shape.
@@ -314,31 +322,6 @@ def assemble(
         shape=solution.shape,
         law_covariance=inner @ solution.covariance @ inner.T,
     )
-
-
-def reading_of(
-    equation: Equation,
-) -> tuple[tuple[str, ...], Float[np.ndarray, "r k"], Float[np.ndarray, "f k"]]:
-    """Return how the linear factors as fitted are read.
-
-    Names of parameters as users read them, the map to these, and that to the factors of the
-    law. Per direction, seen in motion are level⁺ + offset and level⁻ − offset only: where the
-    offset is not known, it is chosen so that the mean levels of both directions are equal.
-    """
-    structure, fixed = equation.structure, len(equation.fixed_names)
-    unit = np.eye(fixed + len(structure.names))
-    names, beside, to_law = equation.fixed_names, unit[:fixed], unit[fixed:]
-    words, sums = structure.reported
-    if structure.directional:
-        words = tuple(name + way for way in WAYS for name in words)
-    if structure.directional and equation.known.offset is None:
-        one = structure.levels
-        both = np.concatenate([one, -one])
-        offset = 0.5 * both @ to_law / one.sum()
-        names, beside = (*names, "offset"), np.vstack([beside, offset])
-        to_law = to_law - np.outer(both, offset)
-    law = np.kron(np.eye(structure.ways), sums) @ to_law
-    return (*names, *words), np.vstack([beside, law]), to_law
 
 
 def _undetermined(

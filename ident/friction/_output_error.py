@@ -18,7 +18,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..core import FitError
-from ._choice import WindowLaw
 from ._equation import Equation, equation_of
 from ._inverse import FrictionFit, assemble, fit_inverse
 from ._samples import DriveSamples
@@ -37,7 +36,7 @@ from ._simulate import (
     residual_of,
     solve,
 )
-from ._structures import WAYS, CoulombViscous, Stribeck
+from ._structures import GAUSS, WAYS, CoulombViscous, Laws, Stribeck
 
 _PIECES, _SHORTEST = 64, 40
 """Short windows, and the least samples of each, that lead from a far start to a near one."""
@@ -124,7 +123,7 @@ def laws_held_out(
     samples: DriveSamples,
     window: Int[np.ndarray, " t"],
     loss: str = "trim",
-) -> tuple[WindowLaw, ...]:
+) -> Laws:
     """Return the drive found by output error without each window.
 
     For each window the inverse fit and the output error are repeated on the rest of the
@@ -158,9 +157,23 @@ def laws_held_out(
         except FitError:
             other = whole
         law = other if other.has_law else whole
-        inertia, offset = (law.parameters.get(k, 0.0) for k in ("inertia", "offset"))
-        found.append(WindowLaw(law.structure, law.factors, law.shape, inertia, offset))
-    return tuple(found)
+        beside = (law.parameters.get(k, 0.0) for k in ("inertia", "offset"))
+        found.append((*_as(whole, law), *beside))
+    return Laws(whole.structure, *map(np.array, zip(*found, strict=True)))
+
+
+def _as(
+    whole: FrictionFit, law: FrictionFit
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " h"]]:
+    """Return factors and shape of a law, or of a simpler one, as those of the kind of another."""
+    ways, count = whole.structure.ways, len(whole.structure.factors)
+    own = law.factors.reshape(ways, -1)
+    factors = np.zeros((ways, count))
+    factors[:, : own.shape[1]] = own
+    shape = whole.shape.copy()
+    shape[1:] = np.log(GAUSS)
+    shape[: len(law.shape)] = law.shape
+    return factors.reshape(-1), shape
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -360,14 +373,15 @@ class _Task:
             columns=columns,
             rows=Rows(columns, columns),
             prior=np.zeros((count, count)),
-            covariance=np.asarray(inverse @ inner @ inverse.T),
             null=np.zeros((count, 0)),
             residual=residual,
             share=used.astype(float),
+            piece=equation.piece,
             # Of Gaussian noise this is the standard deviation.
             scale=1.4826 * float(np.median(np.abs(residual[used]))),
             converged=converged,
             at_bound=((values < low + edge) | (values > high - edge))[count:size],
+            given=np.asarray(inverse @ inner @ inverse.T),
         )
         missing = {
             name: reason

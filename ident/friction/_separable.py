@@ -116,13 +116,14 @@ class Solution:
         columns: Derivatives of the load per row by factors and shape.
         rows: The same, weighted.
         prior: Precision of the factors by smoothness, relative to 1/noise².
-        covariance: Of factors and shape together, directions without information left out.
         null: Directions of the factors that no row tells, as columns.
         residual: Load − fit per row, in load units.
         share: Weight that each row had, 0 to 1.
+        piece: Stretch of even time steps of each row.
         scale: Robust standard deviation of the residuals.
         converged: Whether the search for the shape ended.
         at_bound: Which shapes ended at the edge of what the data could tell.
+        given: The covariance, where it is not that of the rows.
     """
 
     factors: Float[np.ndarray, " k"]
@@ -130,13 +131,43 @@ class Solution:
     columns: Float[np.ndarray, "s p"]
     rows: Rows
     prior: Float[np.ndarray, "k k"]
-    covariance: Float[np.ndarray, "p p"]
     null: Float[np.ndarray, "k z"]
     residual: Float[np.ndarray, " s"]
     share: Float[np.ndarray, " s"]
+    piece: Int[np.ndarray, " s"]
     scale: float
     converged: bool
     at_bound: Bool[np.ndarray, " h"]
+    given: Float[np.ndarray, "p p"] | None = None
+
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "p p"]:
+        """Of factors and shape together, directions without information left out.
+
+        Neighbouring rows resemble each other (`score_covariance`). Residuals are divided by
+        1 − leverage (HC3), which makes few rows at the edge count as few. Source:
+        J. G. MacKinnon, H. White, J. Econometrics 29, 1985. A robust variance is itself
+        uncertain, and errs more often downwards: where it claims to know more than
+        independent noise would allow, it is not believed.
+        """
+        if self.given is not None:
+            return self.given
+        columns, left = self.rows.left, np.sqrt(self.share) * self.residual
+        prior = np.pad(self.prior, (0, len(self.shape)))
+        even = columns.T @ columns
+        root, _ = _rooted(even + prior)
+        inverse = root @ root.T
+        leverage = np.square(columns @ root).sum(axis=1)
+        push = left / np.clip(1.0 - leverage, 1.0 - _LARGEST_LEVERAGE, 1.0)
+        count = int(np.count_nonzero(left))
+        noise = float(push @ push) / max(count - len(inverse), 1)
+        known = self.scale**2 * prior
+        inner = score_covariance(columns * push[:, None], self.piece)[0]
+        robust = inverse @ (inner + known) @ inverse
+        plain = inverse @ (noise * even + known) @ inverse
+        have, least = np.diag(robust), np.diag(plain)
+        factor = np.sqrt(np.maximum(least / np.where(have > 0, have, np.inf), 1.0))
+        return np.asarray(robust * np.outer(factor, factor))
 
 
 def fit_equation(
@@ -145,7 +176,6 @@ def fit_equation(
     near: Float[np.ndarray, " h"] | None = None,
     *,
     held: bool = False,
-    quick: bool = False,
 ) -> Solution:
     """Fit factors and shape of an equation to all of its usable rows.
 
@@ -154,7 +184,6 @@ def fit_equation(
         weights: Of its rows.
         near: Logarithms of a shape to begin with.
         held: The shape stays there, and the factors alone are fitted.
-        quick: The covariance is left out.
 
     Raises:
         FitError: If hardly any row is left.
@@ -190,10 +219,6 @@ def fit_equation(
     if shapes:
         columns = np.hstack([design, equation.tangents(slopes, factors)])
         rows = view.rows(columns, equation.target)
-    covariance = np.zeros((columns.shape[1],) * 2)
-    if not quick:
-        left, before = view.root[:, 0] * residual, np.pad(prior, (0, shapes))
-        covariance = _covariance(rows.left, left, before, equation.piece, scale)
     low, high = structure.bounds(equation.speed_range)
     edge = _AT_BOUND * (high - low)
     return Solution(
@@ -202,10 +227,10 @@ def fit_equation(
         columns=columns,
         rows=rows,
         prior=prior,
-        covariance=covariance,
         null=null,
         residual=residual,
         share=share,
+        piece=equation.piece,
         scale=scale,
         converged=converged,
         at_bound=(shape <= low + edge) | (shape >= high - edge),
@@ -290,43 +315,6 @@ def _smoothness(
     score = (count - flats) * np.log(np.maximum(share @ left**2 + gone, 1e-300))
     score += np.log(raised / _WEIGHTS[:, None]).sum(axis=1)
     return float(_WEIGHTS[np.argmin(score)])
-
-
-def _covariance(
-    columns: Float[np.ndarray, "s p"],
-    left: Float[np.ndarray, " s"],
-    prior: Float[np.ndarray, "p p"],
-    piece: Int[np.ndarray, " s"],
-    scale: float,
-) -> Float[np.ndarray, "p p"]:
-    """Return the covariance of factors and shape where neighbours resemble each other.
-
-    Residuals are divided by 1 − leverage (HC3), which makes few rows at the edge count as
-    few. Source: J. G. MacKinnon, H. White, J. Econometrics 29, 1985. A robust variance is
-    itself uncertain, and errs more often downwards: where it claims to know more than
-    independent noise would allow, it is not believed.
-
-    Args:
-        columns: Weighted columns and tangents.
-        left: Weighted residuals.
-        prior: Precision that was known before, relative to 1/noise².
-        piece: Stretch of even time steps of each row.
-        scale: Of the noise.
-    """
-    even = columns.T @ columns
-    root, _ = _rooted(even + prior)
-    inverse = root @ root.T
-    leverage = np.square(columns @ root).sum(axis=1)
-    push = left / np.clip(1.0 - leverage, 1.0 - _LARGEST_LEVERAGE, 1.0)
-    count = int(np.count_nonzero(left))
-    noise = float(push @ push) / max(count - len(inverse), 1)
-    known = scale**2 * prior
-    inner = score_covariance(columns * push[:, None], piece)[0]
-    robust = inverse @ (inner + known) @ inverse
-    plain = inverse @ (noise * even + known) @ inverse
-    have, least = np.diag(robust), np.diag(plain)
-    factor = np.sqrt(np.maximum(least / np.where(have > 0, have, np.inf), 1.0))
-    return np.asarray(robust * np.outer(factor, factor))
 
 
 def lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> int:

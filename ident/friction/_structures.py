@@ -13,6 +13,7 @@ from typing import final
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.interpolate import PchipInterpolator
 
 from ...data.signals import quantile
 from ...models import (
@@ -161,6 +162,19 @@ class AbstractStructure(abc.ABC):
         profile = np.hstack([self.steady(speed), self.falling(speed, shape)[:, :1]])
         return np.hstack([sign[:, None] * profile for sign in self.signs(velocity)])
 
+    def over_shapes(
+        self, velocity: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
+    ) -> Float[np.ndarray, "#n t k"]:
+        """Return the columns at velocities in mm/s for many shapes at once."""
+        return self.columns(velocity, shapes[0])[None]
+
+    def bent(
+        self, velocity: Float[np.ndarray, " t"], factors: Float[np.ndarray, " k"]
+    ) -> Float[np.ndarray, " t"]:
+        """Return how far a smooth curve lies from what the law draws in straight lines."""
+        del factors
+        return np.zeros(len(velocity))
+
     def tangents(
         self,
         velocity: Float[np.ndarray, " t"],
@@ -194,7 +208,7 @@ class CoulombViscous(AbstractStructure):
         """See `AbstractStructure`: a Stribeck curve without an excess at break-away."""
         coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
         numbers = coulomb, coulomb, 1.0, GAUSS, viscous
-        return StribeckFriction(*map(jnp.asarray, numbers))
+        return StribeckFriction(*numbers)
 
 
 @final
@@ -260,8 +274,8 @@ class Stribeck(AbstractStructure):
 
     def over_shapes(
         self, velocity: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
-    ) -> Float[np.ndarray, "n t k"]:
-        """Return the columns at velocities in mm/s for many shapes at once."""
+    ) -> Float[np.ndarray, "#n t k"]:
+        """See `AbstractStructure`."""
         found = np.repeat(self.columns(velocity, shapes[0])[None], len(shapes), axis=0)
         velocities, exponents = (
             np.exp(shapes[:, :1]),
@@ -277,7 +291,7 @@ class Stribeck(AbstractStructure):
         """See `AbstractStructure`."""
         coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
         numbers = coulomb, coulomb + drop, *self._natural(shape), viscous
-        return StribeckFriction(*map(jnp.asarray, numbers))
+        return StribeckFriction(*numbers)
 
 
 @final
@@ -327,13 +341,56 @@ class KnotTable(AbstractStructure):
         found[rows, first], found[rows, first + 1] = weights
         return found
 
+    def bent(
+        self, velocity: Float[np.ndarray, " t"], factors: Float[np.ndarray, " k"]
+    ) -> Float[np.ndarray, " t"]:
+        """See `AbstractStructure`: the curve is a monotone cubic between the knots."""
+        knots, speed = np.asarray(self.knots), np.abs(velocity)
+        values = factors.reshape(self.ways, -1)
+        cubic = PchipInterpolator(knots, values, axis=1)
+        smooth = cubic(np.clip(speed, knots[0], knots[-1]))
+        off = smooth - values @ self.steady(speed).T
+        return np.asarray((self.signs(velocity) * off).sum(axis=0))
+
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
         """See `AbstractStructure`."""
-        nodes = Setpoints(jnp.asarray(self.knots))
-        tables = [FrictionTable(nodes, jnp.asarray(row)) for row in factors]
+        nodes = Setpoints(np.asarray(self.knots))
+        tables = [FrictionTable(nodes, row) for row in factors]
         return tables[0] if len(tables) == 1 else DirectionalTable(*tables)
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Laws:
+    """Laws of one kind: of a whole recording, or of one without each of its windows.
+
+    Attributes:
+        structure: Kind of law.
+        factors: Linear factors of each, in the order of `AbstractStructure.names`.
+        shapes: Logarithms of its non-linear parameters.
+        inertia: In load units per mm/s².
+        offset: Constant load in load units.
+    """
+
+    structure: AbstractStructure
+    factors: Float[np.ndarray, "n k"]
+    shapes: Float[np.ndarray, "n h"]
+    inertia: Float[np.ndarray, " n"]
+    offset: Float[np.ndarray, " n"]
+
+    def __getitem__(self, which: slice) -> "Laws":
+        """Return some of them."""
+        rows = (self.factors, self.shapes, self.inertia, self.offset)
+        return Laws(self.structure, *(each[which] for each in rows))
+
+    def friction(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t n"]:
+        """Return the friction of each at velocities in mm/s, in load units."""
+        columns = self.structure.over_shapes(velocity, self.shapes)
+        if len(columns) == 1:
+            return np.asarray(columns[0] @ self.factors.T)
+        return np.asarray(np.einsum("ntk,nk->tn", columns, self.factors))
 
 
 def range_of(speed: Float[np.ndarray, " t"]) -> tuple[float, float]:

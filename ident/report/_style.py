@@ -81,8 +81,8 @@ def new_figure(
     figure = Figure(figsize=(7.2, height), layout="constrained")
     axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
     for each in axes:
-        if each.name == "rectilinear":  # a circle has its own angles
-            # More are not read on a phone; placing their labels is half of the drawing.
+        # More are not read on a phone; placing their labels is half of the drawing.
+        if each.name == "rectilinear":
             each.locator_params(nbins=_TICKS)
     return figure, axes
 

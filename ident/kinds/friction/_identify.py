@@ -9,9 +9,9 @@ from ...friction import (
     Choice,
     FrictionFit,
     Known,
+    Laws,
     OutputErrorFit,
     ReversalFit,
-    WindowLaw,
     choose_law,
     fit_output_error,
     fit_reversal,
@@ -39,7 +39,7 @@ class Identified:
     choice: Choice
     output: OutputErrorFit | None
     reversal: ReversalFit | None
-    without: tuple[WindowLaw, ...]
+    without: Laws
     remarks: tuple[Remark, ...]
 
     @property

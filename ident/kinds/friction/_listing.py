@@ -1,7 +1,6 @@
 """From the law to the entries of a friction list."""
 
 import dataclasses
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,8 @@ from jaxtyping import Float
 
 from ....data.signals import quantile
 from ....models import FrictionCompensation
-from ...friction import DriveSamples, FrictionFit, Knots, ReversalFit
+from ...friction import DriveSamples, Knots, Laws, ReversalFit
+from ._identify import Identified
 from .entries import FrictionNumbers
 from .keys import Spec
 
@@ -64,36 +64,52 @@ class LawCurve:
         weight: Share of the recording at each speed.
         positive_share: How much the positive direction counts in the list, 0 to 1: half
             where both were driven, all where it alone was.
-        held: Per direction, positive first: the speeds at which its law speaks for each of
-            them, held beyond those that were driven so.
-        positive: Current moving positive, at the speeds held.
-        negative: Current moving negative, as a positive number; likewise.
-        positive_sd: Standard deviation of `positive`.
-        negative_sd: Of `negative`.
+        velocity: At which the law speaks for each speed, positive direction first: held
+            beyond the speeds that were driven so.
+        currents: Moving positive, moving negative (as a positive number), and their mean:
+            what a list can say, which knows no direction.
+        deviations: Standard deviations of them (`Choice.deviation`).
     """
 
     speed: Float[np.ndarray, " v"]
     weight: Float[np.ndarray, " v"]
     positive_share: Float[np.ndarray, " v"]
-    held: Float[np.ndarray, "2 v"]
-    positive: Float[np.ndarray, " v"]
-    negative: Float[np.ndarray, " v"]
-    positive_sd: Float[np.ndarray, " v"]
-    negative_sd: Float[np.ndarray, " v"]
+    velocity: Float[np.ndarray, " v2"]
+    currents: Float[np.ndarray, "3 v"]
+    deviations: Float[np.ndarray, "3 v"]
+
+    @property
+    def positive(self) -> Float[np.ndarray, " v"]:
+        """Current moving positive."""
+        return np.asarray(self.currents[0])
+
+    @property
+    def negative(self) -> Float[np.ndarray, " v"]:
+        """Current moving negative, as a positive number."""
+        return np.asarray(self.currents[1])
 
     @property
     def mean(self) -> Float[np.ndarray, " v"]:
-        """What a list can say, which knows no direction."""
-        share = self.positive_share
-        return np.asarray(share * self.positive + (1.0 - share) * self.negative)
+        """What a list can say."""
+        return np.asarray(self.currents[2])
 
-    def mean_of(
-        self, friction: Callable[[Float[np.ndarray, " v"]], Float[np.ndarray, " v"]]
-    ) -> Float[np.ndarray, " v"]:
-        """Return what a list can say of another law, given over velocities."""
-        both = friction(np.concatenate([self.held[0], -self.held[1]]))
-        ahead, back = np.split(both, 2)
-        return dataclasses.replace(self, positive=ahead, negative=-back).mean
+    def mean_of(self, laws: Laws) -> Float[np.ndarray, "v n"]:
+        """Return what a list can say of other laws."""
+        return np.asarray(_read(laws.friction(self.velocity), self.positive_share)[2])
+
+    def deviation_of(self, knots: Knots, level: float) -> Float[np.ndarray, " k"]:
+        """Return the standard deviations of entries that give a share of the friction.
+
+        What rounding and the straight lines of the list put beside the law is part of them.
+        """
+        speed = knots.velocity / 1000.0
+        law, deviation = (
+            level * np.interp(speed, self.speed, each[2])
+            for each in (self.currents, self.deviations)
+        )
+        beside = np.square(knots.out * knots.unit - law)
+        beside = np.maximum(beside, knots.rms**2)
+        return np.asarray(np.sqrt(deviation**2 + beside))
 
     @property
     def difference(self) -> float:
@@ -103,12 +119,21 @@ class LawCurve:
         return apart / max(float(both @ np.abs(self.mean)), 1e-300)
 
 
-def law_curve(fit: FrictionFit, samples: DriveSamples) -> LawCurve | None:
+def _read(
+    friction: Float[np.ndarray, "v2 *n"], positive_share: Float[np.ndarray, " v"]
+) -> Float[np.ndarray, "3 v *n"]:
+    """Return `LawCurve.currents` of friction at `LawCurve.velocity`."""
+    ahead, back = np.split(friction, 2)
+    share = positive_share.reshape(-1, *[1] * (friction.ndim - 1))
+    return np.stack([ahead, -back, share * ahead - (1.0 - share) * back])
+
+
+def law_curve(found: Identified, samples: DriveSamples) -> LawCurve | None:
     """Return the law over the speeds that were driven.
 
     None where it is not determined, or one direction was never driven.
     """
-    velocity = samples.velocity[samples.in_motion]
+    velocity, fit = samples.velocity[samples.in_motion], found.fit
     driven = [np.sort(way * velocity[way * velocity > 0]) for way in (1, -1)]
     if not fit.has_law or any(len(each) == 0 for each in driven):
         return None
@@ -132,18 +157,20 @@ def law_curve(fit: FrictionFit, samples: DriveSamples) -> LawCurve | None:
     some = seen.sum(axis=0) > 0
     share = seen[0, some] / seen[:, some].sum(axis=0)
     middle = np.log(np.sqrt(edges[1:] * edges[:-1]))[some]
-    held = np.stack([np.clip(speed, each[0], each[-1]) for each in driven])
-    positive, positive_sd = fit.band(held[0])
-    negative, negative_sd = fit.band(-held[1])
+    share = np.interp(np.log(speed), middle, share)
+    held = [np.clip(speed, each[0], each[-1]) for each in driven]
+    both = np.concatenate([held[0], -held[1]])
+
+    def read(friction: Float[np.ndarray, "v2 *n"]) -> Float[np.ndarray, "3 v *n"]:
+        return _read(friction, share)
+
     return LawCurve(
         speed=speed,
         weight=weight / weight.sum(),
-        positive_share=np.interp(np.log(speed), middle, share),
-        held=held,
-        positive=positive,
-        negative=-negative,
-        positive_sd=positive_sd,
-        negative_sd=negative_sd,
+        positive_share=share,
+        velocity=both,
+        currents=read(fit.band(both)[0]),
+        deviations=found.choice.deviation(fit, found.without, both, read),
     )
 
 

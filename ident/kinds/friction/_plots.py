@@ -71,13 +71,10 @@ def _draw(
     every: dict[int, Float[np.ndarray, "3 b"]],
     limit: float,
 ) -> None:
-    laws = {
-        1: (curve.positive, curve.positive_sd),
-        -1: (curve.negative, curve.negative_sd),
-    }
+    laws = zip((1, -1), curve.currents, curve.deviations, strict=False)
     near = curve.speed <= 1.05 * limit
     heights = []
-    for way, (law, sd) in laws.items():
+    for way, law, sd in laws:
         colour = style.DIRECTION_COLOR[way]
         speed, mean, spread = every[way][:, every[way][0] <= limit]
         panel.errorbar(
@@ -97,10 +94,10 @@ def _draw(
     if fit.knots is not None:
         listed = fit.knots.current(curve.speed)
         panel.plot(curve.speed, listed, color=style.INK, linewidth=0.9, label="list")
-        places = fit.knots.velocity / 1000.0
-        panel.plot(
-            places, fit.knots.out * fit.knots.unit, linestyle="none", marker="s",
-            markersize=3.2, color=style.INK, markerfacecolor="white", label="its entries",
+        panel.errorbar(
+            fit.knots.velocity / 1000.0, fit.knots.out * fit.knots.unit,
+            2 * fit.entry_deviations, linestyle="none", marker="s", markersize=3.2,
+            linewidth=0.7, color=style.INK, markerfacecolor="white", label="its entries",
         )  # fmt: skip
         heights.append(listed[near])
     joined = np.concatenate([each for each in heights if each.size])
@@ -114,8 +111,8 @@ def _draw(
 def _caption(fit: FrictionResult, curve: LawCurve) -> str:
     slow, fast = place(float(curve.speed[0])), place(float(curve.speed[-1]))
     text = (
-        f"Median friction in bins of speed with their scatter, and the law with ± 2"
-        f" standard deviations, from {slow} to {fast} {fit.length_unit}/s: only these speeds"
+        f"Median friction in bins of speed with their scatter, and law and entries with"
+        f" ± 2 standard deviations, from {slow} to {fast} {fit.length_unit}/s: only these speeds"
         " were driven."
     )
     if fit.knots is None:

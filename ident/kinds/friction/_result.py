@@ -126,14 +126,15 @@ def view_of(
         sound = sound & (far <= _WILD * 1.4826 * median(far[sound]))
         offset = float((left - full)[sound].mean())
         before = left - offset
-    for number, each in enumerate(found.without):
-        own = window == number
-        rest = samples.current - each.inertia * push
-        if curve is None:
-            given, constant = each.friction(samples.velocity), each.offset
-        else:
-            mean = curve.mean_of(each.friction)
-            given = ahead[0] * mean[first] + ahead[1] * mean[first + 1]
+    laws = found.without
+    curves = laws.friction(samples.velocity) if curve is None else curve.mean_of(laws)
+    for number, (inertia, constant) in enumerate(
+        zip(laws.inertia, laws.offset, strict=True)
+    ):
+        own, given = window == number, curves[:, number]
+        rest = samples.current - inertia * push
+        if curve is not None:
+            given = ahead[0] * given[first] + ahead[1] * given[first + 1]
             constant = float((rest - given)[sound & ~own].mean())
         predicted[own] = (rest - constant - level * given)[own]
     return FrictionView(
@@ -185,6 +186,13 @@ class FrictionResult(AbstractResult):
         return self.view.samples.unit
 
     @property
+    def entry_deviations(self) -> Float[np.ndarray, " k"]:
+        """Standard deviations of the entries, in the unit of the current."""
+        assert self.knots is not None
+        assert self.curve is not None
+        return self.curve.deviation_of(self.knots, self.level)
+
+    @property
     def expectation(self) -> Expectation | None:
         """The largest current that the written list adds at a speed to jog with, positive."""
         if self.knots is None:
@@ -214,12 +222,14 @@ class FrictionResult(AbstractResult):
         if self.curve is not None:
             curve = {"velocity": self.curve.speed, "current": self.curve.mean}
             parameters["curve"] = curve
+            deviations["curve"] = {"current": self.curve.deviations[2]}
         if self.knots is not None:
             parameters["table"] = {
                 "velocity": self.knots.velocity / 1000.0,
                 "current": self.knots.out * self.knots.unit,
                 "out": self.knots.out,
             }
+            deviations["table"] = {"current": self.entry_deviations}
         reversal = found.reversal
         if reversal is not None:
             undetermined = {"undetermined": reversal.undetermined}

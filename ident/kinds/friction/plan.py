@@ -46,7 +46,7 @@ class FrictionPlan(AbstractPlan):
         if level is None:
             level = 1.0 if "friction_sign" in job.verified else FIRST_LEVEL
         found = identify(recording, fit, job.spec.controller.cycle_time)
-        curve, knots = law_curve(found.fit, recording.samples), None
+        curve, knots = law_curve(found, recording.samples), None
         unit = out_unit(fit, recording.unit)
         if not recording.unsure and curve is not None and unit.current is not None:
             knots = place_knots(

@@ -96,6 +96,22 @@ def test_an_exponent_other_than_two_is_found() -> None:
     assert np.abs(choice.fit.band(speed)[0] / truth - 1.0).max() < 0.012
 
 
+def test_deviations_know_that_the_law_is_none_of_the_kinds() -> None:
+    samples, speed = recording(), np.geomspace(0.5, 190.0, 200)
+    inside, plain = [], []
+    for exponent in (0.4, 0.5, 0.6):
+        level = 1.5 + 0.3 * np.abs(samples.velocity) ** exponent
+        choice = choose_law(recording(np.sign(samples.velocity) * level, noise=0.03))
+        found, noise = choice.fit.band(speed)
+        own = choice.deviation(choice.fit, choice.without, speed, np.asarray)
+        off = np.abs(found - 1.5 - 0.3 * speed**exponent)
+        inside.append((off <= 2 * own).mean())
+        plain.append((off <= 2 * noise).mean())
+    # Places of one curve err together: three of them scatter about 95 %.
+    assert np.mean(inside) > 0.85
+    assert np.mean(inside) > np.mean(plain)
+
+
 def test_a_recording_gives_the_same_law_at_any_rate() -> None:
     slow = choose_law(recording()).fit
     for cycle in (0.002, 0.001):
@@ -119,10 +135,10 @@ def test_a_window_has_next_to_no_say_in_its_own_prediction() -> None:
     )
     other = choose_law(wild, [Stribeck()])
     speed = np.geomspace(2.0, 190.0, 50)
-    kept, moved = (each.without[4].friction(speed) for each in (choice, other))
+    kept, moved = (each.without.friction(speed)[:, 4] for each in (choice, other))
     # Only which rows are wild is what all rows say.
     np.testing.assert_allclose(moved, kept, rtol=5e-3)
-    assert np.abs(other.without[3].friction(speed) - kept).max() < 0.1
+    assert np.abs(other.without.friction(speed)[:, 3] - kept).max() < 0.1
 
 
 def test_thinned_rows_are_those_of_a_convolution() -> None:

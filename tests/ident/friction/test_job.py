@@ -128,6 +128,24 @@ def test_written_list_gives_the_friction_in_drive_units(
     )
 
 
+def test_entries_lie_within_their_stated_deviations(
+    done: tuple[Path, JobResult],
+) -> None:
+    tree = json.loads((done[0] / "out" / "result.json").read_text())["fits"][0]
+    table = {key: np.array(each) for key, each in tree["parameters"]["table"].items()}
+    deviation = np.array(tree["standard_deviations"]["table"]["current"])
+    knots = friction(done[1]).knots
+    assert knots is not None
+    # What rounding leaves beside the law is part of each.
+    assert (deviation > knots.rms).all()
+    driven = (table["velocity"] > 0.5) & (table["velocity"] < 100.0)
+    off = table["current"] - np.asarray(LAW(table["velocity"]))
+    # 3 standard deviations: some ten entries of one seeded draw.
+    assert (np.abs(off) <= 3 * deviation)[driven].all()
+    curve = tree["standard_deviations"]["curve"]["current"]
+    assert len(curve) == len(tree["parameters"]["curve"]["velocity"])
+
+
 def test_gate_judges_the_share_of_the_rated_current(
     done: tuple[Path, JobResult],
 ) -> None:
