@@ -222,12 +222,15 @@ def _say_coverage(table: PlaneTable, scale: Scale) -> str:
         return "No node is touched by a reading."
     sd, support = table.sd[known], table.support[known]
     worst = int(np.argmax(np.where(known, table.sd, -1.0)))
+    least, most = int(support.min()), int(support.max())
+    readings = ("" if least == most else f"{grouped(least)} to ") + count(
+        most, "reading"
+    )
     text = (
         f"Half of the measured nodes have an sd of {number(float(np.median(sd)))} "
         f"{scale.error} or less, the worst {number(float(sd.max()))} "
         f"{scale.error} ({table.where(worst)} "
-        f"{scale.position}); {grouped(int(support.min()))} to "
-        f"{grouped(int(support.max()))} readings touch each."
+        f"{scale.position}); each has {readings}."
     )
     if not known.all():
         text += (
