@@ -525,9 +525,10 @@ def _straight(table: Table, titles: str) -> Table:
     across, along = _axes_of_straightness(titles)
     axes = {"position": along, "error": across, "actual": across}
     names = " ".join(column.header for column in table.columns)
-    kinds = [_kind_told(column) for column in table.columns]
-    told = (across and along) or _STRAIGHT.search(f"{titles} {names}")
-    if not told or kinds.count("position") != 1 or not {"error", "actual"} & set(kinds):
+    kinds = [_kind_by_name(column) for column in table.columns]
+    is_straightness = (across and along) or _STRAIGHT.search(f"{titles} {names}")
+    has_both = kinds.count("position") == 1 and bool({"error", "actual"} & set(kinds))
+    if not (is_straightness and has_both):
         return table
     table = dataclasses.replace(table, across=True)
     bare = [
@@ -554,7 +555,7 @@ def _straight(table: Table, titles: str) -> Table:
     return dataclasses.replace(_noted(table, columns, remark), format="CSV")
 
 
-def _kind_told(column: Column) -> str:
+def _kind_by_name(column: Column) -> str:
     """Return the kind of role of a column, by its name where it has none."""
     if column.role is not None or column.text is not None:
         return _kind(column)

@@ -102,13 +102,13 @@ def show(
     from ...data.lists import offset_curves
     from ._show_tables import list_views
 
-    shown, index, settled = read_shown_list(file), "ji", False
+    shown, index, verified = read_shown_list(file), "ji", False
     if conventions is not None:  # the rules take the models: only where there are some
         rules = rules_of(conventions)
         index = rules.conventions.plane_index
-        settled = "plane_index" in rules.verified
+        verified = "plane_index" in rules.verified
     console = wide_console(wraps=True)
-    for view in list_views(shown, index, settled=settled):
+    for view in list_views(shown, index, verified=verified):
         console.print(view)
     if out is not None:
         from ._list_plots import draw_tables

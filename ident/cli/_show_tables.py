@@ -24,14 +24,14 @@ _KINDS = {
 
 
 def list_views(
-    file: ListFile, plane_index: str = "ji", *, settled: bool = False
+    file: ListFile, plane_index: str = "ji", *, verified: bool = False
 ) -> Iterator[RenderableType]:
     """Return what to print of a list, from its head to its tables.
 
     Args:
         file: The list.
         plane_index: How the indices of a plane are read, as `offset_curves`.
-        settled: A measurement has settled that; else it is said that it is assumed.
+        verified: Whether a measurement has shown that; else it is said that it is assumed.
     """
     yield Text(_headline(file), style="bold")
     if file.remarks:
@@ -43,7 +43,7 @@ def list_views(
         )
     yield _parameters(file)
     curves = offset_curves(file, plane_index)
-    order = f"plane_index = {plane_index}, {'verified' if settled else 'assumed'}"
+    order = f"plane_index = {plane_index}, {'verified' if verified else 'assumed'}"
     for compensation in dict.fromkeys(curve.compensation for curve in curves):
         alike = [curve for curve in curves if curve.compensation == compensation]
         yield Padding(_curve_view(alike, order), (1, 0, 0, 0))
