@@ -15,8 +15,9 @@ from jaxtyping import Int
 
 from ._aside import columns_of_blocks, without_foot, without_headings
 from ._errors import LineError, MeasurementError
+from ._head_lines import is_unit_row
 from ._header import Name, parse_name
-from ._layout import Layout, find_layout, is_unit_row
+from ._layout import Layout, find_layout
 from ._meaning import with_meaning
 from ._table import BadCell, Column, Lines, Skipped, Table, TextForm
 from ._words import DIRECTIONS

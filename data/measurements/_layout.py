@@ -6,16 +6,23 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from ._dialect import (
     Dialect,
-    begins_with_name,
-    first_row_of_numbers,
     sniff,
     usual_width,
 )
-from ._errors import LineError, MeasurementError
+from ._errors import MeasurementError
+from ._head_lines import (
+    Head,
+    any_number,
+    block_above,
+    first_row,
+    header_above,
+    is_unit_row,
+    placed,
+    refuse_numbers,
+    upper_cells,
+)
 from ._header import (
     Name,
     bare_role,
@@ -34,12 +41,7 @@ _FIRST = re.compile(rf"(?:[^\n]*+\n){{1,{_BELOW}}}+")
 """So many lines, or fewer."""
 _LONGEST_HEADER = 10_000
 """Characters of a header line that one look is enough for."""
-_MOST_HEADERS = 4
-_LONGEST_UNIT = 8
 _AS_SHOWN = Lines()
-_BROKEN_NUMBER = re.compile(r"[\d.,]*\d\s?[-−]|\([\d.,]*\d\)")
-"""A negative number as book-keepers write it."""
-_ANY_NUMBER = re.compile(r"[+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,22 +97,6 @@ def find_layout(path: Path, text: str, lines: Lines | None = None) -> Layout:
     return found or _layout_by_lines(path, text, lines or _AS_SHOWN)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Head:
-    """The first lines of a text: those with content, split."""
-
-    path: Path
-    dialect: Dialect
-    width: int
-    lines: Sequence[int]
-    texts: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-    def error(self, index: int, found: str, expected: str, advice: str) -> LineError:
-        """Return the error that a line is, ready to raise."""
-        return LineError(str(self.path), self.lines[index], found, expected, advice)
-
-
 def _lines_of_head(text: str) -> tuple[list[int], list[str]]:
     """Return offsets and lines up to some hundred that are no comments."""
     offsets: list[int] = []
@@ -148,14 +134,14 @@ def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout
         rows = [row[:-1] if len(row) == width else row for row in rows]
         width -= 1
     texts = [every[at] for at in content]
-    head = _Head(path, dialect, width, [at + 1 for at in content], texts, rows)
-    first = _first_row(head, wanted)
-    block = _block_above(head, first, wanted)
-    top, units = _header_above(head, first - (block is not None), wanted)
+    head = Head(path, dialect, width, [at + 1 for at in content], texts, rows)
+    first = first_row(head, wanted)
+    block = block_above(head, first, wanted)
+    top, units = header_above(head, first - (block is not None), wanted)
     below = rows[first : first + _BELOW]
     names = _names(head, top)
     width = len(names) if top else len(rows[first])
-    if not below or (not top and not _any_number(dialect, below) and len(below) == 1):
+    if not below or (not top and not any_number(dialect, below) and len(below) == 1):
         words = ", ".join(rows[top[-1] if top else first])[:60]
         reason = f"found a header ({words}) and no rows, expected rows"
         raise MeasurementError(str(path), reason)
@@ -164,13 +150,13 @@ def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout
     if units is not None:
         cells = rows[units]
         if top and len(cells) < width:
-            cells = _placed(head, units, top[-1])
+            cells = placed(head, units, top[-1])
         for at, cell in enumerate(cells[:width]):
             unit = unit_in(cell) or cell.strip("[]()- ")
             if unit and not is_format(cell):
                 names[at] = dataclasses.replace(names[at], unit=unit, doubtful=False)
     above = top[0] if top else (first if units is None else units)
-    _refuse_numbers(head, above)
+    refuse_numbers(head, above)
     titles = tuple((head.lines[at], texts[at].strip()) for at in range(above))
     said = tuple((at + 1, every[at].strip()) for at in comments if at < content[first])
     left = [Skipped(line, "comment") for line, _ in said]
@@ -193,222 +179,11 @@ def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout
     )
 
 
-def _first_row(head: _Head, wanted: Lines) -> int:
-    """Return the index of the first row of the body."""
-    least = 0
-    if wanted.rows is not None:
-        least = wanted.rows[0]
-    elif wanted.header:
-        least = max(wanted.header) + 1
-    index = next((k for k, line in enumerate(head.lines) if line >= least), None)
-    if index is None:
-        reason = f"found no row from line {least} on, as the job has it, expected some"
-        raise MeasurementError(str(head.path), reason)
-    if least:
-        units = wanted.rows is None and is_unit_row(head.rows[index], head.width)
-        return index + units if index + units < len(head.rows) else index
-    first = first_row_of_numbers(head.dialect, head.rows, head.width)
-    if first == 0 and not _any_number(head.dialect, head.rows[:1]):
-        # A table of words: below what can only be a header.
-        return int(len(head.rows) > 1 and looks_like_names(head.rows[0]))
-    if _names_rows(head, first):
-        return first + 1
-    # A row of numbers with a word among them belongs to the body.
-    while first > 0 and _is_damaged_row(head, first - 1):
-        first -= 1
-    return first
-
-
-def _names_rows(head: _Head, index: int) -> bool:
-    """Whether a line has a name in front of its numbers, and the next one names a run."""
-    if index + 1 >= len(head.rows):
-        return False
-    name, below = head.rows[index][0], head.rows[index + 1][0]
-    return begins_with_name(name) and heading(below) is not None
-
-
-def _is_damaged_row(head: _Head, index: int) -> bool:
-    cells = head.rows[index]
-    if len(cells) != head.width or is_unit_row(cells, head.width):
-        return False
-    known = heading(cells[0]) is not None or looks_like_names(cells[:1])
-    known |= not cells[0] or unit_in(cells[0]) is not None
-    broken = any(map(_BROKEN_NUMBER.fullmatch, cells))
-    return (broken or not known) and any(map(head.dialect.is_number, cells))
-
-
-def _block_above(head: _Head, first: int, wanted: Lines) -> tuple[int, str] | None:
-    """Return the line right above the rows that names their run or direction, or None."""
-    if first == 0 or head.width == 1 or wanted.header is not None:
-        return None
-    cells = head.rows[first - 1]
-    words = " ".join(filter(None, cells))
-    if not cells[0] or first == 1 or heading(words) is None:
-        return None
-    return head.lines[first - 1], words
-
-
-def _header_above(
-    head: _Head, first: int, wanted: Lines
-) -> tuple[list[int], int | None]:
-    """Return the indices of the header lines above a body, and of the units."""
-    at, units = first - 1, None
-    if at >= 0 and (
-        is_unit_row(head.rows[at], head.width) or _has_units_of_some(head, at)
-    ):
-        at, units = at - 1, at
-    if wanted.header is not None:
-        missing = [line for line in wanted.header if line not in head.lines]
-        if missing:
-            found = "nothing there, or a comment"
-            raise LineError(str(head.path), missing[0], found, "the header line")
-        return [head.lines.index(line) for line in sorted(wanted.header)], units
-    top: list[int] = []
-    while at >= 0 and len(top) < _MOST_HEADERS:
-        if not (_is_upper_header if top else _is_header)(head, at):
-            break
-        top.insert(0, at)
-        at -= 1
-    return top, units
-
-
-def _has_units_of_some(head: _Head, index: int) -> bool:
-    """Whether a line between blanks holds units in brackets for some of the names above."""
-    cells = head.rows[index]
-    return (
-        head.dialect.separator == " "
-        and len(cells) < head.width
-        and index > 0
-        and head.dialect.header(head.texts[index - 1], head.width) is not None
-        and all(cell[0] in "[(" and unit_in(cell) is not None for cell in cells)
-    )
-
-
-def _placed(head: _Head, units: int, names: int) -> list[str]:
-    """Return the units of a line, each for the name that it stands nearest to.
-
-    Raises:
-        LineError: If two stand under one name.
-    """
-    cells = head.rows[units]
-    above = head.dialect.header(head.texts[names], head.width) or []
-    middles = np.array(_middles(head.texts[names], above))
-    found = [""] * head.width
-    for cell, middle in zip(cells, _middles(head.texts[units], cells), strict=True):
-        nearest = int(np.argmin(np.abs(middles - middle)))
-        if found[nearest]:
-            stand = f"the units {found[nearest]} and {cell} under '{above[nearest]}'"
-            raise head.error(units, stand, "one", f"skip = [{head.lines[units]}]")
-        found[nearest] = cell
-    return found
-
-
-def _middles(text: str, cells: Sequence[str]) -> list[float]:
-    """Return where the middle of each cell stands in a line."""
-    found, end = [], 0
-    text = text.expandtabs()
-    for cell in cells:
-        start = text.index(cell, end)
-        end = start + len(cell)
-        found.append(0.5 * (start + end))
-    return found
-
-
-def _is_header(head: _Head, index: int) -> bool:
-    """Whether a line names the columns: words above numbers, as many as there are cells."""
-    cells = head.dialect.header(head.texts[index], head.width)
-    if cells is None:
-        _refuse_other_width(head, index)
-        return False
-    filled = [cell for cell in cells if cell]
-    words = [cell for cell in filled if any(map(str.isalpha, cell))]
-    if head.width > 1 and len(filled) == 1 and index > 0:
-        return heading(filled[0]) is not None
-    return bool(words) or (len(filled) > 1 and looks_like_names(filled))
-
-
-def _is_upper_header(head: _Head, index: int) -> bool:
-    """Whether a line above a header names groups of columns."""
-    cells = _upper_cells(head, index)
-    if cells is None or heading(head.texts[index]) is not None:
-        return False
-    filled = [at for at, cell in enumerate(cells) if cell]
-    below = head.rows[index + 1]
-    fills = any(at < len(below) and not below[at] for at in filled)
-    known = 2 * sum(looks_like_names([cells[at]]) for at in filled) > len(filled)
-    wide = len(filled) > 1 and filled[-1] >= head.width // 2
-    return known and (wide or (fills and len(filled) > 1))
-
-
-def _upper_cells(head: _Head, index: int) -> list[str] | None:
-    """Return the cells of a line above a header, empty ones added where it ends early."""
-    cells = list(head.rows[index])
-    if head.dialect.separator != " " and 1 < len(cells) < head.width:
-        return cells + [""] * (head.width - len(cells))
-    return head.dialect.header(head.texts[index], head.width)
-
-
-def _refuse_other_width(head: _Head, index: int) -> None:
-    """Raise where a line is meant as the header and has more or fewer names.
-
-    Raises:
-        LineError: That it is.
-    """
-    cells = [cell for cell in head.rows[index] if cell]
-    if head.dialect.separator == "," and head.width == 2 * len(cells) > 2:
-        found = f"{len(cells)} names above {head.width} cells between commas"
-        expected = "semicolons between cells, or quotes, where decimals have commas"
-        raise head.error(index, found, expected, "header = [], with columns by number")
-    near = abs(len(head.rows[index]) - head.width) == 1
-    named = near and (unit_in(cells[0]) is not None or looks_like_names(cells[:1]))
-    marked = re.split(r"[\t;,|]+", head.texts[index].strip("\t;,| "))
-    if len(marked) < 2 or not all(
-        unit_in(cell) is not None or looks_like_names([cell.strip()]) for cell in marked
-    ):
-        marked = []
-    if marked:
-        cells, named = marked, True
-    if len(cells) < 2 or (2 * len(cells) <= head.width and not named):
-        return
-    if (
-        head.dialect.separator == " "
-        and not marked
-        and not (
-            # Any title has words between blanks.
-            near and sum(looks_like_names([cell]) for cell in cells) >= len(cells) - 1
-        )
-    ):
-        return
-    if not named and any(head.dialect.is_number(c) or ":" in c for c in cells):
-        return
-    found = f"{len(marked or head.rows[index])} names ({', '.join(cells)[:40]})"
-    expected = f"{head.width} as the rows below have cells, {head.dialect.words}"
-    advice = "header = [], with columns by number"
-    raise head.error(index, found, expected, advice)
-
-
-def _refuse_numbers(head: _Head, above: int) -> None:
-    """Raise at a line above the header that is a row of another pattern.
-
-    Raises:
-        LineError: Naming the first one.
-    """
-    for at in range(above):
-        text = head.texts[at].strip()
-        cells = re.split(r",\s+|[;|\s]+", text)
-        cells = text.split(",") if len(cells) == 1 else cells
-        if len(cells) > 1 and all(map(_ANY_NUMBER.fullmatch, cells)):
-            row = head.lines[above]
-            expected = f"{head.width} cells, {head.dialect.words}, as in line {row}"
-            advice = f"skip = [{head.lines[at]}]"
-            raise head.error(at, f"'{text[:40]}'", expected, advice)
-
-
-def _names(head: _Head, top: Sequence[int]) -> list[Name]:
+def _names(head: Head, top: Sequence[int]) -> list[Name]:
     """Return the name of each column, from all its header lines."""
     if not top:
         return []
-    rows = [_upper_cells(head, at) or list(head.rows[at]) for at in top]
+    rows = [upper_cells(head, at) or list(head.rows[at]) for at in top]
     if len({len(row) for row in rows}) > 1:
         raise head.error(
             top[0], f"{len(rows[0])} names", f"{len(rows[-1])} as below", "header = …"
@@ -475,28 +250,6 @@ def _plain_layout(text: str) -> Layout | None:
         header_lines=(1,),
         plain=not many,
     )
-
-
-def is_unit_row(cells: Sequence[str], width: int) -> bool:
-    """Whether a line holds units, and nothing else, for so many columns.
-
-    Units that the library lacks, such as hPa, may be among them.
-    """
-    named = [cell for cell in cells if cell.strip("[]()- ") and not is_format(cell)]
-    if len(cells) != width or not named:
-        return False
-    others = [cell for cell in named if unit_in(cell) is None]
-    short = all(len(cell) <= _LONGEST_UNIT and not cell[0].isdigit() for cell in others)
-    return 2 * len(others) < len(named) and short and not any(map(_says, others))
-
-
-def _says(cell: str) -> bool:
-    """Whether a cell says what a column holds."""
-    return looks_like_names([cell])
-
-
-def _any_number(dialect: Dialect, rows: Sequence[Sequence[str]]) -> bool:
-    return any(dialect.is_number(cell) for row in rows for cell in row)
 
 
 def _is_numeric(dialect: Dialect, rows: Sequence[Sequence[str]], at: int) -> bool:

@@ -1,0 +1,246 @@
+"""Text tables of repeated runs whose layout says what their columns are.
+
+One column or one row per run, the trims of LinuxCNC, four bare columns of a laser.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from ._dialect import Dialect
+from ._errors import LineError
+from ._header import (
+    Heading,
+    Name,
+    bare_role,
+    heading,
+    numbered,
+    roles_of,
+)
+from ._roles import ColumnSpec
+from ._table import LASER_FORMAT, BadCell, Column, Table
+
+_KINDS = {"actual": "actual positions", "error": "errors"}
+_FEWEST = 3
+"""Targets of a table with one row per run."""
+_FOLLOWS = 0.1
+"""Share of the travel by which actual positions miss their targets at most."""
+
+
+def laser_without_header(table: Table, names: Sequence[Name]) -> Table | None:
+    """Return four bare columns of a laser with their meaning, or None."""
+    columns = table.columns
+    if len(columns) != 4 or any(column.text is not None for column in columns):
+        return None
+    if any(name.header for name in names):
+        return None
+    run, direction = columns[2].values, columns[3].values
+    if np.any(run != np.round(run)) or np.any(np.abs(direction) != 1.0):
+        return None
+    titles = ("target", "error", "run", "direction")
+    roles = ("position", "error", "run", "direction")
+    named = (
+        dataclasses.replace(column, name=title, role=role, header=column.name)
+        for column, title, role in zip(table.columns, titles, roles, strict=True)
+    )
+    remark = (
+        "No header: four columns with whole run numbers and directions ±1 are "
+        "taken as target, error, run, direction, in mm where no line says otherwise."
+    )
+    return dataclasses.replace(
+        table, format=LASER_FORMAT, columns=tuple(named), remarks=(remark,)
+    )
+
+
+def triplets(table: Table, names: Sequence[Name]) -> Table | None:
+    """Return a LinuxCNC table of nominal, forward and reverse positions, or None."""
+    columns = table.columns
+    if len(columns) != 3 or table.rows < 2 or any(name.header for name in names):
+        return None
+    nominal = columns[0].values
+    spacing = np.diff(nominal)
+    rising = spacing[spacing > 0.0]
+    if 2 * rising.size < spacing.size or not rising.size:
+        return None
+    values = np.array([column.values for column in columns[1:]])
+    near = 0.5 * rising.min()
+    if np.all(np.abs(values) < near) and not np.any(spacing <= 0.0):
+        parts = tuple(
+            ColumnSpec(column, sign=-1, run=1, direction=side)
+            for column, side in (("2", 1), ("3", -1))
+        )
+        advice = {"position": ColumnSpec("1"), "error": ColumnSpec("", parts=parts)}
+        remark = (
+            "Three columns without a header may be LinuxCNC trims (COMP_FILE_TYPE = 1): sign"
+            " = -1 makes errors of them, and is left out where they are errors."
+        )
+        return dataclasses.replace(
+            table, advice=advice, remarks=(*table.remarks, remark)
+        )
+    if not np.all(np.abs(values - nominal) < near):
+        return None
+    if np.any(spacing <= 0.0):
+        at = int(np.flatnonzero(spacing <= 0.0)[0]) + 1
+        line, before = int(table.lines[at]), int(table.lines[at - 1])
+        again = " a second time" * (nominal[at] in nominal[:at])
+        found = f"the nominal position {nominal[at]:g}{again}"
+        expected = f"LinuxCNC triplets in ascending order ({nominal[at - 1]:g} in line {before})"
+        alone = spacing[at - 1] == 0.0
+        key = f"skip = [{line}]" if alone else f"rows = [{table.lines[0]}, {before}]"
+        raise LineError(str(table.path), line, found, expected, key)
+    titles = ("nominal", "forward", "reverse")
+    roles = ("position", "actual", "actual")
+    sides = (None, 1, -1)
+    named = (
+        dataclasses.replace(
+            column,
+            name=title,
+            role=role,
+            header=title,
+            unit="mm",
+            doubtful_unit=True,
+            run=None if side is None else 1,
+            direction=side,
+        )
+        for column, title, role, side in zip(columns, titles, roles, sides, strict=True)
+    )
+    remark = (
+        "Three columns without a header, the second and third close to the first, are"
+        " taken as LinuxCNC triplets: nominal, forward, reverse (actual positions), in mm."
+    )
+    return dataclasses.replace(
+        table, format="LinuxCNC triplets", columns=tuple(named), remarks=(remark,)
+    )
+
+
+def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
+    """Return a table of one column per run and direction with its meaning, or None."""
+    headings = [heading(name.header) for name in names]
+    kinds = [bare_role(name) for name in names]
+    roles, _ = roles_of(names)
+    target = next(
+        (
+            at
+            for at, kind in enumerate(kinds)
+            if kind == "position" or (roles[at] or "").endswith(".position")
+        ),
+        0 if names and not headings[0] and not kinds[0] else None,
+    )
+    if target is None or table.columns[target].text is not None:
+        return None
+    found = {
+        at: item
+        for at, item in enumerate(headings)
+        if item is not None and at != target and table.columns[at].text is None
+    }
+    named = kinds[target] == "position" and len(found) == len(names) - 1
+    if not named:
+        found = {at: item for at, item in found.items() if item.named}
+    if len(found) < 2 or {"error", "actual"} & set(kinds):
+        return None
+    return _with_runs(table, target, numbered(found))
+
+
+def _with_runs(table: Table, target: int, found: Mapping[int, Heading]) -> Table:
+    columns = list(table.columns)
+    place = columns[target].values
+    first = next(iter(found))
+    stated = next((item.kind for item in found.values() if item.kind), None)
+    values = np.concatenate([columns[at].values for at in found])
+    follows = _follow(values, np.tile(place, len(found)), float(np.ptp(place)))
+    follows &= columns[first].unit in (None, columns[target].unit)
+    kind = stated or ("actual" if follows else "error")
+    columns[target] = dataclasses.replace(columns[target], role="position")
+    names = [columns[at].name for at in found]
+    for at, item in found.items():
+        columns[at] = dataclasses.replace(
+            columns[at], role=kind, run=item.run, direction=item.direction
+        )
+        if names.count(columns[at].name) > 1:
+            name = f"{columns[at].name} (run {item.run})"
+            columns[at] = dataclasses.replace(columns[at], name=name, header=name)
+    runs = len({item.run for item in found.values()})
+    both = len({item.direction for item in found.values()} - {None})
+    words = _KINDS[kind]
+    remark = (
+        f"One column per run: {len(found)} columns of {words}, {runs} runs"
+        + {0: ", direction not named", 1: " in one direction", 2: ", both directions"}[
+            both
+        ]
+        + ("." if stated else f", taken as {words} by their size.")
+    )
+    return dataclasses.replace(
+        table,
+        format="run table (wide)",
+        columns=tuple(columns),
+        remarks=(*table.remarks, remark),
+    )
+
+
+def one_row_per_run(table: Table, names: Sequence[Name]) -> Table | None:
+    """Return a table of one row per run, targets along the top, with one row per reading."""
+    decimal = table.form.decimal if table.form is not None else "."
+    heads = [Dialect(";", decimal).number(name.header) for name in names]
+    along = [at for at, target in enumerate(heads) if target is not None]
+    labels = [at for at in range(len(names)) if at not in along]
+    targets = np.array([heads[at] for at in along], dtype=np.float64)
+    steps = np.diff(targets)
+    if len(along) < _FEWEST or not labels or not np.all(steps * steps[0] > 0.0):
+        return None
+    found = _runs_of_rows([table.columns[at] for at in labels], table.rows)
+    if found is None or any(table.columns[at].text is not None for at in along):
+        return None
+    ways = np.array([item.direction or 0 for item in found.values()])
+    order = np.argsort(targets)
+    rows = [order[::-1] if way < 0 else order for way in ways]
+    values = np.array([table.columns[at].values for at in along]).T
+    readings = np.concatenate([own[row] for own, row in zip(values, rows, strict=True)])
+    place = targets[np.concatenate(rows)]
+    lines = np.repeat(table.lines, len(along))
+    kind = "actual" if _follow(readings, place, float(np.ptp(targets))) else "error"
+    wrong = np.flatnonzero(~np.isfinite(readings))
+    bad = BadCell(int(lines[wrong[0]]), "nan") if wrong.size else None
+    unit = next((names[at].unit for at in labels if names[at].unit), None)
+    runs = np.repeat([float(item.run or 0) for item in found.values()], len(along))
+    columns = [
+        Column("target", "position", unit, place, header="target"),
+        Column(kind, kind, None, readings, bad=bad, header=kind),
+        Column("run", "run", None, runs, header="run"),
+    ]
+    if np.all(ways != 0):
+        sides = np.repeat(ways.astype(np.float64), len(along))
+        columns.append(
+            Column("direction", "direction", None, sides, header="direction")
+        )
+    remark = (
+        f"One row per run: {table.rows} rows of {_KINDS[kind]} at {len(along)} targets along"
+        " the top, by their size."
+    )
+    return dataclasses.replace(
+        table,
+        format="run table (one row per run)",
+        columns=tuple(columns),
+        rows=int(lines.size),
+        lines=lines,
+        remarks=(*table.remarks, remark),
+    )
+
+
+def _runs_of_rows(labels: Sequence[Column], rows: int) -> dict[int, Heading] | None:
+    """Return run and direction of each row as the cells in front of it say, or None."""
+    cells = [
+        column.text or tuple(f"{value:g}" for value in column.values)
+        for column in labels
+    ]
+    found = {row: heading(" ".join(each[row] for each in cells)) for row in range(rows)}
+    known = {row: item for row, item in found.items() if item is not None}
+    return numbered(known) if len(known) == rows else None
+
+
+def _follow(
+    values: Float[np.ndarray, " t"], place: Float[np.ndarray, " t"], travel: float
+) -> bool:
+    """Whether readings are the positions themselves, and no errors."""
+    return bool(np.nanmedian(np.abs(values - place)) < _FOLLOWS * travel)
