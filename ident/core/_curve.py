@@ -8,7 +8,9 @@ Source: L. Kaufman, A variable projection method for solving separable nonlinear
 problems, BIT 15, 1975.
 """
 
+import dataclasses
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import jax
@@ -21,19 +23,17 @@ from ...models import Setpoints
 from ._errors import FitError
 from ._readings import filled
 from ._regression import (
-    LOOSE,
     SINGULAR,
-    TIGHT,
     Regression,
-    iterate,
-    least_scale,
     refuse_confounded,
     regress,
     with_covariance,
 )
 
-_TRIALS = 8
-"""Evaluations of a curve in each robust pass; the next pass goes on from there."""
+_ROUNDS = 30
+"""Searches of the shapes between robust fits of the factors, at most."""
+_ENDED, _ROUGH = 1e-3, 1e-2
+"""Last move of any fitted value, in deviations of the noise, at which they end."""
 _PLACES, _NODES = 1 << 12, 12
 """Places up to which nodes are filled up to so many: compiled code serves again."""
 
@@ -95,7 +95,6 @@ def regress_curve(
     Raises:
         FitError: If columns and parameters cannot be separated.
     """
-    known = np.ones(len(target))
     first = columns_at(start)
     size = first.shape[1]
     if not len(start):
@@ -105,65 +104,67 @@ def regress_curve(
     if len(target) <= size + len(start):
         msg = f"{len(target)} readings for {size + len(start)} unknowns, expected more."
         raise FitError(msg)
-    begin = regress(first, target, names=names, loss=loss, quick=True).coefficients
 
-    def slopes(value: Float[np.ndarray, " p"]) -> Float[np.ndarray, "t s"]:
+    def slopes(
+        shapes: Float[np.ndarray, " s"], linear: Float[np.ndarray, " k"]
+    ) -> Float[np.ndarray, "t s"]:
         """Return the change of the fit with each non-linear parameter."""
         result = np.empty((len(target), len(width)))
         for k, step in enumerate(np.diag(width)):
-            ends = [columns_at(value[size:] + sign * step) for sign in (1.0, -1.0)]
-            result[:, k] = (ends[0] - ends[1]) @ value[:size] / (2.0 * width[k])
+            ends = [columns_at(shapes + sign * step) for sign in (1.0, -1.0)]
+            result[:, k] = (ends[0] - ends[1]) @ linear / (2.0 * width[k])
         return result
 
-    def residual_at(value: Float[np.ndarray, " p"]) -> Float[np.ndarray, " t"]:
-        return np.asarray(target - columns_at(value[size:]) @ value[:size])
+    def search(
+        near: Float[np.ndarray, " s"],
+        aim: Float[np.ndarray, " t"],
+        good: Bool[np.ndarray, " t"],
+    ) -> Float[np.ndarray, " s"]:
+        """Return the shapes that come nearest to pseudo-readings, the factors eliminated."""
 
-    def solve(
-        value: Float[np.ndarray, " p"],
-        pseudo: Float[np.ndarray, " t"],
-        wild: Bool[np.ndarray, " t"],
-    ) -> Float[np.ndarray, " p"]:
-        good = ~wild
-        aim = (columns_at(value[size:]) @ value[:size] + pseudo)[good]
+        def project(shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            basis, triangle = np.linalg.qr(columns_at(shapes)[good])
+            linear = np.linalg.lstsq(triangle, basis.T @ aim[good], rcond=SINGULAR)[0]
+            return basis, linear
 
-        def project(
-            shapes: Float[np.ndarray, " s"],
-        ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "g k"]]:
-            base, triangle = np.linalg.qr(columns_at(shapes)[good])
-            linear = np.linalg.lstsq(triangle, base.T @ aim, rcond=SINGULAR)[0]
-            return np.concatenate([linear, shapes]), base
+        def cost(shapes: np.ndarray) -> np.ndarray:
+            basis, _ = project(shapes)
+            return np.asarray(aim[good] - basis @ (basis.T @ aim[good]))
 
-        def cost(shapes: Float[np.ndarray, " s"]) -> Float[np.ndarray, " g"]:
-            _, base = project(shapes)
-            return np.asarray(aim - base @ (base.T @ aim))
+        def change(shapes: np.ndarray) -> np.ndarray:
+            basis, linear = project(shapes)
+            steep = slopes(shapes, linear)[good]
+            return np.asarray(basis @ (basis.T @ steep) - steep)
 
-        def change(shapes: Float[np.ndarray, " s"]) -> Float[np.ndarray, "g s"]:
-            now, base = project(shapes)
-            steep = slopes(now)[good]
-            return np.asarray(base @ (base.T @ steep) - steep)
-
-        inside = np.clip(value[size:], *(edge for edge in bounds))
         # Stubs of SciPy know a name for the derivative only.
         solver: Any = least_squares
-        found = solver(
-            cost, inside, change, bounds=bounds, x_scale="jac", max_nfev=_TRIALS
-        )
-        return project(found.x)[0]
+        found = solver(cost, near, change, bounds=bounds, x_scale="jac")
+        return np.asarray(found.x)
 
-    found = iterate(
-        np.concatenate([begin, start]),
-        residual_at,
-        solve,
-        known,
-        size + len(start),
-        least_scale(target),
-        loss,
-        LOOSE if quick else TIGHT,
-    )
-    value = found.coefficients
-    design = np.hstack([columns_at(value[size:]), slopes(value)])
+    factors = partial(regress, target=target, names=names, loss=loss, quick=True)
+    shapes = np.clip(start, *bounds)
+    found = factors(columns_at(shapes))
+    for _ in range(_ROUNDS):
+        before = found.residual
+        shapes = search(shapes, target - before + found.pseudo, ~found.wild)
+        found = factors(columns_at(shapes))
+        move = float(np.abs(found.residual - before).max())
+        if move <= (_ROUGH if quick else _ENDED) * found.noise.white:
+            break
+    else:
+        found = dataclasses.replace(found, converged=False)
+    steep = slopes(shapes, found.coefficients)
+    design = np.hstack([columns_at(shapes), steep])
     refuse_confounded(design, names)
+    known, scale = np.ones(len(target)), np.sqrt(np.square(design).sum(axis=0))
+    count = design.shape[1]
+    found = dataclasses.replace(
+        found,
+        coefficients=np.concatenate([found.coefficients, shapes]),
+        covariance=np.zeros((count, count)),
+        independent=np.full(count, float(len(target))),
+        undetermined=np.zeros(count, bool),
+    )
     if not quick:
-        scale = np.sqrt(np.square(design).sum(axis=0))
         found = with_covariance(found, design / scale, scale, known, time)
-    return value[size:], found
+    return shapes, found

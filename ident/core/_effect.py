@@ -249,10 +249,12 @@ class ColumnsEffect(AbstractEffect):
     Attributes:
         given: Prior of the unknowns.
         count: Their number.
+        ridge: See `AbstractEffect`.
     """
 
     given: AbstractPrior
     count: int
+    ridge: float = 0.0
 
     @property
     def prior(self) -> AbstractPrior:

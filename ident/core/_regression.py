@@ -1,27 +1,27 @@
 """Robust regression on few columns.
 
-For curves (thermal line, backlash, acceleration events) what the fit of a table is for tables:
-`iterate` is the robust loop (residuals at a value → loss → pseudo-readings → solve), the
-singular values of the design decide what the readings determine, and the covariance is that of
-the estimate under residuals that drift (`_drift`).
+For curves (thermal line, backlash, acceleration events): a stack of a few columns without a
+prior, fitted by `estimate`. The singular values of the design decide what the readings
+determine, and the covariance is that of the estimate under residuals that drift (`_drift`).
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
 from ._drift import DriftNoise, find_drift, scatter_of_sums
+from ._effect import ColumnsEffect
 from ._errors import FitError
-from ._loss import choose_loss
+from ._prior import NoPrior
+from ._readings import Readings
+from ._robust import estimate, memory
+from ._stack import Stack
 
-_PASSES = 60
-"""Robust passes at most."""
-TIGHT, LOOSE = 1e-3, 1e-2
-"""Last move of any fitted value, in scales, at which the robust passes end."""
-_FREE_PASSES = 20
-"""Passes after which a reading that was rejected once stays out."""
+_RIDGE = 1e-9
+"""Precision that holds what only wild readings show, relative to that of all others."""
 _MAGNITUDES = 10
 """Passes of least magnitudes, which only begin."""
 SINGULAR = 1e-9
@@ -72,70 +72,6 @@ class Regression:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
-def iterate(
-    start: Float[np.ndarray, " p"],
-    residual_at: Callable[[np.ndarray], np.ndarray],
-    solve: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
-    known: Float[np.ndarray, " t"],
-    size: int,
-    floor: float,
-    loss: str = "student",
-    tolerance: float = TIGHT,
-) -> Regression:
-    """Return where the robust passes end: coefficients, residuals and weights.
-
-    Args:
-        start: Where to begin.
-        residual_at: Reading − fit at a value.
-        solve: Least squares from a value, its pseudo-residuals and which readings are out.
-        known: Weights of the readings.
-        size: Number of parameters.
-        floor: Smallest scale to believe in.
-        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
-        tolerance: Move in scales at which the passes end.
-
-    Raises:
-        FitError: If the loss rejects all but as many readings as there are parameters.
-    """
-    count, root = len(known), np.sqrt(known)
-    inflation = float(np.sqrt(count / max(count - size, 1)))
-    out = np.zeros(count, bool)
-    value, residual = start, residual_at(start)
-    step = 0
-    while True:
-        step += 1
-        chosen = choose_loss(loss, residual * root, inflation, floor)
-        ratio = residual * root / chosen.scale
-        wild = chosen.wild(ratio) | out
-        good = int((~wild).sum())
-        if wild.any() and good <= size:
-            msg = "the readings that agree with each other are too few to fit."
-            raise FitError(msg)
-        slope = np.where(wild, 0.0, chosen.slope(ratio))
-        steepness = max(float(slope.sum()) / max(good, 1), 0.1)
-        pseudo = np.where(wild, 0.0, residual * chosen.share(ratio) / steepness)
-        value = solve(value, pseudo, wild)
-        before, residual = residual, residual_at(value)
-        move = float(np.abs((residual - before) * root).max())
-        still = move <= tolerance * chosen.scale or (loss == "gauss" and step > 1)
-        if still or step == _PASSES:
-            return Regression(
-                coefficients=value,
-                noise=DriftNoise(chosen.scale),
-                residual=residual,
-                pseudo=pseudo,
-                share=np.where(wild, 0.0, chosen.share(residual * root / chosen.scale)),
-                wild=wild,
-                converged=still,
-                covariance=np.zeros((len(value), len(value))),
-                independent=np.full(len(value), float(count)),
-                undetermined=np.zeros(len(value), bool),
-            )
-        if step > _FREE_PASSES:
-            # Readings at the very edge must not let the passes go round in circles.
-            out = wild
-
-
 def regress(
     columns: Float[np.ndarray, "t k"],
     target: Float[np.ndarray, " t"],
@@ -174,41 +110,45 @@ def regress(
     scale = np.sqrt(np.square(columns * root[:, None]).sum(axis=0))
     design = columns / np.where(scale > 0, scale, 1.0)
     scale = np.where(scale > 0, scale, 1.0)
-    if noise is not None:
-        size = _spectrum(design * root[:, None])[0].shape[1]
-    if count < size or (count == size and noise is None):
-        msg = f"{count} readings for {size} unknowns, expected more than {size}."
-        raise FitError(msg)
     if noise is None:
+        if count <= size:
+            msg = f"{count} readings for {size} unknowns, expected more than {size}."
+            raise FitError(msg)
         refuse_confounded(columns * root[:, None], names)
-    inverses: dict[bytes, Float[np.ndarray, "k k"]] = {}
-
-    def solve(
-        value: Float[np.ndarray, " k"],
-        pseudo: Float[np.ndarray, " t"],
-        wild: Bool[np.ndarray, " t"],
-    ) -> Float[np.ndarray, " k"]:
-        kept, readings = known * ~wild, wild.tobytes()
-        if readings not in inverses:
-            inverses.clear()
-            seen, _ = _spectrum(np.sqrt(kept)[:, None] * design)
-            inverses[readings] = seen @ seen.T
-        return np.asarray(value + inverses[readings] @ (design.T @ (kept * pseudo)))
-
-    found = iterate(
-        _least_magnitudes(design * root[:, None], target * root, loss),
-        lambda value: target - design @ value,
-        solve,
-        known,
-        size,
-        least_scale(target, noise),
-        loss,
-        LOOSE if quick else TIGHT,
+    # In an orthonormal basis of the columns the information is a unit matrix.
+    basis, _ = _spectrum(design * root[:, None])
+    size = basis.shape[1]
+    stack = Stack((ColumnsEffect(NoPrior(size), size, _RIDGE),), banded=False)
+    part = design @ basis
+    found = estimate(
+        stack,
+        memory(stack, Readings(target, {}, weight), sp.csr_array(part)),
+        loss=loss,
+        weights=lambda _: np.zeros(0),
+        floor=least_scale(target, noise),
+        start=_least_magnitudes(part * root[:, None], target * root, loss),
     )
-    found = dataclasses.replace(found, coefficients=found.coefficients / scale)
+    left = target - part @ found.centre
+    share = found.loss.share(left * root / found.loss.scale)
+    wild = found.loss.wild(left * root / found.loss.scale)
+    if wild.any() and int((~wild).sum()) <= size:
+        msg = "the readings that agree with each other are too few to fit."
+        raise FitError(msg)
+    result = Regression(
+        coefficients=basis @ found.values / scale,
+        noise=DriftNoise(found.noise if loss == "gauss" else found.loss.scale),
+        residual=target - part @ found.values,
+        pseudo=share * left / found.posterior.problem.gain,
+        share=share,
+        wild=wild,
+        converged=found.converged,
+        covariance=np.zeros((len(scale), len(scale))),
+        independent=np.full(len(scale), float(count)),
+        undetermined=np.zeros(len(scale), bool),
+    )
     if quick:
-        return found
-    return with_covariance(found, design, scale, known, time, noise)
+        return result
+    return with_covariance(result, design, scale, known, time, noise)
 
 
 def with_covariance(

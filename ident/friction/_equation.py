@@ -17,8 +17,7 @@ from jaxtyping import Bool, Float, Int
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import firwin
 
-from ..core import FitError
-from ..core._regression import iterate, least_scale
+from ..core import FitError, regress
 from ._samples import DriveSamples, check_samples
 from ._structures import (
     KNOTS,
@@ -403,20 +402,10 @@ def weigh(equation: Equation, loss: str) -> Weights:
             every - ((1.0 - share[less, None]) * rows[less]).T @ right[less]
         )
 
-    def solve(
-        value: Float[np.ndarray, " p"],
-        pseudo: Float[np.ndarray, " t"],
-        wild: Bool[np.ndarray, " t"],
-    ) -> Float[np.ndarray, " p"]:
-        move = ridged(sums(1.0 - wild)[:, :-1], rows.T @ pseudo)
-        return np.asarray(value + move)
-
     own, limit, share = np.ones(count), np.inf, np.zeros(len(used))
     if loss != "gauss" and count > 2 * size:
-        floor = least_scale(target)
-        found = iterate(
-            np.zeros(size), lambda x: target - rows @ x, solve, own, size, floor, loss
-        )
+        # Nothing is known of the noise, but columns without rows are not refused.
+        found = regress(rows, target, loss=loss, quick=True, noise=0.0)
         own, limit = found.share, _WILD * found.noise.white
     share[used] = own
     return Weights(share, limit, free, sums(own))

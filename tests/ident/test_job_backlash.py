@@ -73,7 +73,7 @@ def test_backlash_that_does_not_settle_fails_its_gate(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # With so few passes no robust fit comes to rest.
-    monkeypatch.setattr("axcomp.ident.core._regression._PASSES", 1)
+    monkeypatch.setattr("axcomp.ident.core._robust._PASSES", 1)
     readings(tmp_path)
     found = run(tmp_path)
     assert [check.name for check in found.gate if not check.passed] == ["settled"]
