@@ -8,7 +8,7 @@ from ...models import Conventions, TemperatureLine
 from ..kinds import Kind, kind, kinds
 from ._identity import Increments, axis_number, not_negative
 from ._nodes import Ranges
-from ._units import ExchangeError
+from ._units import ExchangeError, expect
 
 REVERSAL_CYCLES = "lr_param.n_backlash_cyc"
 """Entry of the axis list: cycles of a reversal, of the backlash and of a leadscrew table."""
@@ -129,12 +129,12 @@ def machine_lists(lists: Sequence[ListFile]) -> MachineLists:
     """
     found: dict[str, dict[int, ListFile]] = {"compensation": {}, "axis": {}}
     for listing in lists:
-        if listing.kind == "unknown":
-            raise ExchangeError(
-                where=listing.source,
-                found="none of the entries of a compensation or axis list",
-                expected="kopf.*, kw.*, frict_comp.* or lr_param.*",
-            )
+        expect(
+            listing.kind != "unknown",
+            listing.source,
+            "none of the entries of a compensation or axis list",
+            "kopf.*, kw.*, frict_comp.* or lr_param.*",
+        )
         if listing.kind == "startup":
             continue
         number, holder = axis_number(listing), listing.kind

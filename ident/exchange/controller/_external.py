@@ -14,7 +14,7 @@ from ....models import (
 )
 from ...kinds import kinds
 from .._machine_lists import InUse, Reading, axes_in_use, machine_lists
-from .._units import ExchangeError, round_to_list
+from .._units import expect, round_to_list
 from ._controller import columns_of, model_of
 
 INTERFACE_UNITS = 10**8
@@ -67,12 +67,12 @@ def external_from_lists(
 def _part(one: InUse, columns: Mapping[int, int], reading: Reading) -> OffsetPart:
     model = model_of(one, reading)
     entries = one.kind.entries
-    if entries.turns(model):
-        raise ExchangeError(
-            where=f"{one.listing.source}: {one.kind.prefix}.bilateral",
-            found="1, a table for each direction of motion",
-            expected="0: an external compensation knows positions only",
-        )
+    expect(
+        not entries.turns(model),
+        f"{one.listing.source}: {one.kind.prefix}.bilateral",
+        "1, a table for each direction of motion",
+        "0: an external compensation knows positions only",
+    )
     return OffsetPart(
         model,
         columns[one.axis],
@@ -104,12 +104,8 @@ def entries_of_external_axis(limits: ExternalAxis) -> dict[str, int | str]:
         ExchangeError: If the error limit is 0, which the controller refuses (70585), or
             a number does not fit.
     """
-    if not limits.error > 0:
-        raise ExchangeError(
-            where=f"{_EXTERNAL}.err_limit",
-            found=f"{limits.error:g}",
-            expected="a limit above 0 (70585)",
-        )
+    where, found = f"{_EXTERNAL}.err_limit", f"{limits.error:g}"
+    expect(limits.error > 0, where, found, "a limit above 0 (70585)")
     entries: dict[str, int | str] = {}
     for name, value in (("warn_limit", limits.warning), ("err_limit", limits.error)):
         where = f"{_EXTERNAL}.{name}"
