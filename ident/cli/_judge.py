@@ -118,11 +118,8 @@ def _save(path: Path, stored: "StoredConventions", found: "Verification") -> Non
     values = found.conventions.to_dict()
     settled = {name: values[name] for name in sorted(found.settled)}
     turned = stored.contradicted(settled)
-    kept = {
-        name: value
-        for name, value in stored.conventions.to_dict().items()
-        if name in stored.verified
-    }
+    before = stored.conventions.to_dict()
+    kept = {name: before[name] for name in stored.verified}
     fitting = type(found.conventions).from_dict({**values, **kept})
     merged = dataclasses.replace(stored, conventions=fitting).with_verified(
         settled, saved_at=datetime.date.today().isoformat()

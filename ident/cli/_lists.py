@@ -1,7 +1,6 @@
 """Commands about list files: ``check``, ``show``, ``diff`` and ``convert``."""
 
 import dataclasses
-import pathlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,7 +27,7 @@ _MOST_ENTRIES = 12
 
 def check(
     files: Annotated[
-        list[pathlib.Path],
+        list[Path],
         typer.Argument(
             metavar="FILE...", help="Compensation, axis and start-up lists."
         ),
@@ -66,8 +65,6 @@ def check(
         msg = f"--build: {error}"
         raise UsageError(msg) from error
     if as_json:
-        import dataclasses
-
         print_json({"findings": [dataclasses.asdict(one) for one in findings]})
     for finding in findings:
         known = not finding.expected or finding.expected in finding.message
@@ -88,9 +85,7 @@ def check(
 
 
 def show(
-    file: Annotated[
-        pathlib.Path, typer.Argument(metavar="FILE.lis", help="List of any kind.")
-    ],
+    file: Annotated[Path, typer.Argument(metavar="FILE.lis", help="List of any kind.")],
     conventions: Rules = None,
     out: Plots = None,
 ) -> None:
@@ -121,8 +116,8 @@ def show(
 
 
 def diff(
-    old: Annotated[pathlib.Path, typer.Argument(help="The list as it was.")],
-    new: Annotated[pathlib.Path, typer.Argument(help="The list as it is to be.")],
+    old: Annotated[Path, typer.Argument(help="The list as it was.")],
+    new: Annotated[Path, typer.Argument(help="The list as it is to be.")],
     out: Plots = None,
     as_json: AsJson = False,
 ) -> None:
@@ -136,7 +131,7 @@ def diff(
     lists = read_shown_list(old), read_shown_list(new)
     found = compare(*lists)
     if as_json:
-        print_json(_tree(found))
+        print_json(dataclasses.asdict(found))
     else:
         for line in _lines(found):
             typer.echo(line)
@@ -146,16 +141,6 @@ def diff(
         before, after = map(offset_curves, lists)
         for path in draw_tables(after, out, before):
             typer.echo(f"wrote {path}", err=True)
-
-
-def _tree(found: "Comparison") -> dict[str, object]:
-    """Return the comparison for machines."""
-    return {
-        "changed": [dataclasses.asdict(change) for change in found.changed],
-        "action": found.action,
-        "reasons": list(found.reasons),
-        "curves": [dataclasses.asdict(curve) for curve in found.curves],
-    }
 
 
 def _lines(found: "Comparison") -> list[str]:

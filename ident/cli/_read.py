@@ -95,18 +95,11 @@ def _as_dict(table: "Table", problems: "list[CellError]") -> dict[str, Any]:
         "rows": table.rows,
         "first": [_cell(column, 0) for column in table.columns],
         "last": [_cell(column, -1) for column in table.columns],
-        "skipped": [
-            {"line": item.line, "reason": item.reason} for item in table.skipped
-        ],
+        "skipped": [dataclasses.asdict(item) for item in table.skipped],
         "remarks": list(table.remarks),
         "problems": [
-            {
-                "line": problem.line,
-                "column": problem.column,
-                "found": problem.found,
-                "expected": problem.expected,
-            }
-            for problem in problems
+            {key: getattr(one, key) for key in ("line", "column", "found", "expected")}
+            for one in problems
         ],
     }
 

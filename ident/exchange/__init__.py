@@ -76,19 +76,13 @@ from ._units import (
 )
 from .controller._axis_lists import AxisLists as AxisLists
 from .controller._controller import (
+    columns_of as columns_of,
     controller_from_lists as controller_from_lists,
     model_of as model_of,
 )
 from .controller._events import (
     ControllerEvent as ControllerEvent,
     parse_action as parse_action,
-)
-from .controller._external import (
-    EXTERNAL as EXTERNAL,
-    ExternalAxis as ExternalAxis,
-    entries_of_external_axis as entries_of_external_axis,
-    external_from_lists as external_from_lists,
-    from_interface as from_interface,
 )
 from .controller._motion import (
     Motion as Motion,

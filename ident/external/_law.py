@@ -1,30 +1,18 @@
-"""External compensation: limits in axis lists, tables as offsets, units of its interface."""
+"""The tables of lists as one external compensation, and the units of its interface."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from ....data.lists import ListFile
-from ....models import (
-    ExternalCompensation,
-    OffsetPart,
-    OffsetStack,
-)
-from ...kinds import kinds
-from .._machine_lists import InUse, Reading, axes_in_use, machine_lists
-from .._units import expect, round_to_list
-from ._controller import columns_of, model_of
+from ...data.lists import ListFile
+from ...models import ExternalCompensation, OffsetPart, OffsetStack
+from ..exchange import InUse, Reading, axes_in_use, columns_of, machine_lists, model_of
+from ..exchange._units import expect
+from ..kinds import kinds
 
 INTERFACE_UNITS = 10**8
 """Units of the interface per mm or °: its integers count 1e-8 of them."""
-
-EXTERNAL = "configuration.position_controller.enable_external_compensation_ifc"
-"""Entry of the start-up list that opens the interface (P-STUP-00110)."""
-
-_EXTERNAL = "lr_param.ext_comp"
-_UNS32 = (0, 2**32 - 1)
 
 
 def from_interface(values: Int[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
@@ -79,38 +67,3 @@ def _part(one: InUse, columns: Mapping[int, int], reading: Reading) -> OffsetPar
         tuple(columns[master] for master in one.masters),
         compensated=entries.sees_offsets(one.listing, reading.conventions),
     )
-
-
-@dataclasses.dataclass(frozen=True)
-class ExternalAxis:
-    """Limits of one axis for an external compensation, in mm and mm/s² (or °).
-
-    Attributes:
-        warning: P-AXIS-00743.
-        error: P-AXIS-00744.
-        acceleration: P-AXIS-00745; None: that of the axis (P-AXIS-00008) holds, which
-            these lists do not show.
-    """
-
-    warning: float
-    error: float
-    acceleration: float | None
-
-
-def entries_of_external_axis(limits: ExternalAxis) -> dict[str, int | str]:
-    """Return the entries of an axis list for an external compensation.
-
-    Raises:
-        ExchangeError: If the error limit is 0, which the controller refuses (70585), or
-            a number does not fit.
-    """
-    where, found = f"{_EXTERNAL}.err_limit", f"{limits.error:g}"
-    expect(limits.error > 0, where, found, "a limit above 0 (70585)")
-    entries: dict[str, int | str] = {}
-    for name, value in (("warn_limit", limits.warning), ("err_limit", limits.error)):
-        where = f"{_EXTERNAL}.{name}"
-        entries[where] = int(round_to_list(np.asarray(value), where, _UNS32))
-    if limits.acceleration is not None:
-        # Rounded down: never more than was asked for.
-        entries[f"{_EXTERNAL}.max_a"] = int(np.floor(limits.acceleration))
-    return entries
