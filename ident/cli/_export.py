@@ -22,7 +22,7 @@ from ._options import (
 from ._said import print_json
 
 if TYPE_CHECKING:
-    from ..exchange import Probe
+    from ..diagnosis import Probe
 
 
 def objects(
@@ -117,12 +117,7 @@ def probe(
     Examples:
       axcomp probe job.toml
     """
-    from ..exchange import (
-        AXIS_WORD,
-        probe_programs,
-        probe_steps,
-        probe_text,
-    )
+    from ..diagnosis import AXIS_WORD, probe_programs, probe_steps, probe_text
     from ..job import OutFolder
 
     own = axis_ranges(travel, "--travel", "its travel as in A1=0:500", 1e5)
@@ -167,7 +162,8 @@ def _probe_of_lists(
 ) -> "Probe":
     """Return the probe of what lists hold."""
     from ...models import Conventions
-    from ..exchange import ProbeAxis, machine_lists, make_probe, probed_in, travel_in
+    from ..diagnosis import ProbeAxis, make_probe, probed_in, travel_in
+    from ..exchange import machine_lists
 
     conventions, lists = Conventions(), read_lists(files)
     known = {**travel_in(lists, conventions, increment), **travel}
@@ -183,7 +179,8 @@ def _probe_of_job(
     file: Path, travel: Mapping[int, tuple[float, float]]
 ) -> "tuple[Probe, list[Path]]":
     """Return the probe of what a job fits, or else its lists hold; and these lists."""
-    from ..exchange import ProbeAxis, Probed, machine_lists, make_probe, probed_in
+    from ..diagnosis import ProbeAxis, Probed, make_probe, probed_in
+    from ..exchange import machine_lists
     from ..job import load_job
     from ..kinds import kind
 

@@ -14,13 +14,13 @@ from jaxtyping import Float
 
 from ....data.lists import ListFile, Value
 from ....models import Conventions
+from ...exchange._files import compensation_file, to_add, with_tables
+from ...exchange._identity import Increments
+from ...exchange._machine_lists import Reading, machine_lists
+from ...exchange._nodes import GridNodes
+from ...exchange._units import LIST_UNITS, expect
+from ...exchange.controller._controller import model_of
 from ...kinds import kind
-from .._files import compensation_file, to_add, with_tables
-from .._identity import Increments
-from .._machine_lists import Reading, machine_lists
-from .._nodes import GridNodes
-from .._units import LIST_UNITS, expect
-from ..controller._controller import model_of
 from ._nc import AXIS_WORD, WORD_SHAPE
 
 HEIGHT = 0.01
