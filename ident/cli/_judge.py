@@ -74,19 +74,16 @@ def verify(
     rules = assumed.conventions
     reading = Reading(rules, increment, ranges)
     with working("reading the log"):
-        snapshot = read_snapshot(log)
+        snapshot, found = read_snapshot(log), Verification((), (), rules, frozenset())
         if snapshot is not None:
             outside = verify_snapshot(lists, snapshot, reading)
-            found = Verification(outside, (), rules, frozenset())
         else:
             names = [one.name for one in kinds()]
             logged = read_log(log, increment, cycle_time, names)
             outside, logged = verify_external(lists, logged, reading)
-            found = Verification(outside, (), rules, frozenset())
             if logged.offsets or not outside:
                 found = verify_log(lists, logged, reading)
-                every = (*outside, *found.verdicts)
-                found = dataclasses.replace(found, verdicts=every)
+        found = dataclasses.replace(found, verdicts=(*outside, *found.verdicts))
     if as_json:
         print_json([_json(one) for one in found.verdicts])
     else:

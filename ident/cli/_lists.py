@@ -19,7 +19,7 @@ from ._options import (
 from ._said import print_json, wide_console
 
 if TYPE_CHECKING:
-    from ...data.lists import Change, Comparison, CurveChange
+    from ...data.lists import Change, Comparison
 
 _MOST_ENTRIES = 12
 """Changed entries of one table that are named one by one."""
@@ -153,10 +153,10 @@ def _lines(found: "Comparison") -> list[str]:
         groups.setdefault(key, []).append(change)
     for changes in groups.values():
         shown = changes[:_MOST_ENTRIES]
-        lines += [_entry_line(change) for change in shown]
+        lines += map(str, shown)
         if len(changes) > len(shown):
             lines.append(f"  ... and {len(changes) - len(shown)} more of this table")
-    lines += [_curve_line(curve) for curve in found.curves]
+    lines += map(str, found.curves)
     actions = {
         "none": "No entry changed: nothing to load.",
         "reload": "A reload of the list is enough.",
@@ -165,30 +165,6 @@ def _lines(found: "Comparison") -> list[str]:
     lines.append(actions[found.action])
     lines += [f"  {reason}" for reason in found.reasons]
     return lines
-
-
-def _entry_line(change: "Change") -> str:
-    if change.old is None:
-        return f"+ {change.name}: {change.new}"
-    if change.new is None:
-        return f"- {change.name}: {change.old}"
-    return f"~ {change.name}: {change.old} -> {change.new}"
-
-
-def _curve_line(curve: "CurveChange") -> str:
-    branch = "" if curve.branch == "both" else f", {curve.branch} direction"
-    name = f"{curve.compensation}{branch}"
-    if curve.largest is None:
-        return f"{name}: the offset curves cannot be compared: {curve.note}"
-    note = f" ({curve.note})" if curve.note else ""
-    if curve.largest == 0:
-        return f"{name}: the controller adds the same as before{note}"
-    unit = "mm" if curve.unit == "µm" else "increments"
-    place = ", ".join(f"{position:g}" for position in curve.at)
-    return (
-        f"{name}: the offset changes by at most {curve.largest:+g} {curve.unit}, "
-        f"at {place} {unit}{note}"
-    )
 
 
 def convert(
