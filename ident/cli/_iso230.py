@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...data.errors import UsageError
-from ._options import AsJson
+from ._options import AsJson, expect
 from ._said import print_json, print_table, wide_console
 
 if TYPE_CHECKING:
@@ -64,9 +64,8 @@ def iso230(
     if found[last].unit != unit:
         reason = f"found {found[last].unit}, expected {unit} as in {file}"
         raise MeasurementError(str(after), reason)
-    if limit_unit not in (None, unit):
-        msg = f"--tolerance: found '{tolerance}', expected {unit} as in {files[last]}"
-        raise UsageError(msg)
+    alike = f"{unit} as in {files[last]}"
+    expect(limit_unit in (None, unit), "--tolerance", f"'{tolerance}'", alike)
     if _targets(tests[last]) != _targets(next(iter(tests.values()))):
         remark = "Its targets are not those of the first file: compare with care."
         remarks = (remark, *tests[last].remarks)
@@ -105,12 +104,13 @@ def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
     for text in texts:
         role, equals, name = text.partition("=")
         role = {"target": "position"}.get(role, role)
-        if not equals or not name or role not in _ROLES:
-            msg = (
-                f"--column: found '{text}', expected ROLE=COLUMN with role target, actual,"
-                " error, run or direction, such as error=dx:um"
-            )
-            raise UsageError(msg)
+        expect(
+            equals and name and role in _ROLES,
+            "--column",
+            f"'{text}'",
+            "ROLE=COLUMN with role target, actual, error, run or direction, such as"
+            " error=dx:um",
+        )
         head, colon, unit = name.rpartition(":")
         stated = bool(colon and head) and find_unit(unit) is not None
         key = role if role == "run" else f"{axis or 'axis'}.{role}"
@@ -135,15 +135,10 @@ def _tolerance(text: str) -> tuple[float, str | None]:
     import numpy as np
 
     value = float(unit.to_library(np.array([float(match[1].replace(",", "."))]))[0])
-    if value <= 0.0:
-        msg = f"--tolerance: found '{text}', expected more than 0"
-        raise UsageError(msg)
-    if not match[2] and value >= _PLAIN_TOLERANCE:
-        # 20 is meant as µm, and 20 mm would pass every machine.
-        msg = (
-            f"--tolerance: found '{text}' without a unit, expected {text}um or {text}mm"
-        )
-        raise UsageError(msg)
+    expect(value > 0.0, "--tolerance", f"'{text}'", "more than 0")
+    # 20 is meant as µm, and 20 mm would pass every machine.
+    clear, found = match[2] or value < _PLAIN_TOLERANCE, f"'{text}' without a unit"
+    expect(clear, "--tolerance", found, f"{text}um or {text}mm")
     stated = {"length": "mm", "angle": "deg"}[unit.dimension]
     return value, stated if match[2] else None
 

@@ -12,6 +12,7 @@ from ._options import (
     Increment,
     Plots,
     Rules,
+    expect,
     read_lists,
     read_shown_list,
     rules_of,
@@ -225,12 +226,9 @@ def convert(
     )
 
     form = to or format_of(target)
-    if form not in FORMATS:
-        message = f"--to: found {form!r}, expected one of {', '.join(FORMATS)}"
-        raise UsageError(message)
-    if target.exists() and not force:
-        message = f"OUT: found {target}, which exists, expected a new file or --force"
-        raise UsageError(message)
+    expect(form in FORMATS, "--to", repr(form), f"one of {', '.join(FORMATS)}")
+    new = force or not target.exists()
+    expect(new, "OUT", f"{target}, which exists", "a new file or --force")
     if source.suffix.casefold() == ".lis":
         table = table_in(ListFile.read(source), compensation)
     else:
