@@ -62,9 +62,6 @@ def optional(listing: ListFile, name: str) -> int:
     Raises:
         ExchangeError: If it stands there and is unreadable.
     """
-    value = listing.integer(name)
-    if value is not None:
-        return value
     return 0 if listing.get(name) is None else required(listing, name)
 
 

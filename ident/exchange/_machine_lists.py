@@ -93,8 +93,10 @@ class MachineLists:
         """
         found: dict[tuple[int, str], InUse] = {}
         for number, each, listing in self._held(heated):
-            one = _in_list(number, each, listing, conventions)
-            key, own = (one.axis, one.name), self.machine.get(one.axis)
+            axis, masters = each.entries.axes(listing, number, conventions)
+            manual = each.entries.is_manual(listing)
+            one = InUse(axis, each.name, masters, listing, manual)
+            key, own = (axis, each.name), self.machine.get(axis)
             is_table = each.holder == "compensation"
             if is_table and own is not None and not each.entries.is_activated(own):
                 continue
@@ -171,10 +173,3 @@ def entries_of_activation(compensations: Iterable[str]) -> dict[str, int | str]:
 def reversal_cycles(machine: ListFile | None) -> int:
     """Return over how many cycles an axis list spreads a reversal (P-AXIS-00243)."""
     return 0 if machine is None else not_negative(machine, REVERSAL_CYCLES)
-
-
-def _in_list(
-    number: int, one: Kind, listing: ListFile, conventions: Conventions
-) -> InUse:
-    axis, masters = one.entries.axes(listing, number, conventions)
-    return InUse(axis, one.name, masters, listing, one.entries.is_manual(listing))
