@@ -7,6 +7,7 @@ matrix of it through callbacks on the host.
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Literal, final
 
 import casadi as ca
@@ -70,103 +71,78 @@ class IpoptSolution:
         return self.status in ("converged", "acceptable")
 
 
-# The function is static: it compiles once, whatever its arguments.
+Units = tuple[Any, float, Any]
+"""Of the values, of the cost and of each inequality: in these IPOPT sees the problem."""
+
+
+def _no_margins(values: Float[Array, " x"], args: Any) -> Float[Array, " g"]:
+    """Return nothing to be kept above zero."""
+    return jnp.zeros(0)
+
+
+# The functions are static: it compiles once, whatever their arguments.
 @eqx.filter_jit
-def _linearised(
-    function: VectorFunction, values: Float[Array, " x"], args: Any
-) -> tuple[Float[Array, " r"], Float[Array, "r x"]]:
-    return function(values, args), jax.jacfwd(function)(values, args)
+def _evaluated(
+    residual: VectorFunction,
+    inequality: VectorFunction,
+    args: Any,
+    units: Units,
+    x: Float[Array, " x"],
+) -> tuple[Array, ...]:
+    """Return cost, gradient, Gauss-Newton matrix, inequalities and their slopes."""
+    unit, cost, size = units
+
+    def off(x: Float[Array, " x"]) -> Float[Array, " r"]:
+        scaled: Float[Array, " r"] = residual(unit * x, args) / cost**0.5
+        return scaled
+
+    def margins(x: Float[Array, " x"]) -> Float[Array, " g"]:
+        scaled: Float[Array, " g"] = inequality(unit * x, args) / size
+        return scaled
+
+    r, design = off(x), jax.jacfwd(off)(x)
+    return (
+        0.5 * r @ r,
+        design.T @ r,
+        design.T @ design,
+        margins(x),
+        jax.jacfwd(margins)(x),
+    )
 
 
 @eqx.filter_jit
 def _curvature(
-    function: VectorFunction,
-    values: Float[Array, " x"],
+    inequality: VectorFunction,
     args: Any,
+    units: Units,
+    x: Float[Array, " x"],
     dual: Float[Array, " g"],
-) -> Float[Array, "x x"]:
-    """Return the second derivative of ``dual @ function``."""
+) -> tuple[Float[Array, "x x"]]:
+    """Return the second derivative of the inequalities, weighted by their multipliers."""
+    unit, _, size = units
 
     def weighted(x: Float[Array, " x"]) -> Float[Array, ""]:
-        return jnp.dot(dual, function(x, args))
+        return jnp.dot(dual / size, inequality(unit * x, args))
 
-    curvature: Float[Array, "x x"] = jax.jacfwd(jax.grad(weighted))(values)
-    return curvature
-
-
-@dataclasses.dataclass
-class _Problem:
-    """The problem in variables of size one, ``values = unit * x``, with a cost of one."""
-
-    residual: VectorFunction
-    inequality: VectorFunction | None
-    args: Any
-    unit: Float[np.ndarray, " x"]
-    cost_unit: float = 1.0
-    size: Float[np.ndarray, " g"] | float = 1.0
-    """Unit of each inequality."""
-    at: bytes = b""
-
-    def look(self, x: Float[np.ndarray, " x"]) -> None:
-        """Evaluate everything at x, unless it was the last point that was evaluated."""
-        if x.tobytes() == self.at:
-            return
-        values = jnp.asarray(self.unit * x)
-        found = _linearised(self.residual, values, self.args)
-        self.r, self.jacobian = map(np.asarray, found)
-        self.g, self.slopes = np.zeros(0), np.zeros((0, len(x)))
-        if self.inequality is not None:
-            found = _linearised(self.inequality, values, self.args)
-            self.g, self.slopes = map(np.asarray, found)
-        self.cost = 0.5 * float(self.r @ self.r)
-        parts = (self.r, self.jacobian, self.g, self.slopes)
-        self.finite = all(bool(np.isfinite(each).all()) for each in parts)
-        self.at = x.tobytes()
-
-    def scale(
-        self, start: Float[np.ndarray, " x"], width: Float[np.ndarray, " x"]
-    ) -> None:
-        """Take units in which a step of one changes the residual by its size at the start."""
-        norms = np.linalg.norm(self.jacobian, axis=0)
-        natural = np.where(start != 0, np.abs(start), 1.0)
-        length = (2.0 * self.cost) ** 0.5 or 1.0
-        unit = np.where(norms > 0, length / np.where(norms > 0, norms, 1.0), natural)
-        self.unit = np.minimum(unit, np.where(width > 0, width, np.inf))
-        self.cost_unit, self.at = self.cost or 1.0, b""
-        rows = np.linalg.norm(self.slopes * self.unit, axis=1)
-        self.size = np.where(rows > 0, rows, 1.0)
-
-    def evaluate(self, x: Float[np.ndarray, " x"]) -> list[Any]:
-        """Return cost, gradient, Gauss-Newton matrix, inequalities and their slopes."""
-        self.look(x)
-        scaled, cost = self.jacobian * self.unit, self.cost_unit
-        slopes = (self.slopes * self.unit).T / self.size
-        gradient, matrix = scaled.T @ self.r / cost, scaled.T @ scaled / cost
-        return [self.cost / cost, gradient, matrix, self.g / self.size, slopes.T]
-
-    def bend(
-        self, x: Float[np.ndarray, " x"], dual: Float[np.ndarray, " g"]
-    ) -> list[Any]:
-        """Return the curvature of the inequalities, weighted by their multipliers."""
-        bend = np.zeros((len(x), len(x)))
-        if self.inequality is not None and np.any(dual):
-            at, weights = jnp.asarray(self.unit * x), jnp.asarray(dual / self.size)
-            bend = np.asarray(_curvature(self.inequality, at, self.args, weights))
-        return [bend * np.outer(self.unit, self.unit)]
+    return (jax.jacfwd(jax.grad(weighted))(x),)
 
 
 class _Callback(ca.Callback):
-    """A function on the host as CasADi calls it; what it raises is kept for the caller."""
+    """A function on the host as CasADi calls it, once for each new argument.
+
+    What it raises is kept for the caller.
+    """
 
     def __init__(
         self,
         name: str,
-        function: Callable[..., list[Any]],
+        function: Callable[..., Sequence[Any]],
         takes: Sequence[int],
         gives: Sequence[tuple[int, int]],
     ) -> None:
         super().__init__()
         self._function, self._takes, self._gives = function, takes, gives
+        self._last: tuple[bytes, list[ca.DM]] = b"", []
         self.raised: BaseException | None = None
         self.construct(name, {})
 
@@ -184,8 +160,12 @@ class _Callback(ca.Callback):
 
     def eval(self, arguments: Any) -> Any:
         try:
-            found = self._function(*(np.asarray(each).ravel() for each in arguments))
-            return [ca.DM(np.asarray(each)) for each in found]
+            given = [jnp.ravel(np.asarray(each)) for each in arguments]
+            at = b"".join(each.tobytes() for each in given)
+            if at != self._last[0]:
+                found = self._function(*given)
+                self._last = at, [ca.DM(np.asarray(each)) for each in found]
+            return self._last[1]
         except BaseException as error:  # CasADi would print it and go on
             self.raised = error
             return [ca.DM.ones(*shape) * np.nan for shape in self._gives]
@@ -231,15 +211,22 @@ def least_squares_ipopt(
         msg = f"the lower limit {lower[at]} of value {at} lies above its upper one {upper[at]}"
         raise ValueError(msg)
     start = np.clip(np.asarray(start, np.float64), lower, upper)
-    problem = _Problem(residual, inequality, args, np.ones(count))
-    problem.look(start)
-    if not problem.finite:
+    margins = inequality or _no_margins
+    problem = partial(_evaluated, residual, margins, args)
+    first = [np.asarray(x) for x in problem((1.0, 1.0, 1.0), jnp.asarray(start))]
+    if not all(np.isfinite(each).all() for each in first):
         return IpoptSolution(start, 0, "not_finite")
-    problem.scale(start, upper - lower)
-    rows = len(problem.g)
+    # A step of one changes the residual by its size at the start.
+    begin, norms = float(first[0]), np.sqrt(np.diag(first[2]))
+    natural, length = np.where(start != 0, np.abs(start), 1.0), (2.0 * begin) ** 0.5
+    natural[norms > 0] = (length or 1.0) / norms[norms > 0]
+    unit = np.where(upper > lower, np.minimum(natural, upper - lower), natural)
+    steep = np.linalg.norm(first[4] * unit, axis=1)
+    units, rows = (unit, begin or 1.0, np.where(steep > 0, steep, 1.0)), len(steep)
     shapes = [(1, 1), (count, 1), (count, count), (rows, 1), (rows, count)]
-    evaluate = _Callback("evaluate", problem.evaluate, [count], shapes)
-    bend = _Callback("bend", problem.bend, [count, rows], [(count, count)])
+    evaluate = _Callback("evaluate", partial(problem, units), [count], shapes)
+    curved = partial(_curvature, margins, args, units)
+    bend = _Callback("bend", curved, [count, rows], [(count, count)])
     x, p = ca.MX.sym("x", count), ca.MX.sym("p", 0)
     share, dual = ca.MX.sym("share"), ca.MX.sym("dual", rows)
     cost, gradient, matrix, g, slopes = evaluate(x)
@@ -255,12 +242,12 @@ def least_squares_ipopt(
         "ipopt.acceptable_obj_change_tol": 1e-4 * tolerance,
     }
     solver = ca.nlpsol("solver", "ipopt", {"x": x, "p": p, "f": cost, "g": g}, options)
-    limits = {"lbx": lower / problem.unit, "ubx": upper / problem.unit}
-    found = solver(x0=start / problem.unit, lbg=0.0, ubg=np.inf, **limits)
+    limits = {"lbx": lower / unit, "ubx": upper / unit}
+    found = solver(x0=start / unit, lbg=0.0, ubg=np.inf, **limits)
     for callback in (evaluate, bend):
         if callback.raised is not None:
             raise callback.raised
     stats = solver.stats()
-    values = np.clip(np.asarray(found["x"]).ravel() * problem.unit, lower, upper)
+    values = np.clip(np.asarray(found["x"]).ravel() * unit, lower, upper)
     status = _STATUS.get(stats["return_status"], "failed")
     return IpoptSolution(values, int(stats["iter_count"]), status)

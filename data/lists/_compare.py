@@ -29,6 +29,13 @@ class Change:
     old: int | str | None
     new: int | str | None
 
+    def __str__(self) -> str:
+        if self.old is None:
+            return f"+ {self.name}: {self.new}"
+        if self.new is None:
+            return f"- {self.name}: {self.old}"
+        return f"~ {self.name}: {self.old} -> {self.new}"
+
 
 @dataclasses.dataclass(frozen=True)
 class CurveChange:
@@ -44,6 +51,21 @@ class CurveChange:
     """Where: position of the master, or of both, in mm (or increments)."""
     note: str = ""
     """Why the two cannot be compared, or what else to know."""
+
+    def __str__(self) -> str:
+        branch = "" if self.branch == "both" else f", {self.branch} direction"
+        name = f"{self.compensation}{branch}"
+        if self.largest is None:
+            return f"{name}: the offset curves cannot be compared: {self.note}"
+        note = f" ({self.note})" if self.note else ""
+        if self.largest == 0:
+            return f"{name}: the controller adds the same as before{note}"
+        unit = "mm" if self.unit == "µm" else "increments"
+        place = ", ".join(f"{position:g}" for position in self.at)
+        return (
+            f"{name}: the offset changes by at most {self.largest:+g} {self.unit}, "
+            f"at {place} {unit}{note}"
+        )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -3,7 +3,7 @@
 `read_table` gives the columns of a file in the file's own units; `measurement` gives
 them a meaning and the library's units (mm, °, s, °C); `derive_error`, `derive_motion`,
 `derive_direction` and `reduce_length` make of them what a fit needs; `iso230` evaluates
-a positioning test.
+a positioning test, and `read_iso230` that in a file.
 """
 
 from ._cnc_objects import (
@@ -38,6 +38,11 @@ from ._iso230 import (
     EDITION as EDITION,
     iso230 as iso230,
     iso230_figures as iso230_figures,
+)
+from ._iso230_file import (
+    Iso230Test as Iso230Test,
+    Iso230Verdict as Iso230Verdict,
+    read_iso230 as read_iso230,
 )
 from ._iso230_types import (
     Iso230 as Iso230,

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ...data.errors import UsageError
 from ..kinds import kind
-from ._options import AsJson
+from ._options import AsJson, expect
 from ._said import print_json, print_table, tell, working
 
 if TYPE_CHECKING:
@@ -108,15 +107,9 @@ _WHY = {
 
 def _refuse_place(job: Path, write: Path) -> None:
     """Raise where a new job would not find its files, or would replace another."""
-    if write.resolve().parent != job.resolve().parent:
-        message = (
-            f"--write: found {write}, expected a file beside {job}: paths in a job are"
-            " relative to it"
-        )
-        raise UsageError(message)
-    if write.exists():
-        message = f"--write: found {write}, which exists, expected a new file"
-        raise UsageError(message)
+    beside = f"a file beside {job}: paths in a job are relative to it"
+    expect(write.resolve().parent == job.resolve().parent, "--write", write, beside)
+    expect(not write.exists(), "--write", f"{write}, which exists", "a new file")
 
 
 def _json(found: "Discovery", names: tuple[str, ...]) -> dict[str, object]:

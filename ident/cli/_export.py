@@ -22,9 +22,7 @@ from ._options import (
 from ._said import print_json
 
 if TYPE_CHECKING:
-    from ...data.lists import ListFile
-    from ...models import Conventions
-    from ..exchange import ProbeAxis, Probed
+    from ..diagnosis import Probe
 
 
 def objects(
@@ -119,22 +117,18 @@ def probe(
     Examples:
       axcomp probe job.toml
     """
-    from ..exchange import (
-        AXIS_WORD,
-        make_probe,
-        probe_programs,
-        probe_steps,
-        probe_text,
-    )
+    from ..diagnosis import AXIS_WORD, probe_programs, probe_steps, probe_text
     from ..job import OutFolder
 
     own = axis_ranges(travel, "--travel", "its travel as in A1=0:500", 1e5)
     pattern, example = f"(?P<word>{AXIS_WORD})", "its word as in A1=X"
     words = by_axis(word, "--word", pattern, example)
-    given = _inputs(files, own, {k: m["word"] for k, m in words.items()}, increment)
-    found = make_probe(
-        given.axes, given.tables, given.conventions, given.existing, given.remarks
-    )
+    read: Sequence[Path] = ()
+    if len(files) == 1 and files[0].suffix.lower() == ".toml":
+        found, read = _probe_of_job(files[0], own)
+    else:
+        named = {axis: match["word"] for axis, match in words.items()}
+        found = _probe_of_lists(files, own, named, increment)
     contents = {
         listing.source: listing.dumps()
         for group in (found.lists, found.additions)
@@ -142,7 +136,7 @@ def probe(
     }
     contents["probe.txt"] = probe_text(found).encode()
     contents |= {name: text.encode() for name, text in probe_programs(found).items()}
-    folder = OutFolder(out, files[0], [*files[1:], *given.files])
+    folder = OutFolder(out, files[0], [*files[1:], *read])
     folder.refuse_sources(contents)
     for name, content in contents.items():
         folder.write(name, content)
@@ -160,44 +154,33 @@ def probe(
     typer.echo(f"{', '.join(contents)} in {out}", err=True)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Given:
-    """What the files of the command line say."""
-
-    axes: "Mapping[int, ProbeAxis]"
-    tables: "Sequence[Probed]"
-    existing: "Mapping[int, ListFile]"
-    conventions: "Conventions"
-    files: Sequence[Path]
-    remarks: Sequence[str] = ()
-
-
-def _inputs(
+def _probe_of_lists(
     files: Sequence[Path],
     travel: Mapping[int, tuple[float, float]],
     words: Mapping[int, str],
     increment: float | None,
-) -> _Given:
-    """Return what is to be probed, from a job file or from lists."""
+) -> "Probe":
+    """Return the probe of what lists hold."""
     from ...models import Conventions
-    from ..exchange import ProbeAxis, machine_lists, probed_in, travel_in
+    from ..diagnosis import ProbeAxis, make_probe, probed_in, travel_in
+    from ..exchange import machine_lists
 
-    if len(files) == 1 and files[0].suffix.lower() == ".toml":
-        return _of_job(files[0], travel)
-    conventions = Conventions()
-    lists = read_lists(files)
+    conventions, lists = Conventions(), read_lists(files)
     known = {**travel_in(lists, conventions, increment), **travel}
     axes = {
         number: ProbeAxis(number, words.get(number, f"A{number}"), between)
         for number, between in known.items()
     }
-    tables = probed_in(lists, conventions)
-    return _Given(axes, tables, machine_lists(lists).compensation, conventions, ())
+    existing = machine_lists(lists).compensation
+    return make_probe(axes, probed_in(lists, conventions), conventions, existing)
 
 
-def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
-    """Return what a job fits, or what its lists hold where it fits nothing."""
-    from ..exchange import ProbeAxis, Probed, machine_lists, probed_in
+def _probe_of_job(
+    file: Path, travel: Mapping[int, tuple[float, float]]
+) -> "tuple[Probe, list[Path]]":
+    """Return the probe of what a job fits, or else its lists hold; and these lists."""
+    from ..diagnosis import ProbeAxis, Probed, make_probe, probed_in
+    from ..exchange import machine_lists
     from ..job import load_job
     from ..kinds import kind
 
@@ -206,7 +189,7 @@ def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
     axes, paths = {}, []
     for name, axis in spec.axes.items():
         between = travel.get(axis.number) or axis.modulo or axis.limits
-        paths += [p for p in (axis.listing, axis.machine_data) if p is not None]
+        paths += [job.file(p) for p in (axis.listing, axis.machine_data) if p]
         if between is not None:
             axes[axis.number] = ProbeAxis(
                 axis.number,
@@ -216,27 +199,19 @@ def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
                 modulo=axis.modulo is not None and axis.number not in travel,
                 channel=axis.channel,
             )
-    lists = read_lists([job.file(path) for path in paths])
+    lists = read_lists(paths)
     found = {(one.axis, one.name): one for one in probed_in(lists, job.conventions)}
     remarks = []
     for fit in spec.fits:
-        number = spec.axes[fit.axis].number
-        facts = kind(fit.compensation)
-        if facts.adds_current:
-            if (number, facts.name) not in found:
-                remarks.append(_unprobed(fit.axis, facts.name))
-            continue
-        named = getattr(fit, "masters", None) or [getattr(fit, "master", fit.axis)]
-        masters = tuple(spec.axes[master].number for master in named)
-        found[number, fit.compensation] = Probed(number, fit.compensation, masters)
-    return _Given(
-        axes,
-        [found[key] for key in sorted(found)],
-        machine_lists(lists).compensation,
-        job.conventions,
-        [job.file(path) for path in paths],
-        remarks,
-    )
+        key = spec.axes[fit.axis].number, fit.compensation
+        if not kind(fit.compensation).adds_current:
+            named = getattr(fit, "masters", None) or [getattr(fit, "master", fit.axis)]
+            found[key] = Probed(*key, tuple(spec.axes[one].number for one in named))
+        elif key not in found:
+            remarks.append(_unprobed(fit.axis, fit.compensation))
+    tables, existing = [found[key] for key in sorted(found)], machine_lists(lists)
+    made = make_probe(axes, tables, job.conventions, existing.compensation, remarks)
+    return made, paths
 
 
 def _unprobed(axis: str, compensation: str) -> str:

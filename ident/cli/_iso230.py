@@ -2,18 +2,18 @@
 
 import dataclasses
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ...data.errors import UsageError
-from ._options import AsJson
+from ._options import AsJson, expect
 from ._said import print_json, print_table, wide_console
 
 if TYPE_CHECKING:
-    from ...data.measurements import ColumnSpec, Iso230, Table
+    from ...data.measurements import ColumnSpec, Iso230, Iso230Verdict
 
 
 def iso230(
@@ -52,28 +52,25 @@ def iso230(
       axcomp iso230 laser_x.csv
       axcomp iso230 laser_x.csv laser_again.csv --tolerance 20um --out chart
     """
-    from ...data.measurements import MeasurementError
+    from ...data.measurements import MeasurementError, read_iso230
 
     files = {"before": file, "after": after} if after else {"": file}
     limit, limit_unit = (None, None) if tolerance is None else _tolerance(tolerance)
     columns = _columns(column or (), axis)
-    found = {name: _evaluate(path, axis, columns) for name, path in files.items()}
+    found = {name: read_iso230(path, columns, axis) for name, path in files.items()}
     tests = {name: one.figures for name, one in found.items()}
     last = next(reversed(files))
     unit = next(iter(found.values())).unit
     if found[last].unit != unit:
         reason = f"found {found[last].unit}, expected {unit} as in {file}"
         raise MeasurementError(str(after), reason)
-    if limit_unit not in (None, unit):
-        msg = f"--tolerance: found '{tolerance}', expected {unit} as in {files[last]}"
-        raise UsageError(msg)
+    alike = f"{unit} as in {files[last]}"
+    expect(limit_unit in (None, unit), "--tolerance", f"'{tolerance}'", alike)
     if _targets(tests[last]) != _targets(next(iter(tests.values()))):
         remark = "Its targets are not those of the first file: compare with care."
         remarks = (remark, *tests[last].remarks)
         tests[last] = dataclasses.replace(tests[last], remarks=remarks)
-    verdict = None
-    if limit is not None:
-        verdict = _verdict(found[last], limit, files[last])
+    verdict = None if limit is None else found[last].verdict(limit)
     charts: tuple[Path, ...] = ()
     if out is not None:
         from ..report._iso_chart import draw_iso_chart, write_chart
@@ -88,10 +85,10 @@ def iso230(
     else:
         _print(files, tests, unit, found[last].axis)
     if verdict is not None:
-        typer.echo(verdict["sentence"], err=as_json)
+        typer.echo(verdict.sentence, err=as_json)
     for path in charts:
         typer.echo(f"wrote {path}", err=True)
-    if verdict is not None and not verdict["passed"]:
+    if verdict is not None and not verdict.passed:
         raise typer.Exit(1)
 
 
@@ -107,91 +104,18 @@ def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
     for text in texts:
         role, equals, name = text.partition("=")
         role = {"target": "position"}.get(role, role)
-        if not equals or not name or role not in _ROLES:
-            msg = (
-                f"--column: found '{text}', expected ROLE=COLUMN with role target, actual,"
-                " error, run or direction, such as error=dx:um"
-            )
-            raise UsageError(msg)
+        expect(
+            equals and name and role in _ROLES,
+            "--column",
+            f"'{text}'",
+            "ROLE=COLUMN with role target, actual, error, run or direction, such as"
+            " error=dx:um",
+        )
         head, colon, unit = name.rpartition(":")
         stated = bool(colon and head) and find_unit(unit) is not None
         key = role if role == "run" else f"{axis or 'axis'}.{role}"
         found[key] = ColumnSpec(head, unit) if stated else ColumnSpec(name)
     return found
-
-
-@dataclasses.dataclass(frozen=True)
-class _Test:
-    """One file: its figures, their unit, its axis, and readings that it lacks."""
-
-    figures: "Iso230"
-    unit: str
-    axis: str
-    missing: int
-
-
-def _evaluate(
-    path: Path, axis: str | None, columns: "Mapping[str, ColumnSpec]"
-) -> _Test:
-    """Return what a file holds, with all remarks on it."""
-    from ...data.measurements import (
-        derive_error,
-        explain_direction,
-        iso230 as evaluate,
-        measurement,
-        read_table,
-    )
-
-    table = read_table(path)
-    if not columns:
-        axis = axis or _only_axis(table)
-    data = measurement(table, columns, axis=axis or "axis")
-    name = axis or "axis"
-    position = data.require(f"{name}.position", "for an ISO 230-2 evaluation")
-    error = derive_error(data, name)
-    direction = explain_direction(data, name)
-    figures = evaluate(position, error, data.get("run"), direction.values)
-    remarks = [*data.remarks, *direction.remarks]
-    remarks += [
-        f"Skipped line {s.line}: {s.reason}."
-        for s in table.skipped
-        if s.reason != "comment"
-    ]
-    figures = dataclasses.replace(figures, remarks=(*remarks, *figures.remarks))
-    unit = data.units[f"{name}.position"]
-    return _Test(figures, unit, axis or "", table.missing)
-
-
-def _only_axis(table: "Table") -> str | None:
-    """Return the one axis with a position and an error or actual; None for bare roles.
-
-    Raises:
-        MeasurementError: If there are several, or none.
-    """
-    from ...data.measurements import MeasurementError, find_role
-
-    roles = [column.role for column in table.columns if column.role]
-    if "position" in roles:
-        return None
-    known = [role for text in roles if (role := find_role(text)) and role.axis]
-    axes = sorted(
-        {
-            role.axis or ""
-            for role in known
-            if role.kind in ("error", "actual") and f"{role.axis}.position" in roles
-        }
-    )
-    if len(axes) == 1:
-        return axes[0]
-    columns = ", ".join(column.name for column in table.columns[:12])
-    found = f"axes {', '.join(axes)}" if axes else f"columns {columns}"
-    expected = (
-        "--axis with one of them"
-        if axes
-        else "target, error (or actual), run, direction; or X.position, X.error …;"
-        " --column ROLE=COLUMN tells which is which"
-    )
-    raise MeasurementError(str(table.path), f"found {found}, expected {expected}")
 
 
 def _targets(test: "Iso230") -> tuple[float, ...]:
@@ -211,67 +135,26 @@ def _tolerance(text: str) -> tuple[float, str | None]:
     import numpy as np
 
     value = float(unit.to_library(np.array([float(match[1].replace(",", "."))]))[0])
-    if value <= 0.0:
-        msg = f"--tolerance: found '{text}', expected more than 0"
-        raise UsageError(msg)
-    if not match[2] and value >= _PLAIN_TOLERANCE:
-        # 20 is meant as µm, and 20 mm would pass every machine.
-        msg = (
-            f"--tolerance: found '{text}' without a unit, expected {text}um or {text}mm"
-        )
-        raise UsageError(msg)
+    expect(value > 0.0, "--tolerance", f"'{text}'", "more than 0")
+    # 20 is meant as µm, and 20 mm would pass every machine.
+    clear, found = match[2] or value < _PLAIN_TOLERANCE, f"'{text}' without a unit"
+    expect(clear, "--tolerance", found, f"{text}um or {text}mm")
     stated = {"length": "mm", "angle": "deg"}[unit.dimension]
     return value, stated if match[2] else None
 
 
-def _verdict(found: _Test, limit: float, file: Path) -> dict[str, Any]:
-    """Return the verdict: A against the tolerance, the figure named.
-
-    A test with missing readings does not pass: the figures of the whole one are larger.
-
-    Raises:
-        MeasurementError: If the data give no accuracy to judge.
-    """
-    from ...data.measurements import MeasurementError, amount, with_arrows
-
-    test, unit, missing = found.figures, found.unit, found.missing
-    name, value = test.judged()
-    if value is None:
-        reason = "found one run only, expected at least two: no accuracy A to judge"
-        raise MeasurementError(str(file), reason)
-    within = value <= limit
-    single = test.single_targets()
-    passed = within and not missing and not single
-    shown = with_arrows(name)
-    sentence = (
-        f"{'PASS' if passed else 'NOT JUDGED' if within else 'FAIL'}: {shown} = "
-        f"{amount(value, unit)} {'≤' if within else '>'} tolerance "
-        f"{amount(limit, unit)} ({file.name})"
-    )
-    if within and missing:
-        sentence += f", but {missing} readings that the file announces are missing"
-    elif within and single:
-        places = ", ".join(f"{target:g}" for target in single[:8])
-        sentence += f", but it leaves out targets with a single approach: {places}"
-    return {
-        "passed": passed,
-        "figure": name,
-        "value": value,
-        "tolerance": limit,
-        "sentence": sentence,
-    }
-
-
 def _as_dict(
-    tests: "dict[str, Iso230]", unit: str, verdict: dict[str, Any] | None, charts: Any
+    tests: "dict[str, Iso230]",
+    unit: str,
+    verdict: "Iso230Verdict | None",
+    charts: Sequence[Path],
 ) -> dict[str, Any]:
-    first, *others = tests.values()
-    result: dict[str, Any] = _figures(first)
-    result["unit"] = unit
+    first, *others = map(_figures, tests.values())
+    result = {**first, "unit": unit}
     if others:
-        result["after"] = _figures(others[0])
+        result["after"] = others[0]
     if verdict is not None:
-        result["verdict"] = verdict
+        result["verdict"] = dataclasses.asdict(verdict)
     if charts:
         result["charts"] = [str(path) for path in charts]
     return result

@@ -74,19 +74,16 @@ def verify(
     rules = assumed.conventions
     reading = Reading(rules, increment, ranges)
     with working("reading the log"):
-        snapshot = read_snapshot(log)
+        snapshot, found = read_snapshot(log), Verification((), (), rules, frozenset())
         if snapshot is not None:
             outside = verify_snapshot(lists, snapshot, reading)
-            found = Verification(outside, (), rules, frozenset())
         else:
             names = [one.name for one in kinds()]
             logged = read_log(log, increment, cycle_time, names)
             outside, logged = verify_external(lists, logged, reading)
-            found = Verification(outside, (), rules, frozenset())
             if logged.offsets or not outside:
                 found = verify_log(lists, logged, reading)
-                every = (*outside, *found.verdicts)
-                found = dataclasses.replace(found, verdicts=every)
+        found = dataclasses.replace(found, verdicts=(*outside, *found.verdicts))
     if as_json:
         print_json([_json(one) for one in found.verdicts])
     else:
@@ -118,11 +115,8 @@ def _save(path: Path, stored: "StoredConventions", found: "Verification") -> Non
     values = found.conventions.to_dict()
     settled = {name: values[name] for name in sorted(found.settled)}
     turned = stored.contradicted(settled)
-    kept = {
-        name: value
-        for name, value in stored.conventions.to_dict().items()
-        if name in stored.verified
-    }
+    before = stored.conventions.to_dict()
+    kept = {name: before[name] for name in stored.verified}
     fitting = type(found.conventions).from_dict({**values, **kept})
     merged = dataclasses.replace(stored, conventions=fitting).with_verified(
         settled, saved_at=datetime.date.today().isoformat()

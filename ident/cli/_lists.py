@@ -1,7 +1,6 @@
 """Commands about list files: ``check``, ``show``, ``diff`` and ``convert``."""
 
 import dataclasses
-import pathlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +12,7 @@ from ._options import (
     Increment,
     Plots,
     Rules,
+    expect,
     read_lists,
     read_shown_list,
     rules_of,
@@ -20,7 +20,7 @@ from ._options import (
 from ._said import print_json, wide_console
 
 if TYPE_CHECKING:
-    from ...data.lists import Change, Comparison, CurveChange
+    from ...data.lists import Change, Comparison
 
 _MOST_ENTRIES = 12
 """Changed entries of one table that are named one by one."""
@@ -28,7 +28,7 @@ _MOST_ENTRIES = 12
 
 def check(
     files: Annotated[
-        list[pathlib.Path],
+        list[Path],
         typer.Argument(
             metavar="FILE...", help="Compensation, axis and start-up lists."
         ),
@@ -66,8 +66,6 @@ def check(
         msg = f"--build: {error}"
         raise UsageError(msg) from error
     if as_json:
-        import dataclasses
-
         print_json({"findings": [dataclasses.asdict(one) for one in findings]})
     for finding in findings:
         known = not finding.expected or finding.expected in finding.message
@@ -88,9 +86,7 @@ def check(
 
 
 def show(
-    file: Annotated[
-        pathlib.Path, typer.Argument(metavar="FILE.lis", help="List of any kind.")
-    ],
+    file: Annotated[Path, typer.Argument(metavar="FILE.lis", help="List of any kind.")],
     conventions: Rules = None,
     out: Plots = None,
 ) -> None:
@@ -121,8 +117,8 @@ def show(
 
 
 def diff(
-    old: Annotated[pathlib.Path, typer.Argument(help="The list as it was.")],
-    new: Annotated[pathlib.Path, typer.Argument(help="The list as it is to be.")],
+    old: Annotated[Path, typer.Argument(help="The list as it was.")],
+    new: Annotated[Path, typer.Argument(help="The list as it is to be.")],
     out: Plots = None,
     as_json: AsJson = False,
 ) -> None:
@@ -136,7 +132,7 @@ def diff(
     lists = read_shown_list(old), read_shown_list(new)
     found = compare(*lists)
     if as_json:
-        print_json(_tree(found))
+        print_json(dataclasses.asdict(found))
     else:
         for line in _lines(found):
             typer.echo(line)
@@ -146,16 +142,6 @@ def diff(
         before, after = map(offset_curves, lists)
         for path in draw_tables(after, out, before):
             typer.echo(f"wrote {path}", err=True)
-
-
-def _tree(found: "Comparison") -> dict[str, object]:
-    """Return the comparison for machines."""
-    return {
-        "changed": [dataclasses.asdict(change) for change in found.changed],
-        "action": found.action,
-        "reasons": list(found.reasons),
-        "curves": [dataclasses.asdict(curve) for curve in found.curves],
-    }
 
 
 def _lines(found: "Comparison") -> list[str]:
@@ -168,10 +154,10 @@ def _lines(found: "Comparison") -> list[str]:
         groups.setdefault(key, []).append(change)
     for changes in groups.values():
         shown = changes[:_MOST_ENTRIES]
-        lines += [_entry_line(change) for change in shown]
+        lines += map(str, shown)
         if len(changes) > len(shown):
             lines.append(f"  ... and {len(changes) - len(shown)} more of this table")
-    lines += [_curve_line(curve) for curve in found.curves]
+    lines += map(str, found.curves)
     actions = {
         "none": "No entry changed: nothing to load.",
         "reload": "A reload of the list is enough.",
@@ -180,30 +166,6 @@ def _lines(found: "Comparison") -> list[str]:
     lines.append(actions[found.action])
     lines += [f"  {reason}" for reason in found.reasons]
     return lines
-
-
-def _entry_line(change: "Change") -> str:
-    if change.old is None:
-        return f"+ {change.name}: {change.new}"
-    if change.new is None:
-        return f"- {change.name}: {change.old}"
-    return f"~ {change.name}: {change.old} -> {change.new}"
-
-
-def _curve_line(curve: "CurveChange") -> str:
-    branch = "" if curve.branch == "both" else f", {curve.branch} direction"
-    name = f"{curve.compensation}{branch}"
-    if curve.largest is None:
-        return f"{name}: the offset curves cannot be compared: {curve.note}"
-    note = f" ({curve.note})" if curve.note else ""
-    if curve.largest == 0:
-        return f"{name}: the controller adds the same as before{note}"
-    unit = "mm" if curve.unit == "µm" else "increments"
-    place = ", ".join(f"{position:g}" for position in curve.at)
-    return (
-        f"{name}: the offset changes by at most {curve.largest:+g} {curve.unit}, "
-        f"at {place} {unit}{note}"
-    )
 
 
 def convert(
@@ -264,12 +226,9 @@ def convert(
     )
 
     form = to or format_of(target)
-    if form not in FORMATS:
-        message = f"--to: found {form!r}, expected one of {', '.join(FORMATS)}"
-        raise UsageError(message)
-    if target.exists() and not force:
-        message = f"OUT: found {target}, which exists, expected a new file or --force"
-        raise UsageError(message)
+    expect(form in FORMATS, "--to", repr(form), f"one of {', '.join(FORMATS)}")
+    new = force or not target.exists()
+    expect(new, "OUT", f"{target}, which exists", "a new file or --force")
     if source.suffix.casefold() == ".lis":
         table = table_in(ListFile.read(source), compensation)
     else:

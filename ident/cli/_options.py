@@ -8,11 +8,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ...data.errors import FoundError
+from ...data.errors import FoundError, UsageError
 
 if TYPE_CHECKING:
     from ...data.lists import ListFile
     from ..exchange import StoredConventions
+
+
+def expect(holds: object, option: str, found: object, expected: str) -> None:
+    """Refuse a command line of which something does not hold.
+
+    Raises:
+        UsageError: Saying what was found at an option, and what was expected.
+    """
+    if not holds:
+        msg = f"{option}: found {found}, expected {expected}"
+        raise UsageError(msg)
 
 
 def positive(value: float | None) -> float | None:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ...data.errors import UsageError
-from ._options import AsJson
+from ._options import AsJson, expect
 from ._said import print_json, print_table, wide_console, working
 
 if TYPE_CHECKING:
@@ -75,11 +74,8 @@ def _lines(text: str) -> int | list[int]:
         UsageError: If the text is neither.
     """
     parts = [part.strip() for part in text.strip("[] ").split(",")]
-    if not all(part.isdigit() for part in parts):
-        msg = (
-            f"--skip: found '{text}', expected a number such as 3, or lines such as [7]"
-        )
-        raise UsageError(msg)
+    wanted = "a number such as 3, or lines such as [7]"
+    expect(all(part.isdigit() for part in parts), "--skip", f"'{text}'", wanted)
     numbers = [int(part) for part in parts]
     return numbers if len(numbers) > 1 or "[" in text else numbers[0]
 
@@ -95,18 +91,11 @@ def _as_dict(table: "Table", problems: "list[CellError]") -> dict[str, Any]:
         "rows": table.rows,
         "first": [_cell(column, 0) for column in table.columns],
         "last": [_cell(column, -1) for column in table.columns],
-        "skipped": [
-            {"line": item.line, "reason": item.reason} for item in table.skipped
-        ],
+        "skipped": [dataclasses.asdict(item) for item in table.skipped],
         "remarks": list(table.remarks),
         "problems": [
-            {
-                "line": problem.line,
-                "column": problem.column,
-                "found": problem.found,
-                "expected": problem.expected,
-            }
-            for problem in problems
+            {key: getattr(one, key) for key in ("line", "column", "found", "expected")}
+            for one in problems
         ],
     }
 
@@ -259,9 +248,8 @@ def new(
     from ..new import new_job
 
     numbers = dict(map(_numbered, axes or []))
-    if out.exists() and not force:
-        message = f"--out: found {out}, which exists, expected a new file or --force"
-        raise UsageError(message)
+    new = force or not out.exists()
+    expect(new, "--out", f"{out}, which exists", "a new file or --force")
     with working("reading the measurements"):
         job = new_job(files, path=out, lists=lists or [], axes=numbers)
     write_atomically(out, job.text.encode())
@@ -275,10 +263,9 @@ def new(
 def _numbered(text: str) -> tuple[str, int | None]:
     name, equals, number = text.partition("=")
     plain = name.isascii() and name.replace("_", "").isalnum()
-    if plain and (not equals or number.isdecimal()):
-        return name, int(number) if equals else None
-    message = f"{_AXIS}: found {text!r}, expected a name and a number, like X=1"
-    raise UsageError(message)
+    suits = plain and (not equals or number.isdecimal())
+    expect(suits, _AXIS, repr(text), "a name and a number, like X=1")
+    return name, int(number) if equals else None
 
 
 def _print_questions(out: Path, job: "NewJob") -> None:

@@ -160,9 +160,13 @@ def _line_table(curves: Sequence[OffsetCurve]) -> Table:
     return _grid(heads, rows)
 
 
-def _grid(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+def _grid(
+    heads: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    caption: str | None = None,
+) -> Table:
     """Return a table of numbers; of many rows the first and last ones."""
-    table = _plain_columns()
+    table = _plain_columns(caption)
     for head in heads:
         table.add_column(head, justify="right", vertical="bottom", overflow="fold")
     half = MOST_ROWS // 2
@@ -190,17 +194,13 @@ def _plane_table(curve: OffsetCurve, order: str) -> Table:
     ):
         if len(shown) < len(nodes):
             caption += f"; {len(shown)} of {len(nodes)} {what} are shown"
-    table = _plain_columns(caption)
-    table.add_column(f"{unit}", justify="right", style="dim")
-    for i in columns:
-        table.add_column(f"{curve.nodes[0][i]:g}", justify="right", header_style="dim")
+    heads = [unit, *(f"{curve.nodes[0][i]:g}" for i in columns)]
+    cells = []
     for j in rows:
-        cells = [
-            "-" if curve.entries[j][i] is None else _plain(offsets[j][i])
-            for i in columns
-        ]
-        table.add_row(f"{curve.nodes[1][j]:g}", *cells)
-    return table
+        found = zip(curve.entries[j], offsets[j], strict=True)
+        texts = ["-" if entry is None else _plain(offset) for entry, offset in found]
+        cells.append([f"{curve.nodes[1][j]:g}", *(texts[i] for i in columns)])
+    return _grid(heads, cells, caption)
 
 
 def _plain(value: float) -> str:

@@ -123,12 +123,11 @@ def simulate(
     for remark in dict.fromkeys(text for axis in found for text in axis.remarks):
         typer.echo(f"axcomp: {remark}", err=True)
     if out is not None:
-        encoded = _parquet if out.suffix.lower() == ".parquet" else _csv
-        write_atomically(out, encoded(columns))
+        write_atomically(out, _encoded(columns, out.suffix.lower()))
     if as_json:
         print_json(_summary(columns, found, rules))
     elif out is None:
-        typer.echo(_csv(columns).decode("ascii"), nl=False)
+        typer.echo(_encoded(columns).decode("ascii"), nl=False)
     else:
         rows = len(next(iter(columns.values()))) if columns else 0
         typer.echo(f"{rows} rows, {', '.join(columns)} in {out}", err=True)
@@ -203,26 +202,19 @@ def _summary(
     }
 
 
-def _csv(columns: "dict[str, np.ndarray]") -> bytes:
+def _encoded(columns: "dict[str, np.ndarray]", suffix: str = ".csv") -> bytes:
+    """Return the columns as a file: Parquet where its name says so, else CSV."""
     import io
 
     import pyarrow as pa
-    from pyarrow import csv
+    from pyarrow import csv, parquet
 
-    sink = io.BytesIO()
-    sink.write((",".join(columns) + "\n").encode("ascii"))
-    csv.write_csv(pa.table(columns), sink, csv.WriteOptions(include_header=False))
-    return sink.getvalue()
-
-
-def _parquet(columns: "dict[str, np.ndarray]") -> bytes:
-    import io
-
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    sink = io.BytesIO()
-    parquet.write_table(pa.table(columns), sink)
+    table, sink = pa.table(columns), io.BytesIO()
+    if suffix == ".parquet":
+        parquet.write_table(table, sink)
+    else:
+        sink.write((",".join(columns) + "\n").encode("ascii"))
+        csv.write_csv(table, sink, csv.WriteOptions(include_header=False))
     return sink.getvalue()
 
 

@@ -5,8 +5,8 @@ compensations the lists of a machine switch on) and the folder `controller` (the
 has them, run along a motion); what each compensation says of itself is in
 ``kinds/<name>/entries.py``.
 `_files`: the files of an axis. `_table`: what a table fit writes, with its nodes and its sign.
-The folder `probe` asks a machine for plateaus; `load_model` (`_axis_models`) makes models of the
-lists of one axis, `write_lists` writes them back. `_conventions_file`: the rules of one machine.
+`load_model` (`_axis_models`) makes models of the lists of one axis, `write_lists` writes them
+back. `_convert`: tables of other controllers. `_conventions_file`: the rules of one machine.
 """
 
 from ._axis_models import (
@@ -28,7 +28,6 @@ from ._convert import (
     table_of_file as table_of_file,
     text_of as text_of,
 )
-from ._evaluate import offset_at as offset_at
 from ._files import (
     axis_file as axis_file,
     compensation_file as compensation_file,
@@ -62,6 +61,7 @@ from ._table import (
     Model as Model,
     by_branch as by_branch,
     nodes_in as nodes_in,
+    offset_at as offset_at,
     refuse_lost_nodes as refuse_lost_nodes,
 )
 from ._toml import (
@@ -76,6 +76,7 @@ from ._units import (
 )
 from .controller._axis_lists import AxisLists as AxisLists
 from .controller._controller import (
+    columns_of as columns_of,
     controller_from_lists as controller_from_lists,
     model_of as model_of,
 )
@@ -83,37 +84,8 @@ from .controller._events import (
     ControllerEvent as ControllerEvent,
     parse_action as parse_action,
 )
-from .controller._external import (
-    EXTERNAL as EXTERNAL,
-    ExternalAxis as ExternalAxis,
-    entries_of_external_axis as entries_of_external_axis,
-    external_from_lists as external_from_lists,
-    from_interface as from_interface,
-)
 from .controller._motion import (
     Motion as Motion,
     direction_of_motion as direction_of_motion,
 )
 from .controller._simulate import AxisOffsets as AxisOffsets, simulate as simulate
-from .probe._nc import (
-    AXIS_WORD as AXIS_WORD,
-    CompState as CompState,
-    declared as declared,
-    numbered as numbered,
-)
-from .probe._probe import (
-    Masters as Masters,
-    Outcome as Outcome,
-    Outcomes as Outcomes,
-    Probe as Probe,
-    ProbeAxis as ProbeAxis,
-    Probed as Probed,
-    make_probe as make_probe,
-    probed_in as probed_in,
-    travel_in as travel_in,
-)
-from .probe._probe_text import (
-    probe_programs as probe_programs,
-    probe_steps as probe_steps,
-    probe_text as probe_text,
-)

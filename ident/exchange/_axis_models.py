@@ -14,7 +14,7 @@ from ._files import axis_file, compensation_file, to_add, with_tables
 from ._identity import Increments
 from ._machine_lists import Reading, entries_of_activation, machine_lists
 from ._nodes import Ranges
-from ._units import ExchangeError, ModelUnit
+from ._units import ExchangeError, ModelUnit, expect
 from .controller._controller import model_of
 
 
@@ -139,12 +139,12 @@ def load_model(
     ]
     machine = machine_lists(read)
     numbers = sorted({*machine.compensation, *machine.machine})
-    if len(numbers) != 1:
-        raise ExchangeError(
-            where=", ".join(one.source for one in read) or "no list",
-            found=f"lists of the axes {numbers}",
-            expected="compensation list and axis list of one axis",
-        )
+    expect(
+        len(numbers) == 1,
+        ", ".join(one.source for one in read) or "no list",
+        f"lists of the axes {numbers}",
+        "compensation list and axis list of one axis",
+    )
     reading = Reading(rules, increment, modulo or {})
     used = {one.name: one for one in machine.in_use(rules)}
     masters = {

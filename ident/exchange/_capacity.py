@@ -5,7 +5,7 @@ import re
 from typing import final
 
 from ...data.lists import ListFile
-from ._units import ExchangeError
+from ._units import ExchangeError, expect
 
 FIRST_WITH_MAX_POINTS = (3, 1, 3079, 6)
 """Build V3.1.3079.06, from which the size of the tables can be set."""
@@ -59,9 +59,8 @@ class ListTarget:
                 user asks for less than the table needs.
         """
         name, wanted, build = f"{prefix}.max_points", self.max_points, self.build
-        if wanted is not None and wanted < needed:
-            expected = f"at least {needed} for this table"
-            raise ExchangeError(where=name, found=str(wanted), expected=expected)
+        enough = f"at least {needed} for this table"
+        expect(wanted is None or wanted >= needed, name, wanted, enough)
         stated = None if self.existing is None else self.existing.integer(name)
         if wanted is None:
             if stated:
@@ -70,12 +69,12 @@ class ListTarget:
                 wanted = needed
         if wanted is None or wanted == stated:
             return {}
-        if build is not None and build_number(build) < FIRST_WITH_MAX_POINTS:
-            raise ExchangeError(
-                where=name,
-                found=f"a table that needs {needed} on build {build}",
-                expected="a table within the fixed size (max_points: V3.1.3079.06 on)",
-            )
+        expect(
+            build is None or build_number(build) >= FIRST_WITH_MAX_POINTS,
+            name,
+            f"a table that needs {needed} on build {build}",
+            "a table within the fixed size (max_points: V3.1.3079.06 on)",
+        )
         return {name: wanted}
 
 
@@ -93,7 +92,4 @@ def refuse_huge(count: int, where: str) -> None:
     Raises:
         ExchangeError: If a table has more than some million values.
     """
-    if count > _MOST:
-        raise ExchangeError(
-            where=where, found=f"{count} values", expected=f"at most {_MOST}"
-        )
+    expect(count <= _MOST, where, f"{count} values", f"at most {_MOST}")

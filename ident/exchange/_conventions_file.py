@@ -5,12 +5,12 @@ second measurement of that machine; what stands in ``[assumed]`` holds until the
 """
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ...models import ConventionError, Conventions
+from .._job_text import job_line
 from ._toml import TomlError, line_of, read_toml
 
 _TABLES = ("verified", "assumed")
@@ -65,7 +65,7 @@ class StoredConventions:
         """Return the file: settled rules, then those assumed against the defaults."""
         lines = ["# How the controller of this machine applies its lists."]
         if self.machine is not None:
-            lines.append(f"machine = {_toml(self.machine)}")
+            lines.append(job_line("machine", self.machine))
         if self.saved_at is not None:
             lines.append(f"saved_at = {self.saved_at}")
         groups: dict[str, list[str]] = {name: [] for name in _TABLES}
@@ -73,7 +73,7 @@ class StoredConventions:
             group = "verified" if rule.name in self.verified else "assumed"
             if group == "verified" or rule.value != rule.default:
                 meaning = f"# {rule.meaning} ({rule.rule})"
-                groups[group] += [meaning, f"{rule.name} = {_toml(rule.value)}"]
+                groups[group] += [meaning, job_line(rule.name, rule.value)]
         for name, entries in groups.items():
             if entries:
                 lines += ["", f"[{name}]", *entries]
@@ -119,10 +119,3 @@ def read_conventions(path: Path, machine: str | None = None) -> StoredConvention
     return StoredConventions(
         found, frozenset(settled), own, None if saved is None else str(saved)
     )
-
-
-def _toml(value: int | str) -> str:
-    if isinstance(value, int):
-        return str(value)
-    # A basic string: what JSON escapes, TOML does, too.
-    return json.dumps(value, ensure_ascii=False)

@@ -22,7 +22,7 @@ from ...data.measurements import MESH_FORMATS, Table, find_unit, read_table
 from ...models import EquidistantNodes, Setpoints
 from ..kinds import kind
 from ._axis_models import AxisModels, load_model
-from ._units import LIST_UNITS, ExchangeError
+from ._units import LIST_UNITS, ExchangeError, expect
 
 MASTERS = {"leadscrew": 0, "cross": 1, "plane": 2}
 """Compensations that are tables over positions, and how many masters each has."""
@@ -83,10 +83,14 @@ def table_in(listing: ListFile, compensation: str | None = None) -> ExchangedTab
     names = [name for name in MASTERS if name in held]
     if compensation is not None:
         names = [name for name in names if name == compensation]
-    if len(names) != 1:
-        found = f"tables {', '.join(names)}" if names else "no such table"
-        expected = "one to convert: --compensation " + "|".join(MASTERS)
-        raise ExchangeError(listing.source, found, expected)
+    found = f"tables {', '.join(names)}" if names else "no such table"
+    choice = "|".join(MASTERS)
+    expect(
+        len(names) == 1,
+        listing.source,
+        found,
+        f"one to convert: --compensation {choice}",
+    )
     model = held[names[0]]
     nodes = tuple(np.asarray(way.positions) for way in model.ways)
     rows = np.stack([np.asarray(values) for values in model.tables])
@@ -107,29 +111,22 @@ def list_with(table: ExchangedTable) -> tuple[ListFile, dict[str, int]]:
         ExchangeError: If axis, masters or compensation are not known, or a list cannot
             hold the nodes.
     """
-    name = table.compensation
-    if name not in MASTERS:
-        raise ExchangeError(
-            where="compensation", found=repr(name), expected=" or ".join(MASTERS)
-        )
-    if table.axis is None:
-        raise ExchangeError(
-            where="axis",
-            found="no number",
-            expected="--axis: the one that is compensated (kopf.achs_nr)",
-        )
-    if len(table.masters) != MASTERS[name]:
-        found = f"{len(table.masters)} masters of a {name} table"
-        expected = f"{MASTERS[name]}: --master and the number of each axis"
-        raise ExchangeError(where="masters", found=found, expected=expected)
+    name, count = table.compensation, len(table.masters)
+    expect(name in MASTERS, "compensation", repr(name), " or ".join(MASTERS))
+    which = "--axis: the one that is compensated (kopf.achs_nr)"
+    expect(table.axis is not None, "axis", "no number", which)
+    axis = table.axis or 0
+    wanted = f"{MASTERS[name]}: --master and the number of each axis"
+    found = f"{count} masters of a {name} table"
+    expect(count == MASTERS[name], "masters", found, wanted)
     rows = [table.entries] if len(table.nodes) == 2 else table.entries
     turning = {"modulo": True} if table.modulo else {}
     nodes = [_nodes(each) for each in table.nodes]
     model = kind(name).entries.models[0](*nodes, *rows, **turning)
-    models = AxisModels(table.axis, {name: model}, {name: table.masters})
+    models = AxisModels(axis, {name: model}, {name: table.masters})
     entries, machine = models.to_entries()
-    comment = (f"Compensation list of axis {table.axis}, converted by axcomp",)
-    listing = new_list({"kopf.achs_nr": table.axis} | entries, comment=comment)
+    comment = (f"Compensation list of axis {axis}, converted by axcomp",)
+    listing = new_list({"kopf.achs_nr": axis} | entries, comment=comment)
     return listing, {key: int(value) for key, value in machine.items()}
 
 
@@ -194,11 +191,11 @@ def text_of(table: ExchangedTable, form: str, *, trim: bool = False) -> str:
         return _csv(table)
     if form == "linuxcnc":
         return _linuxcnc(table, trim)
-    if MASTERS.get(table.compensation) != 2:
-        raise ExchangeError(form, f"a {table.compensation} table", "a plane")
+    kind_of = f"a {table.compensation} table"
+    expect(MASTERS.get(table.compensation) == 2, form, kind_of, "a plane")
     steps = [np.diff(each) for each in table.nodes]
-    if any(each.size and np.ptp(each) > _UNEVEN for each in steps):
-        raise ExchangeError(form, "nodes at uneven distances", "evenly spaced ones")
+    even = not any(each.size and np.ptp(each) > _UNEVEN for each in steps)
+    expect(even, form, "nodes at uneven distances", "evenly spaced ones")
     return _bed_mesh(table) if form == "bed-mesh" else _height_map(table)
 
 
@@ -248,12 +245,8 @@ def _of_csv(table: Table) -> ExchangedTable:
     with table.path.open(encoding="utf-8", errors="replace") as file:
         head = _HEAD.match(file.readline())
     columns = [_lengths(table, k) for k in range(len(table.columns))]
-    if len(columns) not in (2, 3):
-        raise ExchangeError(
-            where=str(table.path),
-            found=f"{len(columns)} columns",
-            expected="positions, then one or two of entries",
-        )
+    found, expected = f"{len(columns)} columns", "positions, then one or two of entries"
+    expect(len(columns) in (2, 3), str(table.path), found, expected)
     name = head["name"] if head else ""
     axis = int(head["axis"]) if head else None
     over = head["masters"] if head else None
@@ -280,14 +273,12 @@ def _lengths(table: Table, number: int) -> Float[np.ndarray, " t"]:
 
 
 def _linuxcnc(table: ExchangedTable, trim: bool) -> str:
-    if MASTERS.get(table.compensation) != 0 or table.modulo:
-        found = f"a {table.compensation} table" + " that goes round" * table.modulo
-        expected = "a leadscrew table of a linear axis"
-        raise ExchangeError(where="linuxcnc", found=found, expected=expected)
+    suits = MASTERS.get(table.compensation) == 0 and not table.modulo
+    found = f"a {table.compensation} table" + " that goes round" * table.modulo
+    expect(suits, "linuxcnc", found, "a leadscrew table of a linear axis")
     (nodes,) = table.nodes
-    if len(nodes) > _MOST:
-        found, expected = f"{len(nodes)} points", f"at most {_MOST}"
-        raise ExchangeError(where="linuxcnc", found=found, expected=expected)
+    found = f"{len(nodes)} points"
+    expect(len(nodes) <= _MOST, "linuxcnc", found, f"at most {_MOST}")
     values = [-each if trim else nodes + each for each in table.entries]
     columns = [nodes, values[0], values[-1]]
     return _lines(*(" ".join(map(_number, row)) for row in zip(*columns, strict=True)))
@@ -300,20 +291,14 @@ def _of_triplets(path: Path, trim: bool) -> ExchangedTable:
             row = [float(cell) for cell in line.split()]
         except ValueError:
             row = [math.nan]
-        if len(row) not in (0, 3):
-            # LinuxCNC itself stops reading here without a word.
-            raise ExchangeError(
-                where=f"{path}:{number}",
-                found=repr(line.strip()),
-                expected="three numbers: nominal, forward, reverse",
-            )
+        # LinuxCNC itself stops reading here without a word.
+        where, expected = f"{path}:{number}", "three numbers: nominal, forward, reverse"
+        expect(len(row) in (0, 3), where, repr(line.strip()), expected)
         rows += [row] if row else []
     nodes, *values = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-    if len(nodes) < 2 or np.any(np.diff(nodes) <= 0):
-        found = (
-            f"{len(nodes)} points" if len(nodes) < 2 else "points that do not ascend"
-        )
-        raise ExchangeError(str(path), found, "two or more, ascending")
+    found = f"{len(nodes)} points" if len(nodes) < 2 else "points that do not ascend"
+    ascend = len(nodes) > 1 and bool(np.all(np.diff(nodes) > 0))
+    expect(ascend, str(path), found, "two or more, ascending")
     entries = np.stack([-each if trim else each - nodes for each in values])
     if np.allclose(entries[0], entries[1], 0.0, 1e-9):
         entries = entries[:1]
@@ -334,10 +319,9 @@ def _of_grid(
     values = np.full((len(second), len(first)), np.nan)
     values[j, i] = columns[2]
     holes = int(np.isnan(values).sum())
-    if holes:
-        found = f"{holes} of {values.size} places without a value"
-        expected = f"a full grid; a fit fills it: axcomp new {table.path.name}"
-        raise ExchangeError(str(table.path), found, expected)
+    found = f"{holes} of {values.size} places without a value"
+    expected = f"a full grid; a fit fills it: axcomp new {table.path.name}"
+    expect(not holes, str(table.path), found, expected)
     return ExchangedTable("plane", None, (), (first, second), values)
 
 

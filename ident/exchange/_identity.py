@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 
 from ...data.lists import ListFile
-from ._units import LIST_UNITS, ExchangeError
+from ._units import LIST_UNITS, ExchangeError, expect
 
 Increments = float | Mapping[int, float] | None
 """mm (or °) per encoder increment: one for all axes, by axis number, or not known."""
@@ -62,9 +62,6 @@ def optional(listing: ListFile, name: str) -> int:
     Raises:
         ExchangeError: If it stands there and is unreadable.
     """
-    value = listing.integer(name)
-    if value is not None:
-        return value
     return 0 if listing.get(name) is None else required(listing, name)
 
 
@@ -75,10 +72,7 @@ def not_negative(listing: ListFile, name: str) -> int:
         ExchangeError: If it stands there and is unreadable or below 0.
     """
     value = optional(listing, name)
-    if value < 0:
-        raise ExchangeError(
-            where=f"{listing.source}: {name}", found=str(value), expected="0 or more"
-        )
+    expect(value >= 0, f"{listing.source}: {name}", value, "0 or more")
     return value
 
 
@@ -88,12 +82,8 @@ def refuse_many(cycles: int, name: str) -> None:
     Raises:
         ExchangeError: Naming the entry.
     """
-    if cycles > MOST_REVERSAL_CYCLES:
-        raise ExchangeError(
-            where=name,
-            found=str(cycles),
-            expected=f"at most {MOST_REVERSAL_CYCLES} cycles",
-        )
+    most = f"at most {MOST_REVERSAL_CYCLES} cycles"
+    expect(cycles <= MOST_REVERSAL_CYCLES, name, cycles, most)
 
 
 def flag(listing: ListFile, name: str) -> bool:

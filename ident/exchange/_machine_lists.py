@@ -8,7 +8,7 @@ from ...models import Conventions, TemperatureLine
 from ..kinds import Kind, kind, kinds
 from ._identity import Increments, axis_number, not_negative
 from ._nodes import Ranges
-from ._units import ExchangeError
+from ._units import ExchangeError, expect
 
 REVERSAL_CYCLES = "lr_param.n_backlash_cyc"
 """Entry of the axis list: cycles of a reversal, of the backlash and of a leadscrew table."""
@@ -93,8 +93,10 @@ class MachineLists:
         """
         found: dict[tuple[int, str], InUse] = {}
         for number, each, listing in self._held(heated):
-            one = _in_list(number, each, listing, conventions)
-            key, own = (one.axis, one.name), self.machine.get(one.axis)
+            axis, masters = each.entries.axes(listing, number, conventions)
+            manual = each.entries.is_manual(listing)
+            one = InUse(axis, each.name, masters, listing, manual)
+            key, own = (axis, each.name), self.machine.get(axis)
             is_table = each.holder == "compensation"
             if is_table and own is not None and not each.entries.is_activated(own):
                 continue
@@ -129,12 +131,12 @@ def machine_lists(lists: Sequence[ListFile]) -> MachineLists:
     """
     found: dict[str, dict[int, ListFile]] = {"compensation": {}, "axis": {}}
     for listing in lists:
-        if listing.kind == "unknown":
-            raise ExchangeError(
-                where=listing.source,
-                found="none of the entries of a compensation or axis list",
-                expected="kopf.*, kw.*, frict_comp.* or lr_param.*",
-            )
+        expect(
+            listing.kind != "unknown",
+            listing.source,
+            "none of the entries of a compensation or axis list",
+            "kopf.*, kw.*, frict_comp.* or lr_param.*",
+        )
         if listing.kind == "startup":
             continue
         number, holder = axis_number(listing), listing.kind
@@ -171,10 +173,3 @@ def entries_of_activation(compensations: Iterable[str]) -> dict[str, int | str]:
 def reversal_cycles(machine: ListFile | None) -> int:
     """Return over how many cycles an axis list spreads a reversal (P-AXIS-00243)."""
     return 0 if machine is None else not_negative(machine, REVERSAL_CYCLES)
-
-
-def _in_list(
-    number: int, one: Kind, listing: ListFile, conventions: Conventions
-) -> InUse:
-    axis, masters = one.entries.axes(listing, number, conventions)
-    return InUse(axis, one.name, masters, listing, one.entries.is_manual(listing))

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...models import AbstractNodes, EquidistantNodes, ModuloNodes, Setpoints
-from ._units import LIST_UNITS, ExchangeError, exact_in_list
+from ._units import LIST_UNITS, ExchangeError, exact_in_list, expect
 
 
 def as_array(
@@ -78,14 +78,8 @@ def grid_nodes(start: float, interval: float, count: int, name: str) -> GridNode
         ExchangeError: If start or interval is no multiple of a list unit, the interval
             is not positive, there are fewer than two nodes, or they leave SGN32.
     """
-    if interval <= 0:
-        raise ExchangeError(
-            where=f"{name}.interval", found=f"{interval:g}", expected="more than 0"
-        )
-    if count < 2:
-        raise ExchangeError(
-            where=f"{name}.points", found=str(count), expected="at least 2"
-        )
+    expect(interval > 0, f"{name}.interval", f"{interval:g}", "more than 0")
+    expect(count >= 2, f"{name}.points", count, "at least 2")
     first = int(exact_in_list(start, f"{name}.start"))
     step = int(exact_in_list(interval, f"{name}.interval"))
     exact_in_list(start + interval * (count - 1), f"{name}: last node")
@@ -99,21 +93,14 @@ def point_nodes(setpoints: Float[np.ndarray, " n"], name: str) -> PointNodes:
         ExchangeError: If one is no multiple of a list unit, they do not ascend, there
             are fewer than two, or they leave SGN32.
     """
-    if len(setpoints) < 2:
-        raise ExchangeError(
-            where=f"{name}.setpoints",
-            found=f"{len(setpoints)} of them",
-            expected="at least 2",
-        )
-    integers = exact_in_list(setpoints, f"{name}.setpoints")
+    name, count = f"{name}.setpoints", len(setpoints)
+    expect(count >= 2, name, f"{count} of them", "at least 2")
+    integers = exact_in_list(setpoints, name)
     steps = np.diff(integers)
     if (steps <= 0).any():
         at = int(np.argmax(steps <= 0))
-        raise ExchangeError(
-            where=f"{name}.setpoints",
-            found=f"{setpoints[at]:g} followed by {setpoints[at + 1]:g}",
-            expected="ascending positions",
-        )
+        pair = f"{setpoints[at]:g} followed by {setpoints[at + 1]:g}"
+        raise ExchangeError(name, pair, "ascending positions")
     return PointNodes(tuple(int(k) for k in integers))
 
 
@@ -132,16 +119,10 @@ def nodes_of_model(nodes: AbstractNodes, name: str) -> ListNodes:
 
 def refuse_unordered(points: Float[np.ndarray, " n"], name: str) -> None:
     """Raise where setpoints are none or do not ascend."""
-    if len(points) == 0:
-        raise ExchangeError(where=name, found="no points", expected="at least one")
-    falling = np.flatnonzero(np.diff(points) <= 0)
-    if falling.size:
-        at = int(falling[0])
-        raise ExchangeError(
-            where=name,
-            found=f"{points[at + 1]:g} after {points[at]:g} (index {at + 1})",
-            expected="ascending setpoints",
-        )
+    expect(len(points), name, "no points", "at least one")
+    for at in np.flatnonzero(np.diff(points) <= 0).tolist():
+        pair = f"{points[at + 1]:g} after {points[at]:g} (index {at + 1})"
+        raise ExchangeError(name, pair, "ascending setpoints")
 
 
 Ranges = Mapping[int, tuple[float, float]]
@@ -176,12 +157,12 @@ def refuse_jump(
     places = np.asarray(nodes.positions)
     low, high = nodes.limits or (float(places[0]), float(places[-1]))
     slack = 1e-5 / LIST_UNITS
-    if places[0] < low - slack or places[-1] > high + slack:
-        raise ExchangeError(
-            where=name,
-            found=f"nodes from {places[0]:g} to {places[-1]:g}",
-            expected=f"nodes within the modulo range of their axis, {low:g} to {high:g}",
-        )
+    expect(
+        low - slack <= places[0] and places[-1] <= high + slack,
+        name,
+        f"nodes from {places[0]:g} to {places[-1]:g}",
+        f"nodes within the modulo range of their axis, {low:g} to {high:g}",
+    )
     refuse_unequal_ends(values, name)
 
 
@@ -191,11 +172,7 @@ def refuse_unequal_ends(values: Int[np.ndarray, "_p ..."], name: str) -> None:
     Raises:
         ExchangeError: Naming the first pair of values that differ.
     """
-    unequal = np.flatnonzero(np.ravel(values[0] != values[-1]))
-    if unequal.size:
-        first, last = (np.ravel(values[k])[unequal[0]] for k in (0, -1))
-        raise ExchangeError(
-            where=name,
-            found=f"{first} at the start and {last} at the end",
-            expected="equal values at both ends of a modulo table",
-        )
+    ends = np.stack([np.ravel(values[0]), np.ravel(values[-1])], axis=1)
+    for first, last in ends[ends[:, 0] != ends[:, 1]]:
+        words = f"{first} at the start and {last} at the end"
+        raise ExchangeError(name, words, "equal values at both ends of a modulo table")

@@ -3,17 +3,17 @@
 import abc
 import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ...data.lists import ListFile, Value
 from ...models import AbstractLookup, Conventions
+from ..core import touched
 from ..fit import TableLayout
 from ..kinds import Kind
 from ._capacity import ANY_LIST, ListTarget
-from ._evaluate import offset_at, offsets_at
 from ._identity import Increments
 from ._machine_lists import Reading
 from ._nodes import ListNodes, nodes_of_model
@@ -78,20 +78,12 @@ class AbstractTable(abc.ABC):
             self.model(integers), self.masters, self.conventions, target
         )
 
-    def is_in(self, listing: ListFile) -> bool:
-        """Whether a list holds a table of this compensation."""
-        return self.kind.entries.is_in(listing)
-
     def read(self, listing: ListFile, increments: Increments = None) -> Model:
         """Return the model of the table that a list holds."""
         ranges = {} if self.modulo is None else {self.masters[0]: self.modulo}
         reading = Reading(self.conventions, increments, ranges)
         found: Model = self.kind.entries.model(listing, self.axis, reading)
         return found
-
-    def masters_in(self, listing: ListFile) -> tuple[int, ...]:
-        """Return the masters of the table that a list holds."""
-        return self.kind.entries.named_masters(listing) or (self.axis,)
 
     def refuse_other_form(self, old: Model, source: str) -> None:
         """Raise where the table cannot continue one of another form.
@@ -168,10 +160,11 @@ class AbstractTable(abc.ABC):
             branch: As for `offset`.
         """
         direction = None if branch is None else 1 - 2 * branch
-        entries = from_list_units(integers).reshape(len(integers), -1)
-        # Only its nodes count, not its entries.
-        model = self.model(np.zeros_like(integers[0]))
-        return offsets_at(model, entries, positions, direction)
+        # The lists have their nodes in common: only these count of the first.
+        nodes, weights = _touched(self.model(integers[0]), positions, direction)
+        entries = self.to_offsets(integers).reshape(len(integers), -1)
+        # One by one, which takes less memory.
+        return np.stack([(row[nodes] * weights).sum(axis=1) for row in entries])
 
     def at_nodes(self, model: Model) -> Float[np.ndarray, "..."]:
         """Return the offset of a model at the nodes, shaped like `layout`."""
@@ -187,6 +180,35 @@ class AbstractTable(abc.ABC):
         branch = np.repeat(np.arange(self.branches), len(points))
         found = self.offset(model, np.tile(points, (self.branches, 1)), branch)
         return found.reshape(self.layout.shape)
+
+
+def offset_at(
+    model: AbstractLookup,
+    positions: Float[np.ndarray, "t d"],
+    direction: Int[np.ndarray, " t"] | None = None,
+) -> Float[np.ndarray, " t"]:
+    """Return the offset in mm or ° that a table adds at each position.
+
+    Args:
+        model: The table.
+        positions: One column per master (leadscrew: the axis itself), in mm or °.
+        direction: ±1 per row for a leadscrew; positive where it is left out.
+    """
+    nodes, weights = _touched(model, positions, direction)
+    entries = np.concatenate([np.ravel(table) for table in model.tables])
+    table: Any = model
+    return np.asarray(table.sign * (entries[nodes] * weights).sum(axis=1))
+
+
+def _touched(
+    model: AbstractLookup,
+    positions: Float[np.ndarray, "t d"],
+    direction: Int[np.ndarray, " t"] | None,
+) -> tuple[Int[np.ndarray, "t s"], Float[np.ndarray, "t s"]]:
+    """Return the entries that each position touches, and their weights."""
+    # Further columns are other axes.
+    own = np.asarray(positions[:, : len(model.ways)], dtype=np.float64)
+    return touched(model, own, direction)
 
 
 def nodes_in(model: Model, name: str) -> tuple[ListNodes, ...]:

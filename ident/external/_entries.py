@@ -4,17 +4,19 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from ...data.lists import ListFile, Value, new_list
-from ..exchange import (
-    EXTERNAL,
-    LIST_UNITS,
-    ExternalAxis,
-    entries_of_external_axis,
-    to_add,
-)
+from ..exchange import LIST_UNITS, to_add
+from ..exchange._units import expect, round_to_list
 from ..kinds import kind
 from ._extremes import Extremes
 
+EXTERNAL = "configuration.position_controller.enable_external_compensation_ifc"
+"""Entry of the start-up list that opens the interface (P-STUP-00110)."""
+
+_EXTERNAL = "lr_param.ext_comp"
+_UNS32 = (0, 2**32 - 1)
 _WARNING = 1.1
 _ERROR = 1.5
 """Room over the largest figure in the workspace."""
@@ -23,6 +25,41 @@ _FADING = 13.5
 that stops there with a moves at v² = 2·a·d: |s''| ≤ 6 and |s'| ≤ 1.5 give 13.5·o·a/z."""
 _ROUNDING = 1e-4
 """mm or ° by which rounding to increments may move an offset."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ExternalAxis:
+    """Limits of one axis for an external compensation, in mm and mm/s² (or °).
+
+    Attributes:
+        warning: P-AXIS-00743.
+        error: P-AXIS-00744.
+        acceleration: P-AXIS-00745; None: that of the axis (P-AXIS-00008) holds, which
+            these lists do not show.
+    """
+
+    warning: float
+    error: float
+    acceleration: float | None
+
+
+def entries_of_external_axis(limits: ExternalAxis) -> dict[str, int | str]:
+    """Return the entries of an axis list for an external compensation.
+
+    Raises:
+        ExchangeError: If the error limit is 0, which the controller refuses (70585), or
+            a number does not fit.
+    """
+    where, found = f"{_EXTERNAL}.err_limit", f"{limits.error:g}"
+    expect(limits.error > 0, where, found, "a limit above 0 (70585)")
+    entries: dict[str, int | str] = {}
+    for name, value in (("warn_limit", limits.warning), ("err_limit", limits.error)):
+        where = f"{_EXTERNAL}.{name}"
+        entries[where] = int(round_to_list(np.asarray(value), where, _UNS32))
+    if limits.acceleration is not None:
+        # Rounded down: never more than was asked for.
+        entries[f"{_EXTERNAL}.max_a"] = int(np.floor(limits.acceleration))
+    return entries
 
 
 def limits_of(

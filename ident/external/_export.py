@@ -13,10 +13,10 @@ from jaxtyping import Array, Float
 
 from ...data.files import write_atomically
 from ...models import ExternalCompensation
-from ..exchange import ExchangeError, ExternalAxis
+from ..exchange import ExchangeError
 from ..volumetric import Tool, VolumetricFit
 from ._code import LAW, code_files, plain, rendered
-from ._entries import limits_of, list_fragments
+from ._entries import ExternalAxis, limits_of, list_fragments
 from ._extremes import Extremes, extremes
 from ._trace import OffsetLaw, casadi_function
 

@@ -17,11 +17,11 @@ from ..exchange import (
     Ranges,
     Reading,
     axes_in_use,
-    external_from_lists,
     machine_lists,
 )
 from ..job import tree_json
 from ..kinds import kind
+from ._law import external_from_lists
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,11 +16,10 @@ from ..exchange import (
     ExchangeError,
     Reading,
     axes_in_use,
-    external_from_lists,
-    from_interface,
     machine_lists,
 )
 from ..proof import Verdict
+from ._law import external_from_lists, from_interface
 
 _LINE = re.compile(
     rb"ext_comp\[0\]\.(initialized|registered|state|extcomp_(?:input|output)\[(\d+)\])"

@@ -21,13 +21,13 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from ...data.lists import ListFile, Value
 from ...models import Conventions, Coupled
+from ..diagnosis.probe._probe import Masters, Outcomes, Places, ProbeAxis, Probed
 from ..exchange._capacity import ANY_LIST, ListTarget
 from ..exchange._identity import Increments, axis_number, flag, not_negative
 from ..exchange._machine_lists import InUse, Reading
 from ..exchange._nodes import Ranges
 from ..exchange._units import ExchangeError, ModelUnit
 from ..exchange.controller._motion import Motion
-from ..exchange.probe._probe import Masters, Outcomes, Places, ProbeAxis, Probed
 from ._kind import Kind
 
 if TYPE_CHECKING:

@@ -202,8 +202,7 @@ def test_old_name_of_the_master_is_read() -> None:
         "kw.crosscomp.table[0].setpoint 0\nkw.crosscomp.table[0].correction 5\n"
         "kw.crosscomp.table[1].setpoint 100\nkw.crosscomp.table[1].correction 7\n"
     )
-    table = CrossTable(3, (2,), (PointNodes((0, 100)),), RULES)
-    assert table.masters_in(listing) == (2,)
+    assert CrossTable.kind.entries.named_masters(listing) == (2,)
     assert axis_number(listing) == 3
     np.testing.assert_array_equal(
         np.asarray(cross_from_list(listing, RULES).values), [5e-4, 7e-4]

@@ -7,10 +7,9 @@ import pytest
 from axcomp.data.lists import ListFile, check, new_list
 from axcomp.ident.exchange import (
     ExchangeError,
-    ExternalAxis,
     entries_of_activation,
-    entries_of_external_axis,
 )
+from axcomp.ident.external import ExternalAxis, entries_of_external_axis
 from axcomp.ident.kinds import kind
 from axcomp.ident.kinds.backlash.entries import backlash_from_list, entries_of_backlash
 from axcomp.ident.kinds.temperature.entries import (

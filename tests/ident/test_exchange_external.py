@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile
-from axcomp.ident.exchange import (
-    ExchangeError,
-    Reading,
-    external_from_lists,
-    from_interface,
-)
+from axcomp.ident.exchange import ExchangeError, Reading
+from axcomp.ident.external import external_from_lists, from_interface
 from axcomp.models import Conventions
 
 RULES = Conventions()

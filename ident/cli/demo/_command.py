@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .._options import AsJson
 from .._said import print_json, working
 
 if TYPE_CHECKING:
@@ -30,9 +31,7 @@ def demo(
         Path | None,
         typer.Option(help="Also write the before-and-after picture, as PNG."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the figures on standard output.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Make a virtual machine, measure it, compensate it, and measure it again.
 

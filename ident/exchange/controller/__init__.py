@@ -1,6 +1,5 @@
 """The controller of a whole machine: its lists, run along a motion.
 
 Read `_controller` (lists → `PositionController`), `_motion`, `_events` (what happens at the
-controller meanwhile) and `_simulate`; `_axis_lists` (all that acts on one axis);
-`_external` is an external compensation of the same tables.
+controller meanwhile) and `_simulate`; `_axis_lists` (all that acts on one axis).
 """

@@ -18,7 +18,7 @@ from ....models import (
 )
 from ...kinds import kinds
 from .._identity import axis_number
-from .._units import ExchangeError
+from .._units import ExchangeError, expect
 
 Action = Literal["on", "off", "homed", "not homed", "end", "reload"]
 Windows = Mapping[tuple[int, str], tuple[int, int]]
@@ -143,13 +143,9 @@ def selected_rows(
 def _columns(one: ControllerEvent, numbers: Sequence[int]) -> list[int]:
     if one.axis is None:
         return list(range(len(numbers)))
-    if one.axis not in numbers:
-        raise ExchangeError(
-            where=one.where,
-            found=f"axis {one.axis}",
-            expected="one of those that the lists name,"
-            f" {', '.join(f'A{number}' for number in numbers)}",
-        )
+    known = ", ".join(f"A{number}" for number in numbers)
+    expected = f"one of those that the lists name, {known}"
+    expect(one.axis in numbers, one.where, f"axis {one.axis}", expected)
     return [list(numbers).index(one.axis)]
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from ....data.measurements import Measurement
 from ....models import DirectionState, directions
 from ...core import filled
-from .._units import ExchangeError
+from .._units import ExchangeError, expect
 
 _COLUMNS = {
     "position": "positions",
@@ -99,12 +99,9 @@ class Motion:
         Raises:
             ExchangeError: If the motion does not have it.
         """
-        if axis not in self.positions:
-            known = ", ".join(f"A{number}.position" for number in self.positions)
-            raise ExchangeError(
-                where=self.source, found=known or "no position",
-                expected=f"A{axis}.position {why}",
-            )  # fmt: skip
+        known = ", ".join(f"A{number}.position" for number in self.positions)
+        wanted = f"A{axis}.position {why}"
+        expect(axis in self.positions, self.source, known or "no position", wanted)
         return self.positions[axis]
 
     def check(self, cycle_time: float | None = None) -> None:
@@ -127,42 +124,25 @@ class Motion:
         if self.time is not None:
             columns["time"] = self.time
         for name, values in columns.items():
-            if len(values) != self.rows:
-                raise ExchangeError(
-                    where=f"{self.source}: {name}",
-                    found=f"{len(values)} rows",
-                    expected=f"{self.rows}, as in the other columns",
-                )
-            if not np.isfinite(values).all():
-                at = int(np.argmin(np.isfinite(values)))
-                raise ExchangeError(
-                    where=f"{self.source}: {name}",
-                    found=f"{values[at]} in row {at + 1}",
-                    expected="a finite number",
-                )
-        if self.time is not None:
-            self._check_time(self.time, cycle_time)
-
-    def _check_time(
-        self, time: Float[np.ndarray, " t"], cycle_time: float | None
-    ) -> None:
-        steps = np.diff(time)
-        if (steps <= 0).any():
-            at = int(np.argmax(steps <= 0))
-            raise ExchangeError(
-                where=f"{self.source}: time",
-                found=f"{time[at + 1]:g} s after {time[at]:g} s in row {at + 2}",
-                expected="ascending times",
-            )
-        if cycle_time is None or not steps.size:
+            where, count = f"{self.source}: {name}", len(values)
+            expected = f"{self.rows}, as in the other columns"
+            expect(count == self.rows, where, f"{count} rows", expected)
+            for at in np.flatnonzero(~np.isfinite(values)).tolist():
+                found = f"{values[at]} in row {at + 1}"
+                raise ExchangeError(where, found, "a finite number")
+        if self.time is None or self.rows < 2:
             return
+        where, steps = f"{self.source}: time", np.diff(self.time)
+        at = int(np.argmin(steps > 0))
+        before, after = self.time[at : at + 2]
+        found = f"{after:g} s after {before:g} s in row {at + 2}"
+        expect(steps[at] > 0, where, found, "ascending times")
         step = float(np.median(steps))
-        if abs(step - cycle_time) > _EVEN * cycle_time:
-            raise ExchangeError(
-                where=f"{self.source}: time",
-                found=f"a time step of {1e3 * step:g} ms",
-                expected=f"the cycle time of the controller, {1e3 * cycle_time:g} ms",
-            )
+        if cycle_time is not None:
+            found = f"a time step of {1e3 * step:g} ms"
+            expected = f"the cycle time of the controller, {1e3 * cycle_time:g} ms"
+            even = abs(step - cycle_time) <= _EVEN * cycle_time
+            expect(even, where, found, expected)
 
     @property
     def is_even(self) -> bool:

@@ -19,7 +19,7 @@ from ...core import filled
 from ...kinds import kinds
 from .._machine_lists import InUse, Reading, axes_in_use, machine_lists
 from .._nodes import as_array
-from .._units import ExchangeError
+from .._units import expect
 from ._controller import controller_of
 from ._events import (
     ControllerEvent,
@@ -88,10 +88,8 @@ def simulate(
             lacks an axis, has bad values, or no time for events; if a list that is loaded
             again replaces none.
     """
-    if events is not None and motion.time is None:
-        raise ExchangeError(
-            where=motion.source, found="no time", expected="time, for events"
-        )
+    timed = events is None or motion.time is not None
+    expect(timed, motion.source, "no time", "time, for events")
     motion.check(cycle_time)
     reading = dataclasses.replace(reading, commanded=events is None)
     versions, spans = loaded_versions(lists, events or (), motion.rows)
@@ -106,13 +104,12 @@ def simulate(
             for one in machine.in_use(reading.conventions, reading.lines)
             if only is None or only(one)
         ]
-        if not machine.compensation and all(o.kind.holder != "axis" for o in used):
-            names = ", ".join(one.source for one in version)
-            raise ExchangeError(
-                where=names or "lists",
-                found="no compensation list",
-                expected="at least one (kopf.*, kw.*)",
-            )
+        expect(
+            machine.compensation or any(one.kind.holder == "axis" for one in used),
+            ", ".join(one.source for one in version) or "lists",
+            "no compensation list",
+            "at least one (kopf.*, kw.*)",
+        )
         lacks = {one: one.kind.entries.lacks(one, motion, reading) for one in used}
         computed = [one for one in used if lacks[one] is None]
         for one in computed:
@@ -215,23 +212,17 @@ def _directions(
 def _actuals(
     motion: Motion, numbers: Sequence[int], conventions: Conventions
 ) -> Float[Array, "t a"] | None:
-    asking = {
-        name
-        for name in ("plane_input", "direction_source", "crosstalk_input")
-        if getattr(conventions, name) == "actual"
-    }
     if motion.actuals:
         # An axis without its own is where it is commanded.
         either = {**motion.positions, **motion.actuals}
         none = np.zeros(motion.rows)
         return as_array(np.stack([either.get(n, none) for n in numbers], axis=1))
-    if asking:
-        raise ExchangeError(
-            where=motion.source,
-            found="no actual positions",
-            expected=f"columns such as A{numbers[0]}.actual, as the convention"
-            f" {sorted(asking)[0]} takes them",
+    for name in ("crosstalk_input", "direction_source", "plane_input"):
+        like = (
+            f"columns such as A{numbers[0]}.actual, as the convention {name} takes them"
         )
+        commanded = getattr(conventions, name) != "actual"
+        expect(commanded, motion.source, "no actual positions", like)
     return None
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 
 from ....data.measurements import ColumnSpec, Lines
-from ...exchange import AXIS_WORD
+from ...diagnosis import AXIS_WORD
 from ...kinds import NAMES, kind
 from ...kinds._keys import FitSpec, JobPart
 

@@ -192,7 +192,7 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
                     f"{fit.compensation} was active while measuring, but no list with"
                     " its table is given, expected list = the file that was loaded",
                 )
-            old_masters = table.masters_in(existing)
+            old_masters = fit.kind.entries.named_masters(existing) or (table.axis,)
             if old_masters != table.masters:
                 raise job.error(
                     where,
@@ -230,7 +230,7 @@ def _old_table(
             nodes are taken over, or the gate limits the change.
     """
     probe = empty_table(job, fit)
-    if existing is None or not probe.is_in(existing):
+    if existing is None or not fit.kind.entries.is_in(existing):
         return None, []
     try:
         return probe.read(existing, job.increments), []

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..._templates import templates
-from ...exchange import AXIS_WORD, CompState, declared, numbered
+from ...diagnosis import AXIS_WORD, CompState, declared, numbered
 from ..file._load import Job
 from ._lists import AxisFiles
 

@@ -2,9 +2,7 @@
 
 from typing import final
 
-from ...exchange._machine_lists import REVERSAL_CYCLES
-from ...exchange._units import LIST_UNITS
-from ...exchange.probe._probe import (
+from ...diagnosis.probe._probe import (
     HEIGHT,
     Masters,
     Outcome,
@@ -13,6 +11,8 @@ from ...exchange.probe._probe import (
     ProbeAxis,
     Probed,
 )
+from ...exchange._machine_lists import REVERSAL_CYCLES
+from ...exchange._units import LIST_UNITS
 from .._protocol import AbstractProbe
 from . import KIND
 from .entries import WIDTH

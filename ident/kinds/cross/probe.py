@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from typing import final
 
 from ....models import Conventions, Cross
-from ...exchange._nodes import PointNodes, as_array
-from ...exchange.probe._probe import (
+from ...diagnosis.probe._probe import (
     SECOND,
     Masters,
     Outcome,
@@ -16,6 +15,7 @@ from ...exchange.probe._probe import (
     number_text,
     plateau,
 )
+from ...exchange._nodes import PointNodes, as_array
 from .._protocol import AbstractProbe
 from .entries import entries_of_cross
 

@@ -7,10 +7,10 @@ from typing import final
 import numpy as np
 
 from ....models import BilinearGrid, Conventions, Crosstalk
+from ...diagnosis.probe._probe import Masters, Outcome, Outcomes, ProbeAxis, Probed
 from ...exchange._identity import optional
 from ...exchange._machine_lists import InUse
 from ...exchange._nodes import as_array
-from ...exchange.probe._probe import Masters, Outcome, Outcomes, ProbeAxis, Probed
 from .._protocol import AbstractProbe
 from .entries import PREFIX, entries_of_crosstalk
 

@@ -5,9 +5,9 @@ from typing import final
 
 from ....data.lists import Value
 from ....models import Conventions
+from ...diagnosis.probe._probe import Masters, Outcome, Outcomes, ProbeAxis, Probed
 from ...exchange._machine_lists import InUse
 from ...exchange._units import ExchangeError
-from ...exchange.probe._probe import Masters, Outcome, Outcomes, ProbeAxis, Probed
 from .._protocol import AbstractProbe
 from .entries import PREFIX
 

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from typing import final
 
 from ....models import Conventions, Leadscrew
-from ...exchange._nodes import as_array
-from ...exchange.probe._probe import (
+from ...diagnosis.probe._probe import (
     FIRST,
     Masters,
     Outcomes,
@@ -14,6 +13,7 @@ from ...exchange.probe._probe import (
     both_signs,
     plateau,
 )
+from ...exchange._nodes import as_array
 from .._protocol import AbstractProbe
 from .entries import PREFIX, entries_of_leadscrew
 

@@ -6,8 +6,7 @@ from typing import final
 import numpy as np
 
 from ....models import Conventions, Plane
-from ...exchange._nodes import as_array
-from ...exchange.probe._probe import (
+from ...diagnosis.probe._probe import (
     FIRST,
     HEIGHT,
     SECOND,
@@ -20,6 +19,7 @@ from ...exchange.probe._probe import (
     number_text,
     plateau,
 )
+from ...exchange._nodes import as_array
 from .._protocol import AbstractProbe
 from .entries import entries_of_plane
 

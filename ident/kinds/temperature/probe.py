@@ -2,8 +2,7 @@
 
 from typing import final
 
-from ...exchange._units import LIST_UNITS
-from ...exchange.probe._probe import (
+from ...diagnosis.probe._probe import (
     HEIGHT,
     Masters,
     Outcome,
@@ -11,6 +10,7 @@ from ...exchange.probe._probe import (
     ProbeAxis,
     Probed,
 )
+from ...exchange._units import LIST_UNITS
 from .._protocol import AbstractProbe
 from . import KIND
 

@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile
-from axcomp.ident.exchange import EXTERNAL, entries_of_external_axis
-from axcomp.ident.external import OffsetLaw
+from axcomp.ident.external import EXTERNAL, OffsetLaw, entries_of_external_axis
 
 from .conftest import C_FLAGS, CPP_FLAGS, UNITS, Built, compiled
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import final
 
-from axcomp.ident.exchange import Masters, Outcome, Outcomes, ProbeAxis, Probed
+from axcomp.ident.diagnosis import Masters, Outcome, Outcomes, ProbeAxis, Probed
 from axcomp.ident.kinds._protocol import AbstractProbe
 from axcomp.models import Conventions
 

@@ -8,23 +8,25 @@ import pytest
 
 from axcomp.data.lists import ListFile, check
 from axcomp.ident.cli import main
-from axcomp.ident.exchange import (
-    ExchangeError,
-    Motion,
+from axcomp.ident.diagnosis import (
     Probe,
     ProbeAxis,
     Probed,
-    Reading,
-    machine_lists,
     make_probe,
-    model_of,
-    offset_at,
     probe_programs,
     probe_steps,
     probe_text,
     probed_in,
-    simulate,
     travel_in,
+)
+from axcomp.ident.exchange import (
+    ExchangeError,
+    Motion,
+    Reading,
+    machine_lists,
+    model_of,
+    offset_at,
+    simulate,
 )
 from axcomp.models import AbstractLookup, Conventions
 

@@ -14,13 +14,13 @@ from jaxtyping import Float
 
 from ....data.lists import ListFile, Value
 from ....models import Conventions
+from ...exchange._files import compensation_file, to_add, with_tables
+from ...exchange._identity import Increments
+from ...exchange._machine_lists import Reading, machine_lists
+from ...exchange._nodes import GridNodes
+from ...exchange._units import LIST_UNITS, expect
+from ...exchange.controller._controller import model_of
 from ...kinds import kind
-from .._files import compensation_file, to_add, with_tables
-from .._identity import Increments
-from .._machine_lists import Reading, machine_lists
-from .._nodes import GridNodes
-from .._units import LIST_UNITS, ExchangeError
-from ..controller._controller import model_of
 from ._nc import AXIS_WORD, WORD_SHAPE
 
 HEIGHT = 0.01
@@ -59,12 +59,12 @@ class ProbeAxis:
     def grid(self) -> GridNodes:
         """Eleven nodes over the travel, a tenth of it apart, on whole mm or 0.1 mm."""
         low, high = self.travel
-        if not high - low >= _SHORTEST:
-            raise ExchangeError(
-                where=f"travel of axis {self.number}",
-                found=f"{low:g} to {high:g}",
-                expected=f"{_SHORTEST:g} mm or ° or more, for gentle slopes",
-            )
+        expect(
+            high - low >= _SHORTEST,
+            f"travel of axis {self.number}",
+            f"{low:g} to {high:g}",
+            f"{_SHORTEST:g} mm or ° or more, for gentle slopes",
+        )
         # Whole units of 1 mm where the travel is long enough to lose none of it.
         unit = LIST_UNITS if high - low >= 100 else LIST_UNITS // 100
         if self.modulo:
@@ -202,43 +202,32 @@ def make_probe(
             short, or two axes that are told apart have one name, or no NC program
             understands it.
     """
-    if not tables:
-        raise ExchangeError(
-            where="probe",
-            found="; ".join(("nothing to probe", *remarks)).rstrip("."),
-            expected="a list that holds a compensation, or a job with [[fits]]",
-        )
+    nothing = "; ".join(("nothing to probe", *remarks)).rstrip(".")
+    expected = "a list that holds a compensation, or a job with [[fits]]"
+    expect(tables, "probe", nothing, expected)
+    known = ", ".join(map(str, sorted(axes)))
     for one in tables:
         for axis in (one.axis, *one.masters):
-            if axis not in axes:
-                known = ", ".join(map(str, sorted(axes)))
-                raise ExchangeError(
-                    where=f"{one.name} of axis {one.axis}",
-                    found=f"axis {axis}, whose travel is not known",
-                    expected=(f"one of {known}, or " if known else "")
-                    + f"its limits in the job, or --travel A{axis}=0:500",
-                )
+            expect(
+                axis in axes,
+                f"{one.name} of axis {one.axis}",
+                f"axis {axis}, whose travel is not known",
+                (f"one of {known}, or " if known else "")
+                + f"its limits in the job, or --travel A{axis}=0:500",
+            )
     # A word belongs to its channel; the axes of one step are told apart by it.
     channels = {axis.channel for axis in axes.values()}
     sets = [[a for a in axes.values() if a.channel == c] for c in channels]
     sets += [[axes[k] for k in {one.axis, *one.masters}] for one in tables]
     for each in sets:
         names = [axis.name.upper() for axis in each]
-        twice = {name for name in names if names.count(name) > 1}
-        if twice:
-            raise ExchangeError(
-                where="names of axes",
-                found=f"{', '.join(sorted(twice))} twice",
-                expected="a word of its own for each (nc_name in the job)",
-            )
+        twice = sorted({name for name in names if names.count(name) > 1})
+        expected = "a word of its own for each (nc_name in the job)"
+        expect(not twice, "names of axes", f"{', '.join(twice)} twice", expected)
     used = {axes[k].name for one in tables for k in (one.axis, *one.masters)}
     for word in sorted(used):
-        if not re.fullmatch(AXIS_WORD, word):
-            raise ExchangeError(
-                where="names of axes",
-                found=repr(word),
-                expected=f"a word of NC programs, {WORD_SHAPE} (nc_name in the job)",
-            )
+        expected = f"a word of NC programs, {WORD_SHAPE} (nc_name in the job)"
+        expect(re.fullmatch(AXIS_WORD, word), "names of axes", repr(word), expected)
     lists, additions = {}, {}
     for number in sorted({one.axis for one in tables}):
         mine = [one for one in tables if one.axis == number]

@@ -1,0 +1,151 @@
+"""A positioning test in a file: read, evaluated, and held against a tolerance."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import final
+
+from ._derive import derive_error
+from ._direction import explain_direction
+from ._errors import MeasurementError
+from ._iso230 import iso230
+from ._iso230_types import Iso230
+from ._iso230_words import amount, with_arrows
+from ._measurement import measurement
+from ._read import read_table
+from ._roles import ColumnSpec, find_role
+from ._table import Table
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Iso230Verdict:
+    """Whether the accuracy of a test lies within a tolerance.
+
+    Attributes:
+        passed: It does, and nothing is missing.
+        figure: The figure that was judged: A, or A of one direction.
+        value: Of the figure, in the unit of the test.
+        tolerance: Likewise.
+        sentence: All of it in words.
+    """
+
+    passed: bool
+    figure: str
+    value: float
+    tolerance: float
+    sentence: str
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Iso230Test:
+    """The test in one file.
+
+    Attributes:
+        path: The file.
+        figures: With all remarks on the file.
+        unit: Of the figures, ``mm`` or ``deg``.
+        axis: Its name; empty where the file does not say.
+        missing: Readings that the file announces and lacks.
+    """
+
+    path: Path
+    figures: Iso230
+    unit: str
+    axis: str
+    missing: int
+
+    def verdict(self, tolerance: float) -> Iso230Verdict:
+        """Return the verdict: A against the tolerance, the figure named.
+
+        A test with missing readings does not pass: the figures of the whole one are larger.
+
+        Raises:
+            MeasurementError: If the data give no accuracy to judge.
+        """
+        name, value = self.figures.judged()
+        if value is None:
+            reason = "found one run only, expected at least two: no accuracy A to judge"
+            raise MeasurementError(str(self.path), reason)
+        within, single = value <= tolerance, self.figures.single_targets()
+        passed = within and not self.missing and not single
+        sentence = (
+            f"{'PASS' if passed else 'NOT JUDGED' if within else 'FAIL'}:"
+            f" {with_arrows(name)} = {amount(value, self.unit)} {'≤' if within else '>'}"
+            f" tolerance {amount(tolerance, self.unit)} ({self.path.name})"
+        )
+        if within and self.missing:
+            sentence += (
+                f", but {self.missing} readings that the file announces are missing"
+            )
+        elif within and single:
+            places = ", ".join(f"{target:g}" for target in single[:8])
+            sentence += f", but it leaves out targets with a single approach: {places}"
+        return Iso230Verdict(passed, name, value, tolerance, sentence)
+
+
+def read_iso230(
+    path: Path,
+    columns: Mapping[str, ColumnSpec] | None = None,
+    axis: str | None = None,
+) -> Iso230Test:
+    """Return the positioning test in a file.
+
+    Args:
+        path: The file.
+        columns: Column of each role, as for `measurement`; none: as the file says.
+        axis: Which one, where the file holds several.
+
+    Raises:
+        MeasurementError: If the file holds no such test, or several.
+    """
+    table = read_table(path)
+    if not columns:
+        axis = axis or _only_axis(table)
+    name = axis or "axis"
+    data = measurement(table, columns or {}, axis=name)
+    position = data.require(f"{name}.position", "for an ISO 230-2 evaluation")
+    direction = explain_direction(data, name)
+    found = iso230(
+        position, derive_error(data, name), data.get("run"), direction.values
+    )
+    skipped = (
+        f"Skipped line {each.line}: {each.reason}."
+        for each in table.skipped
+        if each.reason != "comment"
+    )
+    remarks = (*data.remarks, *direction.remarks, *skipped, *found.remarks)
+    figures = dataclasses.replace(found, remarks=remarks)
+    unit = data.units[f"{name}.position"]
+    return Iso230Test(path, figures, unit, axis or "", table.missing)
+
+
+def _only_axis(table: Table) -> str | None:
+    """Return the one axis with a position and an error or actual; None for bare roles.
+
+    Raises:
+        MeasurementError: If there are several, or none.
+    """
+    roles = [column.role for column in table.columns if column.role]
+    if "position" in roles:
+        return None
+    known = [role for text in roles if (role := find_role(text)) and role.axis]
+    axes = sorted(
+        {
+            role.axis or ""
+            for role in known
+            if role.kind in ("error", "actual") and f"{role.axis}.position" in roles
+        }
+    )
+    if len(axes) == 1:
+        return axes[0]
+    columns = ", ".join(column.name for column in table.columns[:12])
+    found = f"axes {', '.join(axes)}" if axes else f"columns {columns}"
+    expected = (
+        "--axis with one of them"
+        if axes
+        else "target, error (or actual), run, direction; or X.position, X.error …;"
+        " --column ROLE=COLUMN tells which is which"
+    )
+    raise MeasurementError(str(table.path), f"found {found}, expected {expected}")
