@@ -11,14 +11,8 @@ from jaxtyping import Bool, Float, Int
 from ....models import Conventions, Crosstalk, surface_through
 from ...core import FitError, filled
 from .._protocol import DEFAULT_RULES
+from . import BRANCHES
 
-BRANCHES = (
-    "acceleration in positive direction",
-    "acceleration in negative direction",
-    "deceleration in positive direction",
-    "deceleration in negative direction",
-)
-"""Rows of the values, in the order of `axcomp.models.Crosstalk`."""
 _LEAST = 0.3
 """Share of the specified acceleration that an event reaches."""
 QUIET = 0.02
@@ -206,6 +200,13 @@ def cut_events(
             row = int(np.flatnonzero(bad.any(axis=1))[0])
             msg = f"reading {row + 1}: {name} is not finite, expected numbers."
             raise FitError(msg)
+    back = np.flatnonzero(np.diff(readings.time) <= 0)
+    if back.size:
+        msg = (
+            f"reading {back[0] + 2}: found time that does not ascend, expected a log in the"
+            " order of time."
+        )
+        raise FitError(msg)
     share, branch = shares_of(readings, acceleration, deceleration, conventions)
     # One number per stretch: −1 where quiet, else the branch.
     label = np.where(share < QUIET, -1, branch)
