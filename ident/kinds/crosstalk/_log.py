@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from ...fit import FitError
 from . import BRANCHES
-from ._events import CrosstalkReadings, shares_of
+from ._events import CrosstalkReadings, shares_of, window_of
 from .effect import CrosstalkFit, fit_events, full_offsets
 
 _FOLDS = 5
@@ -74,28 +74,27 @@ def without_delay(
     sound = fit.events.take(~fit.events.wild)
     picks = np.linspace(0, len(sound) - 1, min(len(sound), _MOST_EVENTS))
     chosen = sound.take(np.unique(picks.astype(int)))
-    share, branch = shares_of(readings, *fit.rates, fit.effect.rules)
-    columns = np.where(branch[:, None] == np.arange(4), share[:, None], 0.0)
+    share, label = shares_of(readings, *fit.rates, fit.effect.rules)
     step = float(np.median(np.diff(readings.time)))
     reach = min(math.ceil(_FARTHEST / step), _MOST_ROWS)
     lags = np.arange(-reach, reach + 1)
+    # The log with as many missing rows before and after it as the error is moved by.
+    padded = np.pad(readings.error, reach, constant_values=np.nan)
     cost = np.zeros(len(lags))
     rows_in_all = 0
     for start, stop in zip(chosen.start, chosen.stop, strict=True):
-        first, last = max(2 * start - stop, reach), 2 * stop - start
-        rows = np.arange(first, min(last, len(share) - reach))
-        rows = rows[np.isfinite(readings.error[rows[:, None] + lags]).all(axis=1)]
-        own, clock = columns[rows], readings.time[rows] - readings.time[start]
-        line = np.ones(len(rows)), clock
-        design = np.column_stack([own[:, own.any(axis=0)], *line])
-        if len(rows) <= 2 * design.shape[1]:
+        rows, events, line = window_of(readings, label, share, start, stop)
+        shifted = padded[rows[:, None] + reach + lags]
+        known = np.isfinite(shifted).all(axis=1)
+        shifted = shifted[known]
+        design = np.hstack([events * share[rows, None], line])[known]
+        if len(shifted) <= 2 * design.shape[1]:
             continue
-        shifted = readings.error[rows[:, None] + lags]
         base, _ = np.linalg.qr(design)
         left = shifted - base @ (base.T @ shifted)
         spread = np.maximum((left**2).mean(axis=0), 1e-24)
-        cost += 0.5 * len(rows) * np.log(spread)
-        rows_in_all += len(rows)
+        cost += 0.5 * len(shifted) * np.log(spread)
+        rows_in_all += len(shifted)
     if not rows_in_all:
         return readings, 0.0
     best = int(np.argmin(cost))
@@ -103,7 +102,5 @@ def without_delay(
     gain, late = (cost[reach] - cost[best]) / rows_in_all, int(lags[best])
     if not late or gain <= _GAIN:
         return readings, 0.0
-    back = np.arange(len(readings.error)) + late
-    known = (back >= 0) & (back < len(back))
-    error = np.where(known, readings.error[np.where(known, back, 0)], np.nan)
+    error = padded[reach + late :][: len(readings.error)]
     return dataclasses.replace(readings, error=error), late * step

@@ -24,7 +24,7 @@ from ._events import (
     cut_events as cut_events,
     specified,
 )
-from ._tests import ModeScore, Table, choose_tests, points_of
+from ._tests import ModeScore, Table, choose_tests
 
 _CHANCE = 0.01
 """Probability under equal directions below which they differ."""
@@ -235,8 +235,7 @@ def fit_events(
     else:
         every = tuple(range(1, table.positions.shape[1] + 2))
         modes = (mode,) if isinstance(mode, int) else every
-        axes, nodes, scores = choose_tests(table, modes, most_tests)
-        points = points_of(nodes)
+        axes, points, scores = choose_tests(table, modes, most_tests)
     places = events.positions[:, list(axes)]
     try:
         stencil = surface_through(points).stencil(jnp.asarray(filled(places)))
@@ -247,9 +246,8 @@ def fit_events(
     values, deviation = np.full(shape, np.nan), np.full(shape, np.inf)
     support, noise = np.zeros(shape, np.int64), np.full(len(BRANCHES), np.nan)
     wild, converged = np.zeros(len(events), bool), True
-    for group in np.unique(table.group):
-        mine, rows = table.group == group, np.array(groups) == group
-        found = table.take(mine).fit(columns[mine], loss)
+    for group, mine, found in table.each(columns, loss):
+        rows = np.array(groups) == group
         wild[mine] = found.wild
         converged &= found.converged
         touching = (columns[mine][~found.wild] > _TOUCHED).sum(axis=0)

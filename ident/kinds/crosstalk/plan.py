@@ -185,8 +185,8 @@ class CrosstalkPlan(AbstractPlan):
         plain = apart != "auto" and (mode == 1 or points is not None)
         if plain and up is not None and down is not None:
             return Crosstalk(
-                self.axis, self.fit.master, up, down, names[: mode - 1], points, apart,
-                rules,
+                self.axis, self.fit.master, up, down, names[: mode - 1], points,
+                bool(apart), rules,
             )  # fmt: skip
         if left is None:
             return None

@@ -1,5 +1,6 @@
 """Planted crosstalk comes back from acceleration events cut out of a log."""
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from axcomp.ident.fit import FitError
-from axcomp.ident.kinds.crosstalk._tests import Table, points_of
+from axcomp.ident.kinds.crosstalk._tests import Table
 from axcomp.ident.kinds.crosstalk.effect import (
     CrosstalkFit,
     CrosstalkReadings,
@@ -378,7 +379,8 @@ def test_columns_of_the_search_are_those_of_the_controller() -> None:
     nodes = (np.array([0.0, 150.0, 400.0]), np.array([-50.0, 80.0]))
     places = rng.uniform(-100.0, 500.0, (40, 2))
     table = Table(np.zeros(40, int), places, np.zeros(40), np.ones(40), 1.0)
-    stencil = surface_through(points_of(nodes)).stencil(jnp.asarray(places))
+    points = np.array(list(itertools.product(*nodes)))
+    stencil = surface_through(points).stencil(jnp.asarray(places))
     # Two ways of writing the same few products.
     np.testing.assert_allclose(
         table.by_grid((0, 1), nodes), stencil.matrix(), atol=1e-12
