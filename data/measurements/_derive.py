@@ -8,11 +8,18 @@ from ._errors import MeasurementError, MissingRole
 from ._measurement import Measurement
 
 
-def derive_error(measurement: Measurement, axis: str) -> Float[np.ndarray, " t"]:
+def derive_error(
+    measurement: Measurement, axis: str, against: tuple[str, ...] = ("position",)
+) -> Float[np.ndarray, " t"]:
     """Return the error e = actual − commanded of an axis in mm or °.
 
     The error column where there is one, else actual − position at standstill. Errors of
     rotary axes are wrapped into [−180°, 180°).
+
+    Args:
+        measurement: Any.
+        axis: Name of the axis.
+        against: Kinds of role that tell where the axis says it is, the best first.
 
     Raises:
         MissingRole: If neither the error nor both positions are there.
@@ -25,8 +32,9 @@ def derive_error(measurement: Measurement, axis: str) -> Float[np.ndarray, " t"]
         error = np.asarray(measurement.values[error_role], dtype=np.float64)
         unit = measurement.units[error_role]
     elif actual_role in measurement.values:
-        why = f"beside '{actual_role}'"
-        commanded = measurement.require(f"{axis}.position", why)
+        known = [kind for kind in against if f"{axis}.{kind}" in measurement.values]
+        role = f"{axis}.{[*known, 'position'][0]}"
+        commanded = measurement.require(role, f"beside '{actual_role}'")
         _refuse_motion(measurement, axis)
         error = measurement.values[actual_role] - commanded
         unit = measurement.units[actual_role]

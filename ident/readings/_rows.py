@@ -190,14 +190,20 @@ class Rows:
             temperatures={sensor: self.temperature(sensor) for sensor in self.sensors},
         )
 
-    def raw_error(self, axis: str) -> Float[np.ndarray, " t"]:
+    def raw_error(
+        self, axis: str, against: tuple[str, ...] = ("position",)
+    ) -> Float[np.ndarray, " t"]:
         """Return the error of an axis as measured, in mm or °.
+
+        Args:
+            axis: Name of the axis.
+            against: Kinds of role that tell where it says it is, the best first.
 
         Raises:
             MissingRole: If there is none.
             MeasurementError: If a value is one that no machine has.
         """
-        error = np.array(derive_error(self.measured, axis), dtype=float)
+        error = np.array(derive_error(self.measured, axis, against), dtype=float)
         return self._sane(f"{axis}.error", error)
 
     def error(
@@ -206,6 +212,7 @@ class Rows:
         position: Mapping[str, Float[np.ndarray, " t"]],
         *,
         lengths: bool = True,
+        against: tuple[str, ...] = ("position",),
     ) -> Float[np.ndarray, " t"]:
         """Return the error of an axis at the reference temperature, the zero taken off.
 
@@ -213,11 +220,12 @@ class Rows:
             axis: Name of the axis.
             position: Of the axes over which a line may be taken off, by name.
             lengths: The error is one of length along the axis.
+            against: As for `raw_error`.
 
         Raises:
             MeasurementError: If there is none, or a value is one that no machine has.
         """
-        error = self.raw_error(axis)
+        error = self.raw_error(axis, against)
         if lengths and axis in position:
             error = self.at_reference(axis, error, position[axis])
         return without_zero(error, [*position.values()], self.spec.remove)

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from .... import models
 from ...core import FitError, filled
-from ...kinds.crosstalk.effect import BRANCHES, MOST_TESTS
+from ...kinds.crosstalk import BRANCHES, MOST_TESTS
 from ._effect import AbstractEffect, Inputs, Number, Ranges, Rank, Rows
 
 

@@ -13,6 +13,7 @@ from ..._recording import CHANNELS, JointData, stacked
 from ...kinds._keys import FitSpec
 from ...readings import (
     PLACES,
+    POSITION_ORDER,
     Rows,
     Tables,
     cycles_of,
@@ -141,11 +142,20 @@ def _columns(
     kinds = ("position", "encoder") if rows.moving else ("position",)
     placed = _unique(one.positions for one in members)
     hint = why + "".join(dict.fromkeys(one.without_position for one in members))
-    position = {axis: rows.position(axis, hint, kinds) for axis in placed}
+    # A crosstalk has its own rule from which positions the controller computes it.
+    order = POSITION_ORDER[rows.job.conventions.crosstalk_input]
+    adapted = _unique(one.positions for one in members if one.accelerating)
+    position = {
+        axis: rows.position(axis, hint, order if axis in adapted else kinds)
+        for axis in placed
+    }
     error = {}
     for axis in asked:
         lengths = any(fit.lengths for fit in fits if fit.axis == axis)
-        error[axis] = rows.error(axis, position, lengths=lengths)
+        # What the drive gives way while another axis accelerates is no crosstalk.
+        pushed = any(one.accelerating for one in members if one.axis == axis)
+        against = ("encoder", "position") if pushed else ("position",)
+        error[axis] = rows.error(axis, position, lengths=lengths, against=against)
         if axis in position:
             rows.remarks += reference_words(
                 rows.name,

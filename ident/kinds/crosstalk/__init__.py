@@ -30,5 +30,14 @@ KIND = Kind(
     " it; compare a log of the controller (axcomp verify)",
     build="V3.1.3079.32",
 )
+BRANCHES = (
+    "acceleration in positive direction",
+    "acceleration in negative direction",
+    "deceleration in positive direction",
+    "deceleration in negative direction",
+)
+"""Rows of its values, in the order of `axcomp.models.Crosstalk`."""
+MOST_TESTS = 15
+"""Measurement tests that a list holds at most ([001] p.84)."""
 SAFE_TESTS = 14
 """Tests that satisfy both statements of the manuals: at most 15, fewer than 15 (S-39)."""

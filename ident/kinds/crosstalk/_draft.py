@@ -104,7 +104,6 @@ class CrosstalkDraft(AbstractDraft):
         remarks: What was taken for granted while reading.
         found: The estimate.
         readings: What it saw: positions of its own adaptation axes only, no delay.
-        masters: Names of these axes.
         held_out: Value of each event in mm under the list fitted without it; NaN where what
             remains determines none.
         old: Crosstalk of the list that is there.
@@ -115,10 +114,14 @@ class CrosstalkDraft(AbstractDraft):
     remarks: tuple[Remark, ...]
     found: CrosstalkFit
     readings: CrosstalkReadings
-    masters: tuple[str, ...]
     held_out: Float[np.ndarray, " n"]
     old: Existing
     delay: float = 0.0
+
+    @property
+    def masters(self) -> tuple[str, ...]:
+        """Names of its adaptation axes."""
+        return self.found.effect.adaptation
 
     @functools.cached_property
     def list_model(self) -> Crosstalk | None:
@@ -183,15 +186,14 @@ class CrosstalkDraft(AbstractDraft):
         fit, log = self.found, self.readings
         added = self.added_to_log(done)
         corrected = dataclasses.replace(log, error=log.error + added)
-        rates, rules = (fit.acceleration, fit.deceleration), fit.conventions
-        left = cut_events(corrected, *rates, conventions=rules).value
+        left = cut_events(corrected, *fit.rates, conventions=fit.effect.rules).value
         before, wild, judged = fit.events.value, fit.events.wild, self.judged
         error = staged(before, before, left, wild)
         if judged.any():
             predicted = error_figures(self.held_out[judged], wild=wild[judged])
             error["predicted"] = predicted
         model = self.model if self.written else None
-        shown = np.zeros(len(fit.points), dtype=bool)
+        shown = np.zeros(len(fit.effect.points), dtype=bool)
         if model is not None:
             shown = fit.kept(self.old.active)
         workspace = self._workspace()
@@ -203,7 +205,7 @@ class CrosstalkDraft(AbstractDraft):
             held_out="event",
             master=self.fit.master,
             adaptation=self.masters,
-            points=fit.points[shown],
+            points=fit.effect.points[shown],
             entries=np.zeros((4, 0)) if model is None else np.asarray(model.values),
             standard_deviation=fit.standard_deviation[:, shown],
             support=fit.support[:, shown],
@@ -213,8 +215,7 @@ class CrosstalkDraft(AbstractDraft):
             fit=fit,
             predicted=np.where(judged, self.held_out, before),
             from_file=left,
-            readings=log,
-            added=added,
+            time=log.time[fit.events.start],
         )
         said = remarks_of(result, self)
         remarks = (*self.remarks, *said, *self._about_the_old(), *done.remarks)

@@ -11,14 +11,8 @@ from jaxtyping import Bool, Float, Int
 from ....models import Conventions, Crosstalk, surface_through
 from ...core import FitError, filled
 from .._protocol import DEFAULT_RULES
+from . import BRANCHES
 
-BRANCHES = (
-    "acceleration in positive direction",
-    "acceleration in negative direction",
-    "deceleration in positive direction",
-    "deceleration in negative direction",
-)
-"""Rows of the values, in the order of `axcomp.models.Crosstalk`."""
 _LEAST = 0.3
 """Share of the specified acceleration that an event reaches."""
 QUIET = 0.02
@@ -124,25 +118,21 @@ class Events:
 
 def joined_logs(parts: Sequence[CrosstalkReadings]) -> CrosstalkReadings:
     """Put logs one after the other, far enough apart that no event sees another log."""
-    result = parts[0]
-    for part in parts[1:]:
-        rows = np.arange(1, 2 + max(_longest(result), _longest(part)))
+    if len(parts) == 1:
+        return parts[0]
+    rows = np.arange(1, 2 + max(map(_longest, parts)))
+    none, missing = np.zeros(len(rows)), np.full(len(rows), np.nan)
+    found, start = [], 0.0
+    for part in parts:
         step = float(np.median(np.diff(part.time)))
-        between = result.time[-1] + step * rows
-        gap = CrosstalkReadings(
-            time=between,
-            acceleration=np.zeros(len(rows)),
-            velocity=np.zeros(len(rows)),
-            error=np.full(len(rows), np.nan),
-            positions=np.repeat(result.positions[-1:], len(rows), axis=0),
-        )
-        later = part.time - part.time[0] + between[-1] + step
-        part = dataclasses.replace(part, time=later)
-        columns = zip(
-            *(vars(each).values() for each in (result, gap, part)), strict=True
-        )
-        result = CrosstalkReadings(*map(np.concatenate, columns))
-    return result
+        time = start + part.time - part.time[0]
+        between = time[-1] + step * rows
+        places = np.repeat(part.positions[-1:], len(rows), axis=0)
+        found.append(dataclasses.replace(part, time=time))
+        found.append(CrosstalkReadings(between, none, none, missing, places))
+        start = between[-1] + step
+    columns = zip(*(vars(each).values() for each in found), strict=True)
+    return CrosstalkReadings(*map(np.concatenate, columns))
 
 
 def _longest(part: CrosstalkReadings) -> int:
@@ -206,16 +196,22 @@ def cut_events(
             row = int(np.flatnonzero(bad.any(axis=1))[0])
             msg = f"reading {row + 1}: {name} is not finite, expected numbers."
             raise FitError(msg)
-    share, branch = shares_of(readings, acceleration, deceleration, conventions)
-    # One number per stretch: −1 where quiet, else the branch.
-    label = np.where(share < QUIET, -1, branch)
-    found = [
-        (start, stop, solved)
-        for start, stop in _stretches(label)
-        if label[start] >= 0
-        and share[start:stop].max() >= _LEAST
-        and (solved := _solved(readings, label, share, start, stop)) is not None
-    ]
+    back = np.flatnonzero(np.diff(readings.time) <= 0)
+    if back.size:
+        msg = (
+            f"reading {back[0] + 2}: found time that does not ascend, expected a log in the"
+            " order of time."
+        )
+        raise FitError(msg)
+    share, label = shares_of(readings, acceleration, deceleration, conventions)
+    found = []
+    for start, stop in _stretches(label):
+        if label[start] < 0 or share[start:stop].max() < _LEAST:
+            continue
+        rows, events, line = window_of(readings, label, share, start, stop)
+        solved = _amplitude(share[rows], events, line, readings.error[rows])
+        if solved is not None:
+            found.append((start, stop, solved))
     if not found:
         msg = (
             f"no acceleration of the master reaches {100 * _LEAST:.0f} % of "
@@ -235,7 +231,7 @@ def cut_events(
     return Events(
         start=first,
         stop=last,
-        branch=branch[first],
+        branch=label[first],
         positions=np.array(places).reshape(len(found), -1),
         peak=np.array([push[np.argmax(np.abs(push))] for push in pushes]),
         value=value,
@@ -250,7 +246,10 @@ def shares_of(
     deceleration: float,
     rules: Conventions,
 ) -> tuple[Float[np.ndarray, " t"], Int[np.ndarray, " t"]]:
-    """Return the share of the specified acceleration in each row, and its row of `BRANCHES`."""
+    """Return the share of the specified acceleration in each row, and its row of `BRANCHES`.
+
+    That is −1 where the master does not accelerate.
+    """
     directed = readings.directed(acceleration, deceleration)
     model = Crosstalk(
         surface_through(np.zeros((1, 0))), jnp.zeros((4, 1)),
@@ -260,7 +259,8 @@ def shares_of(
     stencil = model.stencil(filled(directed.acceleration), filled(directed.velocity))
     count = len(readings.time)
     share = np.asarray(stencil.weights)[:count].sum(axis=1)
-    return share, np.asarray(stencil.nodes)[:count, 0].astype(np.int64)
+    branch = np.asarray(stencil.nodes)[:count, 0].astype(np.int64)
+    return share, np.where(share < QUIET, -1, branch)
 
 
 def _stretches(
@@ -271,36 +271,40 @@ def _stretches(
     return list(zip([0, *edges], [*edges, len(label)], strict=True))
 
 
-def _solved(
+def window_of(
     readings: CrosstalkReadings,
     label: Int[np.ndarray, " t"],
     share: Float[np.ndarray, " t"],
     start: int,
     stop: int,
-) -> tuple[float, float] | None:
-    """Return value and deviation of an event; None where what lies beside leaves it open."""
+) -> tuple[Int[np.ndarray, " w"], Float[np.ndarray, "w e"], Float[np.ndarray, "w l"]]:
+    """Return the rows of an event and of what lies beside it, and what they may show.
+
+    That are the events in these rows, 1 or 0 for each and this one first, then level and
+    drift. No rows where the event has too few; arguments as of `shares_of`.
+    """
     length = stop - start
-    window = np.arange(max(start - length, 0), min(stop + length, len(share)))
-    window = window[np.isfinite(readings.error[window])]
-    own = (window >= start) & (window < stop)
+    rows = np.arange(max(start - length, 0), min(stop + length, len(share)))
+    rows = rows[np.isfinite(readings.error[rows])]
+    own = (rows >= start) & (rows < stop)
     if own.sum() < _ROWS:
-        return None
-    beside = [~own & (label[window] == other) for other in range(len(BRANCHES))]
+        return rows[:0], np.zeros((0, 1)), np.zeros((0, 2))
+    beside = [~own & (label[rows] == other) for other in range(len(BRANCHES))]
     events = np.stack([own, *(each for each in beside if each.sum() >= _ROWS)], axis=1)
-    keep = events.any(axis=1) | (label[window] < 0)
-    window, events = window[keep], events[keep].astype(float)
-    clock = readings.time[window] - readings.time[window].mean()
-    line = np.stack([np.ones(len(window)), clock / max(np.abs(clock).max(), 1e-300)], 1)
-    design = np.hstack([events * share[window, None], line])
-    return _amplitude(design, np.hstack([events, line]), readings.error[window])
+    keep = events.any(axis=1) | (label[rows] < 0)
+    rows, events = rows[keep], events[keep].astype(float)
+    clock = readings.time[rows] - readings.time[rows].mean()
+    clock /= max(float(np.abs(clock).max()), 1e-300)
+    return rows, events, np.stack([np.ones(len(rows)), clock], axis=1)
 
 
 def _amplitude(
-    design: Float[np.ndarray, "w c"],
-    impulses: Float[np.ndarray, "w c"],
+    share: Float[np.ndarray, " w"],
+    events: Float[np.ndarray, "w e"],
+    line: Float[np.ndarray, "w l"],
     error: Float[np.ndarray, " w"],
 ) -> tuple[float, float] | None:
-    """Return the factor of the first column, and its deviation; None where it is open.
+    """Return the size of the first event, and its deviation; None where it is open.
 
     Least squares make the factor too large where a filter has smeared the acceleration but not
     the error, and too small where the acceleration is noisy. What a filter keeps is the
@@ -309,10 +313,13 @@ def _amplitude(
     accelerates all the time they tell no level, and least squares have to do.
 
     Args:
-        design: Shares of the event and of those beside it, then level and drift.
-        impulses: The same with 1 for every share.
+        share: Of the specified acceleration, per row.
+        events: Rows of each event.
+        line: Level and drift.
         error: Of the slave in mm.
     """
+    design = np.hstack([events * share[:, None], line])
+    impulses = np.hstack([events, line])
     free = len(error) - design.shape[1]
     if free <= 0 or np.linalg.matrix_rank(design, 1.0 / _BLIND) < design.shape[1]:
         return None

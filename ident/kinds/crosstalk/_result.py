@@ -1,7 +1,6 @@
 """What a job found of a crosstalk: its gate, its result, and what a person must know of it."""
 
 import dataclasses
-import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, final
 
@@ -10,9 +9,9 @@ from jaxtyping import Bool, Float, Int
 
 from ....models import Crosstalk
 from ...job.result._result import AbstractResult, Remark
-from ...proof import GateCheck, GateLimits, reversal_dynamics
-from . import SAFE_TESTS
-from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings, full_offsets
+from ...proof import GateCheck, reversal_dynamics
+from . import BRANCHES
+from .effect import CrosstalkFit, full_offsets
 
 if TYPE_CHECKING:
     from ._draft import CrosstalkDraft
@@ -23,8 +22,6 @@ _STEPS = 60
 """Places along each adaptation axis at which the surface is looked at."""
 _RESOLUTION = 41
 """Places along each adaptation axis at which the workspace is looked at."""
-_THREE = 3
-"""Tests of mode 2 that the manual speaks of (S-37)."""
 _QUADRANTS = {"crosstalk_accelerate", "crosstalk_sign"}
 _COVERED = 0.995
 _ABOVE = 1.1
@@ -70,61 +67,52 @@ def judge_crosstalk(draft: "CrosstalkDraft") -> tuple[GateCheck, ...]:
     """Return every line of the gate."""
     model, names, limits = draft.model, draft.masters, draft.job.limits
     points = np.asarray(model.surface.points)
-    full = full_offsets(model, model)
-    row, test = divmod(int(np.argmax(np.abs(full))), full.shape[1])
-    where = f"{SHORT[row]}{_at(names, points[test])}"
-    checks = [limits.check("max_correction", abs(full[row, test]), "mm", where)]
-    turns = _reversal_jumps(model)
-    test = int(np.argmax(turns.max(axis=0)))
-    where = f"where the master turns under full acceleration{_at(names, points[test])}"
-    checks.append(limits.check("max_reversal", turns.max(), "mm", where))
+    full, turns = full_offsets(model, model), _reversal_jumps(model)
+
+    def at(test: int) -> str:
+        pairs = zip(names, points[test], strict=True)
+        words = ", ".join(f"{name} = {value:g}" for name, value in pairs)
+        return f" at {words}" if words else ""
+
+    row, test = np.unravel_index(np.abs(full).argmax(), full.shape)
+    turn = "where the master turns under full acceleration"
+    turn += at(int(turns.max(axis=0).argmax()))
     cycle_time = draft.job.spec.controller.cycle_time
     fast, hard = reversal_dynamics(largest_jump(model), model.cycles, cycle_time)
-    where = (
-        f"if the acceleration of the master steps, spread over {model.cycles} cycles"
-    )
-    checks += [
-        limits.check("max_velocity", fast, "mm/s", where),
-        limits.check("max_acceleration", hard, "mm/s²", where),
+    step = f"if the acceleration of the master steps, spread over {model.cycles} cycles"
+    lines = [
+        ("max_correction", np.abs(full).max(), "mm", f"{SHORT[row]}{at(int(test))}"),
+        ("max_reversal", turns.max(), "mm", turn),
+        ("max_velocity", fast, "mm/s", step),
+        ("max_acceleration", hard, "mm/s²", step),
     ]
     if names:
-        checks += _along(model, names, points, limits)
+        steepest, along = max(_slopes(model, names, points))
+        where, added = f"along {along} under full acceleration", limits.feed / 60.0
+        lines += [
+            ("max_slope", 1e3 * steepest, "µm/mm", where),
+            ("max_velocity by position", steepest * added, "mm/s", where),
+        ]
     change = draft.change
     if change is not None and limits.max_change is not None:
-        value = float(np.max(np.abs(change)))
         words = "against the list that was there"
-        checks.append(limits.check("max_change", value, "mm", words))
-    return tuple(checks)
+        lines.append(("max_change", np.abs(change).max(), "mm", words))
+    return tuple(limits.check(*line) for line in lines)
 
 
-def _along(
-    model: Crosstalk, names: Sequence[str], points: np.ndarray, limits: GateLimits
-) -> list[GateCheck]:
-    """Return what moving along the adaptation axes under full acceleration does."""
-    lines = [
-        np.linspace(low, high, _STEPS + 1)
-        for low, high in zip(points.min(axis=0), points.max(axis=0), strict=True)
-    ]
+def _slopes(
+    model: Crosstalk, names: Sequence[str], points: Float[np.ndarray, "p k"]
+) -> Iterator[tuple[float, str]]:
+    """Return the steepest slope under full acceleration along each adaptation axis."""
+    ends = zip(points.min(axis=0), points.max(axis=0), strict=True)
+    lines = [np.linspace(low, high, _STEPS + 1) for low, high in ends]
     grid = _grid(lines)
-    places = grid.reshape(-1, len(names))
-    four = full_offsets(model, model, places).reshape(4, *grid.shape[:-1])
-    steepest, along = 0.0, names[0]
+    four = full_offsets(model, model, grid.reshape(-1, len(names)))
+    four = four.reshape(4, *grid.shape[:-1])
     for axis, (name, line) in enumerate(zip(names, lines, strict=True), start=1):
         step = float(line[1] - line[0])
-        if step > 0:
-            slope = float(np.max(np.abs(np.diff(four, axis=axis)))) / step
-            steepest, along = max((steepest, along), (slope, name))
-    where = f"along {along} under full acceleration"
-    added = steepest * limits.feed / 60.0
-    return [
-        limits.check("max_slope", 1e3 * steepest, "µm/mm", where),
-        limits.check("max_velocity by position", added, "mm/s", where),
-    ]
-
-
-def _at(names: Sequence[str], place: np.ndarray) -> str:
-    words = [f"{name} = {value:g}" for name, value in zip(names, place, strict=True)]
-    return f" at {', '.join(words)}" if words else ""
+        rise = float(np.max(np.abs(np.diff(four, axis=axis))))
+        yield (rise / step if step > 0 else 0.0, name)
 
 
 @final
@@ -146,8 +134,7 @@ class CrosstalkResult(AbstractResult):
         fit: The estimate behind it with its events (sign of the error).
         predicted: What the list fitted to other events leaves of each event.
         from_file: What the written file, read back, leaves of each event.
-        readings: The log from which the events are cut.
-        added: What the written list adds in each row of the log in mm.
+        time: When each event begins, in s.
     """
 
     master: str
@@ -162,8 +149,7 @@ class CrosstalkResult(AbstractResult):
     fit: CrosstalkFit
     predicted: Float[np.ndarray, " n"]
     from_file: Float[np.ndarray, " n"]
-    readings: CrosstalkReadings
-    added: Float[np.ndarray, " t"]
+    time: Float[np.ndarray, " n"]
 
     @property
     def over(self) -> tuple[str, ...]:
@@ -188,10 +174,10 @@ class CrosstalkResult(AbstractResult):
             "master": self.master,
             "adaptation": list(self.adaptation),
             "parameters": {
-                "mode": fit.mode,
-                "acceleration": fit.acceleration,
-                "deceleration": fit.deceleration,
-                "velocity_dependent": fit.velocity_dependent,
+                "mode": fit.effect.mode,
+                "acceleration": fit.rates[0],
+                "deceleration": fit.rates[1],
+                "velocity_dependent": fit.effect.velocity_dependent,
                 "n_cycles": self.cycles,
                 "positions": self.points,
                 "table": dict(zip(names, self.entries, strict=True)),
@@ -201,7 +187,7 @@ class CrosstalkResult(AbstractResult):
             },
             "support": dict(zip(names, self.support, strict=True)),
             "measured": {
-                "positions": fit.points,
+                "positions": fit.effect.points,
                 "error": dict(zip(names, fit.values, strict=True)),
                 "complete": fit.complete,
             },
@@ -209,7 +195,7 @@ class CrosstalkResult(AbstractResult):
             "coverage": self.coverage,
             "events": [
                 {
-                    "time": self.readings.time[events.start[k]],
+                    "time": self.time[k],
                     "kind": BRANCHES[events.branch[k]],
                     "positions": events.positions[k],
                     "peak": events.peak[k],
@@ -232,70 +218,11 @@ def remarks_of(result: CrosstalkResult, draft: "CrosstalkDraft") -> Iterator[Rem
         result: Of the job, its remarks left out.
         draft: What it was made of.
     """
-    yield from _of_the_fit(result.fit)
-    yield from _of_the_log(result, draft.delay)
+    yield from _of_the_events(result, draft)
+    yield from _of_missing_tests(result)
     if not len(result.points):
-        yield _nothing(result)
-    judged = draft.judged
-    if not judged.all():
-        yield Remark.warning(
-            f"{int((~judged).sum())} of {len(judged)} events could not"
-            " be held out, since what remains determines no test: nothing is"
-            " predicted for them."
-        )
-    if len(result.points):
-        yield from _of_the_list(result, draft.job.spec.controller.cycle_time)
-
-
-def _of_the_log(result: CrosstalkResult, delay: float) -> Iterator[Remark]:
-    """Return what the log says of itself: a delay, and accelerations beyond the list."""
-    if delay:
-        way = "late" if delay > 0 else "early"
-        yield Remark.warning(
-            f"The error of {result.axis} comes {1e3 * abs(delay):.3g} ms {way}"
-            f" against the acceleration of {result.master}; that was taken off, as the"
-            " delay of an instrument is. If it is the machine that follows late, the"
-            " correction will come too early by as much."
-        )
-    own = result.fit
-    over = float(np.max(np.abs(own.events.peak) / own.full))
-    if over > _ABOVE:
-        yield Remark.warning(
-            f"{result.master} accelerates up to {over:.0%} of the specified"
-            f" acceleration ({own.acceleration:g} and {own.deceleration:g} mm/s²)."
-            " Above it the controller is taken to hold the correction (S-36): state"
-            " the largest one as acceleration and deceleration in the job."
-        )
-
-
-def _nothing(result: CrosstalkResult) -> Remark:
-    fit = result.fit
-    if not fit.complete.any():
-        return Remark.error(
-            "No test has all four of its entries measured, and a missing one would be 0"
-            f" in the controller: no list is written. Measure {result.master} with"
-            " acceleration and deceleration in both directions."
-        )
-    if fit.significant:
-        return Remark.error(
-            "The tests whose four entries are all measured stand in a line, or are too"
-            " few to span the adaptation axes: no list is written."
-        )
-    known = np.abs(fit.values[np.isfinite(fit.values)])
-    largest = 1e3 * float(known.max()) if known.size else math.nan
-    return Remark.warning(
-        f"No crosstalk from {result.master} shows: no value exceeds what chance over all of"
-        f" them would give (the largest is {largest:.2f} µm). Nothing is written."
-    )
-
-
-def _of_the_list(result: CrosstalkResult, cycle_time: float) -> Iterator[Remark]:
-    tests = len(result.points)
-    if result.fit.mode == 2 and tests != _THREE:
-        yield Remark.info(
-            f"Mode 2 with {tests} tests: the manual speaks of three ([001] p.84,"
-            " S-37), its parameters of any number."
-        )
+        yield from _why_nothing(result)
+        return
     if result.coverage < _COVERED:
         axes = " and ".join(result.adaptation)
         yield Remark.warning(
@@ -304,17 +231,12 @@ def _of_the_list(result: CrosstalkResult, cycle_time: float) -> Iterator[Remark]
             " hold the nearest (S-37, S-38)."
         )
     if result.cycles > 1:
-        late = 0.5e3 * result.cycles * cycle_time
+        late = 0.5e3 * result.cycles * draft.job.spec.controller.cycle_time
         yield Remark.info(
             f"The values pass a filter over {result.cycles} cycles (n_cycles,"
             f" P-COMP-00064), so that a step of the acceleration of {result.master} is"
             f" no jump of {result.axis}: the correction comes {late:.3g} ms late."
             " The figures from the file are those without this delay."
-        )
-    if not result.fit.velocity_dependent:
-        yield Remark.info(
-            "Both directions are written with equal entries and velocity_dependent"
-            " 1, which settles what the manuals leave open without it (S-35)."
         )
     verified = {each.name for each in result.conventions if each.state == "verified"}
     if not verified >= _QUADRANTS:
@@ -328,46 +250,74 @@ def _of_the_list(result: CrosstalkResult, cycle_time: float) -> Iterator[Remark]
         )
 
 
-def _of_the_fit(fit: CrosstalkFit) -> Iterator[Remark]:
-    """Return what must be known of events and tests."""
+def _of_the_events(
+    result: CrosstalkResult, draft: "CrosstalkDraft"
+) -> Iterator[Remark]:
+    """Return what the log says of itself: its events, a delay, too hard accelerations."""
+    fit, delay, master = result.fit, draft.delay, result.master
     counts = np.bincount(fit.events.branch, minlength=len(BRANCHES))
-    if fit.directions == "unknown":
-        missing = " or ".join(BRANCHES[k] for k in np.flatnonzero(counts == 0))
-        words = (
-            f"No event shows {missing}: whether the directions differ cannot be told,"
-            " and nothing is known there."
+    parts = [f"{n} of {name}" for n, name in zip(counts, BRANCHES, strict=True)]
+    yield Remark.info(f"{len(fit.events)} events: {', '.join(parts)}.")
+    if result.wild.any():
+        words = f"{result.wild.sum()} events contradict the others and were left out."
+        yield Remark.warning(words)
+    if not draft.judged.all():
+        yield Remark.warning(
+            f"{(~draft.judged).sum()} of {len(draft.judged)} events could not be held"
+            " out, since what remains determines no test: nothing is predicted for them."
         )
-        yield Remark.warning(words)
-    elif fit.directions != "given":
-        words = {
-            "differ": "The values differ by the direction of motion.",
-            "alike": "The values are alike in both directions.",
-        }[fit.directions]
-        yield Remark.info(words)
-    parts = ", ".join(
-        f"{count} of {name}" for count, name in zip(counts, BRANCHES, strict=True)
-    )
-    yield Remark.info(f"{len(fit.events)} events: {parts}.")
-    wild = int(fit.events.wild.sum())
-    if wild:
-        words = f"{wild} events contradict the others and were left out."
-        yield Remark.warning(words)
-    lacking = fit.support == 0
-    empty = [BRANCHES[k] for k in np.flatnonzero(lacking.all(axis=1))]
+    if delay:
+        way = "late" if delay > 0 else "early"
+        yield Remark.warning(
+            f"The error of {result.axis} comes {1e3 * abs(delay):.3g} ms {way}"
+            f" against the acceleration of {master}; that was taken off, as the delay of"
+            " an instrument is. If it is the machine that follows late, the correction"
+            " will come too early by as much."
+        )
+    over = float(np.max(np.abs(fit.events.peak) / fit.full))
+    if over > _ABOVE:
+        up, down = fit.rates
+        yield Remark.warning(
+            f"{master} accelerates up to {over:.0%} of the specified acceleration"
+            f" ({up:g} and {down:g} mm/s²). Above it the controller is taken to hold the"
+            " correction (S-36): state the largest one as acceleration and deceleration"
+            " in the job."
+        )
+
+
+def _of_missing_tests(result: CrosstalkResult) -> Iterator[Remark]:
+    """Return which entries are not known, and what is not written for that."""
+    fit = result.fit
+    missing = np.isnan(fit.values)
+    empty = [BRANCHES[k] for k in np.flatnonzero(missing.all(axis=1))]
     if empty:
-        words = (
+        yield Remark.error(
             f"Nothing is known for {' and '.join(empty)}: the entries of a test are"
-            " written all four or not at all, so no test can be written."
+            " written all four or not at all, since a missing one would be 0 in the"
+            f" controller, so no test can be written. Measure {result.master} with"
+            " acceleration and deceleration in both directions."
         )
-        yield Remark.error(words)
         return
-    for number in np.flatnonzero(lacking.any(axis=0)):
-        place = ", ".join(f"{value:g}" for value in fit.points[number])
-        names = [BRANCHES[k] for k in np.flatnonzero(lacking[:, number])]
-        words = (
+    for number in np.flatnonzero(missing.any(axis=0)):
+        place = ", ".join(f"{value:g}" for value in fit.effect.points[number])
+        names = [BRANCHES[k] for k in np.flatnonzero(missing[:, number])]
+        yield Remark.error(
             f"The test at ({place}) mm is left out: no event for {' and '.join(names)}."
         )
-        yield Remark.error(words)
-    if len(fit.points) > SAFE_TESTS:
-        words = f"{len(fit.points)} tests: one statement of the manuals allows fewer than 15."
-        yield Remark.info(words)
+
+
+def _why_nothing(result: CrosstalkResult) -> Iterator[Remark]:
+    fit = result.fit
+    if not fit.significant:
+        known = np.abs(fit.values[np.isfinite(fit.values)])
+        largest = 1e3 * float(known.max(initial=0.0))
+        yield Remark.warning(
+            f"No crosstalk from {result.master} shows: no value exceeds what chance over"
+            f" all of them would give (the largest is {largest:.2f} µm). Nothing is"
+            " written."
+        )
+    elif fit.complete.any():
+        yield Remark.error(
+            "The tests whose four entries are all measured stand in a line, or are too"
+            " few to span the adaptation axes: no list is written."
+        )

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -11,12 +12,6 @@ from ...core import FitError, Regression, node_shares, regress, simplest
 from ._events import Events
 
 _CELLS, _FOLDS = 8, 8
-_LIMIT = 5.0
-"""Residuals in scales beyond which an event counts no more for the place of a test."""
-_PLACES = 15
-"""Places along an axis at which a test is tried."""
-_GAIN = 0.05
-"""Relative gain of the residual for which a test is moved off the even spacing."""
 _TOUCHED = 1e-9
 """Weight of a test in an event from which on the event touches it."""
 
@@ -77,7 +72,15 @@ class Table:
         amount, weight = self.amount[keep], self.weight[keep]
         return Table(group, positions, amount, weight, self.own_noise)
 
-    def fit(self, columns: Float[np.ndarray, "n p"], loss: str) -> Regression:
+    def each(
+        self, columns: Float[np.ndarray, "n p"], loss: str
+    ) -> Iterator[tuple[int, Bool[np.ndarray, " n"], Regression]]:
+        """Yield number and events of each group, and the values of tests over them."""
+        for group in np.unique(self.group).tolist():
+            mine = self.group == group
+            yield group, mine, self.take(mine)._fit(columns[mine], loss)
+
+    def _fit(self, columns: Float[np.ndarray, "n p"], loss: str) -> Regression:
         """Return the values of tests over events of one group.
 
         Each rests on the events around it. The scatter within events counts beside that
@@ -131,18 +134,13 @@ class Table:
         return np.asarray(result * root)
 
 
-def points_of(nodes: Nodes) -> Float[np.ndarray, "p k"]:
-    """Return the positions of the tests of a grid in mm, the last axis fastest."""
-    return np.array(list(itertools.product(*nodes)), float)
-
-
 def choose_tests(
     table: Table, modes: tuple[int, ...], most: int
-) -> tuple[Axes, Nodes, tuple[ModeScore, ...]]:
-    """Return adaptation axes and nodes that predict held-out events best.
+) -> tuple[Axes, Float[np.ndarray, "p k"], tuple[ModeScore, ...]]:
+    """Return adaptation axes and places of tests that predict held-out events best.
 
     The fewest tests whose loss is not above the least by more than chance over the cells.
-    Nodes are evenly spaced over the events, then moved where that fits clearly better.
+    They stand on a grid, evenly spaced over the events, the last axis fastest.
 
     Raises:
         FitError: If no choice can be fitted.
@@ -160,9 +158,8 @@ def choose_tests(
     finest = candidates[int(np.argmax(sizes))]
     columns = table.by_grid(finest[0], table.even_nodes(*finest))
     sound = np.ones(len(table.amount), bool)
-    for group in np.unique(table.group):
-        mine = table.group == group
-        sound[mine] = ~table.take(mine).fit(columns[mine], "student").wild
+    for _, mine, found in table.each(columns, "student"):
+        sound[mine] = ~found.wild
     table = table.take(sound)
     cells = _cells(table.positions)
     rng = np.random.default_rng(0)
@@ -179,8 +176,8 @@ def choose_tests(
         ModeScore(1 + len(axes), axes, counts, float(held_out[k]), k == chosen)
         for k, (axes, counts) in enumerate(candidates)
     )
-    axes, counts = candidates[chosen]
-    return axes, _moved_nodes(table, axes, table.even_nodes(axes, counts)), scores
+    nodes = table.even_nodes(*candidates[chosen])
+    return candidates[chosen][0], np.array(list(itertools.product(*nodes))), scores
 
 
 def _candidates(
@@ -220,29 +217,3 @@ def _rounded(places: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Return places that can be read aloud: whole steps of about a hundredth of the span."""
     step = 10.0 ** math.floor(math.log10(np.ptp(places) / 50.0))
     return np.asarray(np.round(places / step) * step)
-
-
-def _moved_nodes(table: Table, axes: Axes, nodes: Nodes) -> Nodes:
-    """Return nodes with inner ones moved to where they fit the events best."""
-    every = np.ones(len(table.amount), bool)
-
-    def cost(trial: Nodes) -> float:
-        left = table.left(table.by_grid(axes, trial), every)
-        scale = max(1.4826 * float(np.median(np.abs(left))), table.own_noise, 1e-12)
-        return float(np.minimum(left**2, (_LIMIT * scale) ** 2).sum())
-
-    current, start = nodes, cost(nodes)
-    best = start
-    for k, line in enumerate(nodes):
-        places = _rounded(np.linspace(line[0], line[-1], _PLACES))
-        for inner, place in itertools.product(range(1, len(line) - 1), places):
-            low, high = current[k][inner - 1], current[k][inner + 1]
-            if not low + 1e-6 < place < high - 1e-6:
-                continue
-            moved = current[k].copy()
-            moved[inner] = place
-            trial = (*current[:k], moved, *current[k + 1 :])
-            value = cost(trial)
-            if value < best:
-                best, current = value, trial
-    return current if best < (1.0 - _GAIN) * start else nodes

@@ -12,21 +12,20 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.special import chdtrc, ndtri  # scipy.stats takes long to load
 
-from ....models import Conventions, Crosstalk, LegacyCrosstalk, surface_through
+from .... import models
+from ....models import Conventions, LegacyCrosstalk, surface_through
 from ...core import FitError, filled, one_blas_thread
+from ...fit.joint import Crosstalk
 from .._protocol import DEFAULT_RULES
-from . import SAFE_TESTS
+from . import BRANCHES, SAFE_TESTS
 from ._events import (
-    BRANCHES as BRANCHES,
     CrosstalkReadings as CrosstalkReadings,
     Events as Events,
     cut_events as cut_events,
     specified,
 )
-from ._tests import ModeScore, Table, choose_tests, points_of
+from ._tests import ModeScore, Table, choose_tests
 
-MOST_TESTS = 15
-"""Measurement tests that a list holds at most ([001] p.84)."""
 _CHANCE = 0.01
 """Probability under equal directions below which they differ."""
 _SURE = 0.0027
@@ -41,51 +40,36 @@ _TOUCHED = 1e-9
 _SAME = 1e-6
 """mm within which two tests stand at the same place."""
 
-Directions = Literal["given", "differ", "alike", "unknown"]
-"""Whether the values differ by the direction of motion: unknown where a branch has no event."""
-
 
 @dataclasses.dataclass(frozen=True)
 class CrosstalkFit:
     """The crosstalk from a master to a slave; signs are those of the *error*.
 
     Attributes:
-        axes: Adaptation axes used, columns of the positions.
-        points: Of the tests in mm, shape ``(p, k)``; the last axis runs fastest in a grid.
+        effect: Its form, as of a joint fit: axes, tests, specified accelerations and rules.
         values: Error at the specified accelerations in mm, rows as `BRANCHES`; NaN where the
             readings do not tell it.
         standard_deviation: Of the values; inf where the readings do not tell it.
         support: Events that touch each value.
-        acceleration: Specified, in mm/s², positive.
-        deceleration: Specified, in mm/s², negative.
-        velocity_dependent: Whether the directions differ; else both rows are equal.
-        directions: Why.
         noise: Standard deviation of one event of median weight in mm, per row of `BRANCHES`.
-        events: All that were cut out.
-        scores: Choices compared by hold-out; empty where the tests were given.
+        events: All that were cut out; their positions are those of the adaptation axes.
         converged: Whether the robust passes converged.
-        conventions: How accelerations and directions are defined.
+        scores: Choices compared by hold-out; empty where the tests were given.
     """
 
-    axes: tuple[int, ...]
-    points: Float[np.ndarray, "p k"]
+    effect: Crosstalk
     values: Float[np.ndarray, "4 p"]
     standard_deviation: Float[np.ndarray, "4 p"]
     support: Int[np.ndarray, "4 p"]
-    acceleration: float
-    deceleration: float
-    velocity_dependent: bool
-    directions: Directions
     noise: Float[np.ndarray, "4"]
     events: Events
-    scores: tuple[ModeScore, ...]
     converged: bool
-    conventions: Conventions
+    scores: tuple[ModeScore, ...] = ()
 
     @property
-    def mode(self) -> int:
-        """Of the list: 1, 2 or 3."""
-        return 1 + len(self.axes)
+    def rates(self) -> tuple[float, float]:
+        """Specified acceleration and deceleration in mm/s²."""
+        return float(self.effect.acceleration), float(self.effect.deceleration)
 
     @property
     def complete(self) -> Bool[np.ndarray, " p"]:
@@ -95,13 +79,12 @@ class CrosstalkFit:
     @property
     def full(self) -> Float[np.ndarray, " n"]:
         """Size of the specified acceleration that each event is a part of, in mm/s²."""
-        slows = self.events.branch >= 2
-        return np.where(slows, -self.deceleration, self.acceleration)
+        return np.asarray(np.abs(np.array(self.rates))[self.events.branch // 2])
 
     @property
     def significant(self) -> bool:
         """Whether any value is more than chance over all of them would show."""
-        rows = slice(None) if self.velocity_dependent else slice(0, 4, 2)
+        rows = slice(None) if self.effect.velocity_dependent else slice(0, 4, 2)
         value, spread = self.values[rows], self.standard_deviation[rows]
         known = np.isfinite(value) & np.isfinite(spread)
         if not known.any():
@@ -109,7 +92,7 @@ class CrosstalkFit:
         limit = -float(ndtri(0.5 * _SURE / int(known.sum())))
         return bool((np.abs(value[known]) > limit * spread[known]).any())
 
-    def kept(self, active: Crosstalk | None) -> Bool[np.ndarray, " p"]:
+    def kept(self, active: models.Crosstalk | None) -> Bool[np.ndarray, " p"]:
         """Return which tests are written: all four values measured, or known from before.
 
         Args:
@@ -118,10 +101,12 @@ class CrosstalkFit:
         """
         if active is None:
             return self.complete
-        known = are_among(self.points, np.asarray(active.surface.points))
+        known = are_among(self.effect.points, np.asarray(active.surface.points))
         return np.asarray(self.complete | known)
 
-    def compensation(self, active: Crosstalk | None = None) -> Crosstalk | None:
+    def compensation(
+        self, active: models.Crosstalk | None = None
+    ) -> models.Crosstalk | None:
         """Return the list that takes this error away, as the controller runs it.
 
         Without a filter, and with values of its own for each direction. None where no test
@@ -130,22 +115,20 @@ class CrosstalkFit:
         Args:
             active: The list that was active while measuring, to which this one adds.
         """
-        kept, rules = self.kept(active), self.conventions
-        points = self.points[kept]
-        try:
-            surface = surface_through(points)
-        except ValueError:
+        kept, effect = self.kept(active), self.effect
+        if not kept.any():
             return None
+        points = effect.points[kept]
         offset = np.where(self.complete, -self.values, 0.0)[:, kept]
         if active is not None:
             offset = offset + full_offsets(active, active, points)
-        return Crosstalk(
-            surface,
-            jnp.asarray(rules.crosstalk_sign * offset),
-            jnp.asarray(self.acceleration),
-            jnp.asarray(self.deceleration),
-            **rules.of_crosstalk,
-        )
+        try:
+            written = dataclasses.replace(
+                effect, positions=points, velocity_dependent=True
+            )
+            return written.to_model(offset, float(effect.rules.crosstalk_sign))
+        except FitError:
+            return None
 
 
 def are_among(
@@ -157,8 +140,8 @@ def are_among(
 
 
 def full_offsets(
-    model: Crosstalk | LegacyCrosstalk,
-    by: Crosstalk,
+    model: models.Crosstalk | LegacyCrosstalk,
+    by: models.Crosstalk,
     points: Float[np.ndarray, "p k"] | None = None,
 ) -> Float[np.ndarray, "4 p"]:
     """Return what a list adds at full acceleration at each place, by row of `BRANCHES`.
@@ -181,6 +164,9 @@ def full_offsets(
 @one_blas_thread()
 def fit_crosstalk(
     readings: CrosstalkReadings,
+    axis: str,
+    master: str,
+    adaptation: tuple[str, ...] = (),
     *,
     acceleration: float | None = None,
     deceleration: float | None = None,
@@ -194,6 +180,9 @@ def fit_crosstalk(
 
     Args:
         readings: Log of master and slave.
+        axis: Name of the slave.
+        master: Name of the axis that accelerates.
+        adaptation: Names of the axes on which it may depend, as the columns of positions.
         acceleration: Specified, in mm/s², above 0; None = as measured.
         deceleration: Specified, in mm/s², below 0; None = as measured.
         conventions: How accelerations and directions are defined.
@@ -204,13 +193,14 @@ def fit_crosstalk(
     """
     rates = specified(readings, acceleration, deceleration)
     events = cut_events(readings, *rates, conventions=conventions)
-    return fit_events(events, rates, conventions, **options)
+    form = Crosstalk(axis, master, *rates, conventions=conventions)
+    return fit_events(events, form, adaptation, **options)
 
 
 def fit_events(
     events: Events,
-    rates: tuple[float, float],
-    rules: Conventions,
+    form: Crosstalk,
+    adaptation: tuple[str, ...],
     *,
     mode: int | str = "auto",
     positions: Float[np.ndarray, "p k"] | None = None,
@@ -222,8 +212,8 @@ def fit_events(
 
     Args:
         events: Of a log.
-        rates: Specified acceleration and deceleration in mm/s².
-        rules: How accelerations and directions are defined.
+        form: What is known of its form: axes, specified accelerations and rules.
+        adaptation: Axes on which it may depend, as the columns of positions.
         mode: 1, 2 or 3 (number of adaptation axes + 1), or ``"auto"``: events held out choose.
         positions: Of the tests in mm, one column per adaptation axis (of the mode; of the
             readings where that is ``"auto"``); None = chosen from the events.
@@ -234,35 +224,30 @@ def fit_events(
     Raises:
         FitError: If the arguments cannot be met.
     """
-    directions: Directions = "given"
     apart = velocity_dependent
     if isinstance(apart, str):
-        directions = _directions(events)
-        apart = directions != "alike"
+        apart = _directions_differ(events)
     groups = _APART if apart else _ALIKE
     table = Table.of(events, groups)
     scores: tuple[ModeScore, ...] = ()
     if positions is not None:
-        axes = tuple(range(positions.shape[1]))
-        points = np.asarray(positions, float)
+        axes, points = tuple(range(positions.shape[1])), positions
     else:
         every = tuple(range(1, table.positions.shape[1] + 2))
         modes = (mode,) if isinstance(mode, int) else every
-        axes, nodes, scores = choose_tests(table, modes, most_tests)
-        points = points_of(nodes)
+        axes, points, scores = choose_tests(table, modes, most_tests)
+    places = events.positions[:, list(axes)]
     try:
-        surface = surface_through(points)
+        stencil = surface_through(points).stencil(jnp.asarray(filled(places)))
     except ValueError as error:
         raise FitError(str(error)) from error
-    stencil = surface.stencil(jnp.asarray(filled(table.positions[:, list(axes)])))
     columns = np.array(stencil.matrix())[: len(events)]
     shape = len(BRANCHES), len(points)
     values, deviation = np.full(shape, np.nan), np.full(shape, np.inf)
     support, noise = np.zeros(shape, np.int64), np.full(len(BRANCHES), np.nan)
     wild, converged = np.zeros(len(events), bool), True
-    for group in np.unique(table.group):
-        mine, rows = table.group == group, np.array(groups) == group
-        found = table.take(mine).fit(columns[mine], loss)
+    for group, mine, found in table.each(columns, loss):
+        rows = np.array(groups) == group
         wild[mine] = found.wild
         converged &= found.converged
         touching = (columns[mine][~found.wild] > _TOUCHED).sum(axis=0)
@@ -271,28 +256,30 @@ def fit_events(
         deviation[rows] = np.where(known, found.standard_deviation, np.inf)
         support[rows], noise[rows] = np.where(known, touching, 0), found.noise.white
     return CrosstalkFit(
-        axes=axes,
-        points=points,
+        effect=dataclasses.replace(
+            form,
+            adaptation=tuple(adaptation[k] for k in axes),
+            positions=points,
+            velocity_dependent=apart,
+        ),
         values=values,
         standard_deviation=deviation,
         support=support,
-        acceleration=rates[0],
-        deceleration=rates[1],
-        velocity_dependent=bool(apart),
-        directions=directions,
         noise=noise,
-        events=dataclasses.replace(events, wild=wild),
-        scores=scores,
+        events=dataclasses.replace(events, positions=places, wild=wild),
         converged=converged,
-        conventions=rules,
+        scores=scores,
     )
 
 
-def _directions(events: Events) -> Directions:
-    """Return whether values differ by direction, from events paired at the same places."""
+def _directions_differ(events: Events) -> bool:
+    """Return whether values differ by direction, from events at the same places.
+
+    They do where a direction has no event: nothing is known of it.
+    """
     table = Table.of(events, _APART)
     if (np.bincount(table.group, minlength=len(BRANCHES)) == 0).any():
-        return "unknown"
+        return True
     statistic, free = 0.0, 0
     # Medians over thirds of the events by place, so that a difference anywhere counts.
     place = np.zeros(len(events), np.int64)
@@ -313,5 +300,4 @@ def _directions(events: Events) -> Directions:
             apart = float(np.median(parts[0]) - np.median(parts[1]))
             statistic += apart**2 / (_MEDIAN * variance)
             free += 1
-    differ = free and float(chdtrc(free, statistic)) < _CHANCE
-    return "differ" if differ else "alike"
+    return bool(free and float(chdtrc(free, statistic)) < _CHANCE)

@@ -5,67 +5,42 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from matplotlib.axes import Axes
 
 from ...report import _style as style
 from ...report._body import Body, Plot
 from ...report._scale import Scale, count, number, percent, place
 from .._drawing import directed_marks, left_out_words, side_by_side
-from ._events import QUIET
+from . import BRANCHES
 from ._result import SHORT, CrosstalkResult
-from ._tests import ModeScore
-from .effect import BRANCHES
 
 _WAY = (1, -1, 1, -1)
 """Direction of the master in each row of `BRANCHES`."""
-_COURSES = 8
-"""Events of each sign and direction that are shown in full."""
 
 
 def body(fit: CrosstalkResult, scale: Scale) -> Body:
     """Return what the page shows of a fitted crosstalk."""
-    drawn = [events_plot(fit, scale), tests_plot(fit, scale), course_plot(fit, scale)]
-    return Body(
-        plots=[plot for plot in drawn if plot is not None],
-        facts=[*_facts(fit, scale)],
-        wild_count=int(fit.wild.sum()),
-    )
+    plots = [_events_plot(fit, scale)]
+    if fit.adaptation:
+        plots.append(_tests_plot(fit, scale))
+    facts = [*_facts(fit, scale)]
+    return Body(plots=plots, facts=facts, wild_count=int(fit.wild.sum()))
 
 
 def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
-    own = fit.fit
-    yield ("Law", _law(fit))
-    yield from _tests(fit, scale)
-    yield from _left_out(fit, scale)
-    noise = [each for each in own.noise if np.isfinite(each)]
-    if noise:
-        yield (
-            "Events",
-            f"{count(len(own.events), 'acceleration')} cut out of the log; one scatters"
-            f" by {scale.shown(max(noise))} (1 sd) about the list at most.",
-        )
-    if own.scores:
-        yield ("Choice of tests", _choice(fit, scale))
-
-
-def _law(fit: CrosstalkResult) -> str:
-    own = fit.fit
+    own, form = fit.fit, fit.fit.effect
     where = f" over {' and '.join(fit.adaptation)}" if fit.adaptation else ""
     ways = (
         "each direction has entries of its own"
-        if own.velocity_dependent
+        if form.velocity_dependent
         else "both directions have the same entries"
     )
-    return (
-        f"Mode {own.mode}{where}: {fit.axis} is moved when {fit.master} accelerates, in"
-        f" full at {own.acceleration:g} and {own.deceleration:g} mm/s² and in proportion"
-        f" below; {ways}.".replace("-", "−")
+    yield (
+        "Law",
+        f"Mode {form.mode}{where}: {fit.axis} is moved when {fit.master} accelerates, in"
+        f" full at {form.acceleration:g} and {form.deceleration:g} mm/s² and in"
+        f" proportion below; {ways}.".replace("-", "−"),
     )
-
-
-def _tests(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
-    """Return one line per written test: entries, deviations and support."""
     numbers = fit.entries, fit.standard_deviation, fit.support
     for k, point in enumerate(fit.points):
         parts = [
@@ -76,40 +51,42 @@ def _tests(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
             )
         ]
         yield (f"Test {k + 1}{_at(fit, point)}", "; ".join(parts) + ".")
-
-
-def _left_out(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
-    """Return what is known of tests that are not written."""
-    own = fit.fit
-    for k in np.flatnonzero(~own.complete):
-        values = dict(zip(BRANCHES, own.values[:, k], strict=True))
-        lost = [name for name, value in values.items() if not np.isfinite(value)]
-        words = f"Not known: {', '.join(lost)}."
-        known = [
-            f"{name} {scale.shown(value, signed=True)}"
-            for name, value in values.items()
-            if name not in lost
-        ]
+    for k in np.flatnonzero(~own.complete).tolist():
+        values = zip(BRANCHES, own.values[:, k], strict=True)
+        known = {name: value for name, value in values if np.isfinite(value)}
+        words = f"Not known: {', '.join(b for b in BRANCHES if b not in known)}."
         if known:
-            words += f" Error measured: {', '.join(known)}."
-        yield (f"Not measured{_at(fit, own.points[k])}", words)
+            shown = [f"{b} {scale.shown(v, signed=True)}" for b, v in known.items()]
+            words += f" Error measured: {', '.join(shown)}."
+        yield (f"Not measured{_at(fit, form.points[k])}", words)
+    noise = own.noise[np.isfinite(own.noise)]
+    if noise.size:
+        yield (
+            "Events",
+            f"{count(len(own.events), 'acceleration')} cut out of the log; one scatters"
+            f" by {scale.shown(float(noise.max()))} (1 sd) about the list at most.",
+        )
+    if own.scores:
+        yield ("Choice of tests", _choice(fit, scale))
 
 
 def _choice(fit: CrosstalkResult, scale: Scale) -> str:
-    def tests(score: ModeScore) -> str:
-        return count(math.prod(score.counts), "test")
-
-    worst_first = sorted(reversed(fit.fit.scores), key=lambda score: -score.held_out)
-    best = {score.mode: score for score in worst_first}
-    parts = [
-        f"mode {mode} {scale.shown(best[mode].held_out)} with {tests(best[mode])}"
-        for mode in sorted(best)
+    scores = fit.fit.scores
+    best = [
+        min((each for each in scores if each.mode == mode), key=lambda s: s.held_out)
+        for mode in sorted({each.mode for each in scores})
     ]
-    chosen = next(score for score in fit.fit.scores if score.chosen)
+    chosen = next(each for each in scores if each.chosen)
+    parts = [
+        f"mode {each.mode} {scale.shown(each.held_out)} with"
+        f" {count(math.prod(each.counts), 'test')}"
+        for each in best
+    ]
     return (
         f"Events held out at other places are predicted within (rms, best of each mode):"
-        f" {'; '.join(parts)}. Taken: mode {chosen.mode} with {tests(chosen)}, the fewest"
-        " that are not worse than the best by more than chance."
+        f" {'; '.join(parts)}. Taken: mode {chosen.mode} with"
+        f" {count(math.prod(chosen.counts), 'test')}, the fewest that are not worse than"
+        " the best by more than chance."
     )
 
 
@@ -121,7 +98,7 @@ def _at(fit: CrosstalkResult, point: np.ndarray) -> str:
     return f" at {', '.join(words)} mm" if words else ""
 
 
-def events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
+def _events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     """Draw the error that each event shows over its acceleration, before and after."""
     own, sound = fit.fit, ~fit.wild
     across, up = f"acceleration of {fit.master} in mm/s²", _error_of(fit, scale)
@@ -164,12 +141,12 @@ def _error_of(fit: CrosstalkResult, scale: Scale) -> str:
 
 def _mean_lines(panel: Axes, fit: CrosstalkResult, scale: Scale) -> None:
     """Draw the fitted lines through 0, mean of the tests, held above."""
-    own = fit.fit
-    for row, values in enumerate(own.values):
+    form = fit.fit.effect
+    for row, values in enumerate(fit.fit.values):
         known = values[np.isfinite(values)]
         if not known.size:
             continue
-        full = own.acceleration if row < 2 else own.deceleration
+        full = float(form.acceleration if row < 2 else form.deceleration)
         top = float(known.mean()) * scale.factor
         panel.plot(
             [0.0, full, 1.15 * full], [0.0, top, top], linewidth=1.0,
@@ -177,73 +154,43 @@ def _mean_lines(panel: Axes, fit: CrosstalkResult, scale: Scale) -> None:
         )  # fmt: skip
 
 
-def tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot | None:
-    """Draw the values over the adaptation axes with the events that tell them."""
-    if not fit.adaptation:
-        return None
-    return (_along_one if len(fit.adaptation) == 1 else _over_two)(fit, scale)
-
-
-def _shown(fit: CrosstalkResult, row: int) -> tuple[Float[np.ndarray, "n k"], Any]:
-    """Return places and errors of the events of a branch, wild ones left out."""
-    rows = (fit.fit.events.branch == row) & ~fit.wild
-    return fit.fit.events.positions[rows], fit.before[rows]
-
-
-def _along_one(fit: CrosstalkResult, scale: Scale) -> Plot:
-    own = fit.fit
-    figure, panels = side_by_side(
-        3.0, ("accelerating", "decelerating"), f"{fit.adaptation[0]} in mm",
-        _error_of(fit, scale), shared=False,
-    )  # fmt: skip
-    for row, way in enumerate(_WAY):
-        panel = panels[row // 2]
-        places, errors = _shown(fit, row)
-        directed_marks(panel, way, places[:, 0], errors * scale.factor, 3.5, 0.45)
-        known = np.isfinite(own.values[row])
-        panel.errorbar(
-            own.points[known, 0], own.values[row, known] * scale.factor,
-            yerr=own.standard_deviation[row, known] * scale.factor,
-            marker="s", markersize=4, capsize=2, linewidth=1.2,
-            color=style.DIRECTION_COLOR[way],
-        )  # fmt: skip
-    panels[0].legend(loc="best")
-    caption = (
-        f"Error at full acceleration over {fit.adaptation[0]}: events, and the tests"
-        " with 1 sd. Between tests the controller goes along the line, beyond them it is"
-        f" taken to hold the last value; they cover {percent(fit.coverage)} of the"
-        " workspace. The entries are the negative of this."
-    )
-    return Plot("tests", "Tests along the adaptation axis", figure, caption)
-
-
-def _over_two(fit: CrosstalkResult, scale: Scale) -> Plot:
-    own = fit.fit
+def _tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
+    """Draw the tests over the adaptation axes with the events that tell them."""
+    own, sound, points = fit.fit, ~fit.wild, fit.fit.effect.points
+    alone = len(fit.adaptation) == 1
+    up = _error_of(fit, scale) if alone else f"{fit.adaptation[-1]} in mm"
     figure, panels = style.new_figure(6.0, rows=2, columns=2, sharex=True, sharey=True)
-    known = np.abs(fit.before[~fit.wild])
-    limit = float(np.max(known, initial=0.0)) * scale.factor or 1.0
+    limit = float(np.max(np.abs(fit.before[sound]), initial=0.0)) * scale.factor or 1.0
     # Any: matplotlib gives every keyword a type of its own.
-    options: dict[str, Any] = {"cmap": style.DIVERGING, "vmin": -limit, "vmax": limit}
-    dots = []
+    colours: dict[str, Any] = {"cmap": style.DIVERGING, "vmin": -limit, "vmax": limit}
     for row, panel in enumerate(panels):
-        places, errors = _shown(fit, row)
-        dots.append(
-            panel.scatter(
-                places[:, 0], places[:, 1], s=14, linewidths=0,
-                c=errors * scale.factor, **options,
-            )
-        )  # fmt: skip
-        told = np.isfinite(own.values[row])
-        first, second = own.points.T
+        rows, told = (own.events.branch == row) & sound, np.isfinite(own.values[row])
+        places = own.events.positions[rows]
+        errors, values = (
+            each * scale.factor for each in (fit.before[rows], own.values[row])
+        )
+        panel.set_title(BRANCHES[row], fontsize=10)
+        if alone:
+            directed_marks(panel, _WAY[row], places[:, 0], errors, 3.5, 0.45)
+            panel.errorbar(
+                points[told, 0], values[told],
+                yerr=own.standard_deviation[row, told] * scale.factor,
+                marker="s", markersize=4, capsize=2, linewidth=1.2,
+                color=style.DIRECTION_COLOR[_WAY[row]],
+            )  # fmt: skip
+            continue
+        first, second = points.T
         panel.scatter(
+            places[:, 0], places[:, 1], s=14, linewidths=0, c=errors, **colours
+        )
+        squares = panel.scatter(
             first[told], second[told], s=70, marker="s", edgecolors=style.INK,
-            c=own.values[row, told] * scale.factor, **options,
+            c=values[told], **colours,
         )  # fmt: skip
         panel.scatter(
             first[~told], second[~told], s=60, marker="x", color=style.INK,
             linewidths=1.2,
         )  # fmt: skip
-        panel.set_title(BRANCHES[row], fontsize=10)
         (x0, x1), (y0, y1) = fit.workspace
         panel.plot(
             [x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=style.GREY, linewidth=0.8
@@ -251,58 +198,18 @@ def _over_two(fit: CrosstalkResult, scale: Scale) -> Plot:
     for panel in panels[2:]:
         panel.set_xlabel(f"{fit.adaptation[0]} in mm")
     for panel in panels[::2]:
-        panel.set_ylabel(f"{fit.adaptation[1]} in mm")
-    figure.colorbar(dots[-1], ax=panels, label=_error_of(fit, scale), shrink=0.7)
+        panel.set_ylabel(up)
+    shown = "the tests with 1 sd"
+    if not alone:
+        label = _error_of(fit, scale)
+        figure.colorbar(squares, ax=panels, label=label, shrink=0.7)
+        shown = (
+            "squares the tests, crosses tests without events, the frame the workspace"
+        )
     caption = (
-        "Error at full acceleration over the adaptation axes: dots are events, squares"
-        " the tests, crosses tests without events. The frame is the workspace, of which"
-        f" the tests cover {percent(fit.coverage)}. The entries are the negative of this."
+        f"Error at full acceleration over {' and '.join(fit.adaptation)}: dots are"
+        f" events, {shown}. Between tests the controller goes along the surface, beyond"
+        " them it is taken to hold the last value; they cover"
+        f" {percent(fit.coverage)} of the workspace. The entries are the negative of this."
     )
     return Plot("tests", "Tests over the adaptation axes", figure, caption)
-
-
-def course_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
-    """Draw single events in time, before and with the written list."""
-    figure, panels = style.new_figure(4.4, rows=2, columns=2, sharey=True)
-    for row, panel in enumerate(panels):
-        own = np.flatnonzero((fit.fit.events.branch == row) & ~fit.wild)
-        # Spread evenly over the log.
-        picks = np.linspace(0, len(own) - 1, min(len(own), _COURSES)).astype(int)
-        for k, event in enumerate(own[picks]):
-            clock, before, added = _course(fit, int(event))
-            stages = {"before": before, "with the list": before + added}
-            colours = (style.ORANGE, style.BLUE)
-            for (name, values), colour in zip(stages.items(), colours, strict=True):
-                panel.plot(
-                    1e3 * clock, values * scale.factor, color=colour,
-                    linewidth=0.7, alpha=0.6, label=None if k else name,
-                )  # fmt: skip
-        if not own.size:
-            panel.text(0.5, 0.5, "no event", ha="center", transform=panel.transAxes)
-        panel.axvline(0, color=style.INK, linewidth=0.7)
-        panel.set_title(BRANCHES[row], fontsize=10)
-    for panel in panels[2:]:
-        panel.set_xlabel("time from the beginning of the event in ms")
-    for panel in panels[::2]:
-        panel.set_ylabel(f"{fit.axis} in {scale.error}")
-    panels[0].legend(loc="best")
-    caption = (
-        f"Up to eight events of each sign and direction: the error of {fit.axis} about"
-        " its level beside the event, as measured and with what the written list adds."
-        " What stands before 0 and on the right belongs to the events beside."
-    )
-    return Plot("courses", "Single events in time", figure, caption)
-
-
-def _course(fit: CrosstalkResult, event: int) -> tuple[Float[np.ndarray, " t"], ...]:
-    """Return time in s, error about its level beside the event, and what is added, in mm."""
-    log, events = fit.readings, fit.fit.events
-    start, stop = events.start[event], events.stop[event]
-    rows = slice(max(2 * start - stop, 0), 2 * stop - start)
-    full = max(fit.fit.acceleration, -fit.fit.deceleration)
-    error = log.error[rows]
-    quiet = np.abs(log.acceleration[rows]) < QUIET * full
-    beside = error[quiet & np.isfinite(error)]
-    level = np.median(beside) if beside.size else np.nanmedian(error)
-    clock = log.time[rows] - log.time[start]
-    return clock, error - float(level), fit.added[rows]

@@ -2,25 +2,28 @@
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from jaxtyping import Float
 
 from ...fit import FitError
+from ...fit.joint import Crosstalk
 from ...job._draft import Leftovers
 from ...job._fit_plan import AbstractPlan
+from ...job.joint._recording import read_group
 from ...job.result._result import Remark
 from ...readings import Tables
-from . import SAFE_TESTS
+from . import BRANCHES, SAFE_TESTS
 from ._draft import CrosstalkDraft, Existing, existing_crosstalk
-from ._events import cut_events, joined_logs
-from ._log import held_out_events, read_crosstalk, without_delay
-from .effect import BRANCHES, CrosstalkFit, CrosstalkReadings, are_among, fit_crosstalk
+from ._events import CrosstalkReadings, cut_events, joined_logs
+from ._log import held_out_events, without_delay
+from .effect import CrosstalkFit, are_among, fit_crosstalk
 from .keys import Spec
 
 if TYPE_CHECKING:
-    from ...fit.joint import Crosstalk, JointFit, Part
+    from ...fit.joint import JointFit, Part
     from ...job.joint._recording import GroupRecording
     from ...job.joint._share import Share
 
@@ -53,16 +56,21 @@ class CrosstalkPlan(AbstractPlan):
         return self.fit.mover(self.job.conventions)
 
     @functools.cached_property
+    def rates(self) -> tuple[float | None, float | None]:
+        """Specified acceleration and deceleration in mm/s²; None = as measured."""
+        active = self.old.active
+        if active is None:
+            return self.fit.acceleration, self.fit.deceleration
+        return float(active.acceleration), float(active.deceleration)
+
+    @functools.cached_property
     def options(self) -> dict[str, Any]:
-        """What the job leaves open of the tests, as options of `fit_crosstalk`.
+        """What the job leaves open of the tests, as options of `fit_events`.
 
         Raises:
             FitError: If keys contradict each other.
         """
-        fit, active, points = self.fit, self.old.active, self._tests
-        rates = fit.acceleration, fit.deceleration
-        if active is not None:
-            rates = float(active.acceleration), float(active.deceleration)
+        fit, points = self.fit, self._tests
         mode: int | str = fit.mode if points is None else 1 + points.shape[1]
         if fit.mode not in ("auto", mode):
             msg = (
@@ -71,11 +79,8 @@ class CrosstalkPlan(AbstractPlan):
             raise FitError(msg)
         apart = fit.velocity_dependent
         return {
-            "acceleration": rates[0],
-            "deceleration": rates[1],
             "velocity_dependent": "auto" if apart is None else apart,
             "most_tests": min(fit.max_points or SAFE_TESTS, SAFE_TESTS),
-            "conventions": self.job.conventions,
             "loss": fit.loss,
             "mode": mode,
             "positions": points,
@@ -103,47 +108,41 @@ class CrosstalkPlan(AbstractPlan):
         )
         raise FitError(msg)
 
-    def _refuse_still(self, log: CrosstalkReadings) -> None:
-        """Raise where an axis that the tests are to adapt to never moved."""
-        mode = self.options["mode"]
-        if not isinstance(mode, int) or self.options["positions"] is not None:
-            return
-        names = self.fit.adapts_to[: mode - 1]
-        for name, column in zip(names, log.positions.T, strict=False):
-            known = column[np.isfinite(column)]
-            if known.size and not np.ptp(known) > 0:
-                msg = (
-                    f"{name} stands at {known[0]:g} in all readings: mode {mode} needs"
-                    f" accelerations at two places of {name} or more."
-                )
-                raise FitError(msg)
+    def _found(self, log: CrosstalkReadings) -> CrosstalkFit:
+        """Return the fit to a log of all axes that the tests may adapt to."""
+        fit, (up, down) = self.fit, self.rates
+        return fit_crosstalk(
+            log, fit.axis, fit.master, fit.adapts_to, acceleration=up,
+            deceleration=down, conventions=self.job.conventions, **self.options,
+        )  # fmt: skip
 
     def alone(self, tables: Tables, left: Leftovers) -> CrosstalkDraft:
-        job, fit = self.job, self.fit
-        log, words = read_crosstalk(tables, fit)
-        options = self.options
-        self._refuse_still(log)
-        found = fit_crosstalk(log, **options)
+        recording = read_group(tables, [self])
+        log = self._log(recording, recording.data.error[self.axis])
+        found = self._found(log)
         log, delay = without_delay(log, found)
         if delay:
-            found = fit_crosstalk(log, **options)
+            found = self._found(log)
         # What a list adds beside an event is that of the direction of the event.
-        log = log.directed(found.acceleration, found.deceleration)
-        axes, events = list(found.axes), found.events
-        events = dataclasses.replace(events, positions=events.positions[:, axes])
-        found = dataclasses.replace(found, events=events)
+        log = log.directed(*found.rates)
+        names = self.fit.adapts_to
+        own = [names.index(name) for name in found.effect.adaptation]
+        log = dataclasses.replace(log, positions=log.positions[:, own])
+        held_out = held_out_events(found, self.options)
+        return self._drafted(recording.remarks, found, log, held_out, delay)
+
+    def _drafted(
+        self,
+        remarks: Sequence[Remark],
+        found: CrosstalkFit,
+        log: CrosstalkReadings,
+        held_out: Float[np.ndarray, " n"],
+        delay: float = 0.0,
+    ) -> CrosstalkDraft:
         return CrosstalkDraft(
-            job,
-            self.index,
-            fit,
-            tuple(map(Remark.info, words)),
-            found,
-            dataclasses.replace(log, positions=log.positions[:, axes]),
-            tuple(fit.adapts_to[k] for k in axes),
-            held_out_events(found, options),
-            self.old,
-            delay=delay,
-        )
+            self.job, self.index, self.fit, tuple(remarks), found, log, held_out,
+            self.old, delay,
+        )  # fmt: skip
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -178,44 +177,42 @@ class CrosstalkPlan(AbstractPlan):
     def effect(
         self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
     ) -> "Crosstalk | None":
-        from ...fit.joint import Crosstalk  # takes long to load
-
         options, names = self.options, self.fit.adapts_to
-        points, mode = options["positions"], options["mode"]
-        rates = options["acceleration"], options["deceleration"]
-        way = options["velocity_dependent"]
-        plain = mode == 1 or points is not None
-        if plain and None not in rates and way != "auto":
-            names = names[: mode - 1]
-        elif left is None:
-            return None
-        else:
-            # The form is that of a fit to what the other effects leave.
-            found = fit_crosstalk(self._log(recording, left, names), **options)
-            names = tuple(names[k] for k in found.axes)
-            points = found.points if names else None
-            rates = found.acceleration, found.deceleration
-            way = found.velocity_dependent
+        (up, down), points = self.rates, options["positions"]
+        apart, mode = options["velocity_dependent"], options["mode"]
         # A list is written with all four entries of a test (S-35).
         rules = dataclasses.replace(self.job.conventions, crosstalk_undirected="own")
-        return Crosstalk(
-            self.axis, self.fit.master, rates[0], rates[1],
-            adaptation=names, positions=points,
-            velocity_dependent=bool(way), conventions=rules,
-        )  # fmt: skip
+        plain = apart != "auto" and (mode == 1 or points is not None)
+        if plain and up is not None and down is not None:
+            return Crosstalk(
+                self.axis, self.fit.master, up, down, names[: mode - 1], points,
+                bool(apart), rules,
+            )  # fmt: skip
+        if left is None:
+            return None
+        # The form is that of a fit to what the other effects leave.
+        form = self._found(self._log(recording, left)).effect
+        return dataclasses.replace(form, conventions=rules)
 
     def _log(
         self,
         recording: "GroupRecording",
         error: Float[np.ndarray, " t"],
-        adaptation: tuple[str, ...],
+        adaptation: tuple[str, ...] | None = None,
     ) -> CrosstalkReadings:
-        """Return the recording as logs of one axis, one measurement after the other."""
+        """Return the recording as logs of one axis, one measurement after the other.
+
+        Args:
+            recording: What was measured.
+            error: Of the axis, or what other effects leave of it, in mm.
+            adaptation: Axes whose positions count; None: all that may.
+        """
         data, master = recording.data, self.fit.master
         if data.time is None:
             msg = "expected the time of every reading, found none."
             raise FitError(msg)
-        places = [data.position[name] for name in adaptation]
+        names = self.fit.adapts_to if adaptation is None else adaptation
+        places = [data.position[name] for name in names]
         whole = CrosstalkReadings(
             time=data.time,
             acceleration=data.acceleration[master],
@@ -227,14 +224,13 @@ class CrosstalkPlan(AbstractPlan):
 
     def draft(self, share: "Share") -> CrosstalkDraft:
         part, effect = share.part, share.part.effect
-        from ...fit.joint import Crosstalk
-
         assert isinstance(effect, Crosstalk)  # of `effect`
-        names, rates = effect.adaptation, (effect.acceleration, effect.deceleration)
+        rates = float(effect.acceleration), float(effect.deceleration)
         rules, error = self.job.conventions, np.full((2, len(share.rows)), np.nan)
         error[:, share.rows] = share.error, share.predicted[share.rows]
         logs = [
-            self._log(share.recording, own, names).directed(*rates) for own in error
+            self._log(share.recording, own, effect.adaptation).directed(*rates)
+            for own in error
         ]
         events, left = (cut_events(log, *rates, conventions=rules) for log in logs)
         told = effect.table(part.determined.astype(float)) > 0.5
@@ -242,30 +238,13 @@ class CrosstalkPlan(AbstractPlan):
             events.standard_deviation[events.branch == row]
             for row in range(len(BRANCHES))
         ]
-        fit = CrosstalkFit(
-            axes=tuple(range(len(names))),
-            points=effect.points,
+        found = CrosstalkFit(
+            effect=effect,
             values=np.where(told, part.table, np.nan),
             standard_deviation=np.where(told, part.deviation_table, np.inf),
             support=effect.table(part.support.astype(float)).astype(np.int64),
-            acceleration=float(effect.acceleration),
-            deceleration=float(effect.deceleration),
-            velocity_dependent=effect.velocity_dependent,
-            directions="given",
             noise=np.array([np.median(own) if own.size else np.nan for own in scatter]),
             events=events,
-            scores=(),
             converged=share.fit.converged,
-            conventions=rules,
         )
-        return CrosstalkDraft(
-            self.job,
-            self.index,
-            self.fit,
-            tuple(share.remarks()),
-            fit,
-            logs[0],
-            names,
-            left.value,
-            self.old,
-        )
+        return self._drafted(share.remarks(), found, logs[0], left.value)

@@ -145,13 +145,6 @@ def test_directions_at_different_places_are_refused() -> None:
         fit_backlash(apart, error, direction)
 
 
-def test_a_direction_that_is_none_is_refused() -> None:
-    position, error, direction, _ = cycles(1, 0.012)
-    direction[3] = 0
-    with pytest.raises(FitError, match=r"direction: found 0, expected \+1 or -1"):
-        fit_backlash(position, error, direction)
-
-
 def trace(
     seed: int,
     width: float,

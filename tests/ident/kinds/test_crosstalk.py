@@ -1,5 +1,6 @@
 """Planted crosstalk comes back from acceleration events cut out of a log."""
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -8,8 +9,9 @@ import numpy as np
 import pytest
 
 from axcomp.ident.fit import FitError
-from axcomp.ident.kinds.crosstalk._tests import Table, points_of
+from axcomp.ident.kinds.crosstalk._tests import Table
 from axcomp.ident.kinds.crosstalk.effect import (
+    CrosstalkFit,
     CrosstalkReadings,
     cut_events,
     fit_crosstalk,
@@ -86,6 +88,12 @@ def without_places(readings: CrosstalkReadings) -> CrosstalkReadings:
     )  # fmt: skip
 
 
+def fitted(readings: CrosstalkReadings, **options: Any) -> CrosstalkFit:
+    """The crosstalk of Z from X, over A and B where these were recorded."""
+    names = ("A", "B")[: readings.positions.shape[1]]
+    return fit_crosstalk(readings, "Z", "X", names, **options)
+
+
 def truth_at(law: Law, points: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
     places = np.zeros((len(points), 2))
     places[:, list(axes)] = points
@@ -99,12 +107,13 @@ def truth_at(law: Law, points: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
 def test_events_held_out_choose_the_mode_and_the_axes(
     law: Law, mode: int, axes: tuple[int, ...]
 ) -> None:
-    fit = fit_crosstalk(log(1, law), acceleration=FULL, deceleration=-FULL)
-    assert (fit.mode, fit.axes) == (mode, axes)
+    fit = fitted(log(1, law), acceleration=FULL, deceleration=-FULL)
+    assert fit.effect.mode == mode
+    assert fit.effect.adaptation == tuple("AB"[axis] for axis in axes)
     assert fit.complete.all()
-    assert fit.velocity_dependent
-    assert 1 <= len(fit.points) <= 14
-    truth = truth_at(law, fit.points, axes)
+    assert fit.effect.velocity_dependent
+    assert 1 <= len(fit.effect.points) <= 14
+    truth = truth_at(law, fit.effect.points, axes)
     # 60 events per row of 0.12 µm scatter: 0.1 µm at a test; and what a bilinear cell leaves
     # of the planted surface where a test stands beside its bend.
     np.testing.assert_allclose(fit.values, truth, atol=6e-4)
@@ -115,7 +124,7 @@ def test_planted_values_lie_within_the_stated_deviations_at_the_right_rate() -> 
     distances = []
     for seed in range(8):
         readings = without_places(log(seed, mode_1, moves=12))
-        fit = fit_crosstalk(
+        fit = fitted(
             readings,
             acceleration=FULL,
             deceleration=-FULL,
@@ -133,7 +142,7 @@ def test_planted_values_lie_within_the_stated_deviations_at_the_right_rate() -> 
 def test_deviations_over_a_polygon_hold_too() -> None:
     distances = []
     for seed in range(7):
-        fit = fit_crosstalk(
+        fit = fitted(
             log(seed, mode_2, moves=40),
             acceleration=FULL,
             deceleration=-FULL,
@@ -141,7 +150,7 @@ def test_deviations_over_a_polygon_hold_too() -> None:
                                 [0.0, 400.0], [400.0, 400.0]]),
             velocity_dependent=True,
         )  # fmt: skip
-        truth = truth_at(mode_2, fit.points, (0, 1))
+        truth = truth_at(mode_2, fit.effect.points, (0, 1))
         distances += list(((fit.values - truth) / fit.standard_deviation).ravel())
     # 168 values; a rate of 95 % is seen as more than 90 %.
     assert (np.abs(distances) < 2.0).mean() > 0.9
@@ -152,19 +161,17 @@ def test_over_one_axis_three_tests_are_chosen_where_two_would_do() -> None:
     def straight(branch: np.ndarray, places: np.ndarray) -> np.ndarray:
         return np.asarray(BY_QUADRANT[branch] * (1.0 + places[:, 1] / 400.0))
 
-    fit = fit_crosstalk(log(11, straight), acceleration=FULL, deceleration=-FULL)
+    fit = fitted(log(11, straight), acceleration=FULL, deceleration=-FULL)
     # One statement of the manuals has three in mode 2, and the check warns of others.
-    assert (fit.mode, len(fit.points)) == (2, 3)
+    assert (fit.effect.mode, len(fit.effect.points)) == (2, 3)
 
 
 @pytest.mark.parametrize(("law", "apart"), [(mode_1, True), (alike, False)])
 def test_directions_get_values_of_their_own_only_where_they_differ(
     law: Law, apart: bool
 ) -> None:
-    fit = fit_crosstalk(
-        without_places(log(2, law)), acceleration=FULL, deceleration=-FULL
-    )
-    assert fit.velocity_dependent is apart
+    fit = fitted(without_places(log(2, law)), acceleration=FULL, deceleration=-FULL)
+    assert fit.effect.velocity_dependent is apart
     if not apart:
         np.testing.assert_array_equal(fit.values[0], fit.values[1])
         np.testing.assert_array_equal(fit.values[2], fit.values[3])
@@ -231,11 +238,13 @@ def test_a_turn_under_one_acceleration_is_an_event_in_each_direction() -> None:
 
 def test_the_list_that_the_fit_stands_for_takes_the_error_away() -> None:
     readings = log(4, mode_3)
-    fit = fit_crosstalk(readings, acceleration=FULL, deceleration=-FULL)
+    fit = fitted(readings, acceleration=FULL, deceleration=-FULL)
     model = fit.compensation()
     assert model is not None
     offset = model.offset(
-        readings.acceleration, readings.velocity, readings.positions[:, list(fit.axes)]
+        readings.acceleration,
+        readings.velocity,
+        readings.positions[:, ["AB".index(name) for name in fit.effect.adaptation]],
     )
     left = CrosstalkReadings(
         readings.time, readings.acceleration, readings.velocity,
@@ -249,8 +258,8 @@ def test_the_list_that_the_fit_stands_for_takes_the_error_away() -> None:
 def test_the_sign_of_the_entries_follows_the_convention() -> None:
     readings = without_places(log(4, mode_1, moves=12))
     options: dict[str, Any] = {"acceleration": FULL, "deceleration": -FULL}
-    plain = fit_crosstalk(readings, **options).compensation()
-    turned = fit_crosstalk(
+    plain = fitted(readings, **options).compensation()
+    turned = fitted(
         readings, conventions=Conventions(crosstalk_sign=-1), **options
     ).compensation()
     assert plain is not None
@@ -271,18 +280,17 @@ def test_accelerating_by_speed_sorts_events_by_whether_the_master_gets_faster() 
 
 def test_a_master_that_moves_one_way_only_leaves_the_other_unknown() -> None:
     readings = without_places(log(5, mode_1, ways=(1,)))
-    fit = fit_crosstalk(readings, acceleration=FULL, deceleration=-FULL)
+    fit = fitted(readings, acceleration=FULL, deceleration=-FULL)
     assert not fit.complete.all()
     assert fit.compensation() is None
     assert np.isnan(fit.values[1]).all()
     assert np.isinf(fit.standard_deviation[1]).all()
     np.testing.assert_allclose(fit.values[0], BY_QUADRANT[0], atol=3e-4)
-    assert fit.directions == "unknown"
 
 
 def test_one_way_is_enough_where_directions_are_taken_as_alike() -> None:
     readings = without_places(log(5, alike, ways=(1,)))
-    fit = fit_crosstalk(
+    fit = fitted(
         readings, acceleration=FULL, deceleration=-FULL, velocity_dependent=False
     )
     assert fit.complete.all()
@@ -294,7 +302,7 @@ def test_a_test_without_events_is_left_out_whole() -> None:
         readings.time, readings.acceleration, readings.velocity, readings.error,
         readings.positions[:, 1:],
     )  # fmt: skip
-    fit = fit_crosstalk(
+    fit = fitted(
         places,
         acceleration=FULL,
         deceleration=-FULL,
@@ -309,14 +317,14 @@ def test_a_test_without_events_is_left_out_whole() -> None:
 
 def test_single_acceleration_tests_become_entries_as_they_are() -> None:
     at = np.array([[0.0, 0.0], [400.0, 50.0], [200.0, 400.0]])
-    fit = fit_crosstalk(
+    fit = fitted(
         log(7, mode_3, moves=3, at=at),
         acceleration=FULL,
         deceleration=-FULL,
         positions=at,
         velocity_dependent=True,
     )
-    assert fit.mode == 3
+    assert fit.effect.mode == 3
     assert (fit.support == 1).all()
     truth = truth_at(mode_3, at, (0, 1))
     # One event each, of 0.2 to 0.3 µm; four of them.
@@ -330,7 +338,7 @@ def test_a_wild_event_is_named_and_moves_nothing() -> None:
     events = cut_events(readings, FULL, -FULL)
     error = readings.error.copy()
     error[events.start[20] : events.stop[20]] += 0.2
-    fit = fit_crosstalk(
+    fit = fitted(
         CrosstalkReadings(
             readings.time, readings.acceleration, readings.velocity, error,
             readings.positions,
@@ -346,7 +354,7 @@ def test_missed_readings_of_the_slave_are_left_out() -> None:
     readings = without_places(log(9, mode_1))
     error = readings.error.copy()
     error[np.random.default_rng(0).random(len(error)) < 0.2] = np.nan
-    fit = fit_crosstalk(
+    fit = fitted(
         CrosstalkReadings(
             readings.time, readings.acceleration, readings.velocity, error,
             readings.positions,
@@ -359,11 +367,11 @@ def test_missed_readings_of_the_slave_are_left_out() -> None:
 
 def test_accelerations_are_taken_as_measured_where_none_are_given() -> None:
     readings = without_places(log(10, mode_1))
-    fit = fit_crosstalk(readings)
+    fit = fitted(readings)
     # Moves at 60 to 100 % of 2000 mm/s².
-    assert 1200.0 < fit.acceleration < 2000.0
-    assert -2000.0 < fit.deceleration < -1200.0
-    assert fit.acceleration == round(fit.acceleration)
+    assert 1200.0 < fit.effect.acceleration < 2000.0
+    assert -2000.0 < fit.effect.deceleration < -1200.0
+    assert fit.effect.acceleration == round(fit.effect.acceleration)
 
 
 def test_columns_of_the_search_are_those_of_the_controller() -> None:
@@ -371,7 +379,8 @@ def test_columns_of_the_search_are_those_of_the_controller() -> None:
     nodes = (np.array([0.0, 150.0, 400.0]), np.array([-50.0, 80.0]))
     places = rng.uniform(-100.0, 500.0, (40, 2))
     table = Table(np.zeros(40, int), places, np.zeros(40), np.ones(40), 1.0)
-    stencil = surface_through(points_of(nodes)).stencil(jnp.asarray(places))
+    points = np.array(list(itertools.product(*nodes)))
+    stencil = surface_through(points).stencil(jnp.asarray(places))
     # Two ways of writing the same few products.
     np.testing.assert_allclose(
         table.by_grid((0, 1), nodes), stencil.matrix(), atol=1e-12
@@ -393,7 +402,7 @@ def test_what_cannot_be_meant_is_refused(options: dict[str, Any], message: str) 
         readings.positions[:, :1],
     )  # fmt: skip
     with pytest.raises(FitError, match=message):
-        fit_crosstalk(one, **options)
+        fitted(one, **options)
 
 
 def test_a_master_that_never_brakes_is_refused() -> None:
@@ -403,7 +412,7 @@ def test_a_master_that_never_brakes_is_refused() -> None:
         np.zeros((count, 0)),
     )  # fmt: skip
     with pytest.raises(FitError, match="shows no deceleration at all"):
-        fit_crosstalk(readings)
+        fitted(readings)
 
 
 def test_positions_that_are_not_numbers_are_refused() -> None:
