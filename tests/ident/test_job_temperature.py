@@ -455,7 +455,7 @@ def test_heated_plateau_of_a_real_machine(
     path.write_text(HEATED.format(file=VORON.resolve(), law=law))
     (found,) = run_job(path, tmp_path / "out").fits
     assert isinstance(found, TemperatureResult)
-    assert found.fit.slope[0] == pytest.approx(-0.0148, abs=near)
+    assert found.fit.offset.slope[0] == pytest.approx(-0.0148, abs=near)
     # Missed steps of 4.3 mm, and nothing else: the plateau scatters by micrometres.
     wild = found.before[found.fit.wild]
     assert len(wild) == 9

@@ -14,7 +14,7 @@ from ...job._draft import AbstractDraft
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
 from ...job.result._second import SecondMeasurement
-from ...proof import GateCheck, reversal_dynamics
+from ...proof import GateCheck
 from ...proof.axis import check_switching
 from ...readings import Tables
 from .._keys import FitSpec
@@ -128,7 +128,9 @@ class TemperatureDraft(AbstractDraft):
         added = 1e-6 * slope * limits.feed / 60.0
         follows = "while the PLC follows the temperature"
         entry = f"{_LINE}_n_cycles"
-        switched = "COMP ON/OFF, homing, reload or loss of power, while warm"
+        switched = (
+            "COMP ON/OFF, homing, reload or loss of power, while warm and standing"
+        )
         return (
             limits.check("max_correction", most, "mm", where),
             limits.check("max_slope", 1e-3 * slope, "µm/mm", there),
@@ -179,7 +181,7 @@ class TemperatureDraft(AbstractDraft):
         return TemperatureResult(
             **self.frame(done),
             error=staged(before, predicted, from_file, found.wild),
-            remarks=(*remarks_of(self), *self._switching(), *done.remarks),
+            remarks=(*remarks_of(self), *done.remarks),
             files=tuple(
                 file for file in done.written if self.written and file.name in names
             ),
@@ -196,11 +198,8 @@ class TemperatureDraft(AbstractDraft):
 
     def _line_of(self, table: Table, machine: ListFile | None) -> TemperatureLine:
         """Return the line that the PLC makes of a table, beside an axis list."""
-        sensors = (
-            self.sensors.index(self._followed[0]),
-            self.sensors.index(self._followed[1]),
-        )
-        return temperature_line(table, sensors, self.job.conventions, machine)
+        first, second = map(self.sensors.index, self._followed)
+        return temperature_line(table, (first, second), self.job.conventions, machine)
 
     @property
     def _followed(self) -> tuple[str, str]:
@@ -234,22 +233,6 @@ class TemperatureDraft(AbstractDraft):
             return self.fit.n_cycles
         machine, entry = self.lists.machine, f"{_LINE}_n_cycles"
         return spread_over(self.job, self.jump, machine, entry, switched=True)
-
-    def _switching(self) -> list[Remark]:
-        if not self.written:
-            return []
-        job, jump, cycles = self.job, self.jump, self._filter
-        limits, cycle_time = job.limits, job.spec.controller.cycle_time
-        fast, _ = reversal_dynamics(jump, cycles, cycle_time)
-        words = (
-            f"Switching it on or off on the warm machine (COMP, homing) moves {self.axis}"
-            f" by up to {1e3 * jump:.1f} µm within {cycles} cycles, with up to"
-            f" {fast:.3g} mm/s: at standstill only, without a tool in cut."
-        )
-        if fast > limits.max_velocity:
-            words += f" That is more than max_velocity ({limits.max_velocity:g} mm/s)."
-        level = "warning" if fast > limits.max_velocity else "info"
-        return [Remark(level, words)]
 
     @property
     def _program(self) -> dict[str, Any]:

@@ -104,8 +104,7 @@ def fit_temperature(
             met = dataclasses.replace(met, meeting="too few")
         if met.meeting == "met":
             fit, found = met, other
-        unsure = met.meeting_deviation
-        fit = dataclasses.replace(fit, meeting=met.meeting, meeting_deviation=unsure)
+        fit = dataclasses.replace(fit, meeting=met.meeting)
     turns = _stretches(own) % _FOLDS
     left, _ = _left_out(own, fit.line, found.share, turns)
     level = fit.error - np.median(fit.error)

@@ -34,31 +34,18 @@ class Law:
     covariance: Float[np.ndarray, "n n"]
 
     @property
-    def standard_deviation(self) -> Float[np.ndarray, " n"]:
-        """Of the values, same unit."""
-        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-
-    @property
     def kind(self) -> str:
         """The law in a word."""
         return {1: "constant", 2: "linear"}.get(len(self.value), "piecewise linear")
 
     @property
-    def slope(self) -> float:
-        """Change of the value per K between the first and the last node."""
-        return float(self._ends @ self.value)
-
-    @property
-    def slope_deviation(self) -> float:
-        """Standard deviation of that."""
-        return float(np.sqrt(max(self._ends @ self.covariance @ self._ends, 0.0)))
-
-    @property
-    def _ends(self) -> Float[np.ndarray, " n"]:
+    def slope(self) -> tuple[float, float]:
+        """Change of the value per K from the first to the last node, and its deviation."""
         ends = np.zeros(len(self.value))
         if len(ends) > 1:
             ends[[0, -1]] = np.array([-1.0, 1.0]) / np.ptp(self.temperature)
-        return ends
+        variance = max(float(ends @ self.covariance @ ends), 0.0)
+        return float(ends @ self.value), float(np.sqrt(variance))
 
     def at(self, temperature: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Return the value at temperatures in °C."""
@@ -137,7 +124,7 @@ class TemperatureFit:
         converged: Whether the iterations converged.
         meeting: Whether the lines of all temperatures meet at the reference, where the offset
             is a constant, or why that was not taken.
-        meeting_deviation: Standard deviation in mm of the intersection, where there is one.
+        reference_deviation: Standard deviation in mm of a reference where they meet.
         scores: Laws compared by hold-out; empty where the law was given.
     """
 
@@ -156,7 +143,7 @@ class TemperatureFit:
     support: tuple[int, ...]
     converged: bool
     meeting: Meeting = "given"
-    meeting_deviation: float | None = None
+    reference_deviation: float | None = None
     scores: tuple[LawScore, ...] = ()
 
     @property
@@ -212,19 +199,9 @@ class TemperatureFit:
         return float(self.line.reference)
 
     @property
-    def reference_deviation(self) -> float | None:
-        """Standard deviation of the reference in mm; None where lines do not meet there."""
-        return self.meeting_deviation if self.intersects else None
-
-    @property
     def intersects(self) -> bool:
         """Whether the lines of all temperatures meet at the reference."""
         return self.meeting == "met"
-
-    @property
-    def slope(self) -> tuple[float, float]:
-        """Change of the offset in mm/K over the measured temperatures, and its deviation."""
-        return self.offset.slope, self.offset.slope_deviation
 
     def predict(
         self,

@@ -27,8 +27,8 @@ def about_meeting(fit: TemperatureFit) -> TemperatureFit:
     Where they do not, it stays as it is, with the reason.
     """
 
-    def stays(meeting: Meeting, unsure: float | None = None) -> TemperatureFit:
-        return dataclasses.replace(fit, meeting=meeting, meeting_deviation=unsure)
+    def stays(meeting: Meeting) -> TemperatureFit:
+        return dataclasses.replace(fit, meeting=meeting)
 
     line, size, every = fit.line, fit.line.size, len(fit.covariance)
     nodes, own = line.nodes, line.split(np.arange(size))
@@ -65,7 +65,7 @@ def about_meeting(fit: TemperatureFit) -> TemperatureFit:
     if ((rows @ value) ** 2 > _SURE**2 * np.maximum(np.diag(spread), 1e-18)).any():
         return stays("not one point")
     if not sure < max(10.0 * span, abs(fit.reference + away)):
-        return stays("uncertain", sure)
+        return stays("uncertain")
     # The laws given that the lines meet, and what they are beside the position.
     gain = fit.covariance @ rows.T @ weight
     value = value - gain @ (rows @ value)
@@ -83,5 +83,5 @@ def about_meeting(fit: TemperatureFit) -> TemperatureFit:
         covariance=turn @ fit.covariance @ turn.T,
         support=(int((~fit.wild).sum()), *fit.support[len(own["offset"]) :]),
         meeting="met",
-        meeting_deviation=sure,
+        reference_deviation=sure,
     )

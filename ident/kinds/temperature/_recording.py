@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....data.measurements import MeasurementError
 from ..._recording import JointData
 from ...fit import FitError
 from ...fit.joint import Temperature
 from ...job.result._result import Remark
-from ...readings import Tables, sensor_name
-from .keys import Spec
+from ...job.table._readings import datum_of
+from ...readings import sensor_name
 
 if TYPE_CHECKING:
     from ...job.joint._recording import GroupRecording
@@ -53,7 +52,7 @@ def read_thermal(plan: "TemperaturePlan") -> ThermalRecording:
     time, words = _one_clock(group)
     remarks = [*group.remarks, *map(Remark.info, words)]
     data = dataclasses.replace(group.data, time=time)
-    rows, datum = np.arange(len(data)), _common_datum(plan.tables, plan.fit)
+    rows, datum = np.arange(len(data)), datum_of(plan.job, plan.index, plan.fit)
     if (asked := plan.fit.steady) is not None:
         name = sensor_name(asked.sensor)
         clock = rows.astype(float) if time is None else time
@@ -74,8 +73,9 @@ def read_thermal(plan: "TemperaturePlan") -> ThermalRecording:
     if datum is not None and "coefficient" in line.sensors:
         # The instrument was set to zero there: what the offset does, nobody saw.
         only = {"coefficient": line.sensors["coefficient"]}
-        line = dataclasses.replace(line, sensors=only, reference=datum)
-    return ThermalRecording(data, rows, line, datum, tuple(remarks))
+        line = dataclasses.replace(line, sensors=only, reference=datum[0])
+    zero = None if datum is None else datum[0]
+    return ThermalRecording(data, rows, line, zero, tuple(remarks))
 
 
 def _one_clock(
@@ -120,31 +120,13 @@ def steady(
     inside = known & (np.abs(value - (0.0 if level is None else level)) <= within)
     # A lone reading outside does not end a plateau.
     bridged = inside.copy()
-    bridged[1:-1] |= ~inside[1:-1] & inside[:-2] & inside[2:]
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], bridged, [False]])))
-    starts, ends = edges[::2], edges[1::2]
-    if not len(starts):
+    bridged[1:-1] |= inside[:-2] & inside[2:]
+    masked = np.ma.array(value, mask=bridged)
+    stretches: list[slice] = np.ma.clump_masked(masked)  # type: ignore[no-untyped-call]
+    if not stretches:
         msg = f"no reading lies within ±{within:g} of a plateau, expected a steady stretch."
         raise FitError(msg)
-    longest = int(np.argmax(time[ends - 1] - time[starts]))
+    longest = max(stretches, key=lambda own: float(np.ptp(time[own])))
     result = np.zeros(len(value), bool)
-    result[starts[longest] : ends[longest]] = True
-    return np.asarray(result & inside)
-
-
-def _common_datum(tables: Tables, fit: Spec) -> float | None:
-    """Return the datum, which all measurements share like the reference temperature."""
-    specs = [tables.job.spec.measurements[name] for name in fit.sources]
-    # One number, or a list of one.
-    datums = {
-        None if spec.datum is None else float(np.ravel(spec.datum.at)[0])
-        for spec in specs
-    }
-    if len(datums) > 1 or len({spec.reference_temperature for spec in specs}) > 1:
-        what = "datums" if len(datums) > 1 else "reference temperatures"
-        raise MeasurementError(
-            ", ".join(fit.sources),
-            f"found measurements with different {what}, expected the same one for all"
-            " that are joined",
-        )
-    return datums.pop()
+    result[longest] = inside[longest]
+    return result

@@ -23,7 +23,7 @@ _MEETINGS: Mapping[Meeting, str] = {
     "two sensors": "Two sensors move offset and slope, so the lines do not meet",
     "too few": "Too few readings to find where the lines meet",
     "not one point": "The lines of the temperatures do not meet in one point",
-    "uncertain": "Where the lines meet is uncertain by {sure:.2g} mm",
+    "uncertain": "Where the lines meet is uncertain, and far from what was measured",
 }
 _UNSURE: tuple[Meeting, ...] = ("not one point", "uncertain")
 """What a person should know before the line is used."""
@@ -73,8 +73,8 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
 
 def _meeting_words(fit: TemperatureFit) -> str:
     """Return whether the lines of all temperatures meet, and where the reference is."""
-    sure = fit.meeting_deviation
-    words = _MEETINGS[fit.meeting].format(at=fit.reference, sure=sure or 0.0)
+    sure = fit.reference_deviation or 0.0
+    words = _MEETINGS[fit.meeting].format(at=fit.reference, sure=sure)
     if not fit.intersects:
         words += f": the reference is {fit.reference:.4g} mm"
     return f"{words}.".replace("-", "−")

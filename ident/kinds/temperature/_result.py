@@ -70,7 +70,7 @@ class TemperatureResult(AbstractResult):
         table = spread = None
         if law is not None:
             table, spread = law.columns, law.deviations
-        slope, slope_deviation = found.slope
+        slope, slope_deviation = found.offset.slope
         return {
             "parameters": {
                 "position_0": self.reference,
@@ -111,5 +111,5 @@ def _law(law: Law | None, factor: float) -> Any:
         "kind": law.kind,
         "temperature": law.temperature,
         "error": factor * law.value,
-        "standard_deviation": factor * law.standard_deviation,
+        "standard_deviation": factor * law.deviation_at(law.temperature),
     }

@@ -78,16 +78,16 @@ def _law_words(fit: TemperatureResult, scale: Scale) -> str:
     offset, law = fit.fit.offset, fit.fit.coefficient
     words = f"Offset {offset.kind}"
     if len(offset.value) > 1:
+        slope, deviation = offset.slope
         words += (
-            f", {number(scale.factor * offset.slope, signed=True)} ±"
-            f" {number(scale.factor * offset.slope_deviation)} µm/K from end to end"
-            " (1 sd, error)"
+            f", {number(scale.factor * slope, signed=True)} ±"
+            f" {number(scale.factor * deviation)} µm/K from end to end (1 sd, error)"
         )
     if law is None:
         return f"{words}; no coefficient, since the error was measured at one position."
     words += f"; coefficient {law.kind}"
     if len(law.value) > 1:
-        words += f", {number(1e6 * law.slope, signed=True)} µm/m per K"
+        words += f", {number(1e6 * law.slope[0], signed=True)} µm/m per K"
     return f"{words}."
 
 
@@ -220,7 +220,7 @@ def _errors_caption(fit: TemperatureResult, scale: Scale) -> str:
     words += f" before, {_rms(fit, 'from_file', scale)} with the files as written."
     if fit.fit.coefficient is None:
         return f"{words} The line is the law."
-    slope = number(1e6 * fit.fit.coefficient.slope, signed=True)
+    slope = number(1e6 * fit.fit.coefficient.slope[0], signed=True)
     words += (
         f" A line is the law in their middle; its slope changes by {slope} µm/m per K"
     )

@@ -84,7 +84,7 @@ def test_lines_that_meet_are_found_with_their_intersection(
     assert fit.offset.kind == "constant"
     assert fit.coefficient.kind == "linear"
     # The noise of 0.05 K on the sensor is 0.6 µm at the far end, beside 0.5 µm.
-    np.testing.assert_allclose(fit.coefficient.slope, 1.1e-5, rtol=0.01)
+    np.testing.assert_allclose(fit.coefficient.slope[0], 1.1e-5, rtol=0.01)
 
 
 def test_lines_meet_where_the_coefficient_bends_over_the_temperature_too() -> None:
@@ -120,7 +120,7 @@ def test_a_reference_in_mm_is_taken_as_it_is() -> None:
     fit = fitted(warm_up(3), reference=250.0, lag=0.0)
     assert fit.reference == 250.0
     # At 250 mm the planted line moves by 450 mm · 11 µm/m/K; 1 % as above.
-    np.testing.assert_allclose(fit.offset.slope, 450.0 * 1.1e-5, rtol=0.02)
+    np.testing.assert_allclose(fit.offset.slope[0], 450.0 * 1.1e-5, rtol=0.02)
 
 
 @pytest.mark.heavy
@@ -133,14 +133,14 @@ def test_planted_values_lie_within_the_stated_deviations_at_the_right_rate(
         fit = fitted(
             warm_up(seed, drift=drift), law=("linear", "linear"), reference=0.0, lag=0.0
         )
-        slope, deviation = fit.slope
+        slope, deviation = fit.offset.slope
         assert fit.coefficient is not None
         span = np.ptp(fit.coefficient.temperature)
         variance = fit.covariance[2:, 2:]
         rise = variance[0, 0] + variance[1, 1] - 2 * variance[0, 1]
         distances.append((slope - 200.0 * 1.1e-5) / deviation)
         distances.append(
-            (fit.coefficient.slope - 1.1e-5) / (np.sqrt(max(rise, 0.0)) / span)
+            (fit.coefficient.slope[0] - 1.1e-5) / (np.sqrt(max(rise, 0.0)) / span)
         )
     within = np.abs(distances)
     # 95 % of 80 within two deviations; 10 misses and more have a chance below 1 %. The
@@ -205,8 +205,8 @@ def test_one_sensor_moves_the_offset_and_another_the_coefficient() -> None:
     assert fit.coefficient is not None
     assert (fit.offset.sensor, fit.coefficient.sensor) == ("1", "2")
     # 240 readings of 0.5 µm over 15 K and ±500 mm: 0.05 % and 0.5 %; three times that.
-    np.testing.assert_allclose(fit.offset.slope, 2e-3, rtol=0.002)
-    np.testing.assert_allclose(fit.coefficient.slope, 1e-5, rtol=0.015)
+    np.testing.assert_allclose(fit.offset.slope[0], 2e-3, rtol=0.002)
+    np.testing.assert_allclose(fit.coefficient.slope[0], 1e-5, rtol=0.015)
     assert fit.meeting == "two sensors"
 
 
@@ -231,7 +231,7 @@ def test_at_one_position_only_the_offset_is_fitted() -> None:
     assert fit.coefficient is None
     assert fit.offset.kind == "linear"
     # The scale's share at 400 mm moves against the spindle by 6 µm over the log.
-    np.testing.assert_allclose(fit.offset.slope, 2e-3, rtol=0.1)
+    np.testing.assert_allclose(fit.offset.slope[0], 2e-3, rtol=0.1)
 
 
 @pytest.mark.parametrize(
@@ -253,7 +253,7 @@ def test_a_temperature_without_effect_gives_a_constant() -> None:
     error = 0.01 + NOISE * rng.normal(size=300)
     fit = fitted(readings(error, temperature), coefficient=None)
     assert fit.offset.kind == "constant"
-    assert fit.slope == (0.0, 0.0)
+    assert fit.offset.slope == (0.0, 0.0)
 
 
 def test_missed_readings_glitches_and_missed_steps_change_nothing() -> None:
@@ -285,7 +285,7 @@ def test_relative_to_a_temperature_nothing_is_corrected_there() -> None:
     there = zero.predict(np.array([[25.0], [25.0]]), place)
     np.testing.assert_allclose(there, 0.0, atol=1e-15)  # exact but for rounding
     # Differences between temperatures stay what they are, slopes and their deviations too.
-    assert zero.slope == pytest.approx(fit.slope, rel=1e-9)
+    assert zero.offset.slope == pytest.approx(fit.offset.slope, rel=1e-9)
     warm = np.array([[30.0], [30.0]])
     at25 = fit.predict(np.array([[25.0], [25.0]]), place)
     np.testing.assert_allclose(

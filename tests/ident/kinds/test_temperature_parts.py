@@ -87,7 +87,7 @@ def test_a_noisy_first_reading_does_not_shift_the_law() -> None:
             lag=200.0,
         )
         assert fit.coefficient is not None
-        return float(fit.coefficient.slope)
+        return float(fit.coefficient.slope[0])
 
     # Two deviations of the sensor to either side. Alone they would begin the structure 0.08 K
     # apart, 1 % of the law; of some thirty readings the first is an eighth.
@@ -186,7 +186,7 @@ def test_the_plateau_of_a_real_printer_gives_its_slope_and_its_missed_steps() ->
         law=("linear", "constant"),
         lag=0.0,
     )
-    slope, deviation = fit.slope
+    slope, deviation = fit.offset.slope
     # Issue 5 asks for a slope near −0.0148 mm/K.
     np.testing.assert_allclose(slope, -0.0148, atol=0.0002)
     # Readings a minute apart drift together: 540 of them are worth a few tens at most, and
