@@ -214,7 +214,7 @@ def test_missed_readings_and_missed_steps_are_set_aside(tmp_path: Path) -> None:
     (tmp_path / "warm.csv").write_text("\n".join(lines) + "\n")
     found = run(tmp_path)
     assert found.fit.wild.sum() == 1
-    assert (~found.fit.used).sum() == 3
+    assert found.fit.missed == 3
     assert found.error["from_file"].sound.rms < 1.1 * NOISE
 
 
@@ -233,13 +233,12 @@ def test_temperature_that_rises_with_the_position_is_named_and_not_written(
     confounded(tmp_path)
     result = run_all(tmp_path)
     (found,) = result.fits
-    assert isinstance(found, TemperatureResult)
-    loud = [r.message for r in found.remarks if r.level == "error"]
-    assert len(loud) == 1
-    assert "temperature at the offset from the slope over the position" in loud[0]
+    (said,) = [r.message for r in found.remarks if r.level == "error"]
+    assert "cannot tell the leadscrew of X and the temperature of X (frame)" in said
+    assert "Measure the same positions again at another temperature" in said
     # Exit status 1, and no file that would look as if it were known.
     assert not result.passed
-    assert found.law is None
+    assert found.left_out
     assert {str(file) for file in result.files} == {"result.json"}
 
 
@@ -456,9 +455,9 @@ def test_heated_plateau_of_a_real_machine(
     path.write_text(HEATED.format(file=VORON.resolve(), law=law))
     (found,) = run_job(path, tmp_path / "out").fits
     assert isinstance(found, TemperatureResult)
-    assert found.fit.slope[0] == pytest.approx(-0.0148, abs=near)
+    assert found.fit.offset.slope[0] == pytest.approx(-0.0148, abs=near)
     # Missed steps of 4.3 mm, and nothing else: the plateau scatters by micrometres.
-    wild = found.view.before[found.view.wild]
+    wild = found.before[found.fit.wild]
     assert len(wild) == 9
     assert (np.abs(wild) > 4.0).all()
     assert found.error["from_file"].sound.rms < 0.1 * found.error["before"].sound.rms

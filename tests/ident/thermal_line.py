@@ -3,7 +3,8 @@
 import numpy as np
 
 from axcomp.ident.fit.joint import JointData, Temperature
-from axcomp.ident.kinds.temperature.fit import TemperatureFit, fit_temperature
+from axcomp.ident.kinds.temperature._fit import fit_temperature
+from axcomp.ident.kinds.temperature._line import TemperatureFit
 
 
 def readings(

@@ -80,7 +80,7 @@ def find_lags(
         FitError: If there is no clock.
     """
     profile = _profile(design, data, fit, pseudo)
-    low, high = _bounds(design.axis, data)
+    low, high = lag_bounds(design.axis, data)
     lags, width = dict(near), (high - low) / (_GRID - 1)
     for sensor, known in near.items():
         # One after the other roughly; then each between its neighbours on the grid.
@@ -233,7 +233,7 @@ def _profile(
     return profile
 
 
-def _bounds(axis: str, data: JointData) -> tuple[float, float]:
+def lag_bounds(axis: str, data: JointData) -> tuple[float, float]:
     """Return the logarithms of the shortest and the longest lag that a clock could show."""
     if data.time is None:
         msg = f"axis {axis}: a lag needs the time of every reading, found none."

@@ -233,7 +233,11 @@ class Temperature(AbstractEffect):
     def labels(self) -> tuple[str, ...]:
         """See `AbstractEffect`."""
         nodes = self.nodes.items()
-        return tuple(f"{law} at {node:.4g} °C" for law, own in nodes for node in own)
+        return tuple(
+            f"{law} at {node:.4g} °C" if len(own) > 1 else law
+            for law, own in nodes
+            for node in own
+        )
 
     def block(self, data: JointData) -> Block:
         """See `AbstractEffect`; a lag to be fitted counts as none."""

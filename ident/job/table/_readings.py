@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from ...exchange import AbstractTable
-from ...kinds._keys import TableSpec
+from ...kinds._keys import FitSpec, TableSpec
 from ...proof import RunTable
 from ...readings import Readings, Tables, read_joined, wanted_by, without_zero
 from .._draft import Leftovers
@@ -91,7 +91,7 @@ def run_table(readings: Readings, table: AbstractTable) -> RunTable | None:
     return RunTable(target, readings.run, direction)
 
 
-def datum_of(job: Job, index: int, fit: TableSpec) -> tuple[float, ...] | None:
+def datum_of(job: Job, index: int, fit: FitSpec) -> tuple[float, ...] | None:
     """Return where the error of a fit is zero, per master, or None.
 
     Raises:

@@ -14,15 +14,16 @@ from ...job._draft import AbstractDraft
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
 from ...job.result._second import SecondMeasurement
-from ...proof import GateCheck, reversal_dynamics
+from ...proof import GateCheck
 from ...proof.axis import check_switching
 from ...readings import Tables
 from .._keys import FitSpec
 from . import KIND
 from ._law import RATE, ThermalLaw, plc_objects, rates, structured_text, thermal_law
-from ._recording import ThermalRecording, read_thermal
+from ._line import TemperatureFit
+from ._recording import read_thermal
 from ._remarks import remarks_of
-from ._result import TemperatureResult, ThermalView
+from ._result import TemperatureResult
 from .entries import (
     Table,
     entries_of_temperature,
@@ -30,7 +31,6 @@ from .entries import (
     read_columns,
     temperature_line,
 )
-from .fit import TemperatureFit
 from .keys import Spec, temperature_names
 
 if TYPE_CHECKING:
@@ -45,26 +45,26 @@ class TemperatureDraft(AbstractDraft):
     """A fitted thermal line.
 
     Attributes:
-        recording: What was measured.
         found: The estimate, in the sign of the error.
-        dropped: The coefficient was held constant, since only the offset is determined.
+        remarks: What was taken for granted of the readings.
+        datum: Where the instrument was set to zero at all temperatures, or None.
+        carriers: Tables of the same group, which hold what no temperature moves; None
+            where the line is fitted alone.
+        lost: Why the coefficient is held constant, in words; empty where it is not.
         held_out: What was left out together: ``block`` or ``run``.
     """
 
     fit: Spec
-    recording: ThermalRecording
     found: TemperatureFit
-    dropped: bool = False
+    remarks: tuple[Remark, ...]
+    datum: float | None = None
+    carriers: tuple[str, ...] | None = None
+    lost: str = ""
     held_out: str = "block"
 
     @property
-    def determined(self) -> bool:
-        """Whether anything may be written."""
-        return self.dropped or not self.found.confounded
-
-    @property
     def written(self) -> bool:
-        return bool(self.found.moving) and self.determined
+        return bool(self.found.moving)
 
     @property
     def settled(self) -> bool:
@@ -72,7 +72,7 @@ class TemperatureDraft(AbstractDraft):
 
     @property
     def partial(self) -> bool:
-        return bool(self.found.confounded)
+        return bool(self.lost)
 
     @functools.cached_property
     def zero(self) -> float:
@@ -81,7 +81,7 @@ class TemperatureDraft(AbstractDraft):
         Where two sensors move the line it is the reference itself: each law is held at its
         own end, the measured temperature next to it.
         """
-        wished = self.recording.line.reference_temperature
+        wished = float(self.found.line.reference_temperature)
         laws = self.found.moving or tuple(self.found.laws.values())
         if len({law.sensor for law in laws}) > 1:
             return wished
@@ -128,7 +128,9 @@ class TemperatureDraft(AbstractDraft):
         added = 1e-6 * slope * limits.feed / 60.0
         follows = "while the PLC follows the temperature"
         entry = f"{_LINE}_n_cycles"
-        switched = "COMP ON/OFF, homing, reload or loss of power, while warm"
+        switched = (
+            "COMP ON/OFF, homing, reload or loss of power, while warm and standing"
+        )
         return (
             limits.check("max_correction", most, "mm", where),
             limits.check("max_slope", 1e-3 * slope, "µm/mm", there),
@@ -147,8 +149,7 @@ class TemperatureDraft(AbstractDraft):
 
     @property
     def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
-        heat = self.found.temperature
-        return {name: heat[:, k] for k, name in enumerate(self.sensors)}
+        return dict(zip(self.sensors, self.found.structure.T, strict=True))
 
     def line(self, machine: ListFile | None) -> TemperatureLine | None:
         return self._line_of(self._law.columns, machine)
@@ -157,29 +158,30 @@ class TemperatureDraft(AbstractDraft):
         assert isinstance(fit, Spec)
         from .plan import TemperaturePlan  # it makes such drafts
 
-        recording = read_thermal(TemperaturePlan(tables.job, self.index, fit, tables))
-        known = np.isfinite(recording.error)
-        error, place = recording.error[known], recording.position
-        positions = np.zeros((len(error), 1)) if place is None else place[known, None]
+        read = read_thermal(TemperaturePlan(tables.job, self.index, fit, tables)).data
+        known = np.isfinite(read.error[self.axis])
+        error, count = read.error[self.axis][known], int(known.sum())
+        place = read.position.get(self.axis)
+        positions = np.zeros((count, 1)) if place is None else place[known, None]
         return SecondMeasurement(
             ", ".join(fit.sources), positions, error - np.median(error)
         )
 
     def prove(self, done: "AxisFiles") -> TemperatureResult:
-        table = done.path(temperature_names(self.axis)[0])
-        line = None
+        table, found = done.path(temperature_names(self.axis)[0]), self.found
+        before = predicted = from_file = found.error - np.median(found.error)
         if self.written and table is not None:
             line = self._line_of(read_columns(table), done.machine)
-        view = self._view(line)
+            place, warm = found.position, found.structure
+            before = found.error - found.predict(np.full(warm.shape, self.zero), place)
+            away = np.zeros(len(before)) if place is None else place
+            from_file = before + np.asarray(line.offset(away, warm))
+            predicted = found.predicted
         names = {done.machine_name, *temperature_names(self.axis)}
         return TemperatureResult(
             **self.frame(done),
-            error=staged(view.before, view.predicted, view.from_file, view.wild),
-            remarks=(
-                *remarks_of(self),
-                *self._switching(),
-                *done.remarks,
-            ),
+            error=staged(before, predicted, from_file, found.wild),
+            remarks=(*remarks_of(self), *done.remarks),
             files=tuple(
                 file for file in done.written if self.written and file.name in names
             ),
@@ -187,44 +189,23 @@ class TemperatureDraft(AbstractDraft):
             reference=self._position,
             zero=self.zero,
             law=self._law if self.written else None,
-            fit=self.found,
+            fit=found,
             cycles=self._filter if self.written else 0,
-            view=view,
-        )
-
-    def _view(self, line: TemperatureLine | None) -> ThermalView:
-        """Return the complete readings with what became of them.
-
-        Args:
-            line: What was written, read back; None: nothing, and errors stand about their
-                median.
-        """
-        recording, fit, used = self.recording, self.found, self.found.used
-        time, place = recording.data.time, recording.position
-        place = None if place is None else place[used]
-        error, structure = recording.error[used], fit.temperature[used]
-        before = predicted = from_file = error - np.median(error)
-        if line is not None:
-            before = error - fit.predict(np.full(structure.shape, self.zero), place)
-            away = np.zeros(len(before)) if place is None else place
-            from_file = before + np.asarray(line.offset(away, structure))
-            predicted = fit.predicted[used]
-        return ThermalView(
-            row=recording.rows[used],
-            time=None if time is None else time[used],
-            position=place,
-            temperature=recording.temperature[used],
-            structure=structure,
             before=before,
             predicted=predicted,
             from_file=from_file,
-            wild=fit.wild[used],
         )
 
     def _line_of(self, table: Table, machine: ListFile | None) -> TemperatureLine:
         """Return the line that the PLC makes of a table, beside an axis list."""
-        first, second = map(self.sensors.index, self.recording.followed)
+        first, second = map(self.sensors.index, self._followed)
         return temperature_line(table, (first, second), self.job.conventions, machine)
+
+    @property
+    def _followed(self) -> tuple[str, str]:
+        """Sensors of offset and coefficient: of one of them for both."""
+        effects, first = self.found.line.sensors, self.sensors[0]
+        return effects.get("offset", first), effects.get("coefficient", first)
 
     @property
     def _position(self) -> float:
@@ -239,10 +220,9 @@ class TemperatureDraft(AbstractDraft):
     @functools.cached_property
     def _places(self) -> Float[np.ndarray, " p"]:
         """The ends of what the axis reaches in mm; its reference without those."""
-        place = self.recording.position
+        place = self.found.position
         if place is None:
             return np.array([self._position])
-        place = place[self.found.used]
         reached = [*place, *(self.job.spec.axes[self.axis].limits or ())]
         return np.array([min(reached), max(reached)], dtype=float)
 
@@ -254,27 +234,9 @@ class TemperatureDraft(AbstractDraft):
         machine, entry = self.lists.machine, f"{_LINE}_n_cycles"
         return spread_over(self.job, self.jump, machine, entry, switched=True)
 
-    def _switching(self) -> list[Remark]:
-        if not self.written:
-            return []
-        job, jump, cycles = self.job, self.jump, self._filter
-        limits, cycle_time = job.limits, job.spec.controller.cycle_time
-        fast, _ = reversal_dynamics(jump, cycles, cycle_time)
-        words = (
-            f"Switching it on or off on the warm machine (COMP, homing) moves {self.axis}"
-            f" by up to {1e3 * jump:.1f} µm within {cycles} cycles, with up to"
-            f" {fast:.3g} mm/s: at standstill only, without a tool in cut."
-        )
-        if fast > limits.max_velocity:
-            words += f" That is more than max_velocity ({limits.max_velocity:g} mm/s)."
-        level = "warning" if fast > limits.max_velocity else "info"
-        return [Remark(level, words)]
-
     @property
     def _program(self) -> dict[str, Any]:
-        job, recording, lags = self.job, self.recording, self.found.lags
-        applied = {lag.sensor: lag.time_constant for lag in lags if lag.applied}
-        offset, coefficient = recording.followed
+        job, (offset, coefficient) = self.job, self._followed
         return {
             "axis": self.axis,
             "number": job.spec.axes[self.axis].number,
@@ -282,7 +244,7 @@ class TemperatureDraft(AbstractDraft):
             "law": self._law,
             "position": self._position,
             "zero": self.zero,
-            "sensors": {k: applied.get(n, 0.0) for n, k in enumerate(self.sensors)},
+            "sensors": {lag.sensor: lag.time_constant for lag in self.found.lags},
             "offset": offset,
             "coefficient": coefficient,
             "rates": rates(self._places - self._position),

@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._templates import templates
+from ._line import TemperatureFit
 from .entries import COLUMNS
-from .fit import TemperatureFit
 from .keys import block_names, plain_name
 
 _SAME = 1e-3
@@ -56,6 +56,12 @@ class ThermalLaw:
         """The table as the PLC has it: °C, mm, µm/m."""
         values = self.temperature, self.offset, self.coefficient
         return dict(zip(COLUMNS, values, strict=True))
+
+    @property
+    def deviations(self) -> dict[str, Float[np.ndarray, " n"]]:
+        """Standard deviations of its parameters, in their units."""
+        values = self.offset_deviation, self.coefficient_deviation
+        return dict(zip(COLUMNS[1:], values, strict=True))
 
     def csv(self) -> str:
         """Return the table as CSV."""

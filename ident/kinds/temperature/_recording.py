@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....data.measurements import MeasurementError
 from ..._recording import JointData
 from ...fit import FitError
 from ...fit.joint import Temperature
 from ...job.result._result import Remark
-from ...readings import Tables, sensor_name
-from .keys import Spec
+from ...job.table._readings import datum_of
+from ...readings import sensor_name
 
 if TYPE_CHECKING:
     from ...job.joint._recording import GroupRecording
@@ -28,41 +27,15 @@ class ThermalRecording:
         data: Error, sensors, positions (or none) and instants (or None).
         rows: Which row of all measurements, one after the other, each reading was.
         line: What is fitted to them.
-        effects: Sensor of each effect that is asked for.
         datum: Where the instrument was set to zero at all temperatures, or None.
         remarks: What was taken for granted.
-        carriers: Tables of the same group, which hold what no temperature moves; None
-            where the line is fitted alone.
     """
 
     data: JointData
     rows: Int[np.ndarray, " t"]
     line: Temperature
-    effects: dict[str, str]
     datum: float | None
     remarks: tuple[Remark, ...]
-    carriers: tuple[str, ...] | None = None
-
-    @property
-    def error(self) -> Float[np.ndarray, " t"]:
-        """In mm."""
-        return np.asarray(self.data.error[self.line.axis])
-
-    @property
-    def position(self) -> Float[np.ndarray, " t"] | None:
-        """In mm; None where the error was measured at one position."""
-        return self.data.position.get(self.line.axis)
-
-    @property
-    def temperature(self) -> Float[np.ndarray, "t s"]:
-        """Of the sensors in °C."""
-        return np.stack(list(self.data.temperature.values()), axis=1)
-
-    @property
-    def followed(self) -> tuple[str, str]:
-        """Sensors of offset and coefficient: of one of them for both."""
-        first = next(iter(self.effects.values()))
-        return self.effects.get("offset", first), self.effects.get("coefficient", first)
 
 
 def read_thermal(plan: "TemperaturePlan") -> ThermalRecording:
@@ -75,63 +48,48 @@ def read_thermal(plan: "TemperaturePlan") -> ThermalRecording:
     """
     from ...job.joint._recording import read_group  # takes long to load
 
-    fit, effects = plan.fit, plan.effects
     group = read_group(plan.tables, [plan])
     time, words = _one_clock(group)
-    remarks = [*group.remarks, *words]
-    warm = group.data.temperature
-    own = {name: warm[name] for name in dict.fromkeys(effects.values())}
-    data = JointData(group.data.position, group.data.error, temperature=own, time=time)
-    kept = np.arange(len(data))
-    if fit.steady is not None:
-        keep, said = _plateau(fit, warm[sensor_name(fit.steady.sensor)], time)
-        remarks.append(said)
-        data, kept = data.take(keep), kept[keep]
-    datum, line = _common_datum(plan.tables, fit), plan.line(data)
-    if datum is not None and "coefficient" in effects:
+    remarks = [*group.remarks, *map(Remark.info, words)]
+    data = dataclasses.replace(group.data, time=time)
+    rows, datum = np.arange(len(data)), datum_of(plan.job, plan.index, plan.fit)
+    if (asked := plan.fit.steady) is not None:
+        name = sensor_name(asked.sensor)
+        clock = rows.astype(float) if time is None else time
+        warm = data.temperature[name]
+        try:
+            keep = steady(clock, warm, asked.within, asked.level)
+        except FitError as error:
+            msg = f"steady: {asked.sensor}: {error}"
+            raise FitError(msg) from None
+        told = (
+            f"Only the {int(keep.sum())} of {len(keep)} readings count that were taken"
+            f" while {name} stayed at {float(np.median(warm[keep])):.4g} °C within"
+            f" ±{asked.within:g} K (steady)."
+        )
+        remarks.append(Remark.info(told))
+        data, rows = data.take(keep), rows[keep]
+    line = plan.line(data)
+    if datum is not None and "coefficient" in line.sensors:
         # The instrument was set to zero there: what the offset does, nobody saw.
-        only = {"coefficient": effects["coefficient"]}
-        line = dataclasses.replace(line, sensors=only, reference=datum)
-    return ThermalRecording(data, kept, line, effects, datum, tuple(remarks))
+        only = {"coefficient": line.sensors["coefficient"]}
+        line = dataclasses.replace(line, sensors=only, reference=datum[0])
+    zero = None if datum is None else datum[0]
+    return ThermalRecording(data, rows, line, zero, tuple(remarks))
 
 
 def _one_clock(
     group: "GroupRecording",
-) -> tuple[Float[np.ndarray, " t"] | None, list[Remark]]:
-    """Return the instants of all measurements, where they follow each other."""
-    time = group.data.time
-    if time is None:
-        order = "The rows have no time: they are taken in the order of the file"
-    else:
+) -> tuple[Float[np.ndarray, " t"] | None, tuple[str, ...]]:
+    """Return the instants of all measurements, where they follow each other; else why not."""
+    time, order = group.data.time, "The rows have no time"
+    if time is not None:
         parts = [time[rows] for rows in group.slices.values()]
         if all(np.nanmax(a) < np.nanmin(b) for a, b in itertools.pairwise(parts)):
-            return time - np.nanmin(time), []
-        order = (
-            "The clocks of the measurements do not follow each other: rows are taken in"
-            " the order of the job"
-        )
-    return None, [Remark.info(f"{order}, and a lag behind the sensor cannot be seen.")]
-
-
-def _plateau(
-    fit: Spec, values: Float[np.ndarray, " t"], time: Float[np.ndarray, " t"] | None
-) -> tuple[Bool[np.ndarray, " t"], Remark]:
-    """Return which readings were taken while a temperature stayed, and say so."""
-    asked = fit.steady
-    assert asked is not None  # the caller has seen to it
-    clock = np.arange(len(values), dtype=float) if time is None else time
-    try:
-        keep = np.asarray(steady(clock, values, asked.within, asked.level))
-    except FitError as error:
-        msg = f"steady: {asked.sensor}: {error}"
-        raise FitError(msg) from None
-    level = float(np.median(values[keep]))
-    words = (
-        f"Only the {int(keep.sum())} of {len(keep)} readings count that were taken while"
-        f" {sensor_name(asked.sensor)} stayed at {level:.4g} °C within"
-        f" ±{asked.within:g} K (steady)."
-    )
-    return keep, Remark.info(words)
+            return time - np.nanmin(time), ()
+        order = "The clocks of the measurements do not follow each other"
+    rest = "rows are taken in their order, and a lag behind the sensor cannot be seen."
+    return None, (f"{order}: {rest}",)
 
 
 def steady(
@@ -162,31 +120,13 @@ def steady(
     inside = known & (np.abs(value - (0.0 if level is None else level)) <= within)
     # A lone reading outside does not end a plateau.
     bridged = inside.copy()
-    bridged[1:-1] |= ~inside[1:-1] & inside[:-2] & inside[2:]
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], bridged, [False]])))
-    starts, ends = edges[::2], edges[1::2]
-    if not len(starts):
+    bridged[1:-1] |= inside[:-2] & inside[2:]
+    masked = np.ma.array(value, mask=bridged)
+    stretches: list[slice] = np.ma.clump_masked(masked)  # type: ignore[no-untyped-call]
+    if not stretches:
         msg = f"no reading lies within ±{within:g} of a plateau, expected a steady stretch."
         raise FitError(msg)
-    longest = int(np.argmax(time[ends - 1] - time[starts]))
+    longest = max(stretches, key=lambda own: float(np.ptp(time[own])))
     result = np.zeros(len(value), bool)
-    result[starts[longest] : ends[longest]] = True
-    return np.asarray(result & inside)
-
-
-def _common_datum(tables: Tables, fit: Spec) -> float | None:
-    """Return the datum, which all measurements share like the reference temperature."""
-    specs = [tables.job.spec.measurements[name] for name in fit.sources]
-    # One number, or a list of one.
-    datums = {
-        None if spec.datum is None else float(np.ravel(spec.datum.at)[0])
-        for spec in specs
-    }
-    if len(datums) > 1 or len({spec.reference_temperature for spec in specs}) > 1:
-        what = "datums" if len(datums) > 1 else "reference temperatures"
-        raise MeasurementError(
-            ", ".join(fit.sources),
-            f"found measurements with different {what}, expected the same one for all"
-            " that are joined",
-        )
-    return datums.pop()
+    result[longest] = inside[longest]
+    return result

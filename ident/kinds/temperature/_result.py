@@ -5,41 +5,11 @@ import functools
 from typing import Any, final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
 from ...job.result._result import AbstractResult, Expectation
 from ._law import RATE, ThermalLaw
-from .fit import Law, TemperatureFit
-
-
-@dataclasses.dataclass(frozen=True)
-class ThermalView:
-    """The complete readings with what became of them; one row per reading.
-
-    Errors are against the state at the temperature where nothing is corrected: what the
-    axis shows there belongs to its tables.
-
-    Attributes:
-        row: Of all measurements, one after the other, from 0.
-        time: In s, or None.
-        position: In mm, or None.
-        temperature: Of each sensor in °C.
-        structure: The same behind its lag.
-        before: Error in mm.
-        predicted: Error left under the line fitted to the other blocks of time.
-        from_file: Error left under the files as written, by the controller's rules.
-        wild: Readings that the loss rejected.
-    """
-
-    row: Int[np.ndarray, " t"]
-    time: Float[np.ndarray, " t"] | None
-    position: Float[np.ndarray, " t"] | None
-    temperature: Float[np.ndarray, "t s"]
-    structure: Float[np.ndarray, "t s"]
-    before: Float[np.ndarray, " t"]
-    predicted: Float[np.ndarray, " t"]
-    from_file: Float[np.ndarray, " t"]
-    wild: Bool[np.ndarray, " t"]
+from ._line import Law, TemperatureFit
 
 
 @final
@@ -47,13 +17,18 @@ class ThermalView:
 class TemperatureResult(AbstractResult):
     """The thermal line of an axis.
 
+    Errors are one per complete reading, against the state at the temperature where nothing is
+    corrected: what the axis shows there belongs to its tables.
+
     Attributes:
         reference: Position where the line turns, in mm (P-AXIS-00272).
         zero: Temperature in °C at which nothing is corrected.
         law: As written; None where nothing is.
-        fit: The estimate as it stands.
+        fit: The estimate as it stands, with its readings.
         cycles: Of the sin² filter (P-AXIS-00275).
-        view: The readings before and after.
+        before: Error in mm.
+        predicted: Error left under the line fitted to the other blocks of time.
+        from_file: Error left under the files as written, by the controller's rules.
     """
 
     reference: float
@@ -61,7 +36,9 @@ class TemperatureResult(AbstractResult):
     law: ThermalLaw | None
     fit: TemperatureFit
     cycles: int
-    view: ThermalView
+    before: Float[np.ndarray, " t"]
+    predicted: Float[np.ndarray, " t"]
+    from_file: Float[np.ndarray, " t"]
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -76,31 +53,24 @@ class TemperatureResult(AbstractResult):
     @property
     def expectation(self) -> Expectation | None:
         """The largest correction of the written line at a place that was measured."""
-        view = self.view
-        added = view.from_file - view.before
+        added, places = self.from_file - self.before, self.fit.position
         row = int(np.argmax(np.abs(added)))
-        place = 0.0 if view.position is None else float(view.position[row])
+        warm = self.fit.structure[row].tolist()
         return Expectation(
-            {} if view.position is None else {self.axis: place},
+            {} if places is None else {self.axis: float(places[row])},
             None,
             float(added[row]),
             self.unit,
-            temperatures=dict(
-                zip(self.sensors, view.structure[row].tolist(), strict=True)
-            ),
+            temperatures=dict(zip(self.sensors, warm, strict=True)),
         )
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
         found, law = self.fit, self.law
-        table = None if law is None else law.columns
-        spread = None
+        table = spread = None
         if law is not None:
-            spread = {
-                "offset_0": law.offset_deviation,
-                "coefficient": law.coefficient_deviation,
-            }
-        slope, slope_deviation = found.slope
+            table, spread = law.columns, law.deviations
+        slope, slope_deviation = found.offset.slope
         return {
             "parameters": {
                 "position_0": self.reference,
@@ -110,40 +80,36 @@ class TemperatureResult(AbstractResult):
                 "meeting": found.meeting,
                 "n_cycles": self.cycles,
                 "rate": RATE,
-                "offset": _law(found.offset, self.sensors, 1.0),
-                "coefficient": _law(found.coefficient, self.sensors, 1e6),
+                "offset": _law(found.offset, 1.0),
+                "coefficient": _law(found.coefficient, 1e6),
                 "offset_per_kelvin": slope,
-                "lags": [
-                    vars(lag) | {"sensor": self.sensors[lag.sensor]}
-                    for lag in found.lags
-                ],
+                "lags": [vars(lag) | {"applied": lag.applied} for lag in found.lags],
             },
             "standard_deviations": {
                 "table": spread,
                 "position_0": found.reference_deviation,
                 "offset_per_kelvin": slope_deviation,
             },
-            "support": dict(zip(found.names, found.support, strict=False)),
+            "support": dict(zip(found.line.labels, found.support, strict=True)),
             "noise": found.noise.white,
             "drift": found.noise.drift,
             "drift_time": found.noise.time_constant,
             "independent": found.independent,
             "laws": [vars(score) for score in found.scores],
-            "confounded": [vars(pair) for pair in found.confounded],
             "converged": found.converged,
             "wild": int(found.wild.sum()),
-            "missed": int((~found.used).sum()),
+            "missed": found.missed,
         }
 
 
-def _law(law: Law | None, sensors: tuple[str, ...], factor: float) -> Any:
+def _law(law: Law | None, factor: float) -> Any:
     """Return a law of the error: its sensor, nodes in °C, values in mm or µm/m."""
     if law is None:
         return None
     return {
-        "sensor": sensors[law.sensor],
+        "sensor": law.sensor,
         "kind": law.kind,
         "temperature": law.temperature,
         "error": factor * law.value,
-        "standard_deviation": factor * law.standard_deviation,
+        "standard_deviation": factor * law.deviation_at(law.temperature),
     }

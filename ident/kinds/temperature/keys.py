@@ -80,13 +80,18 @@ class Spec(FitSpec, frozen=True):
                 found = ", ".join(self.law) or "nothing"
                 reason = f"found {found}, expected a law for {' and '.join(expected)}"
                 yield (*where, "law"), reason
-        for name in self.sources:
+        known = [name for name in self.sources if name in job.measurements]
+        if len({job.measurements[name].reference_temperature for name in known}) > 1:
+            reason = (
+                "found measurements with different reference temperatures, expected the"
+                " same one for all that are joined"
+            )
+            yield where, reason
+        for name in known:
             yield from self._of_measurement(job, name)
 
     def _of_measurement(self, job: "JobFile", name: str) -> Iterator[Fault]:
-        measured = job.measurements.get(name)
-        if measured is None:
-            return
+        measured = job.measurements[name]
         if measured.expansion is not None or measured.already_compensated:
             key = "expansion" if measured.expansion is not None else None
             yield (

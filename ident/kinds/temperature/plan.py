@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import block_diag
 
 from ....data.measurements import MeasurementError
 from ..._recording import JointData
-from ...fit import DriftNoise
+from ...fit import DriftNoise, FitError
 from ...fit.joint import Leadscrew, Temperature, examine_design
 from ...job._draft import Leftovers
 from ...job._fit_plan import AbstractPlan
@@ -19,8 +18,10 @@ from ...job.table._plan import refuse_unstated
 from ...readings import Tables, sensor_name
 from . import KIND
 from ._draft import TemperatureDraft
-from ._recording import ThermalRecording, read_thermal
-from .fit import LEAST_RANGE, Lag, TemperatureFit, about_meeting, fit_temperature
+from ._fit import complete_rows, fit_temperature
+from ._line import Lag, TemperatureFit
+from ._meeting import about_meeting
+from ._recording import read_thermal
 from .keys import Spec
 
 if TYPE_CHECKING:
@@ -83,17 +84,18 @@ class TemperaturePlan(AbstractPlan):
 
     def alone(self, tables: Tables, left: Leftovers) -> TemperatureDraft:
         recording, fit = read_thermal(self), self.fit
-        data, line, asked = recording.data, recording.line, recording.effects
+        data, line = recording.data, recording.line
+        if lost := self._confused(line, data):
+            # Where the slope and its change are one, the offset may stand apart from both.
+            law = {**line.law, "coefficient": 1}
+            line = dataclasses.replace(line, law=law)
+            if "offset" not in line.sensors or self._confused(line, data):
+                raise FitError(lost)
         meet = recording.datum is None and not isinstance(fit.reference, float)
         found = fit_temperature(data, line, meet=meet, loss=fit.loss)
-        named = {name for one in found.confounded for name in (one.first, one.second)}
-        dropped = "offset" in asked and bool(named) and "offset" not in named
-        if dropped:
-            # The slope and its change are one column: the offset stands apart from both.
-            law = {"offset": len(found.offset.value), "coefficient": 1}
-            line = dataclasses.replace(line, law=law)
-            found = fit_temperature(data, line, meet=meet, loss=fit.loss)
-        return TemperatureDraft(self.job, self.index, fit, recording, found, dropped)
+        found = dataclasses.replace(found, rows=recording.rows[found.rows])
+        read = recording.remarks, recording.datum
+        return TemperatureDraft(self.job, self.index, fit, found, *read, lost=lost)
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -112,17 +114,10 @@ class TemperaturePlan(AbstractPlan):
         )
 
     def unfit(self, recording: "GroupRecording") -> str:
-        known = np.isfinite(recording.data.error[self.axis])
-        for name in self.sensors:
-            warm = recording.data.temperature[name][known]
-            warm = warm[np.isfinite(warm)]
-            # What a noisy sensor shows of a temperature that stays is no range.
-            low, high = np.percentile(warm, [1.0, 99.0]) if warm.size else (0.0, 0.0)
-            if high - low < LEAST_RANGE:
-                return (
-                    f"{name} stays at {0.5 * (low + high):.4g} °C within"
-                    f" {high - low:.2g} K, expected a range of {LEAST_RANGE:g} K or more."
-                )
+        try:
+            complete_rows(self.line(recording.data), recording.data)
+        except FitError as error:
+            return str(error)
         return ""
 
     @property
@@ -136,18 +131,20 @@ class TemperaturePlan(AbstractPlan):
 
         Beside a leadscrew of the same axis the readings show that themselves.
         """
-        beside = any(one.takes_line and one.axis == self.axis for one in members)
-        if beside or not self.positions:
+        if any(one.takes_line and one.axis == self.axis for one in members):
             return ""
-        place = recording.data.position[self.axis]
+        return self._confused(self.line(recording.data), recording.data)
+
+    def _confused(self, line: Temperature, data: JointData) -> str:
+        """Return that readings cannot tell a line from a leadscrew, in words, or nothing."""
+        place = data.position.get(self.axis, np.zeros(1))
         low, high = float(np.nanmin(place)), float(np.nanmax(place))
-        if not high > low:
+        if not high > low or "coefficient" not in line.sensors:
             return ""
         from ...job.joint._group import at_once, few  # takes long to load
 
         screw = Leadscrew(self.axis, np.linspace(low, high, _NODES))
-        heat = at_once(self.effect(recording, None))
-        told = examine_design(few(recording.data), [screw, heat])
+        told = examine_design(few(data), [screw, at_once(line)])
         own = [each for each in told.confusions if len(set(each.effects)) > 1]
         return own[0].sentence if own else ""
 
@@ -178,71 +175,49 @@ class TemperaturePlan(AbstractPlan):
         )
 
     def draft(self, share: "Share") -> TemperatureDraft:
-        effect = share.part.effect
-        assert isinstance(effect, Temperature)  # of `effect`
-        data = share.recording.data.take(share.rows)
-        recording = ThermalRecording(
-            data=JointData(
-                position={axis: data.position[axis] for axis in self.positions},
-                error={self.axis: share.error},
-                temperature={name: data.temperature[name] for name in self.sensors},
-                time=data.time,
-            ),
-            rows=np.flatnonzero(share.rows),
-            line=effect,
-            effects=self.effects,
-            datum=None,
-            remarks=tuple(share.remarks()),
-            carriers=share.tables,
+        line, part, rows = share.part.effect, share.part, share.rows
+        assert isinstance(line, Temperature)  # of `effect`
+        whole, lags = share.recording.data, list[Lag]()
+        for name in line.sensor_names:
+            constant, deviation = map(float, part.lags.get(name, (0.0, 0.0)))
+            half = _TWICE * deviation if np.isfinite(deviation) else 0.0
+            lags.append(
+                Lag(name, constant, (max(constant - half, 0.0), constant + half))
+            )
+        own, structure = (
+            whole.take(rows),
+            [line.structure(whole, name)[rows] for name in line.sensor_names],
         )
+        fit = TemperatureFit(
+            line=line,
+            data=dataclasses.replace(
+                own,
+                error={self.axis: share.error},
+                position={axis: own.position[axis] for axis in self.positions},
+            ),
+            rows=np.flatnonzero(rows),
+            missed=0,
+            structure=np.stack(structure, axis=1),
+            values=part.values,
+            # Of what these readings do not tell nothing is written.
+            covariance=np.nan_to_num(share.fit.covariance(share.number), posinf=0.0),
+            lags=tuple(lags),
+            noise=DriftNoise(share.noise),
+            independent=float(np.sum(~share.wild)),
+            wild=share.wild,
+            predicted=share.predicted[rows],
+            support=tuple(part.support.tolist()),
+            converged=share.fit.converged,
+        )
+        if len(fit.laws) > 1 and not isinstance(self.fit.reference, float):
+            met = about_meeting(fit)
+            fit = met if met.intersects else fit
         return TemperatureDraft(
             self.job,
             self.index,
             self.fit,
-            recording,
-            self._line(share, effect),
+            fit,
+            tuple(share.remarks()),
+            carriers=share.tables,
             held_out=share.recording.held_out,
         )
-
-    def _line(self, share: "Share", effect: Temperature) -> TemperatureFit:
-        """Return the part as the fit of a single line."""
-        part, data, rows = share.part, share.recording.data, share.rows
-        # A law is zero at one temperature: its values go up and down together.
-        deviation = np.nan_to_num(part.standard_deviation, posinf=0.0)
-        spread = [
-            np.where(effect.nodes[name] < effect.reference_temperature, -own, own)
-            for name, own in effect.split(deviation).items()
-        ]
-        fit = TemperatureFit(
-            line=effect,
-            sensors=self.sensors,
-            values=part.values,
-            covariance=np.asarray(block_diag(*(np.outer(own, own) for own in spread))),
-            names=effect.labels,
-            meeting="given",
-            lags=self._lags(share),
-            noise=DriftNoise(share.noise),
-            independent=float(np.sum(~share.wild)),
-            used=np.ones(int(rows.sum()), dtype=bool),
-            wild=share.wild,
-            predicted=share.predicted[rows],
-            temperature=np.stack(
-                [effect.structure(data, name)[rows] for name in self.sensors], axis=1
-            ),
-            support=tuple(part.support.tolist()),
-            converged=share.fit.converged,
-        )
-        if len(fit.laws) < 2 or isinstance(self.fit.reference, float):
-            return fit
-        span = float(np.ptp(share.column("position", self.axis)))
-        met = about_meeting(fit, span)
-        return met if met.meeting == "met" else fit
-
-    def _lags(self, share: "Share") -> tuple[Lag, ...]:
-        found = []
-        for number, name in enumerate(self.sensors):
-            constant, deviation = map(float, share.part.lags.get(name, (0.0, 0.0)))
-            half = _TWICE * deviation if np.isfinite(deviation) else 0.0
-            interval = max(constant - half, 0.0), constant + half
-            found.append(Lag(number, constant, interval, applied=constant > 0.0))
-        return tuple(found)

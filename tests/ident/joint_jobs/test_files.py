@@ -97,7 +97,7 @@ def test_offset_between_an_error_and_the_temperature_it_follows_is_found(
     assert clock.standard_deviation < 20.0
     thermal = found.fits[0]
     assert isinstance(thermal, TemperatureResult)
-    slope, deviation = thermal.fit.slope
+    slope, deviation = thermal.fit.offset.slope
     # The offset is uncertain too, which the deviation of the slope does not hold: 2 %.
     assert abs(slope - SLOPE) < 4 * deviation + 0.02 * abs(SLOPE)
 

@@ -78,11 +78,11 @@ def test_each_effect_comes_back_as_it_was_made(result: JobResult) -> None:
     assert abs(play.width - m.WIDTH) < 4 * play.fit.standard_deviation
     assert isinstance(growth, TemperatureResult)
     assert growth.fit.coefficient is not None
-    slope = growth.fit.coefficient.slope
+    slope = growth.fit.coefficient.slope[0]
     # 5 K, 400 mm and 900 readings of 0.5 µm: 0.03e-6 per K; the sensor's own noise beside.
     assert slope == pytest.approx(m.GROWTH, abs=2e-7)
     assert isinstance(warm, TemperatureResult)
-    assert warm.fit.slope[0] == pytest.approx(-m.SPINDLE, rel=0.02)
+    assert warm.fit.offset.slope[0] == pytest.approx(-m.SPINDLE, rel=0.02)
     assert isinstance(screw, TableResult)
     # The table of 20 °C: the temperature takes nothing there.
     shown = screw.fit.values - m.screw(screw.nodes[0])

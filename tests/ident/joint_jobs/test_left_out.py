@@ -71,8 +71,8 @@ def test_a_temperature_alone_that_rose_with_the_position_is_not_written(
 ) -> None:
     path = job(tmp_path, rising, entry("temperature", "X", WARM))
     said = left_out(run_job(path, tmp_path / "out"))
-    assert "Neither is written" in said["temperature"]
-    assert "Measure X at all positions per temperature" in said["temperature"]
+    assert "cannot tell the leadscrew of X and the temperature" in said["temperature"]
+    assert "Measure the same positions again" in said["temperature"]
     assert not (tmp_path / "out" / "temperature_X.csv").exists()
 
 

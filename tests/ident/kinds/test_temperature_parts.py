@@ -38,7 +38,7 @@ def test_a_coefficient_at_one_position_is_refused() -> None:
 
 def test_a_sensor_that_stands_still_is_refused() -> None:
     still = dataclasses.replace(ramp(), temperature={"1": np.full(60, 24.0)})
-    with pytest.raises(FitError, match=r"sensor 1 of the offset stays at 24 °C"):
+    with pytest.raises(FitError, match=r"1 stays at 24 °C"):
         fitted(still)
 
 
@@ -87,7 +87,7 @@ def test_a_noisy_first_reading_does_not_shift_the_law() -> None:
             lag=200.0,
         )
         assert fit.coefficient is not None
-        return float(fit.coefficient.slope)
+        return float(fit.coefficient.slope[0])
 
     # Two deviations of the sensor to either side. Alone they would begin the structure 0.08 K
     # apart, 1 % of the law; of some thirty readings the first is an eighth.
@@ -186,7 +186,7 @@ def test_the_plateau_of_a_real_printer_gives_its_slope_and_its_missed_steps() ->
         law=("linear", "constant"),
         lag=0.0,
     )
-    slope, deviation = fit.slope
+    slope, deviation = fit.offset.slope
     # Issue 5 asks for a slope near −0.0148 mm/K.
     np.testing.assert_allclose(slope, -0.0148, atol=0.0002)
     # Readings a minute apart drift together: 540 of them are worth a few tens at most, and
@@ -195,7 +195,7 @@ def test_the_plateau_of_a_real_printer_gives_its_slope_and_its_missed_steps() ->
     assert 2e-4 < deviation < 3e-3
     missed = np.abs(error[plateau] - np.median(error)) > 1.0
     assert missed.sum() == 9
-    np.testing.assert_array_equal(fit.wild, missed)
+    np.testing.assert_array_equal(fit.rows[fit.wild], np.flatnonzero(missed))
 
 
 def test_a_real_log_with_warm_up_shows_a_lag_of_minutes_and_all_missed_steps() -> None:
@@ -210,13 +210,13 @@ def test_a_real_log_with_warm_up_shows_a_lag_of_minutes_and_all_missed_steps() -
     assert 100.0 < lag.interval[0] < lag.interval[1] < 900.0
     missed = np.abs(error - np.median(error)) > 1.0
     assert missed.sum() == 11
-    assert fit.wild[missed].all()
+    assert set(np.flatnonzero(missed)) <= set(fit.rows[fit.wild])
 
 
 def test_a_real_sensor_that_is_not_there_is_refused() -> None:
     log = real_log("voronV2_mvieleers_2021-06-12.csv")
     error = STEP * log["mcu_pos_z"]
-    with pytest.raises(FitError, match="sensor 1 of the offset stays at -180 °C"):
+    with pytest.raises(FitError, match="1 stays at -180 °C"):
         fitted(
             readings(error, log["chamber_t"], time=log["time"]),
             coefficient=None,

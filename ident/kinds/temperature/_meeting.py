@@ -10,8 +10,8 @@ import dataclasses
 
 import numpy as np
 
-from ....core import node_shares
-from ._estimate import Meeting, TemperatureFit
+from ...core import node_shares
+from ._line import Meeting, TemperatureFit
 
 _SURE = 3.0
 """Deviations by which the coefficient must change, and up to which lines meet in a point."""
@@ -21,24 +21,20 @@ _FAR = 1e3
 """Distance of the position, in measured ranges, from which on there is none."""
 
 
-def about_meeting(fit: TemperatureFit, span: float) -> TemperatureFit:
+def about_meeting(fit: TemperatureFit) -> TemperatureFit:
     """Return a line about the position where those of all temperatures meet.
 
     Where they do not, it stays as it is, with the reason.
-
-    Args:
-        fit: With offset and coefficient.
-        span: Measured range of positions in mm.
     """
 
-    def stays(meeting: Meeting, unsure: float | None = None) -> TemperatureFit:
-        return dataclasses.replace(fit, meeting=meeting, meeting_deviation=unsure)
+    def stays(meeting: Meeting) -> TemperatureFit:
+        return dataclasses.replace(fit, meeting=meeting)
 
     line, size, every = fit.line, fit.line.size, len(fit.covariance)
     nodes, own = line.nodes, line.split(np.arange(size))
-    if len(nodes["coefficient"]) < 2:
-        return stays("parallel")
-    if len(line.sensor_names) > 1:
+    assert fit.position is not None  # there is a coefficient
+    span = float(np.ptp(fit.position))
+    if len(fit.sensors) > 1:
         return stays("two sensors")
     warm = np.union1d(nodes["offset"], nodes["coefficient"])
     # Rows that make offset and slope at each temperature of all that was fitted.
@@ -50,7 +46,7 @@ def about_meeting(fit: TemperatureFit, span: float) -> TemperatureFit:
     shift, change = rise @ value, tilt @ value
     variance = ((tilt @ fit.covariance) * tilt).sum(axis=1)
     if not (change**2 > _SURE**2 * variance).any():
-        return stays("unsure slope")
+        return stays("parallel")
     weight, rounds = np.eye(len(warm)), 0
     while True:
         rounds += 1
@@ -65,40 +61,27 @@ def about_meeting(fit: TemperatureFit, span: float) -> TemperatureFit:
     moves = -(pull @ rows) / float(pull @ change)
     sure = float(np.sqrt(max(moves @ fit.covariance @ moves, 0.0)))
     if abs(away) > _FAR * span:
-        return stays("too far")
+        return stays("parallel")
     if ((rows @ value) ** 2 > _SURE**2 * np.maximum(np.diag(spread), 1e-18)).any():
         return stays("not one point")
     if not sure < max(10.0 * span, abs(fit.reference + away)):
-        return stays("uncertain", sure)
+        return stays("uncertain")
     # The laws given that the lines meet, and what they are beside the position.
     gain = fit.covariance @ rows.T @ weight
     value = value - gain @ (rows @ value)
     given = np.eye(every) - gain @ (rows + np.outer(change, moves))
     level = (offset + away * slope).mean(axis=0)
     # Offset, coefficient, position, then what comes behind the values.
-    turn = np.vstack(
-        [
-            level @ given + float((slope @ value).mean()) * moves,
-            given[own["coefficient"]],
-            moves,
-            given[size:],
-        ]
-    )
-    own_nodes = nodes["coefficient"]
-    law = {"offset": own_nodes.mean(keepdims=True), "coefficient": own_nodes}
-    first = len(own["offset"])
+    moved = level @ given + float((slope @ value).mean()) * moves
+    turn = np.vstack([moved, given[own["coefficient"]], moves, given[size:]])
+    warm = nodes["coefficient"]
+    law = {"offset": warm.mean(keepdims=True), "coefficient": warm}
     return dataclasses.replace(
         fit,
         line=dataclasses.replace(line, law=law, reference=fit.reference + away),
         values=np.append(level @ value, value[own["coefficient"]]),
         covariance=turn @ fit.covariance @ turn.T,
-        names=(
-            "offset",
-            *fit.names[first:size],
-            "reference position",
-            *fit.names[size:],
-        ),
-        support=(int((fit.used & ~fit.wild).sum()), *fit.support[first:]),
+        support=(int((~fit.wild).sum()), *fit.support[len(own["offset"]) :]),
         meeting="met",
-        meeting_deviation=sure,
+        reference_deviation=sure,
     )

@@ -1,23 +1,19 @@
-"""The thermal line of an axis as readings determine it, and what they say beside it."""
+"""The thermal line of an axis as readings determine it, fitted alone or in a group."""
 
 import dataclasses
 import functools
-import math
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
-from ....core import DriftNoise, node_shares
-from ....fit.joint import Temperature
+from ..._recording import JointData
+from ...core import DriftNoise, node_shares
+from ...fit.joint import Temperature
 
-Effect = Literal["level", "offset", "slope", "slope change"]
-"""Level of the error, temperature at the offset, slope over the position, and how that
-changes with the temperature."""
 Meeting = Literal[
-    "met", "given", "parallel", "unsure slope", "two sensors", "too far", "too few",
-    "not one point", "uncertain",
-]  # fmt: skip
+    "met", "given", "parallel", "two sensors", "too few", "not one point", "uncertain"
+]
 """Whether the lines of all temperatures meet at the reference, or why it was not taken."""
 
 
@@ -26,21 +22,16 @@ class Law:
     """A parameter of the line over the temperature: linear between nodes, held outside.
 
     Attributes:
-        sensor: Number of the sensor, from 0.
+        sensor: That it follows.
         temperature: Nodes in °C, ascending; one = constant, two = linear.
         value: At the nodes, in mm (offset) or mm/mm (coefficient); the sign of the *error*.
         covariance: Of the values.
     """
 
-    sensor: int
+    sensor: str
     temperature: Float[np.ndarray, " n"]
     value: Float[np.ndarray, " n"]
     covariance: Float[np.ndarray, "n n"]
-
-    @property
-    def standard_deviation(self) -> Float[np.ndarray, " n"]:
-        """Of the values, same unit."""
-        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def kind(self) -> str:
@@ -48,21 +39,13 @@ class Law:
         return {1: "constant", 2: "linear"}.get(len(self.value), "piecewise linear")
 
     @property
-    def slope(self) -> float:
-        """Change of the value per K between the first and the last node."""
-        return float(self._ends @ self.value)
-
-    @property
-    def slope_deviation(self) -> float:
-        """Standard deviation of that."""
-        return math.sqrt(max(float(self._ends @ self.covariance @ self._ends), 0.0))
-
-    @property
-    def _ends(self) -> Float[np.ndarray, " n"]:
+    def slope(self) -> tuple[float, float]:
+        """Change of the value per K from the first to the last node, and its deviation."""
         ends = np.zeros(len(self.value))
         if len(ends) > 1:
             ends[[0, -1]] = np.array([-1.0, 1.0]) / np.ptp(self.temperature)
-        return ends
+        variance = max(float(ends @ self.covariance @ ends), 0.0)
+        return float(ends @ self.value), float(np.sqrt(variance))
 
     def at(self, temperature: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Return the value at temperatures in °C."""
@@ -82,18 +65,21 @@ class Lag:
     """How the structure follows a sensor.
 
     Attributes:
-        sensor: Number of the sensor, from 0.
+        sensor: Its name.
         time_constant: Of the first-order lag in s; 0 = none that the readings show.
         interval: From which to which value it may be (95 %), in s.
-        applied: Whether the law is one of the lagged temperature, T' = (sensor − T) / constant.
         sensor_late: The sensor itself follows later than the structure; no filter undoes that.
     """
 
-    sensor: int
+    sensor: str
     time_constant: float
     interval: tuple[float, float]
-    applied: bool
     sensor_late: bool = False
+
+    @property
+    def applied(self) -> bool:
+        """Whether the law is one of the lagged temperature, T' = (sensor − T) / constant."""
+        return self.time_constant > 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,21 +100,6 @@ class LawScore:
 
 
 @dataclasses.dataclass(frozen=True)
-class Confusion:
-    """Two effects that the readings hardly tell apart, whatever the errors are.
-
-    Attributes:
-        first: One effect.
-        second: The other.
-        correlation: Of what they do to the readings, −1 to 1, the other effects taken off.
-    """
-
-    first: Effect
-    second: Effect
-    correlation: float
-
-
-@dataclasses.dataclass(frozen=True)
 class TemperatureFit:
     """The thermal line of an axis; signs are those of the *error*.
 
@@ -136,60 +107,71 @@ class TemperatureFit:
 
     Attributes:
         line: Temperatures of its values, its reference $s_0$ in mm, its lags.
-        sensors: Names, as columns of the temperatures.
+        data: The complete readings.
+        rows: Which of all readings each of them was.
+        missed: Number of readings that were incomplete.
+        structure: Temperature of the structure behind each sensor of the line in °C.
         values: Of the offset $o(T)$ in mm, then of the coefficient $c(T)$ in mm/mm.
         covariance: Of the values, then of the intersection (mm) and of the logarithms of the
-            time constants.
-        names: Of the parameters, in the order of the covariance.
-        meeting: Whether the lines of all temperatures meet at the reference, where the offset
-            is a constant, or why that was not taken.
-        meeting_deviation: Standard deviation in mm of the intersection, where there is one.
-        lags: One per sensor that is used.
+            time constants, where these were fitted.
+        lags: One per sensor.
         noise: How residuals scatter, in mm and s.
         independent: Independent readings that would leave the same uncertainty of the least
             sure value.
-        used: Rows that were complete.
-        wild: Rows that the loss rejected outright (missed steps, glitches).
-        predicted: Error − line fitted without the block of time of each reading, in mm per
-            row; NaN where a reading was missed.
-        temperature: Of the structure as the laws see it, per row and sensor in °C.
-        scores: Laws compared by hold-out; empty where the law was given.
-        confounded: What these readings cannot tell apart.
-        support: Readings that touch each node of offset and coefficient.
+        wild: Readings that the loss rejected outright (missed steps, glitches).
+        predicted: Error − line fitted without the block of time of each reading, in mm.
+        support: Readings that touch each value.
         converged: Whether the iterations converged.
+        meeting: Whether the lines of all temperatures meet at the reference, where the offset
+            is a constant, or why that was not taken.
+        reference_deviation: Standard deviation in mm of a reference where they meet.
+        scores: Laws compared by hold-out; empty where the law was given.
     """
 
     line: Temperature
-    sensors: tuple[str, ...]
+    data: JointData
+    rows: Int[np.ndarray, " t"]
+    missed: int
+    structure: Float[np.ndarray, "t s"]
     values: Float[np.ndarray, " p"]
     covariance: Float[np.ndarray, "k k"]
-    names: tuple[str, ...]
-    meeting: Meeting
     lags: tuple[Lag, ...]
     noise: DriftNoise
     independent: float
-    used: Bool[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
     predicted: Float[np.ndarray, " t"]
-    temperature: Float[np.ndarray, "t s"]
     support: tuple[int, ...]
     converged: bool
-    meeting_deviation: float | None = None
+    meeting: Meeting = "given"
+    reference_deviation: float | None = None
     scores: tuple[LawScore, ...] = ()
-    confounded: tuple[Confusion, ...] = ()
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Those that it follows, as columns of the temperatures."""
+        return self.line.sensor_names
+
+    @property
+    def error(self) -> Float[np.ndarray, " t"]:
+        """In mm."""
+        return np.asarray(self.data.error[self.line.axis])
+
+    @property
+    def position(self) -> Float[np.ndarray, " t"] | None:
+        """In mm; None where the error was measured at one position."""
+        return self.data.position.get(self.line.axis)
 
     @functools.cached_property
     def laws(self) -> dict[str, Law]:
         """Offset and coefficient by name."""
-        places = self.line.split(np.arange(self.line.size))
         return {
             name: Law(
-                self.sensors.index(self.line.sensors[name]),
+                self.line.sensors[name],
                 self.line.nodes[name],
                 self.values[own],
                 self.covariance[np.ix_(own, own)],
             )
-            for name, own in places.items()
+            for name, own in self.line.split(np.arange(self.line.size)).items()
         }
 
     @property
@@ -217,31 +199,20 @@ class TemperatureFit:
         return float(self.line.reference)
 
     @property
-    def reference_deviation(self) -> float | None:
-        """Standard deviation of the reference in mm; None where lines do not meet there."""
-        return self.meeting_deviation if self.intersects else None
-
-    @property
     def intersects(self) -> bool:
         """Whether the lines of all temperatures meet at the reference."""
         return self.meeting == "met"
 
-    @property
-    def slope(self) -> tuple[float, float]:
-        """Change of the offset in mm/K over the measured temperatures, and its deviation."""
-        return self.offset.slope, self.offset.slope_deviation
-
     def predict(
         self,
         temperature: Float[np.ndarray, "t s"],
-        position: Float[np.ndarray, " t"] | None = None,
+        position: Float[np.ndarray, " t"] | None,
     ) -> Float[np.ndarray, " t"]:
         """Return the error in mm at structure temperatures in °C and positions in mm."""
-        result = self.offset.at(temperature[:, self.offset.sensor])
-        if self.coefficient is None or position is None:
-            return result
-        slope = self.coefficient.at(temperature[:, self.coefficient.sensor])
-        return np.asarray(result + slope * (position - self.reference))
+        warm = dict(zip(self.sensors, temperature.T, strict=True))
+        places = np.zeros(len(temperature)) if position is None else position
+        inputs = [warm[law.sensor] for law in self.laws.values()]
+        return np.asarray(self.line.rows([*inputs, places])[1] @ self.values)
 
     def relative_to(self, temperature: float) -> "TemperatureFit":
         """Return the laws with nothing to correct at this temperature in °C.
