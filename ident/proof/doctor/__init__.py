@@ -1,8 +1,7 @@
 """Measurements without and with the lists: what is wrong with what they do.
 
-The change between both is what the lists did. Each fault predicts another change; with
-how likely it is beforehand, and with noise and zero of the instrument fitted, each gets
-its probability. Below `SURE` nothing is said.
+The change between both is what the lists did. What explains it is searched as for a log of
+the controller (`verify`); each fault gets its probability, and below `SURE` nothing is said.
 """
 
 from ._diagnose import (

@@ -9,8 +9,8 @@ import numpy as np
 from ....data.lists import ListFile
 from ....models import Conventions
 from ...exchange import ExchangeError, InUse, Reading, machine_lists
-from ..verify import fault_words
-from ._cases import Case, Scene, cases_of
+from ..verify import FAULT
+from ._cases import SUSPECTED, Case, Scene, cases_of
 from ._measured import Difference, Measured, difference
 
 SURE = 0.99
@@ -105,19 +105,18 @@ def diagnose(
             found=f"lists for {axes}; measured both times: {measured}",
             expected="an axis with a list that was switched between the measurements",
         )
-    scene = Scene(changes, switched, reading)
+    scene = Scene(changes, switched, reading, names or {})
     # What a list says is the same everywhere, such as a temperature line that a PLC
     # moves, hides in the zero of the instrument; what the PLC adds looks like a fault.
     blurred = set()
     for use in judged:
-        column = scene.column(use, use.axis)
+        channel = scene.channel(use, use.axis)
+        column = channel.column(channel.plain)
         if np.ptp(column) > 0:
             scene.columns[use.axis, use.name] = column
         else:
             blurred.add(use.axis)
-    return tuple(
-        _judged(use, scene, names or {}, blurred=use.axis in blurred) for use in judged
-    )
+    return tuple(_judged(use, scene, use.axis in blurred) for use in judged)
 
 
 def not_judged(
@@ -140,64 +139,34 @@ def _state(use: InUse, measured: Sequence[Measured], loaded: bool) -> int:
     return int(use.name in stated if stated or not loaded else True)
 
 
-def _judged(
-    use: InUse, scene: Scene, names: Mapping[int, str], *, blurred: bool
-) -> Diagnosis:
+def _judged(use: InUse, scene: Scene, blurred: bool) -> Diagnosis:
     cases, factor, blind = cases_of(use, scene)
-    total = np.array([one.likelihood + np.log(one.prior) for one in cases])
-    shares = np.exp(total - np.logaddexp.reduce(total)).tolist()
-    by_word: dict[str, float] = {}
-    for one, share in zip(cases, shares, strict=True):
-        by_word[one.word] = by_word.get(one.word, 0.0) + share
+    # Of each word the best case, less likely beforehand where it is a fault.
+    best_of: dict[str, Case] = {}
+    for one in sorted(cases, key=lambda one: one.criterion):
+        best_of.setdefault(one.word, one)
+    likely = {
+        word: -0.5 * (one.criterion - (FAULT - SUSPECTED) * (word != "right"))
+        for word, one in best_of.items()
+    }
+    total = np.logaddexp.reduce(list(likely.values()))
+    by_word = {word: float(np.exp(one - total)) for word, one in likely.items()}
     word = max(by_word, key=lambda name: by_word[name])
-    best = max(
-        zip(shares, cases, strict=True), key=lambda one: (one[1].word == word, one[0])
-    )[1]
-    blind = blind if word == "right" else None
+    best = best_of[word]
     told = by_word[word] >= SURE and word != "cannot tell"
     told = told and (word == "right" or not blurred)
-    verdict = word if told and blind is None else "cannot tell"
+    verdict = word if told and (word != "right" or blind is None) else "cannot tell"
     unit = "°" if use.axis in scene.reading.modulo else "mm"
-    sentence = f"cannot tell: {_doubt(by_word, factor, blind, unit)}"
-    if verdict != "cannot tell":
-        axis, other = (names.get(n, f"A{n}") for n in (use.axis, best.axis or 0))
-        sentence = _sentence(verdict, best, unit, axis, other)
+    doubt = f"cannot tell: {_doubt(by_word, factor, blind, unit)}"
+    unsure = verdict == "cannot tell"
     return Diagnosis(
         axis=use.axis,
         compensation=use.name,
         verdict=verdict,
-        value=None if verdict == "cannot tell" else best.value,
+        value=None if unsure else best.value,
         probability=by_word[word],
-        sentence=sentence,
+        sentence=doubt if unsure else best.sentence,
         sign=best.sign if told else 0,
-    )
-
-
-def _sentence(verdict: str, best: Case, unit: str, axis: str, other: str) -> str:
-    """Return the sentence on a compensation that a verdict is given on.
-
-    Args:
-        verdict: Word of the interface.
-        best: Explanation that it stands for.
-        unit: Of lengths.
-        axis: Name of the axis.
-        other: Name of the axis on which it acts instead, if it does.
-    """
-    value = best.value or 0.0
-    if verdict == "right":
-        return "right: the list adds what it says"
-    if verdict != "wrong axis":
-        words = fault_words(verdict, value, unit)
-        if verdict == "sign" and value != -1.0:
-            words += f" and {-value:g} times as large"
-        return words
-    if best.axis is not None:
-        return f"acts on {other} instead of {axis}"
-    if best.follows_another:
-        return "follows another master: masters swapped"
-    return (
-        f"does nothing to {axis}: it acts on another axis, follows another master, or"
-        " is not active"
     )
 
 
@@ -212,12 +181,12 @@ def _doubt(
         blind: Shift that these readings cannot tell from none, in the unit of lengths.
         unit: Of lengths.
     """
-    if blind is not None:
+    likely = sorted(shares, key=lambda word: -shares[word])
+    if blind is not None and (likely[0] == "right" or likely[:2] == ["shift", "right"]):
         return (
             f"right, or shifted by up to {blind:.1f} {unit}: these readings"
             " do not show the difference; measure at more places, or with less noise"
         )
-    likely = sorted(shares, key=lambda word: -shares[word])
     if likely[0] == "cannot tell" and abs(factor) < 0.3:
         return "it does nothing to any axis that was measured; is it active?"
     if likely[0] == "cannot tell":

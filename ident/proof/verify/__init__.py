@@ -8,7 +8,7 @@ length); the judge puts the best into words.
 Read `_verify` (the whole, and a clock that is off), `_lists` and `_target` (what is to be
 explained), `_channel` and `_tables` (the channels; each compensation has its own in `kinds`),
 `_hypothesis`, `_scan` and `_search`, `_judge`, `_words`; `_total` for logs that show sums only.
-The `doctor` weighs what was measured on the same channels, hypotheses and targets.
+The `doctor` explains what was measured by the same search.
 """
 
 from ._channel import (
@@ -19,10 +19,11 @@ from ._channel import (
     Shift as Shift,
     Way as Way,
 )
-from ._hypothesis import Hypothesis as Hypothesis
+from ._hypothesis import FAULT as FAULT, Hypothesis as Hypothesis
 from ._judge import Verdict as Verdict
 from ._motion import LogMotion as LogMotion
+from ._search import Found as Found, Rival as Rival, search as search
 from ._tables import TableChannel as TableChannel, ways_of as ways_of
-from ._target import FLOOR as FLOOR, Target as Target
+from ._target import Target as Target
 from ._verify import Verification as Verification, verify_log as verify_log
-from ._words import fault_words as fault_words
+from ._words import said as said

@@ -271,13 +271,6 @@ def smoothed(
     return np.asarray(found)
 
 
-def lagged(
-    values: Float[np.ndarray, " t"], rows: slice, cycles: int
-) -> Float[np.ndarray, " r"]:
-    """Return values at rows when they come some cycles later."""
-    return values[rows.start - cycles : rows.stop - cycles]
-
-
 def delayed(values: Float[np.ndarray, " t"], cycles: float) -> Float[np.ndarray, " t"]:
     """Return values that are read some cycles later, in between by a straight line."""
     if not cycles:

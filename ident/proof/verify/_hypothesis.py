@@ -6,11 +6,13 @@ import math
 from ._channel import AbstractChannel, Change
 
 SCALES: dict[float, tuple[str, ...]] = {
-    sign * size * times: words
+    sign * size * times: (*first, *second, *third)
     for sign, first in ((1.0, ()), (-1.0, ("sign",)))
-    for size, second in ((1.0, ()), (10.0, ("unit",)), (0.1, ("unit",)))
+    for size, second in (
+        *((1.0, ()), (10.0, ("unit",)), (0.1, ("unit",))),
+        (1000.0, ("unit",)),
+    )
     for times, third in ((1.0, ()), (2.0, ("twice",)))
-    if (words := (*first, *second, *third)) is not None
 }
 """Factors of the offset that a fault explains, with the words for it."""
 

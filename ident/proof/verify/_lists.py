@@ -23,7 +23,7 @@ from ...kinds import kinds
 from ._channel import AbstractChannel
 from ._judge import SETTLED
 from ._motion import LogMotion
-from ._scan import few_rows, least_squares
+from ._scan import few_of, least_squares
 from ._target import Target
 
 _CHOICES = ("slave", "master")
@@ -207,7 +207,7 @@ def _left(
     channel: AbstractChannel | None, reported: LoggedOffset, motion: LogMotion
 ) -> float:
     """Return the criterion of what a table leaves of a column by any factor."""
-    rows = few_rows(motion.judged)
+    rows = few_of(np.arange(motion.rows)[motion.judged])
     part = Target.of(reported.values, step=reported.step).at(rows)
     squares = np.array([part.power])
     if channel is not None:

@@ -1,6 +1,5 @@
 """Where a table may lie, how late it may come, how it may be filtered: the search."""
 
-import bisect
 import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
@@ -8,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._channel import EDGES, AbstractChannel, Change, lagged
+from ._channel import EDGES, AbstractChannel, Change
 from ._hypothesis import FREE_BAND, SCALES, Hypothesis
 from ._target import Target
 
@@ -36,24 +35,33 @@ def scaled(
 ) -> dict[Hypothesis, float]:
     """Return the squares that a column leaves, by every factor of a fault and the best.
 
-    Factors far from the best one are left out: they cannot win.
+    Factors that leave twice as much as the best one cannot win.
     """
     inner, power = (float(one[0]) for one in target.products(column[None]))
     if power <= 1e-18 * len(column):
         return {Hypothesis(change, lag): target.power}
     best = inner / power
     least = target.power - best * inner
-    at = bisect.bisect(_SIZES, best)
-    near = sorted(_SIZES[max(at - 2, 0) : at + 2], key=lambda size: abs(size - best))[
-        :2
-    ]
+    away = _away(np.full(1, best), target.band)[0]
+    squares = (least + np.square(away) * power).tolist()
+    near = np.argsort(np.abs(away))[:2]
     found = {
-        Hypothesis(change, lag, scale): least + (scale - best) ** 2 * power
-        for scale in near
+        Hypothesis(change, lag, scale): left
+        for k, (scale, left) in enumerate(zip(_SIZES, squares, strict=True))
+        if left < 2.0 * least or k in near
     }
-    if abs(best - near[0]) > FREE_BAND * abs(near[0]):
+    size = _SIZES[near[0]]
+    if abs(best - size) > max(FREE_BAND, target.band) * abs(size):
         found[Hypothesis(change, lag, best, is_free=True)] = least
     return found
+
+
+def _away(best: Float[np.ndarray, " s"], band: float) -> Float[np.ndarray, "s k"]:
+    """Return how far the best factors are from each of `SCALES`, less what a band allows."""
+    sizes = np.array(_SIZES)
+    apart = best[:, None] - sizes
+    allowed = band * np.abs(sizes)
+    return np.asarray(apart - np.clip(apart, -allowed, allowed))
 
 
 def structures(channel: AbstractChannel) -> list[Change]:
@@ -77,31 +85,31 @@ def otherwise(channel: AbstractChannel, change: Change) -> tuple[list[Change], .
     )
 
 
-def few_rows(rows: slice) -> Int[np.ndarray, " r"]:
-    """Return some thousand rows out of those that are judged, evenly spread."""
-    every = max(1, (rows.stop - rows.start) // _ROWS)
-    return np.arange(rows.start, rows.stop, every)
+def few_of(rows: Int[np.ndarray, " r"], most: int = _ROWS) -> Int[np.ndarray, " f"]:
+    """Return some thousand out of rows, evenly spread."""
+    return rows[:: max(1, len(rows) // most)]
 
 
 def place(
-    channel: AbstractChannel, change: Change, target: Target
+    channel: AbstractChannel,
+    change: Change,
+    target: Target,
+    rows: Int[np.ndarray, " r"],
 ) -> list[tuple[Change, float]]:
     """Return where a table may lie: as it is, and where else it fits better.
 
     Args:
         channel: The compensation.
         change: Masters and edge.
-        target: Values at all rows.
+        target: Values at some rows that are enough to see it.
+        rows: Those rows.
 
     Returns:
-        Changes with the sum of squares that each leaves at some rows, per row.
+        Changes with the sum of squares that each leaves.
     """
-    rows = few_rows(channel.motion.judged)
-    part = target.at(rows)
 
     def left(shifts: Float[np.ndarray, "s k"]) -> Float[np.ndarray, " s"]:
-        columns = channel.columns_at(change, shifts, rows)
-        return least_squares(part, columns) / len(rows)
+        return least_squares(target, channel.columns_at(change, shifts, rows))
 
     def tried(*shift: float) -> tuple[Change, float]:
         moved = dataclasses.replace(change, shift=tuple(shift))
@@ -135,10 +143,9 @@ def least_squares(
     best = inner / np.where(seen, power, 1.0)
     left = target.power - best * inner
     # A factor near one of a fault is that one: what it leaves is what that one leaves.
-    sizes = np.array(_SIZES)
-    near = sizes[np.argmin(np.abs(best[:, None] - sizes), axis=1)]
-    named = np.abs(best - near) <= FREE_BAND * np.abs(near)
-    left = left + np.where(named, np.square(near - best) * power, 0.0)
+    away = np.abs(_away(best, target.band))
+    named = (away <= FREE_BAND * np.abs(_SIZES)).any(axis=1)
+    left = left + np.where(named, np.square(away.min(axis=1)) * power, 0.0)
     return np.where(seen, left, target.power)
 
 
@@ -169,32 +176,35 @@ def _along(
 
 
 def timed(
-    channel: AbstractChannel, change: Change, target: Target
+    channel: AbstractChannel,
+    change: Change,
+    target: Target,
+    rows: Int[np.ndarray, " r"],
 ) -> dict[Hypothesis, float]:
     """Return the squares that lags and lengths of the filter leave, with their factors.
 
     Args:
         channel: The compensation.
         change: Masters, edge and shift.
-        target: Values at the rows that are judged.
+        target: Values at the rows that count.
+        rows: Those rows.
     """
     motion = channel.motion
     parts = channel.parts(change, slice(None))
     if motion.cycle is None:
-        column = channel.over_cycles(parts, change)[motion.judged]
+        column = channel.over_cycles(parts, change)[rows]
         return scaled(target, change, 0, column)
     own = max(channel.cycles_under(change.conventions), 1)
     tried = FILTERS if own > 1 else (*_FEW_FILTERS, max(channel.listed, 1))
-    rows = np.arange(motion.judged.start, motion.judged.stop)
-    rows = rows[:: max(1, len(rows) // _TIMED_ROWS)]
-    part = target.at(rows - motion.judged.start)
+    some = few_of(np.arange(len(rows)), _TIMED_ROWS)
+    part = target.at(some)
     lags = np.arange(-motion.reach, motion.reach + 1)
     columns: dict[int, Float[np.ndarray, " t"]] = {}
     guesses: list[tuple[float, int, int]] = []
     changes = {n: dataclasses.replace(change, cycles=n) for n in tried} | {own: change}
     for cycles, one in changes.items():
         columns[cycles] = channel.over_cycles(parts, one)
-        least = least_squares(part, columns[cycles][rows - lags[:, None]])
+        least = least_squares(part, columns[cycles][rows[some] - lags[:, None]])
         guesses += zip(least.tolist(), itertools.repeat(cycles), lags.tolist())
     guesses.sort()
     # The best of all, and of those that keep the length, or the lag.
@@ -205,6 +215,6 @@ def timed(
     ]
     found: dict[Hypothesis, float] = {}
     for cycles, lag in dict.fromkeys([(own, 0), *(one[1:] for one in best)]):
-        late = lagged(columns[cycles], motion.judged, lag)
+        late = columns[cycles][rows - lag]
         found |= scaled(target, changes[cycles], lag, late)
     return found

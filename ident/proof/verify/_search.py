@@ -1,21 +1,25 @@
-"""The search for the hypothesis that explains a column of a log, and its rivals."""
+"""The search for the hypothesis that explains a target, and its rivals."""
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.optimize import minimize
 
-from ._channel import AbstractChannel, Change, lagged
-from ._hypothesis import Hypothesis
-from ._scan import few_rows, otherwise, place, scaled, structures, timed
-from ._target import RESOLUTION, Target
+from .._figures import wild_readings
+from ._channel import AbstractChannel, Change
+from ._hypothesis import FAULT, Hypothesis
+from ._scan import few_of, otherwise, place, scaled, structures, timed
+from ._target import FLOOR, RESOLUTION, Target
 
 _MOST_PLACES = 30
 """Places per master at which a table that lies elsewhere is tried on all rows."""
+_MOST_WILD = 0.1
+"""Share of the rows up to which those far from all others are wild: more have a cause."""
 _KEPT = 3
 """Structures that are looked at closely, beside the plain one."""
 
@@ -47,13 +51,15 @@ class Found:
         nothing: Criterion of a controller that adds nothing.
         column: What the best one adds per row, in mm or °.
         residual: What it leaves at the rows that are judged.
+        rows: Those that count: no wild ones.
         samples: Number of independent rows.
     """
 
     rivals: tuple[Rival, ...]
     nothing: float
     column: Float[np.ndarray, " t"]
-    residual: Float[np.ndarray, " r"]
+    residual: Float[np.ndarray, " e"]
+    rows: Int[np.ndarray, " r"]
     samples: float
 
     @property
@@ -69,156 +75,163 @@ def search(
 ) -> Found:
     """Return the hypothesis that explains the values of a target best.
 
+    Noise is normal, its size that of each hypothesis; what the best one leaves says how
+    many rows are independent of each other, and which of them are wild and do not count.
+
     Args:
         channel: The compensation.
         target: Values at all rows.
         start: Hypotheses that are looked at in any case.
     """
-    rows = channel.motion.judged
-    judged = target.at(np.arange(rows.start, rows.stop))
-    left: dict[Hypothesis, float] = {}
-    for change in _promising(channel, target):
-        left |= _closely(channel, change, judged)
-    left |= _squares(channel, start, judged)
-    best = _ranked(channel, judged, left, float(len(judged.values)))[0].hypothesis
-    residual = judged.values - judged.free_of(_column(channel, best))
+    every = _Rows(
+        channel, target, np.arange(channel.motion.rows)[channel.motion.judged]
+    )
+    judged, left = every, every.searched(start)
+    best = judged.ranked(left, float(len(every.rows)))[0].hypothesis
+    residual = every.target.residual(every.column(best))
+    wild = wild_readings(residual, max(FLOOR, target.step))
+    if 0.0 < wild.mean() <= _MOST_WILD:
+        judged = _Rows(channel, target, every.rows[~wild])
+        left = judged.searched(start)
+        best = judged.ranked(left, float(len(judged.rows)))[0].hypothesis
+        residual = judged.target.residual(judged.column(best))
     samples = independent(residual)
-    best = _ranked(channel, judged, left, samples)[0].hypothesis
-    left |= _squares(channel, neighbours(channel, best), judged)
-    rivals = _ranked(channel, judged, left, samples)
-    first = _plainest(channel, judged, rivals)
+    best = judged.ranked(left, samples)[0].hypothesis
+    left |= judged.squares(neighbours(channel, best))
+    rivals = judged.ranked(left, samples)
+    first = judged.plainest(rivals)
     column = channel.column(first.hypothesis.change)
     late = np.arange(len(column)) - first.hypothesis.lag
     column = first.hypothesis.scale * column[np.clip(late, 0, len(column) - 1)]
-    nothing = judged.criterion(np.array([judged.power]), samples)
+    nothing = judged.target.criterion(np.array([judged.target.power]), samples)
     return Found(
         rivals=(first, *(one for one in rivals if one is not first)),
-        nothing=float(nothing[0]) + 2.0 * 4.6,
+        nothing=float(nothing[0]) + FAULT,
         column=column,
-        residual=judged.values - judged.free_of(column[rows]),
+        residual=every.target.residual(column[every.rows]),
+        rows=judged.rows,
         samples=samples,
     )
 
 
-def _ranked(
-    channel: AbstractChannel,
-    judged: Target,
-    left: Mapping[Hypothesis, float],
-    samples: float,
-) -> list[Rival]:
-    """Return hypotheses, the best first, by the sum of squares that each leaves."""
-    misfits = judged.criterion(np.array(list(left.values())), samples).tolist()
-    found = [
-        Rival(one, misfit, misfit + one.cost(channel, samples))
-        for one, misfit in zip(left, misfits, strict=True)
-    ]
-    return sorted(found, key=lambda one: one.criterion)
+@dataclasses.dataclass(frozen=True)
+class _Rows:
+    """The rows of a target that count, and what hypotheses leave there."""
 
+    channel: AbstractChannel
+    whole: Target
+    rows: Int[np.ndarray, " r"]
 
-def _promising(channel: AbstractChannel, target: Target) -> list[Change]:
-    """Return masters, edges and shifts that may explain the values, best first."""
-    rows = float(len(few_rows(channel.motion.judged)))
-    found = {
-        Hypothesis(change): squares * len(target.values)
-        for one in structures(channel)
-        for change, squares in place(channel, one, target)
-    }
-    best = _ranked(channel, target, found, rows)[:_KEPT]
-    kept = [one.hypothesis.change for one in best]
-    return kept if channel.plain in kept else [*kept, channel.plain]
+    @functools.cached_property
+    def target(self) -> Target:
+        """The target at these rows."""
+        return self.whole.at(self.rows)
 
+    def column(self, hypothesis: Hypothesis) -> Float[np.ndarray, " r"]:
+        """Return what a hypothesis adds."""
+        column = self.channel.column(hypothesis.change)
+        return np.asarray(hypothesis.scale * column[self.rows - hypothesis.lag])
 
-def _closely(
-    channel: AbstractChannel, change: Change, judged: Target
-) -> dict[Hypothesis, float]:
-    """Return a structure with and without a lag, with and without another filter."""
-    every = timed(channel, change, judged)
-    if not change.is_shifted:
-        return every
-    # Of a table that lies elsewhere the best of each, its place refined with it.
-    best: dict[tuple[bool, bool], Hypothesis] = {}
-    for one in sorted(every, key=every.__getitem__):
-        best.setdefault((bool(one.lag), one.change.cycles is None), one)
-    found: dict[Hypothesis, float] = {}
-    for one in best.values():
-        found |= _moved(channel, one.change, one.lag, judged)
-    return found
+    def squares(self, hypotheses: Iterable[Hypothesis]) -> dict[Hypothesis, float]:
+        """Return the sum of squares that each hypothesis leaves."""
+        return {one: self.target.left_by(self.column(one)) for one in hypotheses}
 
+    def ranked(self, left: Mapping[Hypothesis, float], samples: float) -> list[Rival]:
+        """Return hypotheses, the best first, by the sum of squares that each leaves."""
+        squares = np.array(list(left.values()))
+        misfits = self.target.criterion(squares, samples).tolist()
+        found = [
+            Rival(one, misfit, misfit + one.cost(self.channel, samples))
+            for one, misfit in zip(left, misfits, strict=True)
+        ]
+        return sorted(found, key=lambda one: one.criterion)
 
-def _moved(
-    channel: AbstractChannel, change: Change, lag: int, judged: Target
-) -> dict[Hypothesis, float]:
-    """Return a shifted table with its place refined on all rows, with its factors."""
-    free = np.flatnonzero(change.shift)
-    steps = 0.05 * np.array([channel.ways[k].step for k in free])
+    def searched(self, start: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
+        """Return what promising structures leave, and hypotheses that are given."""
+        left: dict[Hypothesis, float] = {}
+        for change in self._promising():
+            left |= self._closely(change)
+        return left | self.squares(start)
 
-    def left(away: Float[np.ndarray, " f"]) -> dict[Hypothesis, float]:
-        shift = np.array(change.shift)
-        shift[free] += steps * away
-        one = dataclasses.replace(change, shift=tuple(shift.tolist()))
-        return scaled(judged, one, lag, _column(channel, Hypothesis(one, lag)))
+    def _promising(self) -> list[Change]:
+        """Return masters, edges and shifts that may explain the values, best first."""
+        few, plain = few_of(self.rows), self.channel.plain
+        part = self.whole.at(few)
+        found = {
+            Hypothesis(change): squares
+            for one in structures(self.channel)
+            for change, squares in place(self.channel, one, part, few)
+        }
+        best = _Rows(self.channel, self.whole, few).ranked(found, float(len(few)))
+        kept = [one.hypothesis.change for one in best[:_KEPT]]
+        return kept if plain in kept else [*kept, plain]
 
-    # Without derivatives: where an edge is a step, nothing is smooth.
-    found = minimize(
-        lambda away: min(left(away).values()),
-        np.zeros(len(free)),
-        method="Nelder-Mead",
-        options={
-            "initial_simplex": np.eye(len(free) + 1, len(free), -1),
-            "xatol": 5e-3,
-            "fatol": np.inf,
-            "maxfev": _MOST_PLACES * len(free),
-        },
-    )
-    return left(found.x)
+    def _closely(self, change: Change) -> dict[Hypothesis, float]:
+        """Return a structure with and without a lag, with and without another filter."""
+        every = timed(self.channel, change, self.target, self.rows)
+        if not change.is_shifted:
+            return every
+        # Of a table that lies elsewhere the best of each, its place refined with it.
+        best: dict[tuple[bool, bool], Hypothesis] = {}
+        for one in sorted(every, key=every.__getitem__):
+            best.setdefault((bool(one.lag), one.change.cycles is None), one)
+        found: dict[Hypothesis, float] = {}
+        for one in best.values():
+            found |= self._moved(one.change, one.lag)
+        return found
 
+    def _moved(self, change: Change, lag: int) -> dict[Hypothesis, float]:
+        """Return a shifted table with its place refined on all rows, with its factors."""
+        free = np.flatnonzero(change.shift)
+        steps = 0.05 * np.array([self.channel.ways[k].step for k in free])
 
-def _squares(
-    channel: AbstractChannel, hypotheses: Iterable[Hypothesis], judged: Target
-) -> dict[Hypothesis, float]:
-    """Return the sum of squares that each hypothesis leaves."""
-    found: dict[Hypothesis, float] = {}
-    for one in hypotheses:
-        inner, power = judged.products(_column(channel, one)[None])
-        found[one] = float(judged.power - 2.0 * inner[0] + power[0])
-    return found
+        def left(away: Float[np.ndarray, " f"]) -> dict[Hypothesis, float]:
+            shift = np.array(change.shift)
+            shift[free] += steps * away
+            one = dataclasses.replace(change, shift=tuple(shift.tolist()))
+            return scaled(self.target, one, lag, self.column(Hypothesis(one, lag)))
 
+        # Without derivatives: where an edge is a step, nothing is smooth.
+        found = minimize(
+            lambda away: min(left(away).values()),
+            np.zeros(len(free)),
+            method="Nelder-Mead",
+            options={
+                "initial_simplex": np.eye(len(free) + 1, len(free), -1),
+                "xatol": 5e-3,
+                "fatol": np.inf,
+                "maxfev": _MOST_PLACES * len(free),
+            },
+        )
+        return left(found.x)
 
-def _column(
-    channel: AbstractChannel, hypothesis: Hypothesis
-) -> Float[np.ndarray, " r"]:
-    """Return what a hypothesis adds at the rows that are judged."""
-    rows, column = channel.motion.judged, channel.column(hypothesis.change)
-    return hypothesis.scale * lagged(column, rows, hypothesis.lag)
+    def plainest(self, rivals: Sequence[Rival]) -> Rival:
+        """Return the best, or the plain one where nothing tells them apart in a list."""
+        plain = Hypothesis(self.channel.plain)
+        same = next((one for one in rivals if one.hypothesis == plain), rivals[0])
+        first, second = (
+            self.target.residual(self.column(one.hypothesis))
+            for one in (rivals[0], same)
+        )
+        enough = max(RESOLUTION, self.target.step)
+        return same if float(np.max(np.abs(first - second))) <= enough else rivals[0]
 
 
 def independent(residual: Float[np.ndarray, " r"]) -> float:
     """Return to how many independent rows a residual amounts.
 
-    From the correlation of neighbours: what a model leaves out is seen in many rows, and
-    is yet one observation.
+    From the correlations of neighbours, up to the distance at which chance alone would
+    make them: what a model leaves out is seen in many rows, and is yet one observation.
     """
-    power = float(residual @ residual)
-    if power <= 0.0:
-        return float(len(residual))
-    next_to = float(residual[1:] @ residual[:-1]) / power
-    share = (1.0 - next_to) / (1.0 + next_to) if next_to > 0 else 1.0
-    return max(2.0, share * len(residual))
-
-
-def _plainest(
-    channel: AbstractChannel, judged: Target, rivals: Sequence[Rival]
-) -> Rival:
-    """Return the best, or the plain one where nothing tells them apart in a list."""
-    plain = next(
-        (one for one in rivals if one.hypothesis == Hypothesis(channel.plain)), None
-    )
-    if plain is None:
-        return rivals[0]
-    apart = _column(channel, rivals[0].hypothesis)
-    apart = judged.free_of(apart - _column(channel, plain.hypothesis))
-    enough = max(RESOLUTION, judged.step)
-    return plain if float(np.max(np.abs(apart))) <= enough else rivals[0]
+    count = len(residual)
+    spectrum = np.square(np.abs(np.fft.rfft(residual, 2 * count)))
+    alike = np.fft.irfft(spectrum)[:count]
+    if alike[0] <= 0.0:
+        return float(count)
+    alike = alike / alike[0]
+    beyond = alike < 2.0 / np.sqrt(count)
+    reach = int(np.argmax(beyond)) if beyond.any() else count
+    return max(2.0, count / (2.0 * float(alike[:reach].sum()) - 1.0))
 
 
 def neighbours(channel: AbstractChannel, best: Hypothesis) -> list[Hypothesis]:

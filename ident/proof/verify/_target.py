@@ -25,12 +25,15 @@ class Target:
             instrument, clock), likewise weighted.
         step: Worth of the last digit of a value in mm; 0 where it is not counted.
         root: Of the weights; None: all count alike.
+        band: Share by which what is added may be larger or smaller than a hypothesis says:
+            machine and instrument drift.
     """
 
     values: Float[np.ndarray, " t"]
     basis: Float[np.ndarray, "t b"]
     step: float = 0.0
     root: Float[np.ndarray, " t"] | None = None
+    band: float = 0.0
 
     @classmethod
     def of(
@@ -57,7 +60,9 @@ class Target:
 
     def at(self, rows: np.ndarray) -> "Target":
         """Return the target at some rows."""
-        return Target.of(self.values[rows], self.basis[rows], self.step)
+        root = None if self.root is None else self.root[rows]
+        part = Target.of(self.values[rows], self.basis[rows], self.step)
+        return dataclasses.replace(part, root=root, band=self.band)
 
     def free_of(self, values: Float[np.ndarray, "*h t"]) -> Float[np.ndarray, "*h t"]:
         """Return what of columns cannot be had from the free ones, weighted."""
@@ -87,6 +92,13 @@ class Target:
         if self.basis.shape[1]:
             power = power - np.square(columns @ self.basis).sum(axis=1)
         return columns @ self.values, power
+
+    def left_by(self, column: Float[np.ndarray, " t"]) -> float:
+        """Return the squares that a column leaves, as it is or by a factor in the band."""
+        inner, power = (float(one[0]) for one in self.products(column[None]))
+        best = inner / power if power > 0.0 else 1.0
+        factor = min(max(best, 1.0 - self.band), 1.0 + self.band)
+        return self.power - 2.0 * factor * inner + factor**2 * power
 
     def criterion(
         self, squares: Float[np.ndarray, " h"], samples: float

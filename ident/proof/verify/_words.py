@@ -25,27 +25,14 @@ def said(
     )
 
 
-def fault_words(word: str, value: float, unit: str = "mm") -> str:
-    """Return what a list does instead: ``sign``, ``twice``, ``unit`` or ``shift``.
-
-    Args:
-        word: The fault.
-        value: Factor, or shift in mm or °.
-        unit: Of a shift.
-    """
-    if word == "sign":
-        return "added with opposite sign"
-    if word == "twice":
-        return "applied twice"
-    if word == "unit":
-        return f"unit is {_times(value)}"
-    return f"table applied {_moved(value, unit)}"
-
-
 def _text(word: str, value: float, change: Change, channel: AbstractChannel) -> str:
     match word:
-        case "sign" | "twice" | "unit":
-            return fault_words(word, value)
+        case "sign":
+            return "added with opposite sign"
+        case "twice":
+            return "applied twice"
+        case "unit":
+            return f"unit is {_times(value)}"
         case "shift":
             return _shift(change.shift, channel)
         case "swapped":
@@ -106,12 +93,9 @@ def _shift(shift: tuple[float, ...], channel: AbstractChannel) -> str:
         if value:
             along = f" along A{master}" if len(shift) > 1 else ""
             unit = "°" if master in channel.motion.ranges else "mm"
-            parts.append(f"{_moved(value, unit)}{along}")
+            way = "further" if value > 0 else "back"
+            parts.append(f"{abs(value):.1f} {unit} {way}{along}")
     return f"table applied {' and '.join(parts)}"
-
-
-def _moved(value: float, unit: str) -> str:
-    return f"{abs(value):.1f} {unit} {'further' if value > 0 else 'back'}"
 
 
 def _swapped(masters: tuple[int, ...] | None, channel: AbstractChannel) -> str:
