@@ -14,7 +14,7 @@ from ...job.table._plan import was_active
 from ...readings import Readings, Tables
 from ._draft import BacklashDraft, KnownBacklash
 from ._recording import fit_readings, read_backlash
-from .effect import BacklashFit, Dependence
+from .effect import BacklashFit, Dependence, Sides
 from .entries import backlash_from_list
 from .keys import Spec
 
@@ -98,8 +98,12 @@ class BacklashPlan(AbstractPlan):
             independent=float(np.sum(~share.wild)),
             support=(int(np.sum(way > 0)), int(np.sum(way < 0))),
             dependence=self._dependence(readings),
-            residual=share.left,
-            wild=share.wild,
+            sides=Sides(
+                readings.positions[:, 0],
+                way,
+                share.left - 0.5 * way * width,
+                share.wild,
+            ),
             converged=share.fit.converged,
         )
         left_out = share.predicted[share.rows], share.recording.by_run
