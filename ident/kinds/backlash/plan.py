@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fit import DriftNoise, FitError
+from ...fit.joint import Backlash
 from ...job._draft import Leftovers
 from ...job._fit_plan import AbstractPlan
 from ...job.result._result import Remark
@@ -19,7 +20,6 @@ from .entries import backlash_from_list
 from .keys import Spec
 
 if TYPE_CHECKING:
-    from ...fit.joint import Backlash
     from ...job.joint._recording import GroupRecording
     from ...job.joint._share import Share
 
@@ -79,9 +79,7 @@ class BacklashPlan(AbstractPlan):
 
     def effect(
         self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
-    ) -> "Backlash":
-        from ...fit.joint import Backlash  # takes long to load
-
+    ) -> Backlash:
         return Backlash(self.axis, reference=self.known.reference)
 
     def draft(self, share: "Share") -> BacklashDraft:
