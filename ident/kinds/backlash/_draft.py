@@ -1,7 +1,6 @@
 """The backlash of one axis, fitted: judged, written into the axis list, read back."""
 
 import dataclasses
-import functools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, final
 
@@ -19,7 +18,7 @@ from ...proof import GateCheck, reversal_checks
 from ...proof.axis import check_switching
 from ...readings import Readings, Tables
 from .._keys import FitSpec
-from ._recording import Sides, fit_readings, read_backlash, sides_of
+from ._recording import fit_readings, read_backlash
 from ._result import BacklashResult, remarks_of
 from .effect import BacklashFit
 from .entries import backlash_from_list, entries_of_backlash
@@ -78,11 +77,6 @@ class BacklashDraft(AbstractDraft):
     known: KnownBacklash
     joint: tuple[Float[np.ndarray, " t"], bool] | None = None
 
-    @functools.cached_property
-    def sides(self) -> Sides:
-        """The readings about the mean of both directions."""
-        return sides_of(self.readings, self.found)
-
     @property
     def width(self) -> float:
         """What is written, in mm or °."""
@@ -137,7 +131,7 @@ class BacklashDraft(AbstractDraft):
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
         readings = read_backlash(tables, fit)
-        sides = sides_of(readings, fit_readings(readings, fit.loss))
+        sides = fit_readings(readings, fit.loss).sides
         return SecondMeasurement(
             ", ".join(fit.sources),
             sides.position[:, None],
@@ -157,7 +151,7 @@ class BacklashDraft(AbstractDraft):
         return {(self.axis, name): added[rows] for name, rows in slices.items()}
 
     def prove(self, done: "AxisFiles") -> BacklashResult:
-        sides, half = self.sides, 0.5 * self.sides.direction
+        sides, half = self.found.sides, 0.5 * self.found.sides.direction
         predicted, by_run = self._held_out() if self.joint is None else self.joint
         back = self._read_back(done)
         # About the mean of both directions, which the tables of the axis look after.
@@ -172,7 +166,6 @@ class BacklashDraft(AbstractDraft):
             reference=self.known.reference,
             cycles=done.cycles or 0,
             fit=self.found,
-            view=sides,
             from_file=from_file,
             moving=self.readings.direction is None,
         )
@@ -182,14 +175,13 @@ class BacklashDraft(AbstractDraft):
 
     def _held_out(self) -> tuple[Float[np.ndarray, " t"], bool]:
         """Return the error under the width of the others, and whether runs are left out."""
-        readings, sides, found = self.readings, self.sides, self.found
-        width = np.full(len(sides.before), found.width)
+        readings, sides = self.readings, self.found.sides
         if readings.direction is None:
-            widths = np.array([turn.width for turn in found.reversals])
-            for k in range(len(widths)):
-                others = ~found.wild & (np.arange(len(widths)) != k)
-                width[2 * k : 2 * k + 2] = widths[others].mean()
-            return sides.before + 0.5 * sides.direction * width, False
+            widths, sound = np.diff(sides.before.reshape(-1, 2))[:, 0], ~sides.wild[::2]
+            others = (widths @ sound - widths * sound) / (sound.sum() - sound)
+            half = 0.5 * sides.direction * np.repeat(others, 2)
+            return sides.before + half, False
+        width = np.full(len(sides.before), self.found.width)
         # Whole targets: those that stay must still be approached from both sides.
         targets = np.unique(np.round(sides.position, 6), return_inverse=True)[1]
         group, by_run = targets.reshape(-1) % _GROUPS, False

@@ -1,9 +1,7 @@
 """What was measured for a backlash: readings at standstill, or a trace in motion."""
 
-import dataclasses
-
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from ....data.measurements import MeasurementError, wrap_degrees
 from ....data.signals import aligned_error, encoder_spline, estimate_instrument
@@ -18,37 +16,6 @@ _REACH = 0.1
 """Share of the travel, to each side of a reversal, that a trace is judged by."""
 _FARTHEST = 2.0
 """mm or °: more on each side tells no more of a backlash."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Sides:
-    """Readings about the mean of both directions: one each, or two per reversal of a trace.
-
-    Attributes:
-        position: Of each in mm or °.
-        direction: ±1.
-        before: Half the reversal error, with the scatter of the reading, in mm or °.
-        wild: Which the loss rejected.
-    """
-
-    position: Float[np.ndarray, " t"]
-    direction: Int[np.ndarray, " t"]
-    before: Float[np.ndarray, " t"]
-    wild: Bool[np.ndarray, " t"]
-
-
-def sides_of(readings: Readings, found: BacklashFit) -> Sides:
-    """Return the readings, or reversals, that a fit to them rests on."""
-    way = readings.direction
-    if way is not None:
-        before = found.residual - 0.5 * way * found.width
-        return Sides(readings.positions[:, 0], way, before, found.wild)
-    turns = found.reversals
-    way = np.tile(np.array([1, -1]), len(turns))
-    # Each reversal gives one width: half of it to either side.
-    width = np.repeat([turn.width for turn in turns], 2)
-    place = np.repeat([turn.position for turn in turns], 2)
-    return Sides(place, way, -0.5 * way * width, np.repeat(found.wild, 2))
 
 
 def fit_readings(

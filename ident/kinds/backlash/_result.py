@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from ...job.result._result import AbstractResult, Expectation, Remark
-from ._recording import Sides
 from .effect import BacklashFit
 
 
@@ -22,7 +21,6 @@ class BacklashResult(AbstractResult):
         reference: Direction in which the axis is right without it (P-AXIS-00021).
         cycles: Over which a reversal is spread (P-AXIS-00243).
         fit: The estimate behind it.
-        view: The readings before.
         from_file: What the entry that was written, read back, leaves of each, in mm or °.
         moving: Whether it was found from reversals in motion, not at standstill.
     """
@@ -31,14 +29,13 @@ class BacklashResult(AbstractResult):
     reference: int
     cycles: int
     fit: BacklashFit
-    view: Sides
     from_file: Float[np.ndarray, " t"]
     moving: bool
 
     @property
     def expectation(self) -> Expectation | None:
         """What a reversal loses at the middle of the readings."""
-        place = float(np.median(self.view.position))
+        place = float(np.median(self.fit.sides.position))
         return Expectation(
             {self.axis: place},
             -self.reference,

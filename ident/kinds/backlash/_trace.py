@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...core import FitError, one_blas_thread, regress
-from .effect import BacklashFit, Reversal, dependence_along
+from .effect import BacklashFit, Sides, dependence_along
 
 _LEAST = 3
 """Reversals that show how they scatter, at least."""
@@ -21,6 +21,29 @@ _SKIP = 0.2
 _HIGHEST = 2
 """Order of the polynomial along the axis."""
 _NAMES = ("backlash", "delay between the instruments")
+
+
+@dataclasses.dataclass(frozen=True)
+class _Reversal:
+    """One reversal cut out of a trace: rows around a turning point, within reach of it.
+
+    Attributes:
+        turn: Row of the turning point, which belongs to neither direction.
+        position: Of the turning point in mm or °.
+        direction: Of the motion after it, ±1.
+        width: Backlash that this reversal shows by itself, in mm or °.
+        speed: What it would show of a delay of −1 s, in mm/s or °/s.
+        left: What its rows show besides, of the error and of the speed.
+        variance: Of the width, relative to that of a row.
+    """
+
+    turn: int
+    position: float
+    direction: int
+    width: float
+    speed: float
+    left: Float[np.ndarray, "r 2"]
+    variance: float
 
 
 @one_blas_thread()
@@ -88,12 +111,15 @@ def fit_backlash_trace(
         delay = -float(found.coefficients[1]), float(found.standard_deviation[1])
     places = len(np.unique(np.round(where / max(float(np.ptp(where)), 1e-12), 2)))
     order = min(_HIGHEST, places - 1)
+    # Each reversal gives one width: half of it to either side.
+    side, twice = np.tile([1, -1], len(turns)), np.repeat(width, 2)
+    before, wild = -0.5 * side * twice, np.repeat(found.wild, 2)
+    sides = Sides(np.repeat(where, 2), side, before, wild)
     return dataclasses.replace(
-        BacklashFit.of(found, way, "reversals"),
+        BacklashFit.of(found, way, sides, "reversals"),
         dependence=dependence_along(where, columns, width, order, fitted),
         delay=delay,
         delay_gain=None if delayed or not fast > 0 else fast,
-        reversals=tuple(turns),
     )
 
 
@@ -101,7 +127,7 @@ def _reversals(
     position: Float[np.ndarray, " t"],
     seen: Float[np.ndarray, "t 2"],
     reach: float,
-) -> list[Reversal]:
+) -> list[_Reversal]:
     """Return the reversals of a motion with rows enough on both sides, jitter left out.
 
     Args:
@@ -136,7 +162,7 @@ def _reversals(
         design = np.column_stack([-0.5 * way, np.ones(len(rows)), place / scale])
         solved = np.linalg.lstsq(design, seen[rows], rcond=None)[0]
         found.append(
-            Reversal(
+            _Reversal(
                 turn, float(position[turn]), direction,
                 float(solved[0, 0]), float(solved[0, 1]), seen[rows] - design @ solved,
                 float(np.linalg.inv(design.T @ design)[0, 0]),
@@ -145,7 +171,7 @@ def _reversals(
     return found
 
 
-def _weights(turns: Sequence[Reversal], per_speed: float) -> Float[np.ndarray, " r"]:
+def _weights(turns: Sequence[_Reversal], per_speed: float) -> Float[np.ndarray, " r"]:
     """Return the weights of the widths; none outvotes the others by far.
 
     Args:

@@ -57,26 +57,20 @@ class Dependence:
 
 
 @dataclasses.dataclass(frozen=True)
-class Reversal:
-    """One reversal cut out of a trace: rows around a turning point, within reach of it.
+class Sides:
+    """Readings about the mean of both directions: one each, or two per reversal of a trace.
 
     Attributes:
-        turn: Row of the turning point, which belongs to neither direction.
-        position: Of the turning point in mm or °.
-        direction: Of the motion after it, ±1.
-        width: Backlash that this reversal shows by itself, in mm or °.
-        speed: What it would show of a delay of −1 s, in mm/s or °/s.
-        left: What its rows show besides, of the error and of the speed.
-        variance: Of the width, relative to that of a row.
+        position: Of each in mm or °.
+        direction: ±1.
+        before: Half the reversal error, with the scatter of the reading, in mm or °.
+        wild: Which the loss rejected outright.
     """
 
-    turn: int
-    position: float
-    direction: int
-    width: float
-    speed: float
-    left: Float[np.ndarray, "r 2"]
-    variance: float
+    position: Float[np.ndarray, " t"]
+    direction: Int[np.ndarray, " t"]
+    before: Float[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,8 +86,7 @@ class BacklashFit:
         noise: How the readings (reversals) scatter.
         independent: Independent readings (reversals) that would leave the same uncertainty.
         support: Readings (reversals) used per direction of motion, positive first.
-        residual: Reading − fit in mm or ° (readings, or reversals).
-        wild: Readings (reversals) that the loss rejected outright.
+        sides: The readings, or reversals, that it rests on.
         converged: Whether the robust passes converged.
         dependence: How it changes along the axis; None where the positions are too few.
         drift: Change of the readings within a run, and the width with that taken off, where
@@ -102,7 +95,6 @@ class BacklashFit:
             that, from the speeds of the reversals; None where it was not fitted.
         delay_gain: Backlash per second of delay in mm/s or °/s, where all reversals run at one
             speed, so that nothing tells them apart.
-        reversals: Each reversal of a trace; empty for bidirectional readings.
     """
 
     width: float
@@ -110,24 +102,23 @@ class BacklashFit:
     noise: DriftNoise
     independent: float
     support: tuple[int, int]
-    residual: Float[np.ndarray, " t"]
-    wild: Bool[np.ndarray, " t"]
+    sides: Sides
     converged: bool
     dependence: Dependence | None = None
     drift: tuple[float, float] | None = None
     delay: tuple[float, float] | None = None
     delay_gain: float | None = None
-    reversals: tuple[Reversal, ...] = ()
 
     @classmethod
     def of(
-        cls, found: Regression, way: Float[np.ndarray, " t"], things: str
+        cls, found: Regression, way: Int[np.ndarray, " t"], sides: Sides, things: str
     ) -> "BacklashFit":
         """Return the fit of which the first coefficient is the width.
 
         Args:
             found: Regression over readings or reversals.
             way: Direction of motion of each, ±1.
+            sides: These about the mean of both directions.
             things: What was fitted, in a word.
 
         Raises:
@@ -146,8 +137,7 @@ class BacklashFit:
             noise=found.noise,
             independent=float(found.independent[0]),
             support=(int((used > 0).sum()), int((used < 0).sum())),
-            residual=found.residual,
-            wild=found.wild,
+            sides=sides,
             converged=found.converged,
         )
 
@@ -216,8 +206,11 @@ def fit_backlash(
     names = ["backlash", *[_COMMON] * common.shape[1]]
     fitted = functools.partial(regress, time=time, loss=loss)
     order = min(_HIGHEST, places - 1)
+    found = fitted(columns, error, names=names)
+    before = found.residual - 0.5 * way * found.coefficients[0]
+    sides = Sides(position, direction, before, found.wild)
     return dataclasses.replace(
-        BacklashFit.of(fitted(columns, error, names=names), way, "readings"),
+        BacklashFit.of(found, direction, sides, "readings"),
         dependence=dependence_along(position, columns, error, order, fitted),
         drift=None if run is None else _drift(columns, run, error, fitted),
     )

@@ -13,11 +13,9 @@ from ._result import BacklashResult
 
 def body(fit: BacklashResult, scale: Scale) -> Body:
     """Return what the page shows of a fitted backlash."""
-    return Body(
-        plots=[_along_the_axis(fit, scale)],
-        facts=[*_facts(fit, scale)],
-        wild_count=int(np.sum(fit.fit.wild)),
-    )
+    wild = int(np.sum(fit.fit.sides.wild)) // (2 if fit.moving else 1)
+    plots, facts = [_along_the_axis(fit, scale)], [*_facts(fit, scale)]
+    return Body(plots=plots, facts=facts, wild_count=wild)
 
 
 def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
@@ -25,7 +23,7 @@ def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
     across = f"{fit.axis} in {scale.position}"
     up = f"about the mean of both directions in {scale.error}"
     figure, panels = side_by_side(3.0, ("before", "from the file"), across, up)
-    view = fit.view
+    view = fit.fit.sides
     for way in (1, -1):
         rows = view.direction == way
         for panel, values in zip(panels, (view.before, fit.from_file), strict=True):

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fit import DriftNoise, FitError
+from ...fit.joint import Backlash
 from ...job._draft import Leftovers
 from ...job._fit_plan import AbstractPlan
 from ...job.result._result import Remark
@@ -14,12 +15,11 @@ from ...job.table._plan import was_active
 from ...readings import Readings, Tables
 from ._draft import BacklashDraft, KnownBacklash
 from ._recording import fit_readings, read_backlash
-from .effect import BacklashFit, Dependence
+from .effect import BacklashFit, Dependence, Sides
 from .entries import backlash_from_list
 from .keys import Spec
 
 if TYPE_CHECKING:
-    from ...fit.joint import Backlash
     from ...job.joint._recording import GroupRecording
     from ...job.joint._share import Share
 
@@ -79,9 +79,7 @@ class BacklashPlan(AbstractPlan):
 
     def effect(
         self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
-    ) -> "Backlash":
-        from ...fit.joint import Backlash  # takes long to load
-
+    ) -> Backlash:
         return Backlash(self.axis, reference=self.known.reference)
 
     def draft(self, share: "Share") -> BacklashDraft:
@@ -98,8 +96,12 @@ class BacklashPlan(AbstractPlan):
             independent=float(np.sum(~share.wild)),
             support=(int(np.sum(way > 0)), int(np.sum(way < 0))),
             dependence=self._dependence(readings),
-            residual=share.left,
-            wild=share.wild,
+            sides=Sides(
+                readings.positions[:, 0],
+                way,
+                share.left - 0.5 * way * width,
+                share.wild,
+            ),
             converged=share.fit.converged,
         )
         left_out = share.predicted[share.rows], share.recording.by_run

@@ -16,7 +16,7 @@ from ...job.file._load import Job
 from ...job.result._result import Remark, staged
 from ...job.table._plan import was_active
 from ...proof import GateCheck, error_figures
-from ._events import cut_events
+from ._events import CrosstalkReadings, cut_events
 from ._result import (
     CrosstalkResult,
     coverage_of,
@@ -24,7 +24,7 @@ from ._result import (
     largest_jump,
     remarks_of,
 )
-from .effect import CrosstalkFit, CrosstalkReadings, full_offsets
+from .effect import CrosstalkFit, full_offsets
 from .entries import ENTRIES, crosstalk_from_list, entries_of_crosstalk
 from .keys import Spec
 
@@ -186,7 +186,7 @@ class CrosstalkDraft(AbstractDraft):
         fit, log = self.found, self.readings
         added = self.added_to_log(done)
         corrected = dataclasses.replace(log, error=log.error + added)
-        left = cut_events(corrected, *fit.rates, conventions=fit.effect.rules).value
+        left = cut_events(corrected, fit.effect).value
         before, wild, judged = fit.events.value, fit.events.wild, self.judged
         error = staged(before, before, left, wild)
         if judged.any():

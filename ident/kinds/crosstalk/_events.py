@@ -4,13 +4,11 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ....models import Conventions, Crosstalk, surface_through
 from ...core import FitError, filled
-from .._protocol import DEFAULT_RULES
+from ...fit.joint import Crosstalk
 from . import BRANCHES
 
 _LEAST = 0.3
@@ -53,18 +51,17 @@ class CrosstalkReadings:
         """Return some of the rows."""
         return CrosstalkReadings(*(column[rows] for column in vars(self).values()))
 
-    def directed(self, acceleration: float, deceleration: float) -> "CrosstalkReadings":
+    def directed(self, form: Crosstalk) -> "CrosstalkReadings":
         """Return the log with one direction per acceleration, or two where it turns.
 
         A filter smears an acceleration over the standstill before and after, where the
         velocity has no direction: there the controller would take another entry.
 
         Args:
-            acceleration: Specified, in mm/s², positive.
-            deceleration: Specified, in mm/s², negative.
+            form: Says what full acceleration is.
         """
         velocity = self.velocity.copy()
-        full = np.where(self.acceleration < 0, -deceleration, acceleration)
+        full = np.where(self.acceleration < 0, -form.deceleration, form.acceleration)
         share = np.abs(self.acceleration) / full
         sign = np.where(share < QUIET, 0, np.sign(self.acceleration))
         for start, stop in _stretches(sign):
@@ -166,13 +163,7 @@ def specified(
     )
 
 
-def cut_events(
-    readings: CrosstalkReadings,
-    acceleration: float,
-    deceleration: float,
-    *,
-    conventions: Conventions = DEFAULT_RULES,
-) -> Events:
+def cut_events(readings: CrosstalkReadings, form: Crosstalk) -> Events:
     r"""Return the acceleration events of a log, one value each.
 
     An event is a stretch of one sign and direction that reaches a share of the specified
@@ -183,12 +174,10 @@ def cut_events(
 
     Args:
         readings: Log of master and slave.
-        acceleration: Specified, in mm/s², positive.
-        deceleration: Specified, in mm/s², negative.
-        conventions: How signs and directions are defined.
+        form: Specified accelerations, and how signs and directions are defined.
 
     Raises:
-        FitError: If rows are not finite or there is no event.
+        FitError: If rows are not finite, time does not ascend or there is no event.
     """
     for name in ("time", "acceleration", "velocity", "positions"):
         bad = ~np.isfinite(getattr(readings, name).reshape(len(readings.time), -1))
@@ -203,7 +192,7 @@ def cut_events(
             " order of time."
         )
         raise FitError(msg)
-    share, label = shares_of(readings, acceleration, deceleration, conventions)
+    share, label = shares_of(readings, form)
     found = []
     for start, stop in _stretches(label):
         if label[start] < 0 or share[start:stop].max() < _LEAST:
@@ -215,8 +204,8 @@ def cut_events(
     if not found:
         msg = (
             f"no acceleration of the master reaches {100 * _LEAST:.0f} % of "
-            f"{acceleration:g} mm/s² or {deceleration:g} mm/s² for {_ROWS} rows: nothing "
-            "to fit."
+            f"{form.acceleration:g} mm/s² or {form.deceleration:g} mm/s² for {_ROWS} rows: "
+            "nothing to fit."
         )
         raise FitError(msg)
     spans = [slice(start, stop) for start, stop, _ in found]
@@ -241,21 +230,17 @@ def cut_events(
 
 
 def shares_of(
-    readings: CrosstalkReadings,
-    acceleration: float,
-    deceleration: float,
-    rules: Conventions,
+    readings: CrosstalkReadings, form: Crosstalk
 ) -> tuple[Float[np.ndarray, " t"], Int[np.ndarray, " t"]]:
     """Return the share of the specified acceleration in each row, and its row of `BRANCHES`.
 
     That is −1 where the master does not accelerate.
     """
-    directed = readings.directed(acceleration, deceleration)
-    model = Crosstalk(
-        surface_through(np.zeros((1, 0))), jnp.zeros((4, 1)),
-        jnp.asarray(acceleration), jnp.asarray(deceleration),
-        **rules.of_crosstalk,
-    )  # fmt: skip
+    directed = readings.directed(form)
+    everywhere = dataclasses.replace(
+        form, adaptation=(), positions=None, velocity_dependent=True
+    )
+    model = everywhere.to_model(np.zeros((4, 1)), 1.0)
     stencil = model.stencil(filled(directed.acceleration), filled(directed.velocity))
     count = len(readings.time)
     share = np.asarray(stencil.weights)[:count].sum(axis=1)

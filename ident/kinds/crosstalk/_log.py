@@ -11,7 +11,7 @@ from jaxtyping import Float
 from ...fit import FitError
 from . import BRANCHES
 from ._events import CrosstalkReadings, shares_of, window_of
-from .effect import CrosstalkFit, fit_events, full_offsets
+from .effect import CrosstalkFit, fit_crosstalk, full_offsets
 
 _FOLDS = 5
 _FARTHEST = 0.02
@@ -31,7 +31,7 @@ def held_out_events(
 
     Args:
         found: What all events tell.
-        options: Of `fit_events`.
+        options: Of `fit_crosstalk`.
     """
     events, branch, form = found.events, found.events.branch, found.effect
     same = {"mode": form.mode, "velocity_dependent": form.velocity_dependent}
@@ -43,7 +43,7 @@ def held_out_events(
     for each in np.unique(fold):
         out = fold == each
         try:
-            model = fit_events(
+            model = fit_crosstalk(
                 events.take(~out), form, form.adaptation, **{**options, **same}
             ).compensation()
         except FitError:
@@ -74,7 +74,7 @@ def without_delay(
     sound = fit.events.take(~fit.events.wild)
     picks = np.linspace(0, len(sound) - 1, min(len(sound), _MOST_EVENTS))
     chosen = sound.take(np.unique(picks.astype(int)))
-    share, label = shares_of(readings, *fit.rates, fit.effect.rules)
+    share, label = shares_of(readings, fit.effect)
     step = float(np.median(np.diff(readings.time)))
     reach = min(math.ceil(_FARTHEST / step), _MOST_ROWS)
     lags = np.arange(-reach, reach + 1)

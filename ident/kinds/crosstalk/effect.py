@@ -1,11 +1,11 @@
-"""Crosstalk: master motion and slave error in, tests of modes 1 to 3 out.
+"""Crosstalk: acceleration events in, tests of modes 1 to 3 out.
 
 Read before: `_events` (accelerations cut out of a log, one value each), `_tests` (where the
 tests stand, by events held out).
 """
 
 import dataclasses
-from typing import Any, Literal
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,17 +13,11 @@ from jaxtyping import Bool, Float, Int
 from scipy.special import chdtrc, ndtri  # scipy.stats takes long to load
 
 from .... import models
-from ....models import Conventions, LegacyCrosstalk, surface_through
+from ....models import LegacyCrosstalk, surface_through
 from ...core import FitError, filled, one_blas_thread
 from ...fit.joint import Crosstalk
-from .._protocol import DEFAULT_RULES
 from . import BRANCHES, SAFE_TESTS
-from ._events import (
-    CrosstalkReadings as CrosstalkReadings,
-    Events as Events,
-    cut_events as cut_events,
-    specified,
-)
+from ._events import Events
 from ._tests import ModeScore, Table, choose_tests
 
 _CHANCE = 0.01
@@ -163,41 +157,6 @@ def full_offsets(
 
 @one_blas_thread()
 def fit_crosstalk(
-    readings: CrosstalkReadings,
-    axis: str,
-    master: str,
-    adaptation: tuple[str, ...] = (),
-    *,
-    acceleration: float | None = None,
-    deceleration: float | None = None,
-    conventions: Conventions = DEFAULT_RULES,
-    **options: Any,
-) -> CrosstalkFit:
-    """Fit the tests of a crosstalk list to acceleration events of a log.
-
-    Every event is reduced to one value (`cut_events`); the values are the readings of a table
-    over the adaptation axes, one per sign of the acceleration and direction.
-
-    Args:
-        readings: Log of master and slave.
-        axis: Name of the slave.
-        master: Name of the axis that accelerates.
-        adaptation: Names of the axes on which it may depend, as the columns of positions.
-        acceleration: Specified, in mm/s², above 0; None = as measured.
-        deceleration: Specified, in mm/s², below 0; None = as measured.
-        conventions: How accelerations and directions are defined.
-        options: As for `fit_events`.
-
-    Raises:
-        FitError: If there are no events or the arguments cannot be met.
-    """
-    rates = specified(readings, acceleration, deceleration)
-    events = cut_events(readings, *rates, conventions=conventions)
-    form = Crosstalk(axis, master, *rates, conventions=conventions)
-    return fit_events(events, form, adaptation, **options)
-
-
-def fit_events(
     events: Events,
     form: Crosstalk,
     adaptation: tuple[str, ...],
@@ -208,7 +167,10 @@ def fit_events(
     most_tests: int = SAFE_TESTS,
     loss: str = "student",
 ) -> CrosstalkFit:
-    """Fit the tests of a crosstalk list to events.
+    """Fit the tests of a crosstalk list to acceleration events of a log.
+
+    The values of events are the readings of a table over the adaptation axes, one per sign of
+    the acceleration and direction.
 
     Args:
         events: Of a log.

@@ -183,7 +183,7 @@ def _tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
         panel.scatter(
             places[:, 0], places[:, 1], s=14, linewidths=0, c=errors, **colours
         )
-        squares = panel.scatter(
+        panel.scatter(
             first[told], second[told], s=70, marker="s", edgecolors=style.INK,
             c=values[told], **colours,
         )  # fmt: skip
@@ -202,7 +202,8 @@ def _tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     shown = "the tests with 1 sd"
     if not alone:
         label = _error_of(fit, scale)
-        figure.colorbar(squares, ax=panels, label=label, shrink=0.7)
+        dots = panels[0].collections[0]
+        figure.colorbar(dots, ax=panels, label=label, shrink=0.7)
         shown = (
             "squares the tests, crosses tests without events, the frame the workspace"
         )

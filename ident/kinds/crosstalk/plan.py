@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -13,11 +12,10 @@ from ...fit.joint import Crosstalk
 from ...job._draft import Leftovers
 from ...job._fit_plan import AbstractPlan
 from ...job.joint._recording import read_group
-from ...job.result._result import Remark
 from ...readings import Tables
 from . import BRANCHES, SAFE_TESTS
 from ._draft import CrosstalkDraft, Existing, existing_crosstalk
-from ._events import CrosstalkReadings, cut_events, joined_logs
+from ._events import CrosstalkReadings, cut_events, joined_logs, specified
 from ._log import held_out_events, without_delay
 from .effect import CrosstalkFit, are_among, fit_crosstalk
 from .keys import Spec
@@ -65,7 +63,7 @@ class CrosstalkPlan(AbstractPlan):
 
     @functools.cached_property
     def options(self) -> dict[str, Any]:
-        """What the job leaves open of the tests, as options of `fit_events`.
+        """What the job leaves open of the tests, as options of `fit_crosstalk`.
 
         Raises:
             FitError: If keys contradict each other.
@@ -110,11 +108,11 @@ class CrosstalkPlan(AbstractPlan):
 
     def _found(self, log: CrosstalkReadings) -> CrosstalkFit:
         """Return the fit to a log of all axes that the tests may adapt to."""
-        fit, (up, down) = self.fit, self.rates
-        return fit_crosstalk(
-            log, fit.axis, fit.master, fit.adapts_to, acceleration=up,
-            deceleration=down, conventions=self.job.conventions, **self.options,
-        )  # fmt: skip
+        fit, rules = self.fit, self.job.conventions
+        rates = specified(log, *self.rates)
+        form = Crosstalk(fit.axis, fit.master, *rates, conventions=rules)
+        events = cut_events(log, form)
+        return fit_crosstalk(events, form, fit.adapts_to, **self.options)
 
     def alone(self, tables: Tables, left: Leftovers) -> CrosstalkDraft:
         recording = read_group(tables, [self])
@@ -124,23 +122,13 @@ class CrosstalkPlan(AbstractPlan):
         if delay:
             found = self._found(log)
         # What a list adds beside an event is that of the direction of the event.
-        log = log.directed(*found.rates)
+        log = log.directed(found.effect)
         names = self.fit.adapts_to
         own = [names.index(name) for name in found.effect.adaptation]
         log = dataclasses.replace(log, positions=log.positions[:, own])
         held_out = held_out_events(found, self.options)
-        return self._drafted(recording.remarks, found, log, held_out, delay)
-
-    def _drafted(
-        self,
-        remarks: Sequence[Remark],
-        found: CrosstalkFit,
-        log: CrosstalkReadings,
-        held_out: Float[np.ndarray, " n"],
-        delay: float = 0.0,
-    ) -> CrosstalkDraft:
         return CrosstalkDraft(
-            self.job, self.index, self.fit, tuple(remarks), found, log, held_out,
+            self.job, self.index, self.fit, recording.remarks, found, log, held_out,
             self.old, delay,
         )  # fmt: skip
 
@@ -225,14 +213,13 @@ class CrosstalkPlan(AbstractPlan):
     def draft(self, share: "Share") -> CrosstalkDraft:
         part, effect = share.part, share.part.effect
         assert isinstance(effect, Crosstalk)  # of `effect`
-        rates = float(effect.acceleration), float(effect.deceleration)
-        rules, error = self.job.conventions, np.full((2, len(share.rows)), np.nan)
+        error = np.full((2, len(share.rows)), np.nan)
         error[:, share.rows] = share.error, share.predicted[share.rows]
         logs = [
-            self._log(share.recording, own, effect.adaptation).directed(*rates)
+            self._log(share.recording, own, effect.adaptation).directed(effect)
             for own in error
         ]
-        events, left = (cut_events(log, *rates, conventions=rules) for log in logs)
+        events, left = (cut_events(log, effect) for log in logs)
         told = effect.table(part.determined.astype(float)) > 0.5
         scatter = [
             events.standard_deviation[events.branch == row]
@@ -247,4 +234,7 @@ class CrosstalkPlan(AbstractPlan):
             events=events,
             converged=share.fit.converged,
         )
-        return self._drafted(share.remarks(), found, logs[0], left.value)
+        return CrosstalkDraft(
+            self.job, self.index, self.fit, tuple(share.remarks()), found, logs[0],
+            left.value, self.old,
+        )  # fmt: skip

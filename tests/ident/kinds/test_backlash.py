@@ -96,7 +96,7 @@ def test_wild_readings_do_not_move_the_width() -> None:
     position, error, direction, run = cycles(3, 0.012)
     error[[5, 40, 77]] += 0.5
     fit = fit_backlash(position, error, direction, run=run)
-    assert np.flatnonzero(fit.wild).tolist() == [5, 40, 77]
+    assert np.flatnonzero(fit.sides.wild).tolist() == [5, 40, 77]
     assert abs(fit.width - 0.012) < 6e-4
 
 
@@ -182,8 +182,7 @@ def trace(
 def test_reversals_of_a_trace_give_the_width(width: float) -> None:
     fit = fit_backlash_trace(*trace(1, width), reach=5.0)
     # 24 strokes have 23 turns between them; the jitter of the reading is no reversal.
-    assert len(fit.reversals) == 23
-    assert [turn.direction for turn in fit.reversals[:3]] == [-1, 1, -1]
+    assert len(fit.sides.before) == 2 * 23
     assert fit.support == (11, 12)
     # The deviation is 0.05 µm; three of them.
     assert abs(fit.width - width) < 2e-4

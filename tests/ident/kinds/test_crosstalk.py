@@ -1,5 +1,6 @@
 """Planted crosstalk comes back from acceleration events cut out of a log."""
 
+import dataclasses
 import itertools
 from collections.abc import Callable
 from typing import Any
@@ -9,13 +10,14 @@ import numpy as np
 import pytest
 
 from axcomp.ident.fit import FitError
-from axcomp.ident.kinds.crosstalk._tests import Table
-from axcomp.ident.kinds.crosstalk.effect import (
-    CrosstalkFit,
+from axcomp.ident.fit.joint import Crosstalk
+from axcomp.ident.kinds.crosstalk._events import (
     CrosstalkReadings,
     cut_events,
-    fit_crosstalk,
+    specified,
 )
+from axcomp.ident.kinds.crosstalk._tests import Table
+from axcomp.ident.kinds.crosstalk.effect import CrosstalkFit, fit_crosstalk
 from axcomp.models import Conventions, surface_through
 
 FULL = 2000.0  # mm/s²
@@ -88,10 +90,21 @@ def without_places(readings: CrosstalkReadings) -> CrosstalkReadings:
     )  # fmt: skip
 
 
-def fitted(readings: CrosstalkReadings, **options: Any) -> CrosstalkFit:
+FORM = Crosstalk("Z", "X", FULL, -FULL)
+
+
+def fitted(
+    readings: CrosstalkReadings,
+    acceleration: float | None = FULL,
+    deceleration: float | None = -FULL,
+    conventions: Conventions | None = None,
+    **options: Any,
+) -> CrosstalkFit:
     """The crosstalk of Z from X, over A and B where these were recorded."""
+    rates = specified(readings, acceleration, deceleration)
+    form = Crosstalk("Z", "X", *rates, conventions=conventions)
     names = ("A", "B")[: readings.positions.shape[1]]
-    return fit_crosstalk(readings, "Z", "X", names, **options)
+    return fit_crosstalk(cut_events(readings, form), form, names, **options)
 
 
 def truth_at(law: Law, points: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
@@ -107,7 +120,7 @@ def truth_at(law: Law, points: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
 def test_events_held_out_choose_the_mode_and_the_axes(
     law: Law, mode: int, axes: tuple[int, ...]
 ) -> None:
-    fit = fitted(log(1, law), acceleration=FULL, deceleration=-FULL)
+    fit = fitted(log(1, law))
     assert fit.effect.mode == mode
     assert fit.effect.adaptation == tuple("AB"[axis] for axis in axes)
     assert fit.complete.all()
@@ -126,8 +139,6 @@ def test_planted_values_lie_within_the_stated_deviations_at_the_right_rate() -> 
         readings = without_places(log(seed, mode_1, moves=12))
         fit = fitted(
             readings,
-            acceleration=FULL,
-            deceleration=-FULL,
             mode=1,
             velocity_dependent=True,
         )
@@ -144,8 +155,6 @@ def test_deviations_over_a_polygon_hold_too() -> None:
     for seed in range(7):
         fit = fitted(
             log(seed, mode_2, moves=40),
-            acceleration=FULL,
-            deceleration=-FULL,
             positions=np.array([[0.0, 0.0], [400.0, 0.0], [0.0, 200.0], [400.0, 200.0],
                                 [0.0, 400.0], [400.0, 400.0]]),
             velocity_dependent=True,
@@ -161,7 +170,7 @@ def test_over_one_axis_three_tests_are_chosen_where_two_would_do() -> None:
     def straight(branch: np.ndarray, places: np.ndarray) -> np.ndarray:
         return np.asarray(BY_QUADRANT[branch] * (1.0 + places[:, 1] / 400.0))
 
-    fit = fitted(log(11, straight), acceleration=FULL, deceleration=-FULL)
+    fit = fitted(log(11, straight))
     # One statement of the manuals has three in mode 2, and the check warns of others.
     assert (fit.effect.mode, len(fit.effect.points)) == (2, 3)
 
@@ -170,7 +179,7 @@ def test_over_one_axis_three_tests_are_chosen_where_two_would_do() -> None:
 def test_directions_get_values_of_their_own_only_where_they_differ(
     law: Law, apart: bool
 ) -> None:
-    fit = fitted(without_places(log(2, law)), acceleration=FULL, deceleration=-FULL)
+    fit = fitted(without_places(log(2, law)))
     assert fit.effect.velocity_dependent is apart
     if not apart:
         np.testing.assert_array_equal(fit.values[0], fit.values[1])
@@ -179,7 +188,7 @@ def test_directions_get_values_of_their_own_only_where_they_differ(
 
 def test_every_event_is_shown_with_its_place_sign_and_direction() -> None:
     readings = log(3, mode_2, moves=5)
-    events = cut_events(readings, FULL, -FULL)
+    events = cut_events(readings, FORM)
     assert events.branch.tolist() == [0, 2, 3, 1] * 5
     for start, stop in zip(events.start, events.stop, strict=True):
         assert (np.abs(readings.acceleration[start:stop]) > 0).all()
@@ -206,8 +215,7 @@ def test_a_filtered_acceleration_shows_as_many_events_as_took_place(
         CrosstalkReadings(
             readings.time, smeared, velocity, readings.error, readings.positions
         ),
-        FULL,
-        -FULL,
+        FORM,
     )
     assert events.branch.tolist() == [0, 2, 3, 1] * 18
     value, truth = events.value, BY_QUADRANT[events.branch]
@@ -227,8 +235,7 @@ def test_a_turn_under_one_acceleration_is_an_event_in_each_direction() -> None:
     error += 1e-5 * np.random.default_rng(0).normal(size=300)
     events = cut_events(
         CrosstalkReadings(time, acceleration, velocity, error, np.zeros((300, 0))),
-        FULL,
-        -FULL,
+        FORM,
     )
     assert events.branch.tolist() == [1, 0]
     # 70 rows of 0.01 µm each against a level: a few nm.
@@ -238,7 +245,7 @@ def test_a_turn_under_one_acceleration_is_an_event_in_each_direction() -> None:
 
 def test_the_list_that_the_fit_stands_for_takes_the_error_away() -> None:
     readings = log(4, mode_3)
-    fit = fitted(readings, acceleration=FULL, deceleration=-FULL)
+    fit = fitted(readings)
     model = fit.compensation()
     assert model is not None
     offset = model.offset(
@@ -250,18 +257,15 @@ def test_the_list_that_the_fit_stands_for_takes_the_error_away() -> None:
         readings.time, readings.acceleration, readings.velocity,
         readings.error + np.asarray(offset), readings.positions,
     )  # fmt: skip
-    before, after = (cut_events(each, FULL, -FULL).value for each in (readings, left))
+    before, after = (cut_events(each, FORM).value for each in (readings, left))
     # What is left is the noise of the events, 0.15 µm, and a little of the surface.
     assert np.sqrt(np.mean(after**2)) < 0.05 * np.sqrt(np.mean(before**2))
 
 
 def test_the_sign_of_the_entries_follows_the_convention() -> None:
     readings = without_places(log(4, mode_1, moves=12))
-    options: dict[str, Any] = {"acceleration": FULL, "deceleration": -FULL}
-    plain = fitted(readings, **options).compensation()
-    turned = fitted(
-        readings, conventions=Conventions(crosstalk_sign=-1), **options
-    ).compensation()
+    plain = fitted(readings).compensation()
+    turned = fitted(readings, conventions=Conventions(crosstalk_sign=-1)).compensation()
     assert plain is not None
     assert turned is not None
     np.testing.assert_array_equal(np.asarray(plain.values), -np.asarray(turned.values))
@@ -273,14 +277,16 @@ def test_the_sign_of_the_entries_follows_the_convention() -> None:
 
 def test_accelerating_by_speed_sorts_events_by_whether_the_master_gets_faster() -> None:
     rules = Conventions(crosstalk_accelerate="speed")
-    events = cut_events(log(3, mode_2, moves=2), FULL, -FULL, conventions=rules)
+    events = cut_events(
+        log(3, mode_2, moves=2), dataclasses.replace(FORM, conventions=rules)
+    )
     # To: faster, slower; fro: faster, slower, both in negative direction.
     assert events.branch.tolist() == [0, 2, 1, 3] * 2
 
 
 def test_a_master_that_moves_one_way_only_leaves_the_other_unknown() -> None:
     readings = without_places(log(5, mode_1, ways=(1,)))
-    fit = fitted(readings, acceleration=FULL, deceleration=-FULL)
+    fit = fitted(readings)
     assert not fit.complete.all()
     assert fit.compensation() is None
     assert np.isnan(fit.values[1]).all()
@@ -290,9 +296,7 @@ def test_a_master_that_moves_one_way_only_leaves_the_other_unknown() -> None:
 
 def test_one_way_is_enough_where_directions_are_taken_as_alike() -> None:
     readings = without_places(log(5, alike, ways=(1,)))
-    fit = fitted(
-        readings, acceleration=FULL, deceleration=-FULL, velocity_dependent=False
-    )
+    fit = fitted(readings, velocity_dependent=False)
     assert fit.complete.all()
 
 
@@ -304,8 +308,6 @@ def test_a_test_without_events_is_left_out_whole() -> None:
     )  # fmt: skip
     fit = fitted(
         places,
-        acceleration=FULL,
-        deceleration=-FULL,
         positions=np.array([[0.0], [100.0], [200.0], [300.0]]),
     )
     assert fit.complete.tolist() == [True, True, True, False]
@@ -319,8 +321,6 @@ def test_single_acceleration_tests_become_entries_as_they_are() -> None:
     at = np.array([[0.0, 0.0], [400.0, 50.0], [200.0, 400.0]])
     fit = fitted(
         log(7, mode_3, moves=3, at=at),
-        acceleration=FULL,
-        deceleration=-FULL,
         positions=at,
         velocity_dependent=True,
     )
@@ -335,7 +335,7 @@ def test_single_acceleration_tests_become_entries_as_they_are() -> None:
 
 def test_a_wild_event_is_named_and_moves_nothing() -> None:
     readings = without_places(log(8, mode_1))
-    events = cut_events(readings, FULL, -FULL)
+    events = cut_events(readings, FORM)
     error = readings.error.copy()
     error[events.start[20] : events.stop[20]] += 0.2
     fit = fitted(
@@ -343,8 +343,6 @@ def test_a_wild_event_is_named_and_moves_nothing() -> None:
             readings.time, readings.acceleration, readings.velocity, error,
             readings.positions,
         ),
-        acceleration=FULL,
-        deceleration=-FULL,
     )  # fmt: skip
     assert np.flatnonzero(fit.events.wild)[0] == 20
     np.testing.assert_allclose(fit.values[:, 0], BY_QUADRANT, atol=3e-4)
@@ -359,15 +357,13 @@ def test_missed_readings_of_the_slave_are_left_out() -> None:
             readings.time, readings.acceleration, readings.velocity, error,
             readings.positions,
         ),
-        acceleration=FULL,
-        deceleration=-FULL,
     )  # fmt: skip
     np.testing.assert_allclose(fit.values[:, 0], BY_QUADRANT, atol=3e-4)
 
 
 def test_accelerations_are_taken_as_measured_where_none_are_given() -> None:
     readings = without_places(log(10, mode_1))
-    fit = fitted(readings)
+    fit = fitted(readings, None, None)
     # Moves at 60 to 100 % of 2000 mm/s².
     assert 1200.0 < fit.effect.acceleration < 2000.0
     assert -2000.0 < fit.effect.deceleration < -1200.0
@@ -412,11 +408,11 @@ def test_a_master_that_never_brakes_is_refused() -> None:
         np.zeros((count, 0)),
     )  # fmt: skip
     with pytest.raises(FitError, match="shows no deceleration at all"):
-        fitted(readings)
+        fitted(readings, None, None)
 
 
 def test_positions_that_are_not_numbers_are_refused() -> None:
     readings = log(12, mode_1, moves=2)
     readings.positions[7, 1] = np.nan
     with pytest.raises(FitError, match="reading 8: positions is not finite"):
-        cut_events(readings, FULL, -FULL)
+        cut_events(readings, FORM)
