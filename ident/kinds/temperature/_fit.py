@@ -14,7 +14,14 @@ from jaxtyping import Bool, Float, Int
 from scipy.ndimage import median_filter
 
 from ..._recording import JointData
-from ...core import FitError, Regression, one_blas_thread, regress_curve, simplest
+from ...core import (
+    FitError,
+    Regression,
+    one_blas_thread,
+    regress,
+    regress_curve,
+    simplest,
+)
 from ...fit.joint import Leadscrew, Temperature, fit_joint
 from ...fit.joint._lag import lag_bounds
 from ._line import Lag, LawScore, TemperatureFit
@@ -39,7 +46,7 @@ _FEW = 20
 """Readings below which no lag is looked for."""
 _MATTERS = 0.02
 """Share of the squared held-out residuals by which a richer law must be better."""
-_GRID, _STEP = 8, 0.02
+_GRID, _STEP = 6, 0.02
 """Lags of a sensor that is late itself, over what the clock can show; step in the logarithm of
 a lag for slopes."""
 _ABSOLUTE_ZERO = -273.15
@@ -177,13 +184,6 @@ def _fitted(
 ) -> tuple[TemperatureFit, Regression]:
     """Return the fit of a law with what its regression says, the prediction left open."""
     line, found = _regressed(data, line, loss, free)
-    names = (*line.labels, *["time constant"] * len(free))
-    if lacking := ", ".join(itertools.compress(names, found.undetermined)):
-        msg = (
-            f"the readings that agree with each other do not determine {lacking}: "
-            f"{int(found.wild.sum())} wild ones are left out."
-        )
-        raise FitError(msg)
     size, sensors = line.size, line.sensor_names
     logs = dict(zip(free, found.standard_deviation[size:].tolist(), strict=True))
     reported = []
@@ -245,12 +245,18 @@ def _regressed(
         return trial.rows(trial.columns_of(data))[1]
 
     start = np.log([float(line.lags[sensor]) for sensor in free])
+    names = (*line.labels, *["time constant"] * count)
     logs, found = regress_curve(
         columns, data.error[line.axis], np.clip(start, first, last),
         width=np.full(count, _STEP), bounds=(np.full(count, first), np.full(count, last)),
-        time=data.time, names=(*line.labels, *["time constant"] * count), loss=loss,
-        quick=quick,
+        time=data.time, names=names, loss=loss, quick=quick,
     )  # fmt: skip
+    if lacking := ", ".join(itertools.compress(names, found.undetermined)):
+        msg = (
+            f"the readings that agree with each other do not determine {lacking}: "
+            f"{int(found.wild.sum())} wild ones are left out."
+        )
+        raise FitError(msg)
     return at(logs), found
 
 
@@ -345,16 +351,6 @@ def _choose_lags(data: JointData, line: Temperature, loss: str) -> dict[str, flo
     return none
 
 
-def _quick(
-    data: JointData, line: Temperature, loss: str, free: Sequence[str] = ()
-) -> tuple[Temperature, Regression] | None:
-    """Return a line without covariance; None where the readings do not determine it."""
-    try:
-        return _regressed(data, line, loss, free, quick=True)
-    except FitError:
-        return None
-
-
 def _simplest(
     data: JointData, lines: Sequence[Temperature], loss: str, sizes: Sequence[int]
 ) -> tuple[int, dict[int, float]]:
@@ -371,12 +367,16 @@ def _simplest(
     turns = blocks % _FOLDS if blocks.max() + 1 > _MOST_TURNS else blocks
     tried: dict[int, Float[np.ndarray, " t"]] = {}
     for number, line in enumerate(lines):
-        fitted = _quick(data, line, loss)
-        if fitted is not None:
-            scale = scale or _scale_of(fitted[1])
-            left, inside = _left_out(data, fitted[0], fitted[1].share, turns)
-            if not np.isnan(left).any():
-                tried[number] = np.where(inside, left, 0.0)
+        try:
+            placed, found = _regressed(data, line, loss, quick=True)
+        except FitError:
+            continue
+        middle = 1.4826 * float(np.median(np.abs(found.residual)))
+        least = max(1e-9, 1e-6 * float(np.ptp(found.residual)))
+        scale = scale or max(middle, least)
+        left, inside = _left_out(data, placed, found.share, turns)
+        if not np.isnan(left).any():
+            tried[number] = np.where(inside, left, 0.0)
     if not tried:
         return 0, {}
     kept = [sizes[number] for number in tried]
@@ -403,7 +403,7 @@ def _left_out(
     data = dataclasses.replace(data, temperature=theta)
     law = {name: len(nodes) for name, nodes in line.nodes.items()}
     line = dataclasses.replace(line, law=law, lag=0.0)
-    root, error = np.sqrt(share), data.error[line.axis]
+    error = data.error[line.axis]
     left, inside = np.full(len(groups), np.nan), np.ones(len(groups), bool)
     for group in np.unique(groups):
         out = groups == group
@@ -412,17 +412,13 @@ def _left_out(
             inside[out] &= (warm[out] >= low) & (warm[out] <= high)
         try:
             other = _placed(line, data.take(~out))
+            columns = other.rows(other.columns_of(data))[1]
+            found = regress(
+                columns[~out], error[~out], weight=share[~out], loss="gauss", quick=True
+            )
         except FitError:
             continue
-        columns = other.rows(other.columns_of(data))[1]
-        design = columns[~out] * root[~out, None]
-        size = np.sqrt(np.square(design).sum(axis=0))
-        if not (size > 0).all():
-            continue
-        aim = root[~out] * error[~out]
-        value, _, rank, _ = np.linalg.lstsq(design / size, aim, rcond=1e-6)
-        if rank == len(value):
-            left[out] = error[out] - columns[out] @ (value / size)
+        left[out] = error[out] - columns[out] @ found.coefficients
     return left, inside
 
 
@@ -442,9 +438,3 @@ def _blocks(data: JointData, line: Temperature) -> Int[np.ndarray, " t"]:
             start, number = value, number + 1
         stay[row] = number
     return stay if 3 <= number + 1 < _BLOCKS else _stretches(data)
-
-
-def _scale_of(found: Regression) -> float:
-    """Return the scale of residuals that a few wild ones do not change."""
-    middle = 1.4826 * float(np.median(np.abs(found.residual)))
-    return max(middle, 1e-9, 1e-6 * float(np.ptp(found.residual)))
