@@ -50,7 +50,7 @@ def draw_tables(
         else:
             figure = _line_figure(drawn)
         stem = name if old is None else f"diff_{name}"
-        paths += write_chart(figure, out, stem, {"svg.hashsalt": "axcomp"})
+        paths += write_chart(figure, out, stem)
     return paths
 
 

@@ -24,19 +24,14 @@ from ._machine import MachineError as MachineError, VirtualMachine as VirtualMac
 from ._measure import (
     Instrument as Instrument,
     Reading as Reading,
-    measure_length as measure_length,
-    measure_straightness as measure_straightness,
-    measure_surface as measure_surface,
-    write_laser_table as write_laser_table,
-    write_straightness as write_straightness,
-    write_surface as write_surface,
+    measure as measure,
+    write_reading as write_reading,
 )
 from ._sources import (
     AbstractErrorSource as AbstractErrorSource,
     BeamBow as BeamBow,
     Nodding as Nodding,
     PartGrowth as PartGrowth,
-    Play as Play,
     Positions as Positions,
     Reversal as Reversal,
     ScrewPitch as ScrewPitch,

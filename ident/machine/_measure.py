@@ -1,7 +1,6 @@
 """Measuring the virtual machine: instruments that scatter, drift and round, and their files."""
 
 import dataclasses
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -87,65 +86,33 @@ class Reading:
     wild: Bool[np.ndarray, " t"]
 
 
-def measure_length(
-    machine: VirtualMachine,
-    axis: str,
-    targets: Float[np.ndarray, " p"],
-    runs: int,
-    instrument: Instrument,
-    seed: int,
-) -> Reading:
-    """Measure an axis with a laser: up and down over the targets, several times."""
-    ascending = np.sort(targets)
-    once = np.concatenate([ascending, ascending[::-1]])
-    ways = np.repeat([1, -1], len(targets))
-    return _measure(
-        machine, axis, (axis,), np.tile(once, runs)[:, None], np.tile(ways, runs),
-        np.repeat(np.arange(runs), len(once)), instrument, seed,
-    )  # fmt: skip
-
-
-def measure_straightness(
-    machine: VirtualMachine,
-    axis: str,
-    along: str,
-    targets: Float[np.ndarray, " p"],
-    runs: int,
-    instrument: Instrument,
-    seed: int,
-) -> Reading:
-    """Measure how far ``axis`` is pushed aside while ``along`` moves."""
-    once = np.sort(targets)
-    positions = np.tile(once, runs)[:, None]
-    run = np.repeat(np.arange(runs), len(once))
-    ways = np.ones(len(run), dtype=np.int64)
-    return _measure(machine, axis, (along,), positions, ways, run, instrument, seed)
-
-
-def measure_surface(
-    machine: VirtualMachine,
-    axis: str,
-    across: tuple[str, str],
-    points: Float[np.ndarray, "t 2"],
-    instrument: Instrument,
-    seed: int,
-) -> Reading:
-    """Probe a surface at the given points, in their order."""
-    run = np.zeros(len(points), dtype=np.int64)
-    ways = -np.ones(len(points), dtype=np.int64)  # a probe comes down
-    return _measure(machine, axis, across, points, ways, run, instrument, seed)
-
-
-def _measure(
+def measure(
     machine: VirtualMachine,
     axis: str,
     moved: tuple[str, ...],
-    positions: Float[np.ndarray, "t d"],
-    direction: Int[np.ndarray, " t"],
-    run: Int[np.ndarray, " t"],
+    points: Float[np.ndarray, "p d"],
     instrument: Instrument,
     seed: int,
+    *,
+    runs: int = 1,
+    ways: tuple[int, ...] = (1,),
 ) -> Reading:
+    """Measure the error of an axis where others stand, or it does itself.
+
+    Args:
+        machine: What is measured.
+        axis: Whose error is read.
+        moved: Axes that move.
+        points: Their places in mm, in the order of measuring.
+        instrument: What reads it.
+        seed: Of chance.
+        runs: How often all of it is done.
+        ways: Of each run: 1 in the order of the points, −1 back over them.
+    """
+    once = np.concatenate([points[::way] for way in ways])
+    run = np.repeat(np.arange(runs), len(once))
+    positions = np.tile(once, (runs, 1))
+    direction = np.tile(np.repeat(ways, len(points)), runs)
     where = {name: positions[:, column] for column, name in enumerate(moved)}
     truth = machine.error(axis, where, direction)
     rng = np.random.default_rng(seed)
@@ -153,29 +120,19 @@ def _measure(
     return Reading(positions, reading, truth, direction, run + 1, wild)
 
 
-def write_laser_table(path: Path, found: Reading) -> None:
-    """Write ``run, direction, target, error`` with target in mm and error in µm."""
-    columns = [found.run, found.direction, found.positions, 1000 * found.reading]
-    forms = ("%d", "%+d", "%.3f", "%.3f")
-    _write_csv(path, "run,direction,target [mm],error [um]", columns, forms)
+def write_reading(path: Path, header: str, found: Reading) -> None:
+    """Write a measurement as CSV, with positions in mm and errors in µm.
 
-
-def write_straightness(path: Path, along: str, found: Reading) -> None:
-    """Write ``run, position, deviation`` with position in mm and deviation in µm."""
-    header = f"run,{along.lower()} [mm],deviation [um]"
-    columns = [found.run, found.positions, 1000 * found.reading]
-    _write_csv(path, header, columns, ("%d", "%.3f", "%.3f"))
-
-
-def write_surface(path: Path, across: tuple[str, str], found: Reading) -> None:
-    """Write ``x, y, dz`` with positions in mm and heights in µm."""
-    first, second = (axis.lower() for axis in across)
-    columns = [found.positions, 1000 * found.reading]
-    _write_csv(path, f"{first} [mm],{second} [mm],dz [um]", columns, ("%.3f",) * 3)
-
-
-def _write_csv(
-    path: Path, header: str, columns: Sequence[np.ndarray], forms: Sequence[str]
-) -> None:
+    Args:
+        path: File to write.
+        header: Names of the columns: ``run`` and ``direction``, where they are wanted, the
+            positions, and the error.
+        found: The measurement.
+    """
+    stated = {"run": (found.run, "%d"), "direction": (found.direction, "%+d")}
+    used = [stated[name] for name in header.split(",") if name in stated]
+    columns = [*(column for column, _ in used), found.positions, 1000 * found.reading]
     table = np.column_stack(columns)
+    forms = [form for _, form in used]
+    forms += ["%.3f"] * (table.shape[1] - len(forms))
     np.savetxt(path, table, forms, ",", header=header, comments="")

@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 from collections.abc import Mapping
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -39,15 +39,6 @@ class State:
         known = [*self.position.values(), *self.direction.values()]
         return len(known[0]) if known else 0
 
-    def take(self, rows: slice | np.ndarray) -> "State":
-        """Return the state at some of the instants."""
-        return State(
-            **{
-                part: {name: values[rows] for name, values in every.items()}
-                for part, every in vars(self).items()
-            }
-        )
-
 
 @dataclasses.dataclass(frozen=True)
 class AbstractErrorSource(abc.ABC):
@@ -55,12 +46,11 @@ class AbstractErrorSource(abc.ABC):
 
     Attributes:
         axis: The axis that ends up in the wrong place.
+        compensation: The one of the controller that is meant for it.
     """
 
     axis: str
-
-    compensation: ClassVar[str]
-    """Compensation of the controller that is meant for it."""
+    compensation: str = dataclasses.field(kw_only=True)
 
     @abc.abstractmethod
     def error(self, at: State) -> Float[np.ndarray, " t"]:
@@ -90,7 +80,7 @@ class ScrewPitch(AbstractErrorSource):
     periodic: float
     lead: float
 
-    compensation: ClassVar[str] = "leadscrew"
+    compensation: str = dataclasses.field(default="leadscrew", kw_only=True)
 
     def error(self, at: State) -> Float[np.ndarray, " t"]:
         place = at.position[self.axis]
@@ -103,8 +93,6 @@ class ScrewPitch(AbstractErrorSource):
 class Reversal(AbstractErrorSource):
     """Lost motion: coming from the other side, the axis stops short.
 
-    The loss changes along the travel, which a single backlash value cannot express.
-
     Attributes:
         at_start: Lost motion in mm at position 0.
         at_end: Lost motion in mm at ``length``.
@@ -114,8 +102,7 @@ class Reversal(AbstractErrorSource):
     at_start: float
     at_end: float
     length: float
-
-    compensation: ClassVar[str] = "leadscrew"
+    compensation: str = dataclasses.field(default="leadscrew", kw_only=True)
 
     def error(self, at: State) -> Float[np.ndarray, " t"]:
         share = np.clip(at.position[self.axis] / self.length, 0.0, 1.0)
@@ -143,7 +130,7 @@ class BeamBow(AbstractErrorSource):
     wave: float
     wavelength: float
 
-    compensation: ClassVar[str] = "cross"
+    compensation: str = dataclasses.field(default="cross", kw_only=True)
 
     def error(self, at: State) -> Float[np.ndarray, " t"]:
         place = at.position[self.along]
@@ -172,7 +159,7 @@ class TableFlatness(AbstractErrorSource):
     sag: float
     dent: float
 
-    compensation: ClassVar[str] = "plane"
+    compensation: str = dataclasses.field(default="plane", kw_only=True)
 
     def error(self, at: State) -> Float[np.ndarray, " t"]:
         first, second = (
@@ -183,23 +170,6 @@ class TableFlatness(AbstractErrorSource):
         sag = -self.sag * np.cos(np.pi * first / 2) * np.cos(np.pi * second / 2)
         near = np.square(first + 1 / 3) + np.square(second + 1 / 3)
         return twist + sag - self.dent * np.exp(-near / (2 * (1 / 6) ** 2))
-
-
-@final
-@dataclasses.dataclass(frozen=True)
-class Play(AbstractErrorSource):
-    """Play of a nut, the same everywhere: coming from above the axis stops short.
-
-    Attributes:
-        width: In mm.
-    """
-
-    width: float
-
-    compensation: ClassVar[str] = "backlash"
-
-    def error(self, at: State) -> Float[np.ndarray, " t"]:
-        return -0.5 * self.width * np.asarray(at.direction[self.axis], dtype=float)
 
 
 @final
@@ -221,7 +191,7 @@ class PartGrowth(AbstractErrorSource):
     reference: float = 0.0
     neutral: float = 20.0
 
-    compensation: ClassVar[str] = "temperature"
+    compensation: str = dataclasses.field(default="temperature", kw_only=True)
 
     def error(self, at: State) -> Float[np.ndarray, " t"]:
         if self.part not in at.temperature:
@@ -254,7 +224,7 @@ class Nodding(AbstractErrorSource):
     length: float
     braking: float = 1.0
 
-    compensation: ClassVar[str] = "crosstalk"
+    compensation: str = dataclasses.field(default="crosstalk", kw_only=True)
 
     def error(self, at: State) -> Float[np.ndarray, " t"]:
         if self.master not in at.acceleration:

@@ -43,7 +43,6 @@ from ._reversal import (
 if TYPE_CHECKING:
     from ._circle import (
         CircularTest as CircularTest,
-        ServoLoop as ServoLoop,
         circular_test as circular_test,
     )
     from .doctor import (

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -17,29 +18,11 @@ from ...models import (
 
 _FORGOTTEN = 40.0
 """Time constants of the loop after which nothing is left of how it began."""
+_GAINS = 50.0, 300.0, 100.0
+"""Of a cascade with velocity feed-forward, in 1/s: position gain Kv, bandwidth of the velocity
+loop, and one over its integral time."""
 _ENTRIES = 32
 """Entries to which a list is filled up: lists of any length are one program."""
-
-
-@dataclasses.dataclass(frozen=True)
-class ServoLoop:
-    """A cascade of position and velocity control with velocity feed-forward.
-
-    Attributes:
-        position_gain: Kv in 1/s.
-        velocity_gain: Bandwidth of the velocity loop in 1/s.
-        integral_time: Of the velocity loop, in s.
-    """
-
-    position_gain: float = 50.0
-    velocity_gain: float = 300.0
-    integral_time: float = 0.01
-
-    def __str__(self) -> str:
-        return (
-            f"Kv {self.position_gain:g} 1/s, velocity loop {self.velocity_gain:g} 1/s"
-            f" with {1e3 * self.integral_time:g} ms integral time"
-        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,17 +33,17 @@ class CircularTest:
         angle: In degrees, 0 where the axis turns at its positive end.
         without: Radial deviation in mm without the list.
         with_list: The same with it.
-        radius: In mm.
-        feed: Along the circle, in mm/s.
-        loop: The control loop that was assumed.
+        radius: Of the circle in mm.
+        feed: Along it, in mm/s.
+        loop: The control loop that is assumed.
     """
 
     angle: Float[np.ndarray, " t"]
     without: Float[np.ndarray, " t"]
     with_list: Float[np.ndarray, " t"]
-    radius: float
-    feed: float
-    loop: ServoLoop
+    radius: ClassVar[float] = 50.0
+    feed: ClassVar[float] = 2000.0 / 60.0
+    loop: ClassVar[str] = "Kv 50 1/s, velocity loop 300 1/s with 10 ms integral time"
 
     @property
     def spikes(self) -> tuple[float, float]:
@@ -77,9 +60,6 @@ def circular_test(
     compensation: FrictionCompensation,
     *,
     out_unit: float = 1.0,
-    radius: float = 50.0,
-    feed: float = 2000.0 / 60.0,
-    loop: ServoLoop | None = None,
     cycle: float = 0.001,
 ) -> CircularTest:
     """Return how an axis with friction draws its half of a circle, with and without list.
@@ -92,17 +72,13 @@ def circular_test(
         inertia: Current per mm/s².
         compensation: The friction list.
         out_unit: Current that one unit of the list is.
-        radius: Of the circle in mm.
-        feed: Along the circle in mm/s.
-        loop: The control loop; a usual one if left out.
         cycle: Of the controller in s.
     """
-    servo = ServoLoop() if loop is None else loop
-    gains = servo.position_gain, servo.velocity_gain, 1.0 / servo.integral_time
-    speed = feed / radius
+    radius = CircularTest.radius
+    speed = CircularTest.feed / radius
     turn = round(2 * np.pi / (speed * cycle))
     # By then the loop has forgotten how it began; the turn that is shown is a later one.
-    before = min(math.ceil(_FORGOTTEN / (min(gains) * cycle)), 2 * turn)
+    before = min(math.ceil(_FORGOTTEN / (min(_GAINS) * cycle)), 2 * turn)
     # Half a cycle on: the axis does not stand at a sample, as it would not in truth.
     phase = speed * cycle * (np.arange(-before, turn) + 2 * turn + 0.5)
     position, velocity = radius * np.cos(phase), -radius * speed * np.sin(phase)
@@ -112,7 +88,7 @@ def circular_test(
         _filled_up(compensation),
         jnp.asarray(out_unit),
         jnp.asarray(np.stack([position, velocity, -speed * speed * position])),
-        jnp.asarray([*gains, cycle]),
+        jnp.asarray([*_GAINS, cycle]),
     )
     places, phase, position = (
         np.asarray(found)[before:],
@@ -125,9 +101,6 @@ def circular_test(
         angle=np.rad2deg(phase - phase[0]),
         without=radial[0],
         with_list=radial[1],
-        radius=radius,
-        feed=feed,
-        loop=servo,
     )
 
 

@@ -4,7 +4,6 @@ How much each effect is, and what the whole sum leaves.
 """
 
 import dataclasses
-import itertools
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,8 @@ from . import _style as style
 from ._body import Plot
 from ._scale import Scale, count, grouped, number, scale_of
 from ._section import Section
+from .table._readings import bin_means
+from .table._spread import draw_scatter
 
 if TYPE_CHECKING:
     from ..job import AxisSum, EffectShare, GroupResult
@@ -80,10 +81,7 @@ def _sentence(group: "GroupResult", missing: int) -> str:
             f" {scale.figure(after)} {scale.error} rms"
         )
         if after >= before:
-            words = (
-                f"the error of {one.axis} stays at {scale.figure(before)} {scale.error}"
-                " rms"
-            )
+            words = f"the error of {one.axis} stays at {scale.shown(before)} rms"
         parts.append(words)
     text = f"On readings that the fit did not see, {'; '.join(parts)}."
     fits = count(len(group.fits), "fit")
@@ -181,7 +179,12 @@ def sum_plot(group: "GroupResult") -> Plot:
     for k, one in enumerate(group.axes):
         scale = scale_of(one.unit)
         _over_order(panels[2 * k], group, one, scale, last=k == rows - 1)
-        _spread(panels[2 * k + 1], one, scale, last=k == rows - 1)
+        beside = panels[2 * k + 1]
+        left = one.predicted[~one.wild] / max(one.noise, 1e-12)
+        draw_scatter(beside, left)
+        beside.set_yticks([])
+        if k == rows - 1:
+            beside.set_xlabel("left / scatter")
         said.append(_say(one, scale))
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=2, markerscale=2.5)
@@ -217,16 +220,10 @@ def _over_order(
             panel, where[sound], values[sound] * scale.factor, size=size, alpha=0.5,
             color=color, label=name, most=style.DRAWN_POINTS,
         )  # fmt: skip
-    edges = np.quantile(where[sound], np.linspace(0, 1, _SLICES + 1))
-    middle, mean = [], []
-    for low, high in itertools.pairwise(edges):
-        inside = sound[(where[sound] >= low) & (where[sound] <= high)]
-        if inside.size:
-            middle.append(float(np.mean(where[inside])))
-            mean.append(float(np.mean(one.predicted[inside])) * scale.factor)
+    bins = bin_means(where[sound], one.predicted[sound] * scale.factor, _SLICES)
     panel.plot(
-        middle, mean, color=style.INK, linewidth=1.1, marker="s", markersize=2.4,
-        label="mean of a slice",
+        bins.centre, bins.mean, color=style.INK, linewidth=1.1, marker="s",
+        markersize=2.4, label="mean of a slice",
     )  # fmt: skip
     panel.axhline(0, color=style.INK, linewidth=0.6)
     both = np.concatenate([one.before[sound], one.predicted[sound]]) * scale.factor
@@ -238,26 +235,6 @@ def _over_order(
         panel.set_xlabel(
             "time in s" if group.timed else "row, in the order of measuring"
         )
-
-
-def _spread(panel: Axes, one: "AxisSum", scale: Scale, last: bool) -> None:
-    """Draw how the remaining errors are distributed, beside the scatter of a reading."""
-    left = one.predicted[~one.wild] * scale.factor
-    limit = 4.5 * max(one.noise * scale.factor, 1e-9)
-    limit = max(limit, 1.05 * float(np.quantile(np.abs(left), 0.998)))
-    panel.hist(
-        np.clip(left, -limit, limit), bins=41, density=True, color=style.BLUE, alpha=0.6
-    )
-    grid = np.linspace(-limit, limit, 121)
-    sigma = one.noise * scale.factor
-    panel.plot(
-        grid, np.exp(-0.5 * (grid / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi)),
-        color=style.INK, linewidth=1.0,
-    )  # fmt: skip
-    panel.set_yticks([])
-    panel.grid(visible=False)
-    if last:
-        panel.set_xlabel(f"left in {scale.error}")
 
 
 def _say(one: "AxisSum", scale: Scale) -> str:

@@ -5,9 +5,14 @@ import math
 import textwrap
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch
+from matplotlib.patheffects import withStroke
 
 from ...data.files import write_atomically
 from ...data.measurements import (
@@ -17,31 +22,11 @@ from ...data.measurements import (
     widest_reversal,
     with_arrows,
 )
+from . import _style as style
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-_UP, _DOWN = "#1f5fa8", "#c4511d"
-_SERIES = ("#7d8590", "#12805c", "#7a3e9d")
-_INK = "#24292f"
-# Drawn by hand: as a formula ("$…$") it would load matplotlib's whole formula parser.
-_DOUBLE_ARROW = [
-    *((0.0, 1.0), (0.35, 0.5), (0.08, 0.5), (0.08, -0.5), (0.35, -0.5)),
-    *((0.0, -1.0), (-0.35, -0.5), (-0.08, -0.5), (-0.08, 0.5), (-0.35, 0.5)),
-    (0.0, 1.0),
-]
+_SERIES = ("#7d8590", style.GREEN, "#7a3e9d")
+_DASHES = {1: "-", -1: (0, (5, 1.6))}
 _LEGEND_COLUMNS = 4
-_STYLE: Any = {
-    "font.size": 10.5,
-    "axes.edgecolor": "#57606a",
-    "axes.labelcolor": _INK,
-    "text.color": _INK,
-    "xtick.color": _INK,
-    "ytick.color": _INK,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "axcomp",  # equal input gives equal bytes
-}
 
 
 def draw_iso_chart(
@@ -66,10 +51,7 @@ def draw_iso_chart(
         caption: Whether to write the sentence under the plot; `describe_iso230`
             gives it for documents that set it themselves.
     """
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    with mpl.rc_context(_STYLE):
+    with style.house_style():
         figure = Figure(figsize=(7.2, 6.0), dpi=150)
         margin = 0.135 + 0.07 * (len(tests) - 1)
         sentence = iso_chart_sentence(tests, unit=unit) if caption else ""
@@ -79,43 +61,33 @@ def draw_iso_chart(
         entries += tolerance is not None
         rows = math.ceil(entries / _LEGEND_COLUMNS)
         top = 0.92 - 0.035 * rows
-        place = (0.11, bottom, 0.89 - margin, top - bottom)
-        axes = figure.add_axes(place)
-        small = "0.001°" if unit == "deg" else "µm"
-        long = "°" if unit == "deg" else "mm"
+        axes = figure.add_axes((0.11, bottom, 0.89 - margin, top - bottom))
+        small, long = ("0.001°", "°") if unit == "deg" else ("µm", "mm")
         single = len(tests) == 1
-        for at, (name, test) in enumerate(tests.items()):
-            colours = (_UP, _DOWN) if single else (_SERIES[at], _SERIES[at])
-            _draw_test(axes, test, colours, "" if single else f"{name} ", at)
         low, high = _extent(tests.values())
         room = 0.08 * (high - low or 1.0)
         axes.set_ylim(low - room, high + room)
         for at, (name, test) in enumerate(tests.items()):
-            colour = _INK if single else _SERIES[at]
+            colours = style.DIRECTION_COLOR
+            if not single:
+                colours = dict.fromkeys(colours, _SERIES[at])
+            _draw_test(axes, test, colours, "" if single else f"{name} ", at)
+        for at, (name, test) in enumerate(tests.items()):
+            colour = style.INK if single else _SERIES[at]
             _draw_brackets(axes, test, colour, at, "" if single else name)
-            _draw_reversal(axes, test, colour, small, long)
+            _draw_reversal(axes, test, colour, (small, long))
         if tolerance is not None:
             _draw_tolerance(axes, list(tests.values())[-1], tolerance, small)
         axes.set_xlabel(f"Position [{long}]")
         axes.set_ylabel(f"Deviation actual − commanded [{small}]")
-        axes.axhline(0.0, color="#57606a", linewidth=0.8, zorder=1)
-        axes.grid(color="#d0d7de", linewidth=0.5)
-        axes.set_axisbelow(True)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.set_title(
-            _title(tests, axis),
-            loc="left",
-            fontsize=10,
-            weight="normal",
-            pad=11 + 15 * rows,
-        )
+        axes.axhline(0.0, color=style.GREY, linewidth=0.8, zorder=1)
+        title = _title(tests, axis)
+        axes.set_title(title, fontsize=10, weight="normal", pad=11 + 15 * rows)
         axes.legend(
             loc="lower left",
             bbox_to_anchor=(-0.005, 1.0),
             ncols=math.ceil(entries / rows),
-            frameon=False,
             fontsize=9.5,
-            handlelength=2.2,
             handletextpad=0.5,
             columnspacing=1.2,
             borderaxespad=0.1,
@@ -131,19 +103,16 @@ def iso_chart_sentence(tests: Mapping[str, Iso230], *, unit: str = "mm") -> str:
     return f"{reading} {describe_iso230(tests, unit=unit)}"
 
 
-def write_chart(
-    figure: "Figure", folder: Path, stem: str, style: Any = _STYLE
-) -> tuple[Path, Path]:
+def write_chart(figure: Figure, folder: Path, stem: str) -> tuple[Path, Path]:
     """Write a figure as SVG and PNG into a folder, each replaced whole; return paths.
 
     Raises:
         OSError: If the folder cannot be written.
     """
-    import matplotlib as mpl
-
     folder.mkdir(parents=True, exist_ok=True)
     paths = folder / f"{stem}.svg", folder / f"{stem}.png"
-    with mpl.rc_context(style):
+    # Equal input gives equal bytes.
+    with style.house_style(), mpl.rc_context({"svg.hashsalt": "axcomp"}):
         for path in paths:
             form, content = path.suffix[1:], io.BytesIO()
             metadata = {"Date": None} if form == "svg" else None
@@ -169,53 +138,42 @@ def _title(tests: Mapping[str, Iso230], axis: str) -> str:
 
 
 def _draw_test(
-    axes: "Axes", test: Iso230, colours: tuple[str, str], prefix: str, at: int
+    axes: Axes, test: Iso230, colours: Mapping[int, str], prefix: str, at: int
 ) -> None:
     """Draw runs, means and ±2 s bands of one test."""
-    faint = 0.35 if at == 0 else 0.45
     for run in test.runs:
-        up = run.direction > 0
         axes.plot(
             run.target,
             run.error * 1e3,
-            color=colours[0 if up else 1],
+            color=colours[run.direction],
             linewidth=0.6,
-            alpha=faint,
-            linestyle="-" if up else (0, (4, 2)),
+            alpha=0.4,
+            linestyle=_DASHES[run.direction],
             zorder=2 + at,
         )
-    for side, colour in zip(("up", "down"), colours, strict=True):
+    for way, side, arrow in ((1, "up", "↑"), (-1, "down", "↓")):
         rows = [
-            (p.target, getattr(p, f"mean_{side}"), getattr(p, f"s_{side}"))
+            (p.target, getattr(p, f"mean_{side}"), getattr(p, f"s_{side}") or 0.0)
             for p in test.positions
             if getattr(p, f"mean_{side}") is not None
         ]
         if not rows:
             continue
-        targets = np.array([row[0] for row in rows])
-        means = np.array([row[1] for row in rows]) * 1e3
-        spread = np.array([row[2] or 0.0 for row in rows]) * 2e3
-        axes.fill_between(
-            targets,
-            means - spread,
-            means + spread,
-            color=colour,
-            alpha=0.13,
-            linewidth=0,
-            zorder=1.5 + at,
-        )
+        targets, means, spread = np.array(rows).T * [[1.0], [1e3], [2e3]]
+        band = means - spread, means + spread
+        look: dict[str, Any] = {"color": colours[way], "zorder": 4 + at}
+        axes.fill_between(targets, *band, alpha=0.13, linewidth=0, **look)
         axes.plot(
             targets,
             means,
-            color=colour,
             linewidth=1.8,
-            marker="^" if side == "up" else "v",
+            marker="^" if way > 0 else "v",
             markersize=5.5,
             markeredgecolor="white",
             markeredgewidth=0.7,
-            linestyle="-" if side == "up" else (0, (5, 1.6)),
-            label=f"{prefix or 'mean '}{'↑' if side == 'up' else '↓'}",
-            zorder=4 + at,
+            linestyle=_DASHES[way],
+            label=f"{prefix or 'mean '}{arrow}",
+            **look,
         )
 
 
@@ -230,32 +188,32 @@ def _extent(tests: Iterable[Iso230]) -> tuple[float, float]:
     return min(values) * 1e3, max(values) * 1e3
 
 
-def _draw_brackets(axes: "Axes", test: Iso230, colour: str, at: int, name: str) -> None:
+def _draw_brackets(axes: Axes, test: Iso230, colour: str, at: int, name: str) -> None:
     """Mark A and E as measured heights at the right of the plot."""
-    limits = (test.accuracy_ends(), test.systematic_ends())
-    labels = [
-        with_arrows(test.judged()[0]),
-        "E" if test.E is not None else "E↑" if test.E_up is not None else "E↓",
-    ]
+    systematic = "E" if test.E is not None else "E↑" if test.E_up is not None else "E↓"
+    heights = {
+        with_arrows(test.judged()[0]): test.accuracy_ends(),
+        systematic: test.systematic_ends(),
+    }
     beyond = axes.get_yaxis_transform()
-    for step, (ends, label) in enumerate(zip(limits, labels, strict=True)):
+    for step, (label, ends) in enumerate(heights.items()):
         if ends is None:
             continue
         x = 1.02 + 0.06 * step + 0.125 * at
         low, high = ends[0] * 1e3, ends[1] * 1e3
-        line: dict[str, Any] = {
-            "color": colour,
-            "clip_on": False,
-            "transform": beyond,
-            "linewidth": 1.2,
-        }
-        axes.plot([x, x], [low, high], **line)
+        _draw_height(
+            axes, x, (low, high), "|-|,widthA=0.25,widthB=0.25", colour, beyond
+        )
         for end in (low, high):
-            axes.plot([x - 0.007, x + 0.007], [end, end], **line)
             axes.plot(
                 [0, x],
                 [end, end],
-                **{**line, "linewidth": 0.5, "alpha": 0.55, "linestyle": (0, (1, 2))},
+                color=colour,
+                linewidth=0.5,
+                alpha=0.55,
+                linestyle=(0, (1, 2)),
+                clip_on=False,
+                transform=beyond,
             )
         axes.text(
             x + 0.012,
@@ -264,41 +222,25 @@ def _draw_brackets(axes: "Axes", test: Iso230, colour: str, at: int, name: str) 
             transform=beyond,
             rotation=90,
             va="center",
-            ha="left",
             fontsize=9.5,
             color=colour,
         )
 
 
 def _draw_reversal(
-    axes: "Axes", test: Iso230, colour: str, small: str, long: str
+    axes: Axes, test: Iso230, colour: str, units: tuple[str, str]
 ) -> None:
     """Mark the largest reversal between the two means."""
-    from matplotlib.path import Path
-    from matplotlib.patheffects import withStroke
-
     widest = widest_reversal(test)
     if widest is None or widest.mean_up is None or widest.mean_down is None:
         return
-    ends = sorted((widest.mean_up * 1e3, widest.mean_down * 1e3))
-    axes.annotate(
-        "",
-        xy=(widest.target, ends[0]),
-        xytext=(widest.target, ends[1]),
-        arrowprops={
-            "arrowstyle": "<->",
-            "color": colour,
-            "lw": 1.3,
-            "shrinkA": 0,
-            "shrinkB": 0,
-        },
-        zorder=8,
-    )
+    low, high = sorted((widest.mean_up * 1e3, widest.mean_down * 1e3))
+    _draw_height(axes, widest.target, (low, high), "<->", colour, axes.transData)
     targets = [item.target for item in test.positions]
     right = widest.target > (min(targets) + max(targets)) / 2
     axes.annotate(
         "B",
-        xy=(widest.target, sum(ends) / 2),
+        xy=(widest.target, (low + high) / 2),
         xytext=(-5 if right else 5, 0),
         textcoords="offset points",
         ha="right" if right else "left",
@@ -310,18 +252,33 @@ def _draw_reversal(
         zorder=9,
     )
     # The figure stands in the legend: a label beside the arrow would cover the curves.
-    axes.plot(
-        [],
-        [],
-        linestyle="none",
-        marker=Path(np.array(_DOUBLE_ARROW), closed=True),
-        markersize=9,
-        color=colour,
-        label=f"B = {ends[1] - ends[0]:.1f} {small} at {widest.target:g} {long}",
+    small, long = units
+    label = f"B = {high - low:.1f} {small} at {widest.target:g} {long}"
+    axes.plot([], [], linestyle="none", marker="d", color=colour, label=label)
+
+
+def _draw_height(
+    axes: Axes, x: float, ends: tuple[float, float], arrow: str, colour: str, place: Any
+) -> None:
+    """Draw a measured height as an arrow or a bracket."""
+    axes.add_patch(
+        FancyArrowPatch(
+            (x, ends[0]),
+            (x, ends[1]),
+            arrowstyle=arrow,
+            color=colour,
+            linewidth=1.2,
+            shrinkA=0.0,
+            shrinkB=0.0,
+            mutation_scale=10.0,
+            transform=place,
+            clip_on=False,
+            zorder=8,
+        )
     )
 
 
-def _draw_tolerance(axes: "Axes", test: Iso230, tolerance: float, small: str) -> None:
+def _draw_tolerance(axes: Axes, test: Iso230, tolerance: float, small: str) -> None:
     """Draw the tolerance as a band around the middle of A."""
     ends = test.accuracy_ends() or test.systematic_ends()
     if ends is None:
@@ -331,7 +288,6 @@ def _draw_tolerance(axes: "Axes", test: Iso230, tolerance: float, small: str) ->
         (middle - tolerance / 2) * 1e3,
         (middle + tolerance / 2) * 1e3,
         facecolor="#e6f4ea",
-        edgecolor="none",
         zorder=0,
         label=f"tolerance {tolerance * 1e3:g} {small}",
     )

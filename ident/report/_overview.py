@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -13,9 +13,10 @@ from ..job import AbstractResult, JobResult, TableResult
 from . import _style as style
 from ._body import Plot
 from ._scale import Scale, number, scale_of
+from .table._fitted import branches_of
 from .table._maps import mean_by_cell
-from .table._plane import bar, heat, label, plane_table, symmetric
-from .table._readings import Readings, readings_of
+from .table._plane import bar, heat, label, symmetric
+from .table._readings import readings_of
 
 _MOST = 6
 """Fits that are drawn; the picture is a summary."""
@@ -84,19 +85,15 @@ def _draw_fit(
 ) -> str:
     """Draw one row and return its sentence."""
     scale = scale_of(fit.unit)
-    readings = readings_of(fit, scale)
-    sound = ~readings.wild
-    before = Cloud(
-        readings.positions[sound], readings.before[sound], readings.direction[sound]
-    )
-    after, kind = _after(readings, fit, scale)
+    clouds = _clouds(fit, scale)
+    kind = "predicted" if fit.measured is None else fit.measured_as
     if len(fit.masters) == 2:
-        _draw_maps(figure, panels, fit, scale, (before, after))
+        _draw_maps(figure, panels, fit, scale, clouds)
     else:
-        _draw_clouds(panels, fit, scale, (before, after))
+        _draw_clouds(panels, fit, scale, clouds)
     over = f" over {', '.join(fit.over)}" if fit.over else ""
     name = f"{fit.axis}{over}"
-    sizes = [cloud.rms for cloud in (before, after)]
+    sizes = [cloud.rms for cloud in clouds]
     for panel, size, word in zip(panels, sizes, ("before", kind), strict=True):
         panel.set_title(
             f"{name}, {word}: {number(size)} {scale.error} rms", fontsize=10
@@ -106,19 +103,20 @@ def _draw_fit(
     )
 
 
-def _after(readings: Readings, fit: TableResult, scale: Scale) -> tuple[Cloud, str]:
-    if (second := fit.measured) is not None:
-        keep = second.sound
-        ways = second.direction
-        if ways is None:
-            ways = np.zeros(len(keep), dtype=np.int64)
-        error = second.error[keep] * scale.factor
-        return Cloud(second.positions[keep], error, ways[keep]), fit.measured_as
-    keep = readings.sound
-    cloud = Cloud(
-        readings.positions[keep], readings.predicted[keep], readings.direction[keep]
-    )
-    return cloud, "predicted"
+def _clouds(fit: TableResult, scale: Scale) -> tuple[Cloud, Cloud]:
+    """Return the errors before, and those with the list: verified, else predicted."""
+    seen = readings_of(fit, scale)
+
+    def cloud(error: Float[np.ndarray, " t"], keep: Bool[np.ndarray, " t"]) -> Cloud:
+        return Cloud(seen.positions[keep], error[keep], seen.direction[keep])
+
+    before = cloud(seen.before, ~seen.wild)
+    if (second := fit.measured) is None:
+        return before, cloud(seen.predicted, seen.sound)
+    keep, ways = second.sound, second.direction
+    ways = np.zeros(len(keep), dtype=np.int64) if ways is None else ways
+    error = second.error[keep] * scale.factor
+    return before, Cloud(second.positions[keep], error, ways[keep])
 
 
 def _draw_clouds(
@@ -154,7 +152,7 @@ def _draw_maps(
     scale: Scale,
     both: tuple[Cloud, Cloud],
 ) -> None:
-    table = plane_table(fit, scale)
+    (table,) = branches_of(fit, scale)
     means = [mean_by_cell(table, each.positions, each.error)[0] for each in both]
     span = symmetric(np.stack(means))
     layers = [

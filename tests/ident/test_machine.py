@@ -13,18 +13,15 @@ from axcomp.ident.machine import (
     BeamBow,
     Instrument,
     MachineError,
+    Reading,
     Reversal,
     ScrewPitch,
     State,
     TableFlatness,
     VirtualMachine,
     example_machine,
-    measure_length,
-    measure_straightness,
-    measure_surface,
-    write_laser_table,
-    write_straightness,
-    write_surface,
+    measure,
+    write_reading,
 )
 
 PERFECT = Instrument(noise=0.0, resolution=1e-9)
@@ -113,9 +110,15 @@ def test_unknown_axis_is_refused() -> None:
         example_machine().true_error("Q", {}, UP)
 
 
+def laser(targets: np.ndarray) -> Reading:
+    """Return two runs over targets and back, read by a perfect instrument."""
+    machine, places = example_machine(), targets[:, None]
+    return measure(machine, "X", ("X",), places, PERFECT, 1, runs=2, ways=(1, -1))
+
+
 def test_perfect_instrument_reads_the_truth() -> None:
     targets = np.array([0.0, 100.0, 333.0, 800.0])
-    found = measure_length(example_machine(), "X", targets, 2, PERFECT, seed=1)
+    found = laser(targets)
     # Half of the instrument's resolution.
     np.testing.assert_allclose(found.reading, found.truth, atol=5e-10)
     np.testing.assert_array_equal(found.run, np.repeat([1, 2], 8))
@@ -155,7 +158,7 @@ def test_same_seed_gives_the_same_measurement() -> None:
     tool = Instrument(0.001, 1e-4, wild=0.1)
     targets = np.linspace(0.0, 800.0, 9)
     first, again, other = (
-        measure_straightness(example_machine(), "Y", "X", targets, 2, tool, seed)
+        measure(example_machine(), "Y", ("X",), targets[:, None], tool, seed, runs=2)
         for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(first.reading, again.reading)
@@ -164,9 +167,9 @@ def test_same_seed_gives_the_same_measurement() -> None:
 
 def test_laser_table_reads_back_by_its_own_column_names(tmp_path: Path) -> None:
     targets = np.array([0.0, 250.125, 800.0])
-    found = measure_length(example_machine(), "X", targets, 2, PERFECT, seed=1)
+    found = laser(targets)
     path = tmp_path / "laser.csv"
-    write_laser_table(path, found)
+    write_reading(path, "run,direction,target [mm],error [um]", found)
     data = measurement(read_table(path), axis="X")
     np.testing.assert_array_equal(
         data.require("X.position", "test"), found.positions[:, 0]
@@ -180,10 +183,10 @@ def test_laser_table_reads_back_by_its_own_column_names(tmp_path: Path) -> None:
 def test_surface_and_straightness_files_state_their_units(tmp_path: Path) -> None:
     points = np.array([[0.0, 0.0], [12.5, 30.25]])
     machine = example_machine()
-    surface = measure_surface(machine, "Z", ("X", "Y"), points, PERFECT, seed=1)
-    line = measure_straightness(machine, "Y", "X", points[:, 0], 1, PERFECT, seed=1)
-    write_surface(tmp_path / "s.csv", ("X", "Y"), surface)
-    write_straightness(tmp_path / "l.csv", "X", line)
+    surface = measure(machine, "Z", ("X", "Y"), points, PERFECT, seed=1)
+    line = measure(machine, "Y", ("X",), points[:, :1], PERFECT, seed=1)
+    write_reading(tmp_path / "s.csv", "x [mm],y [mm],dz [um]", surface)
+    write_reading(tmp_path / "l.csv", "run,x [mm],deviation [um]", line)
     with (tmp_path / "s.csv").open(newline="") as file:
         rows = list(csv.reader(file))
     assert rows[0] == ["x [mm]", "y [mm]", "dz [um]"]

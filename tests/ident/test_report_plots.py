@@ -2,24 +2,27 @@
 
 import dataclasses
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, QuadMesh
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 
 from axcomp.ident.job import TableResult
 from axcomp.ident.report._body import Plot
 from axcomp.ident.report._scale import number, percent, place, scale_of
 from axcomp.ident.report._section import section_of
 from axcomp.ident.report._style import house_style, to_svg
+from axcomp.ident.report.table._fitted import Fitted, branches_of
 from axcomp.ident.report.table._lines import change_plot, curve_plot
 from axcomp.ident.report.table._maps import cell_means, coverage_maps, error_map
-from axcomp.ident.report.table._plane import _rectangles, plane_table
+from axcomp.ident.report.table._plane import hatch
 from axcomp.ident.report.table._readings import bin_means, readings_of
 from axcomp.ident.report.table._residuals import residual_plot, runs_plot
 from axcomp.ident.report.table._spread import spread_of, spread_plot
@@ -120,23 +123,38 @@ def test_map_shows_the_error_and_hatches_exactly_the_unmeasured_nodes(
     axes, _ = error_map(fit, readings_of(fit, MM), MM).figure.axes
     (mesh,) = [item for item in axes.collections if isinstance(item, QuadMesh)]
     np.testing.assert_allclose(np.asarray(mesh.get_array()), 1000 * fit.fit.values)
-    (patch,) = [item for item in axes.patches if isinstance(item, PathPatch)]
-    assert patch.get_hatch() == "////"
-    grid = np.stack(np.meshgrid(*fit.nodes), axis=-1).reshape(-1, 2)
-    inside = patch.get_path().contains_points(grid)
-    np.testing.assert_array_equal(inside, fit.fit.support.ravel() == 0)
+    np.testing.assert_array_equal(hatched(axes, fit.nodes), fit.fit.support == 0)
+
+
+def hatched(axes: Axes, nodes: Sequence[np.ndarray]) -> np.ndarray:
+    """Return which nodes lie inside what is hatched."""
+    (drawn,) = [item for item in axes.collections if isinstance(item, ContourSet)]
+    assert drawn.hatches == ["////"]
+    grid = np.stack(np.meshgrid(*nodes), axis=-1)
+    # What lies within two outlines is in a hole.
+    inside = [
+        Path(outline).contains_points(grid.reshape(-1, 2))
+        for path in drawn.get_paths()
+        for outline in path.to_polygons()
+    ]
+    return np.asarray(np.sum(inside, axis=0).reshape(grid.shape[:2]) % 2 == 1)
 
 
 @given(
     st.lists(st.lists(st.booleans(), min_size=7, max_size=7), min_size=1, max_size=9)
 )
 @settings(deadline=None)
-def test_rectangles_fill_a_mask_without_overlap(rows: list[list[bool]]) -> None:
-    mask = np.array(rows)
-    filled = np.zeros(mask.shape, dtype=int)
-    for first, last, low, high in _rectangles(mask):
-        filled[low:high, first:last] += 1
-    np.testing.assert_array_equal(filled, mask.astype(int))
+def test_what_is_hatched_is_what_has_no_readings(rows: list[list[bool]]) -> None:
+    mask = np.array([*rows, [False] * 7])
+    nodes = np.arange(7.0) * 30.0, np.arange(float(len(mask))) * 20.0
+    none = np.zeros(mask.shape)
+    axes = Figure().subplots()
+    table = Fitted(("X", "Y"), nodes, 0, none, none, np.where(mask, 0, 3))
+    hatch(axes, table)
+    if mask.any():
+        np.testing.assert_array_equal(hatched(axes, nodes), mask)
+    else:
+        assert not axes.collections
 
 
 def test_coverage_caption_names_the_worst_measured_node(plane: Make) -> None:
@@ -153,12 +171,12 @@ def test_coverage_caption_names_the_worst_measured_node(plane: Make) -> None:
 def test_cell_means_put_each_reading_to_its_nearest_node(plane: Make) -> None:
     fit = plane(columns=5, rows=4, readings=300)
     readings = readings_of(fit, MM)
-    table = plane_table(fit, MM)
+    table = branches_of(fit, MM)[0]
     cells = cell_means(table, readings)
     keep = readings.sound
     x, y = readings.positions[keep].T
-    i = np.abs(table.across[:, None] - x).argmin(axis=0)
-    j = np.abs(table.up[:, None] - y).argmin(axis=0)
+    i = np.abs(table.nodes[0][:, None] - x).argmin(axis=0)
+    j = np.abs(table.nodes[1][:, None] - y).argmin(axis=0)
     at = (i == 1) & (j == 2)
     assert cells.count[2, 1] == at.sum() > 0
     # Sums in another order differ by rounding only.
@@ -168,11 +186,11 @@ def test_cell_means_put_each_reading_to_its_nearest_node(plane: Make) -> None:
 def test_one_reading_per_node_is_judged_by_the_predicted_scatter(plane: Make) -> None:
     fit = plane(columns=65, rows=33, readings=900)
     readings = readings_of(fit, MM)
-    cells = cell_means(plane_table(fit, MM), readings)
+    cells = cell_means(branches_of(fit, MM)[0], readings)
     assert cells.basis == "predicted scatter"
     # 1 to 1.2 times the noise of 2 µm, a little less where two share a node.
     assert 1.7 < cells.chance < 2.4
-    many = cell_means(plane_table(plane(), MM), readings_of(plane(), MM))
+    many = cell_means(branches_of(plane(), MM)[0], readings_of(plane(), MM))
     assert many.basis == "scatter of the readings"
 
 

@@ -18,12 +18,8 @@ from ...machine import (
     STRAIGHTEDGE,
     TRAVEL,
     VirtualMachine,
-    measure_length,
-    measure_straightness,
-    measure_surface,
-    write_laser_table,
-    write_straightness,
-    write_surface,
+    measure,
+    write_reading,
 )
 
 _MANIFEST = ".axcomp-demo.json"
@@ -93,13 +89,19 @@ def write_measurements(folder: Path, machine: VirtualMachine, seed: int) -> None
     targets[1:-1] += np.round(rng.uniform(-2.5, 2.5, targets.size - 2), 3)
     along = np.linspace(0.0, length, 41)
     points = _probe_points(length, width, rng)
-    laser = measure_length(machine, "X", targets, 5, LASER, seed + 1)
-    beam = measure_straightness(machine, "Y", "X", along, 3, STRAIGHTEDGE, seed + 2)
-    surface = measure_surface(machine, "Z", ("X", "Y"), points, PROBE, seed + 3)
+    ascending, lengths = np.sort(targets)[:, None], along[:, None]
+    laser = measure(
+        machine, "X", ("X",), ascending, LASER, seed + 1, runs=5, ways=(1, -1)
+    )
+    beam = measure(machine, "Y", ("X",), lengths, STRAIGHTEDGE, seed + 2, runs=3)
+    surface = measure(machine, "Z", ("X", "Y"), points, PROBE, seed + 3)
     folder.mkdir(parents=True, exist_ok=True)
-    write_laser_table(folder / "laser_x.csv", laser)
-    write_straightness(folder / "straightness_y.csv", "X", beam)
-    write_surface(folder / "surface_z.csv", ("X", "Y"), surface)
+    for name, header, found in (
+        ("laser_x", "run,direction,target [mm],error [um]", laser),
+        ("straightness_y", "run,x [mm],deviation [um]", beam),
+        ("surface_z", "x [mm],y [mm],dz [um]", surface),
+    ):
+        write_reading(folder / f"{name}.csv", header, found)
 
 
 def _probe_points(

@@ -265,7 +265,7 @@ class FrictionResult(AbstractResult):
                 "with_list": circle.spikes[1],
                 "radius": circle.radius,
                 "feed": circle.feed,
-                "loop": str(circle.loop),
+                "loop": circle.loop,
             },
             "message": fit.message,
         }

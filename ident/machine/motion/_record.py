@@ -104,14 +104,10 @@ class WorkingMachine:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class MotionLog:
+class MotionLog(Programme):
     """What was recorded while a machine moved, with the truth; one row per sample.
 
     Attributes:
-        time: Of the controller in s.
-        position: Commanded, by axis in mm.
-        velocity: Commanded, in mm/s.
-        acceleration: Commanded, in mm/s².
         encoder: As the controller displays it, what lists add taken off, in mm.
         actual: As the external instrument has it, in mm; late by its delay.
         current: Torque feedback in A; it opposes the motion.
@@ -121,10 +117,6 @@ class MotionLog:
         wrong: Truth: readings of the instruments that are wrong.
     """
 
-    time: Float[np.ndarray, " t"]
-    position: Mapping[str, Float[np.ndarray, " t"]]
-    velocity: Mapping[str, Float[np.ndarray, " t"]]
-    acceleration: Mapping[str, Float[np.ndarray, " t"]]
     encoder: Mapping[str, Float[np.ndarray, " t"]]
     actual: Mapping[str, Float[np.ndarray, " t"]]
     current: Mapping[str, Float[np.ndarray, " t"]]
@@ -136,21 +128,17 @@ class MotionLog:
     def __len__(self) -> int:
         return len(self.time)
 
-    def take(self, rows: slice | np.ndarray) -> "MotionLog":
-        """Return some of the rows."""
-
-        def of(value: Any) -> Any:
-            if isinstance(value, State):
-                return value.take(rows)
-            if isinstance(value, Mapping):
-                return {name: each[rows] for name, each in value.items()}
-            return value[rows]
-
-        return MotionLog(**{name: of(value) for name, value in vars(self).items()})
-
     def every(self, step: int) -> "MotionLog":
         """Return each row of so many, as one thins a log that is too long."""
-        return self.take(slice(None, None, step))
+
+        def thinned(value: Any) -> Any:
+            if isinstance(value, State):
+                return State(**thinned(vars(value)))
+            if isinstance(value, Mapping):
+                return {name: thinned(each) for name, each in value.items()}
+            return value[::step]
+
+        return MotionLog(**thinned(vars(self)))
 
 
 def record(work: WorkingMachine, programme: Programme, seed: int) -> MotionLog:
@@ -183,10 +171,7 @@ def record(work: WorkingMachine, programme: Programme, seed: int) -> MotionLog:
         truth[axis] = fault + added[axis]
         actual[axis], wrong[axis] = work.trackers[axis].read(raw[axis] + fault, rng)
     return MotionLog(
-        time=programme.time,
-        position=programme.position,
-        velocity=programme.velocity,
-        acceleration=programme.acceleration,
+        **vars(programme),
         encoder=encoder,
         actual=actual,
         current=current,

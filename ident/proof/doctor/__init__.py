@@ -4,9 +4,6 @@ The change between both is what the lists did. What explains it is searched as f
 the controller (`verify`); each fault gets its probability, and below `SURE` nothing is said.
 """
 
-from ._diagnose import (
-    Diagnosis as Diagnosis,
-    diagnose as diagnose,
-    not_judged as not_judged,
-)
+from ._cases import Diagnosis as Diagnosis
+from ._diagnose import diagnose as diagnose, not_judged as not_judged
 from ._measured import Measured as Measured

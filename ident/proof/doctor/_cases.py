@@ -2,7 +2,8 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -12,8 +13,8 @@ from ..verify import (
     FAULT,
     AbstractChannel,
     Found,
+    Hypothesis,
     LogMotion,
-    Rival,
     Target,
     said,
     search,
@@ -41,39 +42,39 @@ _WORDS = ("sign", "unit", "twice", "shift", "swapped")
 
 
 @dataclasses.dataclass(frozen=True)
-class Case:
-    """One explanation.
+class Diagnosis:
+    """What is wrong with one compensation of one axis.
 
     Attributes:
-        word: Of the interface.
-        criterion: −2 log likelihood, with what it is less likely beforehand.
-        sentence: What the list does then.
-        value: Of the verdict: a factor, a shift in mm or °, or the number of an axis.
-        sign: 1 where the list acts here with its sign, −1 with the opposite one, else 0.
+        axis: Logical number.
+        compensation: As in a job file.
+        verdict: ``right``, ``sign``, ``unit``, ``shift``, ``wrong axis``, ``twice`` or
+            ``cannot tell``.
+        value: Factor of the offset; shift in mm or °; number of the other axis; None
+            where there is none.
+        probability: Of the verdict, given that one of them is true.
+        sentence: For the person at the machine.
+        sign: 1 where the list surely acts with the sign that it has, right or shifted,
+            −1 where surely with the opposite one; 0 where neither is sure.
     """
 
-    word: str
-    criterion: float
-    sentence: str = ""
+    axis: int
+    compensation: str
+    verdict: str
     value: float | None = None
+    probability: float = 0.0
+    sentence: str = ""
     sign: int = 0
 
-    @classmethod
-    def of(cls, one: Rival, channel: AbstractChannel) -> "Case":
-        """Return what a hypothesis is called: several faults at once are no explanation."""
-        found, scale = one.hypothesis.faults(channel), one.hypothesis.scale
-        words = [word for word in found if word in _WORDS]
-        if not words:
-            return cls("right", one.criterion, _RIGHT, 1.0, 1)
-        if words[0] == "sign":  # whatever its size
-            words = [word for word in words if word not in ("unit", "twice")]
-        if one.hypothesis.is_free or len(words) > 1:
-            return cls("cannot tell", one.criterion)
-        text = said(one.hypothesis, channel, _WORDS)
-        if words == ["swapped"]:
-            return cls("wrong axis", one.criterion, text)
-        value = found["shift"] if words == ["shift"] else scale
-        return cls(words[0], one.criterion, text, value, 1 if scale > 0 else -1)
+    def as_tree(self) -> dict[str, Any]:
+        """Return it as result.json has it."""
+        return {
+            "verdict": self.verdict,
+            "value": self.value,
+            "probability": self.probability,
+            "sign": self.sign,
+            "sentence": self.sentence,
+        }
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,25 +127,47 @@ class Scene:
         return dataclasses.replace(found, band=_BAND)
 
 
-def cases_of(use: InUse, scene: Scene) -> tuple[Sequence[Case], float, float | None]:
+Case = tuple[float, Diagnosis]
+"""−2 log likelihood of an explanation, with what it is less likely beforehand."""
+
+
+def cases_of(use: InUse, scene: Scene) -> tuple[list[Case], float, float | None]:
     """Return every explanation of a change, and what else the fits say of it.
 
     That is the factor of the offset that fits best, and the largest shift in mm or ° that
     the readings cannot exclude and that would matter; None where there is none.
     """
     channel, target = scene.channel(use, use.axis), scene.target(use, use.axis)
-    inner, power = target.products(channel.column(channel.plain)[None])
-    if power[0] <= 1e-18 * len(target.values):
-        return [Case("cannot tell", 0.0)], 1.0, None
+    factor, _, power = target.fitted(channel.column(channel.plain)[None])
+    if not power[0]:
+        return [(0.0, Diagnosis(use.axis, use.name, "cannot tell"))], 1.0, None
     found = search(channel, target)
     cases = []
     for one in found.rivals:
         shift = one.hypothesis.change.shift
         # One that changes less than another factor may counts as none.
         if not any(shift) or _matters(channel, np.array([shift]), _BAND)[0]:
-            cases.append(Case.of(one, channel))
+            cases.append((one.criterion, _named(one.hypothesis, channel)))
     cases += _elsewhere(use, scene, found)
-    return cases, float(inner[0] / power[0]), _blind(channel, target, found)
+    return cases, float(factor[0]), _blind(channel, target, found)
+
+
+def _named(one: Hypothesis, channel: AbstractChannel) -> Diagnosis:
+    """Return what a hypothesis is called: several faults at once are no explanation."""
+    found, own = one.faults(channel), (channel.axis, channel.compensation)
+    words = [word for word in found if word in _WORDS]
+    sign = 1 if one.scale > 0 else -1
+    if not words:
+        return Diagnosis(*own, "right", 1.0, sentence=_RIGHT, sign=1)
+    if words[0] == "sign":  # whatever its size
+        words = [word for word in words if word not in ("unit", "twice")]
+    if one.is_free or len(words) > 1:
+        return Diagnosis(*own, "cannot tell")
+    text = said(one, channel, _WORDS)
+    if words == ["swapped"]:
+        return Diagnosis(*own, "wrong axis", sentence=text)
+    value = found["shift"] if words == ["shift"] else one.scale
+    return Diagnosis(*own, words[0], value, sentence=text, sign=sign)
 
 
 def _matters(
@@ -165,8 +188,7 @@ def _blind(channel: AbstractChannel, target: Target, found: Found) -> float | No
     tried = np.concatenate([none, shifts])
     part = target.at(found.rows)
     columns = channel.columns_at(channel.plain, tried, found.rows)
-    left = np.array([part.left_by(column) for column in columns])
-    misfit = part.criterion(left, found.samples)
+    misfit = part.criterion(part.left_by(columns), found.samples)
     near = misfit[1:] < misfit[0] + _EXCLUDED
     return float(np.abs(shifts[near]).max()) if near.any() else None
 
@@ -188,7 +210,7 @@ def _shifts(channel: AbstractChannel) -> Float[np.ndarray, "s k"]:
 def _elsewhere(use: InUse, scene: Scene, found: Found) -> list[Case]:
     """Return the cases in which nothing is added here: on another axis, or nowhere."""
     cases: list[Case] = []
-    own = scene.name(use.axis)
+    own, here = (use.axis, use.name), scene.name(use.axis)
     for axis, change in scene.changes.items():
         if axis == use.axis or any(one not in change.positions for one in use.masters):
             continue
@@ -196,12 +218,14 @@ def _elsewhere(use: InUse, scene: Scene, found: Found) -> list[Case]:
         if np.ptp(channel.column(channel.plain)) > 0.0:
             there = search(channel, scene.target(use, axis))
             gain = there.rivals[0].criterion + FAULT - there.nothing
-            words = f"acts on {scene.name(axis)} instead of {own}"
-            cases.append(Case("wrong axis", found.nothing + gain, words, float(axis)))
+            words = f"acts on {scene.name(axis)} instead of {here}"
+            told = Diagnosis(*own, "wrong axis", float(axis), sentence=words)
+            cases.append((found.nothing + gain, told))
     if cases:
         # Not where it was measured: not active, or on an axis that nobody looked at.
-        return [*cases, Case("cannot tell", found.nothing)]
+        return [*cases, (found.nothing, Diagnosis(*own, "cannot tell"))]
     words = (
-        f"does nothing to {own}: it acts on another axis, follows another master, or"
+        f"does nothing to {here}: it acts on another axis, follows another master, or is"
+        " not active"
     )
-    return [Case("wrong axis", found.nothing, f"{words} is not active")]
+    return [(found.nothing, Diagnosis(*own, "wrong axis", sentence=words))]

@@ -1,8 +1,8 @@
 """From measurements without and with the lists to what is wrong with them."""
 
 import dataclasses
+import operator
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from ....data.lists import ListFile
 from ....models import Conventions
 from ...exchange import ExchangeError, InUse, Reading, machine_lists
 from ..verify import FAULT
-from ._cases import SUSPECTED, Case, Scene, cases_of
+from ._cases import SUSPECTED, Diagnosis, Scene, cases_of
 from ._measured import Difference, Measured, difference
 
 SURE = 0.99
@@ -18,42 +18,6 @@ SURE = 0.99
 
 _FEWEST = 4
 """Places that an axis must have been measured at, both times."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Diagnosis:
-    """What is wrong with one compensation of one axis.
-
-    Attributes:
-        axis: Logical number.
-        compensation: As in a job file.
-        verdict: ``right``, ``sign``, ``unit``, ``shift``, ``wrong axis``, ``twice`` or
-            ``cannot tell``.
-        value: Factor of the offset; shift in mm or °; number of the other axis; None
-            where there is none.
-        probability: Of the verdict, given that one of them is true.
-        sentence: For the person at the machine.
-        sign: 1 where the list surely acts with the sign that it has, right or shifted,
-            −1 where surely with the opposite one; 0 where neither is sure.
-    """
-
-    axis: int
-    compensation: str
-    verdict: str
-    value: float | None
-    probability: float
-    sentence: str
-    sign: int = 0
-
-    def as_tree(self) -> dict[str, Any]:
-        """Return it as result.json has it."""
-        return {
-            "verdict": self.verdict,
-            "value": self.value,
-            "probability": self.probability,
-            "sign": self.sign,
-            "sentence": self.sentence,
-        }
 
 
 def diagnose(
@@ -142,31 +106,26 @@ def _state(use: InUse, measured: Sequence[Measured], loaded: bool) -> int:
 def _judged(use: InUse, scene: Scene, blurred: bool) -> Diagnosis:
     cases, factor, blind = cases_of(use, scene)
     # Of each word the best case, less likely beforehand where it is a fault.
-    best_of: dict[str, Case] = {}
-    for one in sorted(cases, key=lambda one: one.criterion):
-        best_of.setdefault(one.word, one)
-    likely = {
-        word: -0.5 * (one.criterion - (FAULT - SUSPECTED) * (word != "right"))
-        for word, one in best_of.items()
-    }
+    best_of: dict[str, Diagnosis] = {}
+    likely: dict[str, float] = {}
+    for criterion, one in sorted(cases, key=operator.itemgetter(0)):
+        if best_of.setdefault(one.verdict, one) is one:
+            cost = criterion - (FAULT - SUSPECTED) * (one.verdict != "right")
+            likely[one.verdict] = -0.5 * cost
     total = np.logaddexp.reduce(list(likely.values()))
     by_word = {word: float(np.exp(one - total)) for word, one in likely.items()}
     word = max(by_word, key=lambda name: by_word[name])
-    best = best_of[word]
-    told = by_word[word] >= SURE and word != "cannot tell"
-    told = told and (word == "right" or not blurred)
-    verdict = word if told and (word != "right" or blind is None) else "cannot tell"
+    best = dataclasses.replace(best_of[word], probability=by_word[word])
+    sure = by_word[word] >= SURE and (word == "right" or not blurred)
+    if sure and word != "cannot tell" and (word != "right" or blind is None):
+        return best
     unit = "°" if use.axis in scene.reading.modulo else "mm"
-    doubt = f"cannot tell: {_doubt(by_word, factor, blind, unit)}"
-    unsure = verdict == "cannot tell"
-    return Diagnosis(
-        axis=use.axis,
-        compensation=use.name,
-        verdict=verdict,
-        value=None if unsure else best.value,
-        probability=by_word[word],
-        sentence=doubt if unsure else best.sentence,
-        sign=best.sign if told else 0,
+    return dataclasses.replace(
+        best,
+        verdict="cannot tell",
+        value=None,
+        sentence=f"cannot tell: {_doubt(by_word, factor, blind, unit)}",
+        sign=best.sign if sure else 0,
     )
 
 

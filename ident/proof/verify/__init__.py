@@ -22,7 +22,7 @@ from ._channel import (
 from ._hypothesis import FAULT as FAULT, Hypothesis as Hypothesis
 from ._judge import Verdict as Verdict
 from ._motion import LogMotion as LogMotion
-from ._search import Found as Found, Rival as Rival, search as search
+from ._search import Found as Found, search as search
 from ._tables import TableChannel as TableChannel, ways_of as ways_of
 from ._target import Target as Target
 from ._verify import Verification as Verification, verify_log as verify_log

@@ -37,11 +37,9 @@ def scaled(
 
     Factors that leave twice as much as the best one cannot win.
     """
-    inner, power = (float(one[0]) for one in target.products(column[None]))
-    if power <= 1e-18 * len(column):
+    best, least, power = (float(one[0]) for one in target.fitted(column[None]))
+    if not power:
         return {Hypothesis(change, lag): target.power}
-    best = inner / power
-    least = target.power - best * inner
     away = _away(np.full(1, best), target.band)[0]
     squares = (least + np.square(away) * power).tolist()
     near = np.argsort(np.abs(away))[:2]
@@ -138,15 +136,11 @@ def least_squares(
     target: Target, columns: Float[np.ndarray, "s r"]
 ) -> Float[np.ndarray, " s"]:
     """Return the least that each column leaves, by any factor that `scaled` tries."""
-    inner, power = target.products(columns)
-    seen = power > 1e-18 * columns.shape[1]
-    best = inner / np.where(seen, power, 1.0)
-    left = target.power - best * inner
+    best, left, power = target.fitted(columns)
     # A factor near one of a fault is that one: what it leaves is what that one leaves.
     away = np.abs(_away(best, target.band))
     named = (away <= FREE_BAND * np.abs(_SIZES)).any(axis=1)
-    left = left + np.where(named, np.square(away.min(axis=1)) * power, 0.0)
-    return np.where(seen, left, target.power)
+    return left + np.where(named, np.square(away.min(axis=1)) * power, 0.0)
 
 
 def _along(

@@ -134,7 +134,10 @@ class _Rows:
 
     def squares(self, hypotheses: Iterable[Hypothesis]) -> dict[Hypothesis, float]:
         """Return the sum of squares that each hypothesis leaves."""
-        return {one: self.target.left_by(self.column(one)) for one in hypotheses}
+        return {
+            one: float(self.target.left_by(self.column(one)[None])[0])
+            for one in hypotheses
+        }
 
     def ranked(self, left: Mapping[Hypothesis, float], samples: float) -> list[Rival]:
         """Return hypotheses, the best first, by the sum of squares that each leaves."""

@@ -82,23 +82,30 @@ class Target:
         """Sum of squares."""
         return float(self.values @ self.values)
 
-    def products(
+    def fitted(
         self, columns: Float[np.ndarray, "h t"]
-    ) -> tuple[Float[np.ndarray, " h"], Float[np.ndarray, " h"]]:
-        """Return the products of columns with the target, and with themselves."""
+    ) -> tuple[
+        Float[np.ndarray, " h"], Float[np.ndarray, " h"], Float[np.ndarray, " h"]
+    ]:
+        """Return the factors that fit columns best, what these leave, and their power.
+
+        A column without any, or that the free ones make up, has factor 0 and power 0.
+        """
         if self.root is not None:
             columns = self.root * columns
         power = np.einsum("ht,ht->h", columns, columns)
         if self.basis.shape[1]:
             power = power - np.square(columns @ self.basis).sum(axis=1)
-        return columns @ self.values, power
+        power = np.where(power > 1e-18 * columns.shape[1], power, 0.0)
+        inner = columns @ self.values
+        best = np.where(power > 0.0, inner, 0.0) / np.where(power > 0.0, power, 1.0)
+        return best, self.power - best * inner, power
 
-    def left_by(self, column: Float[np.ndarray, " t"]) -> float:
-        """Return the squares that a column leaves, as it is or by a factor in the band."""
-        inner, power = (float(one[0]) for one in self.products(column[None]))
-        best = inner / power if power > 0.0 else 1.0
-        factor = min(max(best, 1.0 - self.band), 1.0 + self.band)
-        return self.power - 2.0 * factor * inner + factor**2 * power
+    def left_by(self, columns: Float[np.ndarray, "h t"]) -> Float[np.ndarray, " h"]:
+        """Return the squares that columns leave, as they are or by factors in the band."""
+        best, least, power = self.fitted(columns)
+        factor = np.clip(best, 1.0 - self.band, 1.0 + self.band)
+        return np.asarray(least + np.square(factor - best) * power)
 
     def criterion(
         self, squares: Float[np.ndarray, " h"], samples: float

@@ -1,6 +1,5 @@
 """Plots and sentences of a plane, cross or leadscrew table."""
 
-import matplotlib as mpl
 import numpy as np
 
 from ....data.measurements import iso230
@@ -71,9 +70,6 @@ def _iso_plot(fit: TableResult) -> Plot | None:
     seen = fit.measured
     if seen is not None and (proven := seen.iso230) is not None:
         tests[fit.measured_as] = proven
-    # The chart marks B with a mathematical sign; a name may hold a dollar all the same.
-    with mpl.rc_context({"text.parse_math": True}):
-        name = fit.axis.replace("$", r"\$")
-        figure = draw_iso_chart(tests, axis=name, unit=fit.unit, caption=False)
+    figure = draw_iso_chart(tests, axis=fit.axis, unit=fit.unit, caption=False)
     caption = iso_chart_sentence(tests, unit=fit.unit)
     return Plot("iso-230-2", "ISO 230-2: all runs and their means", figure, caption)

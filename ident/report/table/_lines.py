@@ -1,83 +1,47 @@
 """One-dimensional tables: error curve with its uncertainty, old list against new."""
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 from matplotlib.axes import Axes
 
 from ...job import TableResult
 from .. import _style as style
 from .._body import Plot
-from .._scale import Scale, count, grouped, number, place
+from .._scale import Scale, number
+from ._fitted import Fitted, branches_of, say_change, say_drawn, say_empty
 from ._readings import Readings
 
 _ERROR_BARS = 130
 """Up to this many nodes carry bars; more would run together, so they get a band."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Branch:
-    """One direction of a 1-D table in display units.
-
-    Attributes:
-        direction: ±1, or 0 for a table that serves both.
-        value: Error at each node in µm.
-        sd: Its standard deviation in µm.
-        support: Readings that touch the node; 0 = not measured.
-    """
-
-    direction: int
-    value: Float[np.ndarray, " n"]
-    sd: Float[np.ndarray, " n"]
-    support: Int[np.ndarray, " n"]
-
-    @property
-    def measured(self) -> Bool[np.ndarray, " n"]:
-        """Nodes that at least one reading touches."""
-        return self.support > 0
-
-
-def branches_of(fit: TableResult, scale: Scale) -> tuple[Branch, ...]:
-    """Return the error curve of a 1-D fit in display units; errors, not list entries."""
-    layout = fit.fit.layout
-    shape = (layout.branches, len(layout.nodes[0]))
-    values = np.reshape(fit.fit.values, shape) * scale.factor
-    sds = np.reshape(fit.fit.standard_deviation, shape) * scale.factor
-    supports = np.reshape(fit.fit.support, shape)
-    directions = (1, -1) if layout.branches == 2 else (0,)
-    return tuple(
-        Branch(*row) for row in zip(directions, values, sds, supports, strict=True)
-    )
-
-
 def curve_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     """Draw the measured error, the nodes with ± 2 sd, and the unmeasured ones."""
-    nodes, branches = fit.fit.layout.nodes[0], branches_of(fit, scale)
+    branches = branches_of(fit, scale)
     figure, (axes,) = style.new_figure(3.4)
     drawn = _draw_readings(axes, readings)
     for branch in branches:
-        _draw_branch(axes, nodes, branch)
+        _draw_branch(axes, branch)
     _frame_curve(axes, branches, readings)
     axes.set_xlabel(f"{fit.masters[0]} in {scale.position}")
     axes.set_ylabel(f"error of {fit.axis} in {scale.error}")
     axes.margins(x=0.02)
     figure.legend(*_unique(axes), loc="outside upper right", ncols=2)
-    caption = _say_curve(fit, branches, readings, scale, drawn)
+    caption = _say_curve(branches, readings, scale, drawn)
     return Plot("error-curve", "Measured error and the fitted table", figure, caption)
 
 
 def change_plot(fit: TableResult, scale: Scale) -> Plot | None:
     """Draw the old list entries against the new ones, where there was an old list."""
-    if not fit.old_table or len(fit.masters) != 1:
+    if len(fit.masters) != 1 or not set(fit.old_table or ()) & set(fit.table):
         return None
+    assert fit.old_table is not None  # it shares a branch
     nodes = fit.nodes[0]
     figure, (upper, lower) = style.new_figure(
         4.2, 2, 1, sharex=True, height_ratios=[3, 2]
     )
-    largest, where, name = 0.0, float(nodes[0]), ""
     for branch, new in fit.table.items():
         direction = {"pos": 1, "neg": -1}.get(branch, 0) if len(fit.table) > 1 else 0
         old = fit.old_table.get(branch)
@@ -94,20 +58,14 @@ def change_plot(fit: TableResult, scale: Scale) -> Plot | None:
                    label=f"old{label}", **dots)  # fmt: skip
         change = (new - old) * scale.factor
         lower.plot(nodes, change, color=colour, **dots)
-        at = int(np.argmax(np.abs(change)))
-        if abs(change[at]) >= abs(largest):
-            largest, where, name = float(change[at]), float(nodes[at]), label
     upper.set_ylabel(f"list entry in {scale.error}")
     lower.set_ylabel(f"new − old in {scale.error}")
     lower.set_xlabel(f"{fit.masters[0]} in {scale.position}")
     lower.axhline(0, color=style.INK, linewidth=0.8)
     figure.legend(*_unique(upper), loc="outside upper right", ncols=4)
-    caption = (
-        f"The largest change is {number(largest, signed=True)} {scale.error} at "
-        f"{fit.masters[0]} = {place(where)} {scale.position}{name}. "
-        "Values have the sign of the list entries."
+    return Plot(
+        "old-and-new", "Old list against new list", figure, say_change(fit, scale)
     )
-    return Plot("old-and-new", "Old list against new list", figure, caption)
 
 
 def _draw_readings(axes: Axes, readings: Readings) -> int:
@@ -126,7 +84,8 @@ def _draw_readings(axes: Axes, readings: Readings) -> int:
     return len(chosen)
 
 
-def _draw_branch(axes: Axes, nodes: Float[np.ndarray, " n"], branch: Branch) -> None:
+def _draw_branch(axes: Axes, branch: Fitted) -> None:
+    (nodes,) = branch.nodes
     colour = style.DIRECTION_COLOR[branch.direction]
     marker = style.DIRECTION_MARKER[branch.direction]
     name = style.DIRECTION_NAME[branch.direction]
@@ -153,7 +112,7 @@ def _draw_branch(axes: Axes, nodes: Float[np.ndarray, " n"], branch: Branch) -> 
         )  # fmt: skip
 
 
-def _frame_curve(axes: Axes, branches: Sequence[Branch], readings: Readings) -> None:
+def _frame_curve(axes: Axes, branches: Sequence[Fitted], readings: Readings) -> None:
     """Choose the limits by what is sound; wild readings become marks at the edge."""
     sound = readings.before[~readings.wild]
     tops = [branch.value + 2 * branch.sd for branch in branches]
@@ -182,32 +141,19 @@ def _unique(axes: Axes) -> tuple[list[Any], list[str]]:
 
 
 def _say_curve(
-    fit: TableResult,
-    branches: Sequence[Branch],
-    readings: Readings,
-    scale: Scale,
-    drawn: int,
+    branches: Sequence[Fitted], readings: Readings, scale: Scale, drawn: int
 ) -> str:
-    unit, at, nodes = scale.error, fit.masters[0], fit.fit.layout.nodes[0]
-    parts = []
-    for branch in branches:
-        low, high = int(np.argmin(branch.value)), int(np.argmax(branch.value))
-        which = (
-            "The fitted error"
-            if branch.direction == 0
-            else f"{style.DIRECTION_NAME[branch.direction].capitalize()} the error"
-        )
-        parts.append(
-            f"{which} runs from {number(branch.value[low])} {unit} at {at} = "
-            f"{place(nodes[low])} to {number(branch.value[high])} {unit} at "
-            f"{at} = {place(nodes[high])} {scale.position}."
-        )
+    unit = scale.error
+    names = {0: "The fitted error"} | {
+        way: f"{style.DIRECTION_NAME[way].capitalize()} the error" for way in (1, -1)
+    }
+    parts = [one.runs(names[one.direction], scale) for one in branches]
     if len(branches) == 2:
         gap = branches[0].value - branches[1].value
         most = int(np.argmax(np.abs(gap)))
         parts.append(
             f"The two directions differ by {number(float(np.mean(gap)))} {unit} on "
-            f"average (+ minus −), most at {at} = {place(nodes[most])} "
+            f"average (+ minus −), most at {branches[0].where(most)} "
             f"{scale.position}: {number(gap[most])} {unit}."
         )
     sd = np.concatenate([branch.sd[branch.measured] for branch in branches])
@@ -216,14 +162,6 @@ def _say_curve(
             f"Half of the measured nodes are known to ± {number(2 * np.median(sd))} "
             f"{unit} (2 sd) or better, the worst to ± {number(2 * sd.max())} {unit}."
         )
-    empty = sum(int((~branch.measured).sum()) for branch in branches)
-    if empty:
-        parts.append(
-            f"{count(empty, 'node is', 'nodes are')} not measured (hollow marks): "
-            "their value is an assumption drawn from the neighbours."
-        )
-    if drawn < readings.total - readings.total_wild:
-        parts.append(
-            f"{grouped(drawn)} of {grouped(readings.total)} readings are drawn."
-        )
-    return " ".join(parts)
+    parts.append(say_empty(branches, "hollow marks"))
+    sound = readings.total - readings.total_wild
+    return " ".join(parts) + say_drawn(drawn, sound)

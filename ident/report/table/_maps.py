@@ -10,16 +10,15 @@ from matplotlib.ticker import MaxNLocator
 from ...job import TableResult
 from .. import _style as style
 from .._body import Plot
-from .._scale import Scale, count, grouped, number, percent
+from .._scale import Scale, count, grouped, number
+from ._fitted import Fitted, branches_of, say_change, say_drawn, say_empty
 from ._plane import (
-    PlaneTable,
     bar,
     hatch,
     hatch_key,
     heat,
     label,
     map_height,
-    plane_table,
     spread_limits,
     symmetric,
 )
@@ -31,16 +30,14 @@ _TALL = 3.8
 
 def error_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     """Draw the fitted error with the measured points; unmeasured nodes hatched."""
-    table = plane_table(fit, scale)
+    (table,) = branches_of(fit, scale)
     figure, (axes,) = style.new_figure(map_height(table) + 0.5)
     mesh = heat(axes, table, table.value, diverging=True)
     bar(figure, mesh, [axes], f"error of {fit.axis} in {scale.error}")
-    chosen = style.thin(readings.size)
-    axes.plot(
-        readings.positions[chosen, 0], readings.positions[chosen, 1],
-        linestyle="none", marker="o", markeredgewidth=0, color=style.INK,
-        markersize=float(np.clip(60 / np.sqrt(chosen.size), 0.9, 3)), alpha=0.55,
-        rasterized=style.as_raster(chosen.size), label="reading",
+    drawn = min(readings.size, style.DRAWN_POINTS)
+    style.marks(
+        axes, *readings.positions.T, color=style.INK, alpha=0.55, label="reading",
+        size=float(np.clip(60 / np.sqrt(drawn), 0.9, 3)), most=drawn,
     )  # fmt: skip
     wild = np.flatnonzero(readings.wild)
     shown = wild[style.thin(wild.size, 400)]
@@ -56,13 +53,16 @@ def error_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     if not table.measured.all():
         handles.append(hatch_key())
     figure.legend(handles=handles, loc="outside upper right", ncols=3, markerscale=2)
-    caption = _say_error(table, readings, scale, chosen.size)
+    caption = (
+        f"{table.runs('At measured nodes the error', scale)}"
+        f" {say_empty([table], 'hatched')}{say_drawn(drawn, readings.total)}"
+    )
     return Plot("error-map", "Measured error of the surface", figure, caption)
 
 
 def coverage_maps(fit: TableResult, scale: Scale) -> Plot:
     """Draw the standard deviation of every node, and how many readings touch it."""
-    table = plane_table(fit, scale)
+    (table,) = branches_of(fit, scale)
     height = map_height(table)
     # Two wide maps stand one above the other, two square ones side by side.
     if height > _TALL:
@@ -90,7 +90,7 @@ def change_maps(fit: TableResult, scale: Scale) -> Plot | None:
     """Draw the old entries, the new ones and the difference, where there was a list."""
     if not fit.old_table or len(fit.masters) != 2:
         return None
-    table = plane_table(fit, scale)
+    (table,) = branches_of(fit, scale)
     (name, new), *_ = fit.table.items()
     old = fit.old_table.get(name)
     if old is None:
@@ -115,14 +115,9 @@ def change_maps(fit: TableResult, scale: Scale) -> Plot | None:
     for axes in panels:
         hatch(axes, table)
         label(axes, table, scale)
-    most = int(np.argmax(np.abs(change)))
-    caption = (
-        f"The largest change is {number(change.ravel()[most], signed=True)} "
-        f"{scale.error} at {table.where(most)} {scale.position}; rms of the change "
-        f"{number(float(np.sqrt(np.mean(change**2))))} {scale.error}. "
-        "Values have the sign of the list entries."
+    return Plot(
+        "old-and-new", "Old list against new list", figure, say_change(fit, scale)
     )
-    return Plot("old-and-new", "Old list against new list", figure, caption)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,7 +132,7 @@ class CellMeans:
     """What `chance` rests on, in words."""
 
 
-def cell_means(table: PlaneTable, readings: Readings) -> CellMeans:
+def cell_means(table: Fitted, readings: Readings) -> CellMeans:
     """Return the mean predicted error of the sound readings nearest to each node."""
     keep = readings.sound
     value = readings.predicted[keep]
@@ -156,14 +151,14 @@ def cell_means(table: PlaneTable, readings: Readings) -> CellMeans:
 
 
 def mean_by_cell(
-    table: PlaneTable,
+    table: Fitted,
     positions: Float[np.ndarray, "t 2"],
     value: Float[np.ndarray, " t"],
 ) -> tuple[Float[np.ndarray, "j i"], Int[np.ndarray, "j i"], Int[np.ndarray, " t"]]:
     """Return mean and number of the readings nearest to each node, and their node."""
-    columns, rows = len(table.across), len(table.up)
-    i = np.searchsorted(style.middles(table.across), positions[:, 0])
-    j = np.searchsorted(style.middles(table.up), positions[:, 1])
+    columns, rows = len(table.nodes[0]), len(table.nodes[1])
+    i = np.searchsorted(style.middles(table.nodes[0]), positions[:, 0])
+    j = np.searchsorted(style.middles(table.nodes[1]), positions[:, 1])
     cell = j * columns + i
     number_of = np.bincount(cell, minlength=rows * columns)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -174,7 +169,7 @@ def mean_by_cell(
 
 def remainder_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     """Draw what the list leaves behind, as the mean around each node."""
-    table = plane_table(fit, scale)
+    (table,) = branches_of(fit, scale)
     cells = cell_means(table, readings)
     figure, (axes,) = style.new_figure(map_height(table) + 0.5)
     mesh = heat(axes, table, cells.mean, diverging=True)
@@ -190,33 +185,7 @@ def remainder_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     )
 
 
-def _say_error(table: PlaneTable, readings: Readings, scale: Scale, drawn: int) -> str:
-    value = table.value.ravel()
-    known = table.measured.ravel()
-    among = np.flatnonzero(known) if known.any() else np.arange(value.size)
-    low, high = (int(among[pick(value[among])]) for pick in (np.argmin, np.argmax))
-    parts = [
-        f"At measured nodes the error runs from {number(value[low])} {scale.error} "
-        f"({table.where(low)} {scale.position}) to {number(value[high])} {scale.error} "
-        f"({table.where(high)} {scale.position})."
-    ]
-    empty = int((~known).sum())
-    if empty:
-        parts.append(
-            f"{grouped(empty)} of {count(value.size, 'node')} "
-            f"({percent(empty / value.size)}) are not measured (hatched): their value "
-            "is an assumption drawn from the neighbours."
-        )
-    else:
-        parts.append(f"All {count(value.size, 'node')} are measured.")
-    if drawn < readings.total:
-        parts.append(
-            f"{grouped(drawn)} of {grouped(readings.total)} readings are drawn."
-        )
-    return " ".join(parts)
-
-
-def _say_coverage(table: PlaneTable, scale: Scale) -> str:
+def _say_coverage(table: Fitted, scale: Scale) -> str:
     known = table.measured
     if not known.any():
         return "No node is touched by a reading."
@@ -241,7 +210,7 @@ def _say_coverage(table: PlaneTable, scale: Scale) -> str:
     return text
 
 
-def _say_remainder(table: PlaneTable, cells: CellMeans, scale: Scale) -> str:
+def _say_remainder(table: Fitted, cells: CellMeans, scale: Scale) -> str:
     seen = cells.count > 0
     if not seen.any():
         return "No reading has a prediction."

@@ -1,69 +1,21 @@
-"""A fitted plane in display units, and how one layer of it is drawn."""
-
-import dataclasses
+"""How one layer of a fitted plane is drawn."""
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, PathPatch
-from matplotlib.path import Path as Outline
+from matplotlib.patches import Patch
 
-from ...job import TableResult
 from .. import _style as style
-from .._scale import Scale, place
-
-
-@dataclasses.dataclass(frozen=True)
-class PlaneTable:
-    """A fitted plane in display units; arrays are ``[j, i]`` with j along master 2.
-
-    Attributes:
-        masters: Names of master 1 (across) and master 2 (up).
-        across: Node positions of master 1 in mm.
-        up: Node positions of master 2 in mm.
-        value: Error in µm.
-        sd: Its standard deviation in µm.
-        support: Readings that touch the node; 0 = not measured.
-    """
-
-    masters: tuple[str, str]
-    across: Float[np.ndarray, " i"]
-    up: Float[np.ndarray, " j"]
-    value: Float[np.ndarray, "j i"]
-    sd: Float[np.ndarray, "j i"]
-    support: Int[np.ndarray, "j i"]
-
-    @property
-    def measured(self) -> Bool[np.ndarray, "j i"]:
-        """Nodes that at least one reading touches."""
-        return self.support > 0
-
-    def where(self, index: int) -> str:
-        """Return the place of a node, by its flat index, in words."""
-        j, i = divmod(int(index), len(self.across))
-        first, second = self.masters
-        return f"{first} = {place(self.across[i])}, {second} = {place(self.up[j])}"
-
-
-def plane_table(fit: TableResult, scale: Scale) -> PlaneTable:
-    """Return the fitted plane in display units."""
-    own = fit.fit
-    return PlaneTable(
-        (fit.masters[0], fit.masters[1]),
-        own.layout.nodes[0],
-        own.layout.nodes[1],
-        own.values * scale.factor,
-        own.standard_deviation * scale.factor,
-        own.support,
-    )
+from .._scale import Scale
+from ._fitted import Fitted
 
 
 def heat(
     axes: Axes,
-    table: PlaneTable,
+    table: Fitted,
     value: Float[np.ndarray, "j i"],
     *,
     limits: tuple[float, float] | None = None,
@@ -74,8 +26,8 @@ def heat(
         limits = (-span, span)
     axes.grid(False)
     mesh = axes.pcolormesh(
-        style.borders(table.across),
-        style.borders(table.up),
+        style.borders(table.nodes[0]),
+        style.borders(table.nodes[1]),
         value,
         cmap=style.DIVERGING if diverging else style.SEQUENTIAL,
         vmin=limits[0],
@@ -89,49 +41,23 @@ def heat(
 
 def hatch(
     axes: Axes,
-    table: PlaneTable,
+    table: Fitted,
     measured: Bool[np.ndarray, "j i"] | None = None,
     colour: str = "#444444",
 ) -> None:
-    """Hatch the cells of all nodes without readings, as one outline."""
+    """Hatch the cells of all nodes without readings."""
     empty = ~(table.measured if measured is None else measured)
     if not empty.any():
         return
-    across, up = style.borders(table.across), style.borders(table.up)
-    corners: list[tuple[float, float]] = []
-    for first, last, low, high in _rectangles(empty):
-        left, right, bottom, top = across[first], across[last], up[low], up[high]
-        corners += [(left, bottom), (right, bottom), (right, top), (left, top),
-                    (left, bottom)]  # fmt: skip
-    step = [Outline.MOVETO, *[Outline.LINETO] * 3, Outline.CLOSEPOLY]
-    outline = Outline(corners, step * (len(corners) // 5))
-    axes.add_patch(
-        PathPatch(
-            outline,
-            facecolor="none",
-            edgecolor=colour,
-            hatch="////",
-            linewidth=0,
-            gid="not-measured",
-        )
+    # Each border twice: the contour of a cell is the cell.
+    across, up = (np.repeat(style.borders(nodes), 2)[1:-1] for nodes in table.nodes)
+    cells = empty.repeat(2, axis=0).repeat(2, axis=1)
+    drawn = axes.contourf(
+        across, up, cells, levels=[0.5, 1.5], colors="none", hatches=["////"]
     )
-
-
-def _rectangles(mask: Bool[np.ndarray, "j i"]) -> list[tuple[int, int, int, int]]:
-    """Return few rectangles (first, last, low, high; ends exclusive) to fill a mask."""
-    open_runs: dict[tuple[int, int], int] = {}
-    done: list[tuple[int, int, int, int]] = []
-    for row in range(mask.shape[0] + 1):
-        runs: set[tuple[int, int]] = set()
-        if row < mask.shape[0]:
-            padded = np.concatenate([[False], mask[row], [False]]).astype(np.int8)
-            turns = np.flatnonzero(np.diff(padded)).tolist()
-            runs = set(zip(turns[::2], turns[1::2], strict=True))
-        for run in [run for run in open_runs if run not in runs]:
-            done.append((*run, open_runs.pop(run), row))
-        for run in sorted(runs):
-            open_runs.setdefault(run, row)
-    return done
+    drawn.set_edgecolor(colour)
+    drawn.set_linewidth(0)
+    drawn.set_gid("not-measured")
 
 
 def hatch_key(label: str = "not measured") -> Patch:
@@ -147,16 +73,16 @@ def bar(figure: Figure, mesh: QuadMesh, panels: list[Axes], label: str) -> Color
     return drawn
 
 
-def label(axes: Axes, table: PlaneTable, scale: Scale) -> None:
+def label(axes: Axes, table: Fitted, scale: Scale) -> None:
     axes.set_xlabel(f"{table.masters[0]} in {scale.position}")
     axes.set_ylabel(f"{table.masters[1]} in {scale.position}")
 
 
-def _ratio(table: PlaneTable) -> float:
-    return float(np.ptp(table.up)) / (float(np.ptp(table.across)) or 1.0)
+def _ratio(table: Fitted) -> float:
+    return float(np.ptp(table.nodes[1])) / (float(np.ptp(table.nodes[0])) or 1.0)
 
 
-def map_height(table: PlaneTable) -> float:
+def map_height(table: Fitted) -> float:
     return float(np.clip(5.6 * _ratio(table), 1.9, 4.8)) + 0.3
 
 
@@ -165,7 +91,7 @@ def symmetric(value: Float[np.ndarray, "..."]) -> float:
     return float(known.max(initial=0.0)) or 1.0
 
 
-def spread_limits(table: PlaneTable) -> tuple[float, float]:
+def spread_limits(table: Fitted) -> tuple[float, float]:
     """Return colour limits that unmeasured nodes, always the worst, do not stretch."""
     known = table.sd[table.measured] if table.measured.any() else table.sd
     return 0.0, float(known.max()) * 1.05 or 1.0

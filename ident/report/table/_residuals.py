@@ -12,6 +12,9 @@ from .._body import Plot
 from .._scale import Scale, grouped, number, percent, place
 from ._readings import Bins, Readings, bin_means, robust_limit
 
+_MOST_RUNS = 60
+"""More runs than this are not looked at one by one."""
+
 
 @dataclasses.dataclass(frozen=True)
 class View:
@@ -33,7 +36,7 @@ class View:
 
 
 def views_of(fit: TableResult, readings: Readings, scale: Scale) -> list[View]:
-    """Return what to look over: each master, then the time or the order."""
+    """Return what to look over: each master, the time or the order, the runs."""
     unit = f" {scale.position}"
     views = [
         View(name, f"{name} in {scale.position}", unit, readings.positions[:, column])
@@ -44,6 +47,10 @@ def views_of(fit: TableResult, readings: Readings, scale: Scale) -> list[View]:
     else:
         order = "row, in the order of measuring"
         views.append(View("row", order, "", readings.order, whole=True))
+    runs = np.zeros(0) if readings.run is None else readings.run
+    # What belongs to each run has a plot of its own.
+    if 2 <= len(np.unique(runs)) <= _MOST_RUNS and not fit.fit.runs:
+        views.append(View("run", "run", "", np.asarray(runs, dtype=float), whole=True))
     return views
 
 
@@ -51,23 +58,17 @@ def residual_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot | 
     """Draw the predicted remaining error over each master, the order, and the runs."""
     if not readings.sound.any():
         return None
-    known = np.unique([] if readings.run is None else readings.run).astype(float)
-    # What belongs to each run has a plot of its own.
-    runs = known if 2 <= known.size <= 60 and not fit.fit.runs else None
     views = views_of(fit, readings, scale)
-    rows = len(views) + (runs is not None)
+    rows = len(views)
     figure, axes = style.new_figure(1.9 * rows + 0.5, rows, sharey=True)
     limit = robust_limit(readings.predicted[readings.sound])
     found = []
-    for panel, view in zip(axes, views, strict=False):
+    for panel, view in zip(axes, views, strict=True):
         found.append(_draw_cloud(panel, readings, view.where, limit))
         panel.set_xlabel(view.label)
+        panel.set_ylabel(f"remaining in {scale.error}")
         # Rows of a long log are long numbers, which would run into each other.
         panel.locator_params(axis="x", nbins=5 if np.max(view.where) < 1e5 else 3)
-    if runs is not None:
-        _draw_runs(axes[-1], readings, runs)
-    for panel in axes:
-        panel.set_ylabel(f"remaining in {scale.error}")
     handles, names = axes[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper right", ncols=2, markerscale=1.6)
     caption = _say_residuals(
@@ -94,6 +95,7 @@ def _draw_cloud(
     )
     sound = readings.sound
     slices = int(np.clip(np.count_nonzero(sound) // 12, 3, 24))
+    slices = min(slices, len(np.unique(where)))
     bins = bin_means(where[sound], readings.predicted[sound], slices)
     known = bins.count >= 3
     axes.errorbar(
@@ -104,25 +106,6 @@ def _draw_cloud(
     axes.axhline(0, color=style.INK, linewidth=0.7)
     axes.set_ylim(-limit, limit)
     return bins
-
-
-def _draw_runs(axes: Axes, readings: Readings, runs: Float[np.ndarray, " r"]) -> None:
-    """Draw each run as mean and ± 2 standard deviations of its readings."""
-    sound = readings.sound
-    assert readings.run is not None
-    for run in runs:
-        rows = sound & (readings.run == run)
-        value = readings.predicted[rows]
-        if value.size:
-            spread = 2 * float(value.std())
-            axes.errorbar(
-                run, float(value.mean()), spread, marker="o", markersize=4,
-                color=style.GREEN, elinewidth=1.4, capsize=3,
-            )  # fmt: skip
-    axes.axhline(0, color=style.INK, linewidth=0.7)
-    axes.set_xlabel("run (mean ± 2 sd of its readings)")
-    if runs.size <= 12:
-        axes.set_xticks(runs.tolist(), [f"{run:g}" for run in runs])
 
 
 def _say_bins(

@@ -58,24 +58,25 @@ def spread_plot(readings: Readings, scale: Scale) -> Plot | None:
     if spread is None:
         return None
     figure, (axes,) = style.new_figure(2.9)
-    _draw_histogram(axes, spread)
+    draw_scatter(axes, spread.z)
+    axes.set_xlabel("remaining error / predicted sd")
+    axes.set_ylabel("density")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     return Plot(
         "honesty", "Is the stated uncertainty honest?", figure, _say(spread, scale)
     )
 
 
-def _draw_histogram(axes: Axes, spread: Spread) -> None:
+def draw_scatter(axes: Axes, z: Float[np.ndarray, " t"]) -> None:
+    """Draw how errors over their standard deviation are distributed, and a normal law."""
     edges = np.linspace(-4.5, 4.5, 37)
     axes.hist(
-        np.clip(spread.z, -4.5, 4.5), edges.tolist(), density=True, color=style.BLUE,
+        np.clip(z, -4.5, 4.5), edges.tolist(), density=True, color=style.BLUE,
         alpha=0.45, label="seen",
     )  # fmt: skip
     grid = np.linspace(-4.5, 4.5, 181)
-    axes.plot(grid, np.exp(-(grid**2) / 2) / np.sqrt(2 * np.pi), color=style.INK,
-              label="expected")  # fmt: skip
-    axes.set_xlabel("remaining error / predicted sd")
-    axes.set_ylabel("density")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    normal = np.exp(-(grid**2) / 2) / np.sqrt(2 * np.pi)
+    axes.plot(grid, normal, color=style.INK, label="expected")
 
 
 def _say(spread: Spread, scale: Scale) -> str:
