@@ -6,7 +6,6 @@ Columns are only ever added; a change of meaning raises the version.
 import datetime
 import functools
 import hashlib
-import itertools
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -144,11 +143,7 @@ def rows_of(
     remarks = list(result["remarks"])
     for group in result.get("groups", ()):
         remarks += group["remarks"]
-    general = [
-        remark["message"]
-        for remark in remarks
-        if remark["level"] in ("warning", "error")
-    ]
+    general = _warnings(remarks)
     whole = not any(remark["level"] == "error" for remark in remarks)
     return [
         common | _fit_row(k, fit, general, whole)
@@ -183,38 +178,31 @@ def _fit_row(k: int, fit: Mapping[str, Any], general: list[str], whole: bool) ->
         "verdict": fit.get("verdict"),
     }
     for stage, figures in fit["error"].items():
-        for figure in ("rms", "max"):
+        for figure in _SIZES:
             plain = figures.get(figure)
             row[f"{stage}_{figure}"] = figures.get(f"{figure}_without_wild", plain)
-        for figure in ("A", "R", "B", "E", "M"):
+        for figure in _ISO:
             row[f"{stage}_{figure}"] = figures.get(figure)
     levels = {remark["level"] for remark in fit["remarks"]}
     row["gate_failed"] = [one["name"] for one in fit["gate"] if not one["passed"]]
     sound = whole and fit.get("verdict") != "rejected" and "error" not in levels
     row["passed"] = bool(fit["passed"]) and sound
-    row["warnings"] = general + [
-        remark["message"]
-        for remark in fit["remarks"]
-        if remark["level"] in ("warning", "error")
-    ]
+    row["warnings"] = general + _warnings(fit["remarks"])
     return {key: value for key, value in row.items() if key in COLUMNS}
+
+
+def _warnings(remarks: Iterable[Mapping[str, str]]) -> list[str]:
+    levels = ("warning", "error")
+    return [each["message"] for each in remarks if each["level"] in levels]
 
 
 def _flat(table: Any) -> list[Any] | None:
     """Return all numbers of a table in a row; branches follow each other."""
     if table is None:
         return None
-    if isinstance(table, int | float):
-        return [table]
-    if isinstance(table, np.ndarray):
-        return list(table.ravel().tolist())
     if isinstance(table, Mapping):
-        parts: Iterable[Any] = table.values()
-    elif table and isinstance(table[0], list):
-        parts = table
-    else:
-        return list(table)
-    return list(itertools.chain.from_iterable(filter(None, map(_flat, parts))))
+        return [number for part in table.values() for number in _flat(part) or ()]
+    return list(np.asarray(table, dtype=object).ravel().tolist())
 
 
 def as_date(value: Any) -> datetime.date | None:

@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._recording import clocked
-from ._data import Observed
-from ._terms import Kind, Term
+from ._terms import CHANNELS, Kind, Term
 from ._view import AxisView, some_of
 
 _DECAY = 1.5
@@ -56,8 +55,9 @@ def columns_of(view: AxisView, term: Term) -> Float[np.ndarray, "t k"]:
     factors: list[Factor] = []
     for name, owner, most in term.facts.factors:
         whose = term.owners[owner]
-        if name in _CHANNELS:
-            factors.append((_CHANNELS[name](view.data, whose), [_SAME]))
+        if name in _SHAPES:
+            values = getattr(view.data, CHANNELS[name])[whose]
+            factors.append((_SHAPES[name](values), [_SAME]))
         else:
             factors.append(_FACTORS[name](view, term, whose, most))
     inputs = np.stack([channel for channel, _ in factors], axis=1)
@@ -169,17 +169,15 @@ _FACTORS: Mapping[str, Callable[[AxisView, Term, str, int], Factor]] = {
     # A delay between instrument and encoder may change with time.
     "aging": lambda view, _, axis, most: (_time(view), [_ONE, _SAME]),
 }
-_CHANNELS: Mapping[str, Callable[[Observed, str], Float[np.ndarray, " t"]]] = {
-    "way": lambda data, axis: np.sign(data.direction[axis]),
-    "sign": lambda data, axis: np.sign(data.velocity[axis]),
-    "speed": lambda data, axis: _scaled(data.velocity[axis]),
-    "drag": lambda data, axis: _scaled(
-        data.velocity[axis] * np.abs(data.velocity[axis])
-    ),
-    "magnitude": lambda data, axis: _scaled(np.abs(data.velocity[axis])),
-    "pull": lambda data, axis: _scaled(data.acceleration[axis]),
+_SHAPES: Mapping[str, Function] = {
+    "way": np.sign,
+    "sign": np.sign,
+    "speed": _scaled,
+    "drag": lambda velocity: _scaled(velocity * np.abs(velocity)),
+    "magnitude": lambda velocity: _scaled(np.abs(velocity)),
+    "pull": _scaled,
 }
-"""Factors that are a channel as it stands."""
+"""Factors that are one function of a channel."""
 
 
 def slow_functions(clock: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n k"]:

@@ -154,6 +154,15 @@ class Kind(enum.Enum):
     STRIBECK = Facts("Stribeck", "sign axis x slow axis 4", "friction", part="current")
 
 
+CHANNELS = {
+    "line": "position",
+    "middle": "position",
+    "way": "direction",
+    "push": "acceleration",
+    "pull": "acceleration",
+    **dict.fromkeys(("sign", "speed", "drag", "magnitude", "slow"), "velocity"),
+}
+"""What must have been recorded, and have changed, for a factor."""
 HEAT = (Kind.HEAT_OFFSET, Kind.HEAT_SLOPE)
 PUSHES = (Kind.PUSH, Kind.PUSH_WAY, Kind.PUSH_PLACE, Kind.PUSH_PLACES)
 

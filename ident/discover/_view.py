@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._data import Observed, Rejected
-from ._terms import HEAT, Kind, Term
+from ._terms import CHANNELS, HEAT, Kind, Term
 
 Channel = Literal["error", "current"]
 """What of an axis is looked at."""
@@ -196,29 +196,25 @@ def candidates_of(
         Terms of compensations and of what the controller has none for; temperature terms, of
         which one sensor and lag is chosen each; compensations that cannot be looked for.
     """
-    axis, terms, absent = view.axis, list[Term](), list[Rejected]()
+    axis, others = view.axis, [name for name in axes if name != view.axis]
+    tried = {t: _lacking(view, t) for t in _tried(view, view.channel, others)}
+    terms = [term for term, why in tried.items() if not why]
     if view.channel == "current":
-        tried = _tried(view, "current", [])
-        return [term for term in tried if not _lacking(view, term)], [], []
-
-    def miss(name: str | None, masters: tuple[str, ...], why: str) -> None:
-        if name is not None:
-            why = f"could not be looked for: {why}"
-            absent.append(Rejected(name, axis, masters, None, why))
-
-    for term in _tried(view, "error", [name for name in axes if name != axis]):
-        why = _lacking(view, term)
-        if why:
-            miss(term.facts.compensation, term.masters, why)
-        else:
-            terms.append(term)
+        return terms, [], []
+    missed = [
+        (term.facts.compensation, term.masters, why) for term, why in tried.items()
+    ]
     heat = [] if axis in view.data.rotary else list(_warm(view))
+    why = "no temperature changed" if view.data.temperature else ""
     if axis in view.data.rotary:
         why = f"{axis} is rotary, and the unit of its coefficient is not defined"
-        miss("temperature", (), why)
-    elif not heat:
-        why = "changed" if view.data.temperature else "was recorded"
-        miss("temperature", (), f"no temperature {why}")
+    if not heat:
+        missed.append(("temperature", (), why or "no temperature was recorded"))
+    absent = [
+        Rejected(name, axis, masters, None, f"could not be looked for: {why}")
+        for name, masters, why in missed
+        if name is not None and why
+    ]
     return terms, heat, absent
 
 
@@ -244,16 +240,6 @@ def _changing(view: AxisView) -> list[str]:
     return [name for name, each in view.data.temperature.items() if moving(each)]
 
 
-_CHANNELS = {
-    "line": "position",
-    "middle": "position",
-    "way": "direction",
-    "push": "acceleration",
-    "pull": "acceleration",
-    "sign": "velocity",
-    "speed": "velocity",
-}
-"""What must have been recorded, and have changed, for a factor."""
 _LACKING = {
     "position": ("the position of {} was not recorded", "{} did not move"),
     "direction": (
@@ -278,7 +264,7 @@ def _lacking(view: AxisView, term: Term) -> str:
     if term.kind is Kind.MEMORY and not view.shows_reversals:
         return f"{term.axis} was seldom read shortly after a reversal"
     for name, owner, _ in term.facts.factors:
-        channel, whose = _CHANNELS.get(name), term.owners[owner]
+        channel, whose = CHANNELS.get(name), term.owners[owner]
         if channel is None:
             continue
         values = getattr(view.data, channel).get(whose)
