@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ._options import AsJson
+from ._options import AsJson, OneOrMore
 from ._said import working
 
 if TYPE_CHECKING:
@@ -22,50 +22,33 @@ _SELECT = (
 
 
 def batch(
-    jobs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="JOBS…",
-            help="Job files, patterns in quotes, or tables (.csv, .parquet) with one job"
-            " per row.",
-        ),
-    ],
-    out: Annotated[
-        Path, typer.Option(help="Folder for lists, table of results and summary.")
-    ] = Path("axcomp-batch"),
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="A running dask scheduler (tcp://host:8786); without it, workers here.",
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Workers here; one per core by default.")
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the batch in the folder.")
-    ] = False,
-    reports: Annotated[
-        bool,
-        typer.Option(
-            "--reports", help="Draw every report, not only where a job failed."
-        ),
-    ] = False,
-    time_limit: Annotated[
-        float | None,
-        typer.Option(min=0.1, help="Seconds after which a job is given up."),
-    ] = 600.0,
-    history: Annotated[
-        list[Path] | None,
-        typer.Option(help="Folder of an earlier batch, for trends; may be repeated."),
-    ] = None,
+    jobs: list[str],
+    *,
+    out: Path = Path("axcomp-batch"),
+    scheduler: str | None = None,
+    workers: OneOrMore = None,
+    resume: bool = False,
+    reports: bool = False,
+    time_limit: Annotated[float | None, typer.Option(min=0.1)] = 600.0,
+    history: list[Path] | None = None,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Run many jobs: lists for each, one table of all results, one summary.
 
     A job that fails is a row with its reason. Exit status 1 where any failed or was
     rejected. Lists of machines whose conventions are only assumed go to unverified/.
+
+    Options:
+        jobs (JOBS…): Job files, patterns in quotes, or tables (.csv, .parquet) with one job per
+            row.
+        out: Folder for lists, table of results and summary.
+        scheduler (ADDRESS): A running dask scheduler (tcp://host:8786); without it, workers
+            here.
+        workers: Workers here; one per core by default.
+        resume: Go on with the batch in the folder.
+        reports: Draw every report, not only where a job failed.
+        time_limit: Seconds after which a job is given up.
+        history: Folder of an earlier batch, for trends; may be repeated.
 
     Examples:
       axcomp batch "machines/*.toml" --out night
@@ -87,8 +70,7 @@ def batch(
     _print(result, out)
     if as_json:
         typer.echo((out / "summary.json").read_text(), nl=False)
-    if not result.passed:
-        raise typer.Exit(1)
+    return result.passed
 
 
 def _print(result: "BatchResult", out: Path) -> None:
@@ -120,19 +102,22 @@ def _count(number: int, noun: str) -> str:
 
 
 def results(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a batch.")],
-    where: Annotated[
-        str | None,
-        typer.Option(help="SQL condition, e.g. \"not passed and machine_id = 'm7'\"."),
-    ] = None,
-    select: Annotated[
-        str, typer.Option(help="SQL list of columns; * for all.")
-    ] = _SELECT,
-    order: Annotated[str | None, typer.Option(help="SQL list to sort by.")] = None,
-    limit: Annotated[int | None, typer.Option(min=1, help="Rows at most.")] = None,
+    folder: Path,
+    *,
+    where: str | None = None,
+    select: str = _SELECT,
+    order: str | None = None,
+    limit: OneOrMore = None,
     as_json: AsJson = False,
 ) -> None:
     """Show rows of the table of a batch as CSV; `docs/batch.md` names the columns.
+
+    Options:
+        folder (DIR): Folder of a batch.
+        where: SQL condition, e.g. "not passed and machine_id = 'm7'".
+        select: SQL list of columns; * for all.
+        order: SQL list to sort by.
+        limit: Rows at most.
 
     Examples:
       axcomp results night --where "not passed"

@@ -3,9 +3,7 @@
 import dataclasses
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from ...data.errors import UsageError
 from ..kinds import kind
@@ -21,26 +19,20 @@ if TYPE_CHECKING:
 
 
 def discover(
-    job: Annotated[
-        Path,
-        typer.Argument(
-            metavar="JOB.toml", help="Job with the measurements; needs no [\\[fits]]."
-        ),
-    ],
-    write: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="NEW.toml",
-            help="Write the job that fits what was found, beside JOB.toml, for"
-            " `axcomp fit`.",
-        ),
-    ] = None,
+    job: Path,
+    *,
+    write: Path | None = None,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Find which compensations the measurements ask for, and from which masters.
 
     Looks for terms of every compensation and for what the controller has none for.
     Exit status 1 where the data show an effect and cannot tell which of several it is.
+
+    Options:
+        job (JOB.toml): Job with the measurements; needs no [[fits]].
+        write (NEW.toml): Write the job that fits what was found, beside JOB.toml, for `axcomp
+            fit`.
 
     Examples:
       axcomp discover job.toml --write fits.toml
@@ -71,8 +63,7 @@ def discover(
         _write(console, write, loaded, seen, found)
     elif write is not None:
         tell(console, f"Nothing to fit was found: {write} was not written.")
-    if not found.told:
-        raise typer.Exit(1)
+    return found.told
 
 
 def _write(

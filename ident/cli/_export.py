@@ -3,23 +3,24 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from ._options import (
     AsJson,
+    CycleTime,
     Increment,
     Lists,
     Modulo,
+    Positive,
     Rules,
     axis_ranges,
     by_axis,
-    positive,
     read_lists,
     rules_of,
 )
-from ._said import print_json
+from ._said import note, print_found, print_json
 
 if TYPE_CHECKING:
     from ...data.lists import ListFile
@@ -29,24 +30,10 @@ if TYPE_CHECKING:
 
 def objects(
     files: Lists,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder for cnc_objects.csv and compensations.tcscopex; left out: the"
-            " table on standard output.",
-        ),
-    ] = None,
-    cycle_time: Annotated[
-        float | None,
-        typer.Option(
-            callback=positive,
-            help="Time between samples in s; left out: that of the task.",
-        ),
-    ] = None,
-    net_id: Annotated[
-        str, typer.Option(help="AMS net id of the controller, for the recording.")
-    ] = "127.0.0.1.1.1",
+    *,
+    out: Path | None = None,
+    cycle_time: CycleTime = None,
+    net_id: str = "127.0.0.1.1.1",
     conventions: Rules = None,
 ) -> None:
     """List the ADS objects of all compensations of a machine, and record them with Scope.
@@ -54,6 +41,12 @@ def objects(
     Addresses are those of the manuals; where they give none, the table says so. The
     channels of positions are to be completed in Scope: choose the variable, then enable
     them. axcomp verify --log reads the text export of the recording as it is.
+
+    Options:
+        out (DIR): Folder for cnc_objects.csv and compensations.tcscopex; left out: the table on
+            standard output.
+        cycle_time: Time between samples in s; left out: that of the task.
+        net_id: AMS net id of the controller, for the recording.
 
     Examples:
       axcomp objects axcomp-out/achskw1.lis --out watch
@@ -81,33 +74,11 @@ def objects(
 
 
 def probe(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE …",
-            help="A job file, or the lists that are loaded now: the same compensations"
-            " are probed, over the same axes.",
-        ),
-    ],
-    out: Annotated[
-        Path, typer.Option(help="Folder for the probe lists, the text and the program.")
-    ] = Path("axcomp-probe"),
-    travel: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="A1=0:500",
-            help="Positions in mm or ° between which an axis may move, where neither"
-            " job nor lists say it; may be given several times.",
-        ),
-    ] = None,
-    word: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="A1=X",
-            help="Word of an axis in NC programs, for lists without a job (which says"
-            " nc_name); left out: A1. May be given several times.",
-        ),
-    ] = None,
+    files: list[Path],
+    *,
+    out: Path = Path("axcomp-probe"),
+    travel: list[str] | None = None,
+    word: list[str] | None = None,
     increment: Increment = None,
     as_json: AsJson = False,
 ) -> None:
@@ -115,6 +86,15 @@ def probe(
 
     One short log, or one reading of a dial gauge per axis, then settles sign, unit,
     order and owner of every table of this controller.
+
+    Options:
+        files (FILE …): A job file, or the lists that are loaded now: the same compensations are
+            probed, over the same axes.
+        out: Folder for the probe lists, the text and the program.
+        travel (A1=0:500): Positions in mm or ° between which an axis may move, where neither
+            job nor lists say it; may be given several times.
+        word (A1=X): Word of an axis in NC programs, for lists without a job (which says
+            nc_name); left out: A1. May be given several times.
 
     Examples:
       axcomp probe job.toml
@@ -155,8 +135,7 @@ def probe(
         print_json({"files": list(contents), "steps": steps, **said})
     else:
         typer.echo(probe_text(found), nl=False)
-    for remark in folder.remarks:
-        typer.echo(f"axcomp: {remark}", err=True)
+    note(folder.remarks)
     typer.echo(f"{', '.join(contents)} in {out}", err=True)
 
 
@@ -249,57 +228,34 @@ def _unprobed(axis: str, compensation: str) -> str:
 
 
 def export_external(
-    result: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="RESULT",
-            help="Folder of axcomp fit, its result.json, or list files (FILE.lis …).",
-        ),
-    ],
-    out: Annotated[
-        Path, typer.Option(metavar="DIR", help="A folder of its own for the files.")
-    ],
-    axes: Annotated[
-        str | None,
-        typer.Option(
-            metavar="1,2,3",
-            help="Logical numbers of all axes of the controller; left out: those of the"
-            " job, else those that the lists name.",
-        ),
-    ] = None,
-    workspace: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="A1=-10:410",
-            help="Where limits hold, in mm or °; left out: the limits of the job, else the"
-            " reach of the tables. May be given several times.",
-        ),
-    ] = None,
+    result: list[Path],
+    *,
+    out: Path,
+    axes: str | None = None,
+    workspace: list[str] | None = None,
     modulo: Modulo = None,
     increment: Increment = None,
     conventions: Rules = None,
-    feed: Annotated[
-        float,
-        typer.Option(callback=positive, help="mm/min at which P-AXIS-00745 is found."),
-    ] = 30000.0,
-    acceleration: Annotated[
-        float,
-        typer.Option(callback=positive, help="Of the axes in mm/s² (P-AXIS-00008)."),
-    ] = 5000.0,
-    cycle_time: Annotated[
-        float, typer.Option(callback=positive, help="Of the position controller in s.")
-    ] = 0.001,
-    ramp: Annotated[
-        float,
-        typer.Option(
-            callback=positive,
-            help="Time in s over which ON, OFF and LEVEL come into effect.",
-        ),
-    ] = 1.0,
+    feed: Positive = 30000.0,
+    acceleration: Positive = 5000.0,
+    cycle_time: Positive = 0.001,
+    ramp: Positive = 1.0,
 ) -> None:
     """Write tables as C and C++ of an external compensation, with its list entries.
 
     Cross, plane and leadscrew tables; what needs more than positions is left out, and named.
+
+    Options:
+        result (RESULT): Folder of axcomp fit, its result.json, or list files (FILE.lis …).
+        out (DIR): A folder of its own for the files.
+        axes (1,2,3): Logical numbers of all axes of the controller; left out: those of the job,
+            else those that the lists name.
+        workspace (A1=-10:410): Where limits hold, in mm or °; left out: the limits of the job,
+            else the reach of the tables. May be given several times.
+        feed: mm/min at which P-AXIS-00745 is found.
+        acceleration: Of the axes in mm/s² (P-AXIS-00008).
+        cycle_time: Of the position controller in s.
+        ramp: Time in s over which ON, OFF and LEVEL come into effect.
 
     Examples:
       axcomp export-external achskw3.lis --out external
@@ -331,11 +287,9 @@ def export_external(
         ramp=ramp,
     )
     source.name_in_result(out / "axcomp_external.c")
-    for remark in written.remarks:
-        typer.echo(f"axcomp: {remark}", err=True)
-    for path in written.files:
-        typer.echo(str(path))
-    typer.echo(f"axcomp: read {out / 'README.md'} next", err=True)
+    note(written.remarks)
+    print_found(None, map(str, written.files))
+    note([f"read {out / 'README.md'} next"])
 
 
 def _numbers(text: str) -> tuple[int, ...]:

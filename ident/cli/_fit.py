@@ -5,7 +5,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -23,26 +23,23 @@ _STAGES = ("before", "predicted", "from_file")
 
 
 def fit(
-    job: Annotated[Path, typer.Argument(metavar="JOB.toml", help="Job file.")],
-    out: Annotated[
-        Path,
-        typer.Option(help="Folder for lists, report and result."),
-    ] = Path("axcomp-out"),
-    after: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="JOB2.toml",
-            help="Job of a second measurement, made with the lists of the first one"
-            " loaded: says what became of each error, and settles signs.",
-        ),
-    ] = None,
+    job: Path,
+    *,
+    out: Path = Path("axcomp-out"),
+    after: Path | None = None,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Run a job: measurements → lists, report, result.
 
     Ends with exit status 1 where a gate fails (the list then lies in rejected/), or a
     second measurement does not show what was predicted.
     AXCOMP_CACHE=off does without the compilation cache in the user's cache folder.
+
+    Options:
+        job (JOB.toml): Job file.
+        out: Folder for lists, report and result.
+        after (JOB2.toml): Job of a second measurement, made with the lists of the first one
+            loaded: says what became of each error, and settles signs.
 
     Examples:
       axcomp fit job.toml
@@ -64,8 +61,7 @@ def fit(
     print_result(console, result, out, report, start)
     if as_json:
         typer.echo(result_json(result), nl=False)
-    if not (result.passed and result.confirmed):
-        raise typer.Exit(1)
+    return result.passed and result.confirmed
 
 
 def print_result(

@@ -4,49 +4,42 @@ import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from ...data.errors import UsageError
 from ._options import AsJson
-from ._said import print_json, print_table, wide_console
+from ._said import note, print_json, print_table, wide_console
 
 if TYPE_CHECKING:
     from ...data.measurements import ColumnSpec, Iso230, Table
 
 
 def iso230(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Runs of the test.")],
-    after: Annotated[
-        Path | None,
-        typer.Argument(metavar="[AFTER]", help="Runs after the compensation."),
-    ] = None,
-    tolerance: Annotated[
-        str | None,
-        typer.Option(metavar="T", help="Largest A that passes, in mm, or as 20um."),
-    ] = None,
-    axis: Annotated[
-        str | None, typer.Option(help="Axis, where the file holds several.")
-    ] = None,
-    column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="ROLE=COLUMN[:UNIT]",
-            help="Column of target, actual or error, run, direction, where the file does"
-            " not say: --column error=dx:um. Once per role.",
-        ),
-    ] = None,
+    file: Path,
+    after: Path | None = None,
+    *,
+    tolerance: str | None = None,
+    axis: str | None = None,
+    column: list[str] | None = None,
     as_json: AsJson = False,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for the chart (SVG and PNG).")
-    ] = None,
-) -> None:
+    out: Path | None = None,
+) -> bool:
     """Evaluate a positioning test by ISO 230-2: A, R, B, mean B, E and M.
 
     With a second file: before and after.
 
     With a tolerance: a verdict on A of the last file; exit status 1 where it fails.
+
+    Options:
+        file (FILE): Runs of the test.
+        after ([AFTER]): Runs after the compensation.
+        tolerance (T): Largest A that passes, in mm, or as 20um.
+        axis: Axis, where the file holds several.
+        column (ROLE=COLUMN[:UNIT]): Column of target, actual or error, run, direction, where
+            the file does not say: --column error=dx:um. Once per role.
+        out: Folder for the chart (SVG and PNG).
 
     Examples:
       axcomp iso230 laser_x.csv
@@ -89,10 +82,8 @@ def iso230(
         _print(files, tests, unit, found[last].axis)
     if verdict is not None:
         typer.echo(verdict["sentence"], err=as_json)
-    for path in charts:
-        typer.echo(f"wrote {path}", err=True)
-    if verdict is not None and not verdict["passed"]:
-        raise typer.Exit(1)
+    note((f"wrote {path}" for path in charts), "")
+    return verdict is None or verdict["passed"]
 
 
 def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":

@@ -1,9 +1,8 @@
 """Commands about list files: ``check``, ``show``, ``diff`` and ``convert``."""
 
 import dataclasses
-import pathlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -17,7 +16,7 @@ from ._options import (
     read_shown_list,
     rules_of,
 )
-from ._said import print_json, wide_console
+from ._said import note, print_found, print_json, wide_console
 
 if TYPE_CHECKING:
     from ...data.lists import Change, Comparison, CurveChange
@@ -27,26 +26,20 @@ _MOST_ENTRIES = 12
 
 
 def check(
-    files: Annotated[
-        list[pathlib.Path],
-        typer.Argument(
-            metavar="FILE...", help="Compensation, axis and start-up lists."
-        ),
-    ],
-    strict: Annotated[
-        bool, typer.Option("--strict", help="A warning fails the check too.")
-    ] = False,
-    build: Annotated[
-        str | None,
-        typer.Option(
-            help="Controller build, such as V3.1.3108.4; the newest if left out."
-        ),
-    ] = None,
+    files: list[Path],
+    *,
+    strict: bool = False,
+    build: str | None = None,
     increment: Increment = None,
     conventions: Rules = None,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Check compensation, axis and start-up lists, each alone and as a set.
+
+    Options:
+        files (FILE...): Compensation, axis and start-up lists.
+        strict: A warning fails the check too.
+        build: Controller build, such as V3.1.3108.4; the newest if left out.
 
     Examples:
       axcomp check axcomp-out/achskw1.lis
@@ -66,8 +59,6 @@ def check(
         msg = f"--build: {error}"
         raise UsageError(msg) from error
     if as_json:
-        import dataclasses
-
         print_json({"findings": [dataclasses.asdict(one) for one in findings]})
     for finding in findings:
         known = not finding.expected or finding.expected in finding.message
@@ -83,18 +74,19 @@ def check(
     typer.echo(
         f"{len(lists)} list{'s' * (len(lists) != 1)} checked: {summary}", err=as_json
     )
-    if counts["error"] or (strict and counts["warning"]):
-        raise typer.Exit(1)
+    return not (counts["error"] or (strict and counts["warning"]))
 
 
 def show(
-    file: Annotated[
-        pathlib.Path, typer.Argument(metavar="FILE.lis", help="List of any kind.")
-    ],
+    file: Path,
+    *,
     conventions: Rules = None,
     out: Plots = None,
 ) -> None:
     """Show a list: its parameters with their meaning, its tables in mm and µm.
+
+    Options:
+        file (FILE.lis): List of any kind.
 
     Examples:
       axcomp show axcomp-out/achskw1.lis
@@ -114,19 +106,22 @@ def show(
         from ._list_plots import draw_tables
 
         paths = draw_tables(offset_curves(shown, index), out)
-        for path in paths:
-            typer.echo(f"wrote {path}", err=True)
-        if not paths:
-            typer.echo("no cross, plane or leadscrew table to draw", err=True)
+        none = "no cross, plane or leadscrew table to draw"
+        note([f"wrote {path}" for path in paths] or [none], "")
 
 
 def diff(
-    old: Annotated[pathlib.Path, typer.Argument(help="The list as it was.")],
-    new: Annotated[pathlib.Path, typer.Argument(help="The list as it is to be.")],
+    old: Path,
+    new: Path,
+    *,
     out: Plots = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what changed between two lists, and whether a reload is enough.
+
+    Options:
+        old: The list as it was.
+        new: The list as it is to be.
 
     Examples:
       axcomp diff achskw1.lis axcomp-out/achskw1.lis
@@ -135,27 +130,12 @@ def diff(
 
     lists = read_shown_list(old), read_shown_list(new)
     found = compare(*lists)
-    if as_json:
-        print_json(_tree(found))
-    else:
-        for line in _lines(found):
-            typer.echo(line)
+    print_found(found if as_json else None, _lines(found))
     if out is not None:
         from ._list_plots import draw_tables
 
         before, after = map(offset_curves, lists)
-        for path in draw_tables(after, out, before):
-            typer.echo(f"wrote {path}", err=True)
-
-
-def _tree(found: "Comparison") -> dict[str, object]:
-    """Return the comparison for machines."""
-    return {
-        "changed": [dataclasses.asdict(change) for change in found.changed],
-        "action": found.action,
-        "reasons": list(found.reasons),
-        "curves": [dataclasses.asdict(curve) for curve in found.curves],
-    }
+        note((f"wrote {path}" for path in draw_tables(after, out, before)), "")
 
 
 def _lines(found: "Comparison") -> list[str]:
@@ -207,45 +187,31 @@ def _curve_line(curve: "CurveChange") -> str:
 
 
 def convert(
-    source: Annotated[
-        Path,
-        typer.Argument(
-            metavar="IN",
-            help="List, CSV, LinuxCNC compensation file, bed mesh or height map.",
-        ),
-    ],
-    target: Annotated[Path, typer.Argument(metavar="OUT", help="File to write.")],
-    to: Annotated[
-        str | None,
-        typer.Option(
-            help="Format of OUT where its ending does not tell: list, csv, linuxcnc, bed-mesh"
-            " or height-map."
-        ),
-    ] = None,
-    compensation: Annotated[
-        str | None, typer.Option(help="Which table: leadscrew, cross or plane.")
-    ] = None,
-    axis: Annotated[
-        int | None, typer.Option(help="Number of the compensated axis, for a list.")
-    ] = None,
-    master: Annotated[
-        list[int] | None,
-        typer.Option(help="Number of a master, for a list; twice for a plane."),
-    ] = None,
-    trim: Annotated[
-        bool,
-        typer.Option(
-            "--trim", help="LinuxCNC: COMP_FILE_TYPE = 1, values to add, instead of 0."
-        ),
-    ] = False,
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace a file that exists.")
-    ] = False,
+    source: Path,
+    target: Path,
+    *,
+    to: str | None = None,
+    compensation: str | None = None,
+    axis: int | None = None,
+    master: list[int] | None = None,
+    trim: bool = False,
+    force: bool = False,
 ) -> None:
     """Convert a table: lists, CSV, LinuxCNC compensation files, bed meshes, height maps.
 
     Lengths are in mm; a CSV holds the entries as the list has them, LinuxCNC's file where
     the joint really was, a mesh the height, whose negative a plane holds.
+
+    Options:
+        source (IN): List, CSV, LinuxCNC compensation file, bed mesh or height map.
+        target (OUT): File to write.
+        to: Format of OUT where its ending does not tell: list, csv, linuxcnc, bed-mesh or
+            height-map.
+        compensation: Which table: leadscrew, cross or plane.
+        axis: Number of the compensated axis, for a list.
+        master: Number of a master, for a list; twice for a plane.
+        trim: LinuxCNC: COMP_FILE_TYPE = 1, values to add, instead of 0.
+        force: Replace a file that exists.
 
     Examples:
       axcomp convert axcomp-out/achskw1.lis screw.csv

@@ -1,10 +1,12 @@
-"""Options that several commands take, and the reading of what they name."""
+"""What a command takes: its docstring says it; what several take stands here."""
 
+import copy
+import inspect
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
 
 import typer
 
@@ -13,6 +15,60 @@ from ...data.errors import FoundError
 if TYPE_CHECKING:
     from ...data.lists import ListFile
     from ..exchange import StoredConventions
+
+
+_OPTION = re.compile(
+    r"^ {4}(?P<name>\w+)(?: \((?P<flag>--\S+)? ?(?P<metavar>[^)]*)\))?:"
+    r" (?P<help>.+(?:\n {8}.+)*)",
+    re.MULTILINE,
+)
+_ONE_LINE = re.compile(r"(?<=\S)\n *(?=\S)")
+
+
+def declared(command: Callable[..., bool | None]) -> Callable[..., None]:
+    """Return a command for typer: exit status 1 where it returns False.
+
+    A parameter that may be given by its place is an argument, one that is only given by its
+    name an option. The docstring is the help; under *Options* it says what each is, as
+    ``name (--flag METAVAR): help``.
+    """
+
+    def run(**given: Any) -> None:
+        if command(**given) is False:
+            raise typer.Exit(1)
+
+    text, head, examples = inspect.cleandoc(command.__doc__ or "").partition(
+        "Examples:\n"
+    )
+    text, _, options = text.partition("Options:\n")
+    texts = {each["name"]: each for each in _OPTION.finditer(options)}
+    signature = inspect.signature(command)
+    parameters = [
+        each.replace(annotation=_declared(each, texts.get(each.name)))
+        for each in signature.parameters.values()
+    ]
+    run.__doc__ = _ONE_LINE.sub(" ", text) + head + examples
+    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    return run
+
+
+def _declared(parameter: inspect.Parameter, text: "re.Match[str] | None") -> Any:
+    """Return the type of a parameter with what typer shows of it."""
+    base = parameter.annotation
+    if text is None:
+        return base
+    if get_origin(base) is Annotated:
+        base, info = get_args(base)
+    elif parameter.kind is not parameter.KEYWORD_ONLY:
+        info = typer.Argument()
+    else:  # a flag has no --no-… beside it
+        own = text["flag"] or (f"--{parameter.name}" if base is bool else None)
+        info = typer.Option(*filter(None, [own]))
+    info = copy.copy(info)
+    # Of rich's marks there are none: what stands in brackets is meant.
+    info.help = _ONE_LINE.sub(" ", text["help"]).replace("[[", "[\\[")
+    info.metavar = text["metavar"] or info.metavar
+    return Annotated[base, info]
 
 
 def positive(value: float | None) -> float | None:
@@ -31,6 +87,8 @@ AsJson = Annotated[
     bool,
     typer.Option("--json", help="Print the result for machines on standard output."),
 ]
+Positive = Annotated[float, typer.Option(callback=positive)]
+OneOrMore = Annotated[int | None, typer.Option(min=1)]
 Increment = Annotated[
     float | None,
     typer.Option(

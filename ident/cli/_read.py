@@ -4,13 +4,13 @@ import dataclasses
 import math
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from ...data.errors import UsageError
 from ._options import AsJson
-from ._said import print_json, print_table, wide_console, working
+from ._said import note, print_json, print_table, wide_console, working
 
 if TYPE_CHECKING:
     from ...data.measurements import CellError, Column, Table, TextForm
@@ -20,33 +20,26 @@ _AXIS = "--axis"
 
 
 def read(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Measurement file.")],
-    profile: Annotated[
-        str | None,
-        typer.Option(help="Profile of a Klipper file that holds several bed meshes."),
-    ] = None,
-    skip: Annotated[
-        str,
-        typer.Option(
-            metavar="N",
-            help="Lines left out: so many at the top, or which, as in '[7]' or '7,9'.",
-        ),
-    ] = "0",
-    header: Annotated[
-        list[int] | None,
-        typer.Option(metavar="LINE", help="Line with the names of the columns."),
-    ] = None,
-    rows: Annotated[
-        tuple[int, int] | None,
-        typer.Option(metavar="FIRST LAST", help="First and last line of the rows."),
-    ] = None,
+    file: Path,
+    *,
+    profile: str | None = None,
+    skip: str = "0",
+    header: list[int] | None = None,
+    rows: tuple[int, int] | None = None,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Say what a measurement file holds: format, columns, units, rows, skipped lines.
 
     Where channels have several sample times, first and last are those of each channel.
     Ends with exit status 1 where a column of numbers holds a cell that is none, a direction,
     run or time cannot be told, or a row stands there twice.
+
+    Options:
+        file (FILE): Measurement file.
+        profile: Profile of a Klipper file that holds several bed meshes.
+        skip (N): Lines left out: so many at the top, or which, as in '[7]' or '7,9'.
+        header (LINE): Line with the names of the columns.
+        rows (FIRST LAST): First and last line of the rows.
 
     Examples:
       axcomp read laser_x.csv
@@ -62,10 +55,8 @@ def read(
     else:
         _print(table)
         typer.echo(f"A job for it: axcomp new {shlex.quote(str(file))}")
-    for problem in problems:
-        typer.echo(f"axcomp: {problem}", err=True)
-    if problems:
-        raise typer.Exit(1)
+    note(map(str, problems))
+    return not problems
 
 
 def _lines(text: str) -> int | list[int]:
@@ -217,38 +208,28 @@ def _extreme(column: "Column", which: str) -> str:
 
 
 def new(
-    files: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", help="Measurement files.")
-    ],
-    lists: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--list",
-            metavar="FILE.lis",
-            help="Compensation or axis list that is there already; may be repeated.",
-        ),
-    ] = None,
-    axes: Annotated[
-        list[str] | None,
-        typer.Option(
-            _AXIS,
-            metavar="NAME=NUMBER",
-            help="Axis and its number in the controller (kopf.achs_nr); may be repeated. The"
-            " first is the one whose error was measured, where the file does not say.",
-        ),
-    ] = None,
-    out: Annotated[
-        Path, typer.Option(metavar="JOB.toml", help="The job to write.")
-    ] = Path("job.toml"),
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace a job that exists.")
-    ] = False,
+    files: list[Path],
+    *,
+    lists: list[Path] | None = None,
+    axes: list[str] | None = None,
+    out: Path = Path("job.toml"),
+    force: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a commented job for measurements.
 
     Roles, units, nodes and the fit that suits are filled in; what the files do not tell is
     asked in the job, next to the possible answers.
+
+    Options:
+        files (FILE...): Measurement files.
+        lists (--list FILE.lis): Compensation or axis list that is there already; may be
+            repeated.
+        axes (--axis NAME=NUMBER): Axis and its number in the controller (kopf.achs_nr); may be
+            repeated. The first is the one whose error was measured, where the file does not
+            say.
+        out (JOB.toml): The job to write.
+        force: Replace a job that exists.
 
     Examples:
       axcomp new laser_x.csv

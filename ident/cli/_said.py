@@ -1,6 +1,7 @@
 """What commands print: sentences, JSON, and what they do while it takes long."""
 
 import contextlib
+import dataclasses
 import json
 import threading
 import time
@@ -54,7 +55,24 @@ def print_table(
 
 def print_json(tree: object) -> None:
     """Print a result for machines on standard output."""
-    typer.echo(json.dumps(tree, ensure_ascii=False, indent=2))
+    typer.echo(
+        json.dumps(tree, ensure_ascii=False, indent=2, default=dataclasses.asdict)
+    )
+
+
+def print_found(tree: object, lines: Iterable[str]) -> None:
+    """Print what was found on standard output: for machines, for people where that is None."""
+    if tree is not None:
+        print_json(tree)
+    else:
+        for line in lines:
+            typer.echo(line)
+
+
+def note(lines: Iterable[str], head: str = "axcomp: ") -> None:
+    """Print sentences beside the result, on standard error."""
+    for line in lines:
+        typer.echo(f"{head}{line}", err=True)
 
 
 def wide_console(*, wraps: bool = False) -> "Console":

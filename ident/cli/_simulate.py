@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -19,7 +19,7 @@ from ._options import (
     read_lists,
     rules_of,
 )
-from ._said import print_json, working
+from ._said import note, print_json, working
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,46 +36,15 @@ _SLACK = 1e-9
 
 def simulate(
     files: Lists,
-    motion: Annotated[
-        Path,
-        typer.Option(
-            metavar="M.csv",
-            help="Columns A1.position, A2.position, … in mm or °, named after the"
-            " logical axis numbers; time in s where the rows are cycles;"
-            " A1.direction (±1) where they are not.",
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="O.csv",
-            help="Where to write the offsets (.csv or .parquet); left out: as CSV on"
-            " standard output.",
-        ),
-    ] = None,
+    *,
+    motion: Path,
+    out: Path | None = None,
     increment: Increment = None,
     conventions: Rules = None,
     cycle_time: CycleTime = None,
     modulo: Modulo = None,
-    temperature: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="A1=T.csv",
-            help="Temperature table of an axis as the PLC follows it (temperature_X.csv"
-            " of a job), for the column temperature.<sensor> of the motion;"
-            " A1=T.csv:frame where there are several sensors.",
-        ),
-    ] = None,
-    events: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="E.csv",
-            help="What happens meanwhile: columns time, axis (empty: all) and event, which"
-            " is COMP ON CROSS, COMP OFF LEAD TEMP, COMP OFF_ALL, HOMED, NOT HOMED,"
-            " PROGRAM END or RELOAD FILE.lis. Left out: the column event of the motion,"
-            " if it has one.",
-        ),
-    ] = None,
+    temperature: list[str] | None = None,
+    events: Path | None = None,
     as_json: AsJson = False,
 ) -> None:
     """Compute what the controller would add, per row of a motion and compensation.
@@ -86,6 +55,19 @@ def simulate(
 
     Columns: time, then per axis each compensation and their sum: A3.cross … A3.offset,
     and A3.friction in drive units.
+
+    Options:
+        motion (M.csv): Columns A1.position, A2.position, … in mm or °, named after the logical
+            axis numbers; time in s where the rows are cycles; A1.direction (±1) where they are
+            not.
+        out (O.csv): Where to write the offsets (.csv or .parquet); left out: as CSV on standard
+            output.
+        temperature (A1=T.csv): Temperature table of an axis as the PLC follows it
+            (temperature_X.csv of a job), for the column temperature.<sensor> of the motion;
+            A1=T.csv:frame where there are several sensors.
+        events (E.csv): What happens meanwhile: columns time, axis (empty: all) and event, which
+            is COMP ON CROSS, COMP OFF LEAD TEMP, COMP OFF_ALL, HOMED, NOT HOMED, PROGRAM END or
+            RELOAD FILE.lis. Left out: the column event of the motion, if it has one.
 
     Examples:
       axcomp simulate axcomp-out/achskw1.lis --motion motion.csv --out offsets.csv
@@ -120,8 +102,7 @@ def simulate(
             events=happened,
         )
     columns = _columns(path, found)
-    for remark in dict.fromkeys(text for axis in found for text in axis.remarks):
-        typer.echo(f"axcomp: {remark}", err=True)
+    note(dict.fromkeys(text for axis in found for text in axis.remarks))
     if out is not None:
         encoded = _parquet if out.suffix.lower() == ".parquet" else _csv
         write_atomically(out, encoded(columns))

@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from .._said import print_json, working
 
@@ -23,21 +21,20 @@ _WHAT = {
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for everything it makes.")] = Path(
-        "axcomp-demo"
-    ),
-    picture: Annotated[
-        Path | None,
-        typer.Option(help="Also write the before-and-after picture, as PNG."),
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the figures on standard output.")
-    ] = False,
-) -> None:
+    *,
+    out: Path = Path("axcomp-demo"),
+    picture: Path | None = None,
+    as_json: bool = False,
+) -> bool:
     """Make a virtual machine, measure it, compensate it, and measure it again.
 
     Writes the measurement files, a job file to read and to rerun, the lists and a
     report. A folder that holds anything else is left alone.
+
+    Options:
+        out: Folder for everything it makes.
+        picture: Also write the before-and-after picture, as PNG.
+        as_json (--json): Print the figures on standard output.
 
     Examples:
       axcomp demo --out mill
@@ -57,8 +54,7 @@ def demo(
     _print(Console(highlight=False), out, result)
     if as_json:
         print_json(_as_dict(result))
-    if not (result.job.passed and result.work.passed):
-        raise typer.Exit(1)
+    return result.job.passed and result.work.passed
 
 
 def _print(console: "Console", out: Path, result: "DemoResult") -> None:
