@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..report._scale import count
 from ._options import AsJson, OneOrMore
-from ._said import working
+from ._said import note, working
 
 if TYPE_CHECKING:
     from ..batch import BatchResult
@@ -74,31 +75,28 @@ def batch(
 
 
 def _print(result: "BatchResult", out: Path) -> None:
-    def say(line: str) -> None:
-        typer.echo(line, err=True)
-
-    for name, reason in list(result.reasons.items())[:_SHOWN]:
-        say(f"failed: {name}: {reason}")
-    if len(result.reasons) > _SHOWN:
-        say(f"… and {len(result.reasons) - _SHOWN} more failed, see results.parquet")
+    reasons = [f"failed: {name}: {why}" for name, why in result.reasons.items()]
+    lines = reasons[:_SHOWN]
+    if len(reasons) > _SHOWN:
+        more = len(reasons) - _SHOWN
+        lines.append(f"… and {more} more failed, see results.parquet")
     summary = result.summary
-    for name, count in summary.gate.items():
-        say(f"gate: {name} failed in {_count(count, 'fit')}")
+    lines += [
+        f"gate: {name} failed in {count(number, 'fit')}"
+        for name, number in summary.gate.items()
+    ]
     if summary.unverified:
-        say(
-            f"{_count(summary.unverified, 'list')} lie{'s' * (summary.unverified == 1)}"
+        lines.append(
+            f"{count(summary.unverified, 'list')} lie{'s' * (summary.unverified == 1)}"
             " in unverified/: computed; sign unproven. The conventions of their machines"
             " are only assumed. Verify them before loading."
         )
-    say(
-        f"{_count(result.jobs, 'job')}, {result.failed} failed, {result.rejected} did not pass"
+    lines.append(
+        f"{count(result.jobs, 'job')}, {result.failed} failed, {result.rejected} did not pass"
         f" ({result.seconds:.1f} s). Table: {out / 'results.parquet'}, summary:"
         f" {out / 'summary.html'}"
     )
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+    note(lines, "")
 
 
 def results(

@@ -5,10 +5,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...data.errors import UsageError
 from ..kinds import kind
-from ._options import AsJson
-from ._said import print_json, print_table, tell, working
+from ._options import AsJson, refuse, refuse_existing
+from ._said import print_json, table_of, tell, working
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -100,14 +99,9 @@ _WHY = {
 def _refuse_place(job: Path, write: Path) -> None:
     """Raise where a new job would not find its files, or would replace another."""
     if write.resolve().parent != job.resolve().parent:
-        message = (
-            f"--write: found {write}, expected a file beside {job}: paths in a job are"
-            " relative to it"
-        )
-        raise UsageError(message)
-    if write.exists():
-        message = f"--write: found {write}, which exists, expected a new file"
-        raise UsageError(message)
+        place = f"a file beside {job}: paths in a job are relative to it"
+        refuse("--write", str(write), place)
+    refuse_existing(write, "--write")
 
 
 def _json(found: "Discovery", names: tuple[str, ...]) -> dict[str, object]:
@@ -144,7 +138,7 @@ def _print(console: "Console", found: "Discovery") -> None:
         ]
         if mine:
             heads = ["compensation", "over", "sensor", *_NUMBERS]
-            print_table(console, heads, rows, numbers=_NUMBERS)
+            console.print(table_of(heads, rows, numbers=_NUMBERS))
         for one in mine:
             tell(console, one.sentence)
         for drift in found.drifts:

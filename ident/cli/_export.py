@@ -1,7 +1,8 @@
 """Commands that write for the controller: ``objects``, ``probe`` and ``export-external``."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,15 +18,14 @@ from ._options import (
     Rules,
     axis_ranges,
     by_axis,
+    matched,
     read_lists,
     rules_of,
 )
 from ._said import note, print_found, print_json
 
 if TYPE_CHECKING:
-    from ...data.lists import ListFile
-    from ...models import Conventions
-    from ..exchange import ProbeAxis, Probed
+    from ..exchange import Probe
 
 
 def objects(
@@ -99,22 +99,35 @@ def probe(
     Examples:
       axcomp probe job.toml
     """
+    from ...models import Conventions
     from ..exchange import (
         AXIS_WORD,
+        ProbeAxis,
+        machine_lists,
         make_probe,
         probe_programs,
         probe_steps,
         probe_text,
+        probed_in,
+        travel_in,
     )
     from ..job import OutFolder
 
     own = axis_ranges(travel, "--travel", "its travel as in A1=0:500", 1e5)
     pattern, example = f"(?P<word>{AXIS_WORD})", "its word as in A1=X"
     words = by_axis(word, "--word", pattern, example)
-    given = _inputs(files, own, {k: m["word"] for k, m in words.items()}, increment)
-    found = make_probe(
-        given.axes, given.tables, given.conventions, given.existing, given.remarks
-    )
+    if len(files) == 1 and files[0].suffix.lower() == ".toml":
+        found, read = _probe_of_job(files[0], own)
+    else:
+        lists, rules = read_lists(files), Conventions()
+        reach = {**travel_in(lists, rules, increment), **own}
+        axes = {
+            k: ProbeAxis(k, words[k]["word"] if k in words else f"A{k}", between)
+            for k, between in reach.items()
+        }
+        existing = machine_lists(lists).compensation
+        found = make_probe(axes, probed_in(lists, rules), rules, existing, ())
+        read = files[1:]
     contents = {
         listing.source: listing.dumps()
         for group in (found.lists, found.additions)
@@ -122,7 +135,7 @@ def probe(
     }
     contents["probe.txt"] = probe_text(found).encode()
     contents |= {name: text.encode() for name, text in probe_programs(found).items()}
-    folder = OutFolder(out, files[0], [*files[1:], *given.files])
+    folder = OutFolder(out, files[0], read)
     folder.refuse_sources(contents)
     for name, content in contents.items():
         folder.write(name, content)
@@ -131,52 +144,22 @@ def probe(
             {**dataclasses.asdict(step), "sentence": step.sentence}
             for step in probe_steps(found)
         ]
-        said = {"remarks": list(found.remarks)}
-        print_json({"files": list(contents), "steps": steps, **said})
+        tree = {"files": list(contents), "steps": steps, "remarks": found.remarks}
+        print_json(tree)
     else:
         typer.echo(probe_text(found), nl=False)
     note(folder.remarks)
     typer.echo(f"{', '.join(contents)} in {out}", err=True)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Given:
-    """What the files of the command line say."""
+def _probe_of_job(
+    file: Path, travel: Mapping[int, tuple[float, float]]
+) -> "tuple[Probe, list[Path]]":
+    """Return the probe of what a job fits, or of what its lists hold where it fits nothing.
 
-    axes: "Mapping[int, ProbeAxis]"
-    tables: "Sequence[Probed]"
-    existing: "Mapping[int, ListFile]"
-    conventions: "Conventions"
-    files: Sequence[Path]
-    remarks: Sequence[str] = ()
-
-
-def _inputs(
-    files: Sequence[Path],
-    travel: Mapping[int, tuple[float, float]],
-    words: Mapping[int, str],
-    increment: float | None,
-) -> _Given:
-    """Return what is to be probed, from a job file or from lists."""
-    from ...models import Conventions
-    from ..exchange import ProbeAxis, machine_lists, probed_in, travel_in
-
-    if len(files) == 1 and files[0].suffix.lower() == ".toml":
-        return _of_job(files[0], travel)
-    conventions = Conventions()
-    lists = read_lists(files)
-    known = {**travel_in(lists, conventions, increment), **travel}
-    axes = {
-        number: ProbeAxis(number, words.get(number, f"A{number}"), between)
-        for number, between in known.items()
-    }
-    tables = probed_in(lists, conventions)
-    return _Given(axes, tables, machine_lists(lists).compensation, conventions, ())
-
-
-def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
-    """Return what a job fits, or what its lists hold where it fits nothing."""
-    from ..exchange import ProbeAxis, Probed, machine_lists, probed_in
+    Beside it stand the lists that it is made of.
+    """
+    from ..exchange import ProbeAxis, Probed, machine_lists, make_probe, probed_in
     from ..job import load_job
     from ..kinds import kind
 
@@ -203,28 +186,20 @@ def _of_job(file: Path, travel: Mapping[int, tuple[float, float]]) -> _Given:
         facts = kind(fit.compensation)
         if facts.adds_current:
             if (number, facts.name) not in found:
-                remarks.append(_unprobed(fit.axis, facts.name))
+                remarks.append(
+                    f"{fit.axis}, {facts.name}: not probed, as no list holds its table: a"
+                    " current that nobody measured is never put on a drive. Measure and fit"
+                    " it (axcomp fit), load the list that is written, name it under"
+                    f" [axes.{fit.axis}] as list, and probe again: at a low level of it."
+                )
             continue
         named = getattr(fit, "masters", None) or [getattr(fit, "master", fit.axis)]
         masters = tuple(spec.axes[master].number for master in named)
         found[number, fit.compensation] = Probed(number, fit.compensation, masters)
-    return _Given(
-        axes,
-        [found[key] for key in sorted(found)],
-        machine_lists(lists).compensation,
-        job.conventions,
-        [job.file(path) for path in paths],
-        remarks,
-    )
-
-
-def _unprobed(axis: str, compensation: str) -> str:
-    return (
-        f"{axis}, {compensation}: not probed, as no list holds its table: a current that"
-        " nobody measured is never put on a drive. Measure and fit it (axcomp fit), load the"
-        f" list that is written, name it under [axes.{axis}] as list, and probe again: at a"
-        " low level of it."
-    )
+    tables = [found[key] for key in sorted(found)]
+    existing = machine_lists(lists).compensation
+    files = [job.file(path) for path in paths]
+    return make_probe(axes, tables, job.conventions, existing, remarks), files
 
 
 def export_external(
@@ -265,10 +240,16 @@ def export_external(
     from ..job import use_compilation_cache
 
     use_compilation_cache()
+    numbers = None
+    if axes is not None:
+        matched(
+            "--axes", axes, r"(\s*A?\d+\s*(,(?!$)|$))+", "numbers of axes as in 1,2,3"
+        )
+        numbers = tuple(map(int, re.findall(r"\d+", axes)))
     source = list_source(
         result,
         None if conventions is None else read_conventions(conventions).conventions,
-        axes=None if axes is None else _numbers(axes),
+        axes=numbers,
         modulo=axis_ranges(modulo, "--modulo"),
         increment=increment,
     )
@@ -290,11 +271,3 @@ def export_external(
     note(written.remarks)
     print_found(None, map(str, written.files))
     note([f"read {out / 'README.md'} next"])
-
-
-def _numbers(text: str) -> tuple[int, ...]:
-    parts = [part.strip().removeprefix("A") for part in text.split(",")]
-    if not all(part.isdecimal() for part in parts):
-        message = f"found {text!r}, expected numbers of axes as in 1,2,3"
-        raise typer.BadParameter(message, param_hint="--axes")
-    return tuple(int(part) for part in parts)

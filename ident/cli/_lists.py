@@ -1,12 +1,13 @@
 """Commands about list files: ``check``, ``show``, ``diff`` and ``convert``."""
 
-import dataclasses
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from ...data.errors import UsageError
+from ..report._scale import count
 from ._options import (
     AsJson,
     Increment,
@@ -14,6 +15,8 @@ from ._options import (
     Rules,
     read_lists,
     read_shown_list,
+    refuse,
+    refuse_existing,
     rules_of,
 )
 from ._said import note, print_found, print_json, wide_console
@@ -47,10 +50,7 @@ def check(
     from ...data.lists import BuildError, check as check_lists
 
     lists = read_lists(files)
-    # The rules take the models: only where there are some.
-    index = (
-        "ji" if conventions is None else rules_of(conventions).conventions.plane_index
-    )
+    index, _ = _plane_index(conventions)
     try:
         findings = check_lists(
             lists, build=build, increment=increment, plane_index=index
@@ -59,21 +59,16 @@ def check(
         msg = f"--build: {error}"
         raise UsageError(msg) from error
     if as_json:
-        print_json({"findings": [dataclasses.asdict(one) for one in findings]})
+        print_json({"findings": findings})
     for finding in findings:
         known = not finding.expected or finding.expected in finding.message
         expected = "" if known else f"; expected {finding.expected}"
         typer.echo(f"{finding}{expected}", err=as_json)
-    counts = {
-        level: sum(finding.level == level for finding in findings)
-        for level in ("error", "warning", "info")
-    }
+    counts = Counter[str](finding.level for finding in findings)
     nouns = {"error": "error", "warning": "warning", "info": "remark"}
-    parts = [f"{counts[k]} {noun}{'s' * (counts[k] != 1)}" for k, noun in nouns.items()]
+    parts = [count(counts[level], noun) for level, noun in nouns.items()]
     summary = ", ".join(parts) if findings else "nothing found"
-    typer.echo(
-        f"{len(lists)} list{'s' * (len(lists) != 1)} checked: {summary}", err=as_json
-    )
+    typer.echo(f"{count(len(lists), 'list')} checked: {summary}", err=as_json)
     return not (counts["error"] or (strict and counts["warning"]))
 
 
@@ -94,11 +89,7 @@ def show(
     from ...data.lists import offset_curves
     from ._show_tables import list_views
 
-    shown, index, verified = read_shown_list(file), "ji", False
-    if conventions is not None:  # the rules take the models: only where there are some
-        rules = rules_of(conventions)
-        index = rules.conventions.plane_index
-        verified = "plane_index" in rules.verified
+    shown, (index, verified) = read_shown_list(file), _plane_index(conventions)
     console = wide_console(wraps=True)
     for view in list_views(shown, index, verified=verified):
         console.print(view)
@@ -108,6 +99,14 @@ def show(
         paths = draw_tables(offset_curves(shown, index), out)
         none = "no cross, plane or leadscrew table to draw"
         note([f"wrote {path}" for path in paths] or [none], "")
+
+
+def _plane_index(conventions: Path | None) -> tuple[str, bool]:
+    """Return how the indices of a plane are read, and whether that was verified."""
+    if conventions is None:  # the rules take the models: only where there are some
+        return "ji", False
+    rules = rules_of(conventions)
+    return rules.conventions.plane_index, "plane_index" in rules.verified
 
 
 def diff(
@@ -231,11 +230,8 @@ def convert(
 
     form = to or format_of(target)
     if form not in FORMATS:
-        message = f"--to: found {form!r}, expected one of {', '.join(FORMATS)}"
-        raise UsageError(message)
-    if target.exists() and not force:
-        message = f"OUT: found {target}, which exists, expected a new file or --force"
-        raise UsageError(message)
+        refuse("--to", repr(form), f"one of {', '.join(FORMATS)}")
+    refuse_existing(target, "OUT", force=force)
     if source.suffix.casefold() == ".lis":
         table = table_in(ListFile.read(source), compensation)
     else:

@@ -6,11 +6,11 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, get_args, get_origin
 
 import typer
 
-from ...data.errors import FoundError
+from ...data.errors import FoundError, UsageError
 
 if TYPE_CHECKING:
     from ...data.lists import ListFile
@@ -138,8 +138,42 @@ def read_lists(files: Sequence[Path]) -> "list[ListFile]":
     return [ListFile.read(file) for file in dict.fromkeys(files)]
 
 
-class NoEntryError(FoundError):
-    """A file of which no line is an entry of a list."""
+def refuse_existing(path: Path, option: str, *, force: bool | None = None) -> None:
+    """Raise where a file to be written exists.
+
+    Args:
+        path: The file.
+        option: That names it.
+        force: Whether it may be replaced; None: the command has no such option.
+
+    Raises:
+        UsageError: Naming what to do.
+    """
+    if path.exists() and not force:
+        instead = "a new file" if force is None else "a new file or --force"
+        refuse(option, f"{path}, which exists", instead)
+
+
+def refuse(option: str, found: str, expected: str) -> NoReturn:
+    """Raise the error of an option that cannot be used.
+
+    Raises:
+        UsageError: Always.
+    """
+    message = f"{option}: found {found}, expected {expected}"
+    raise UsageError(message)
+
+
+def matched(option: str, text: str, pattern: str, expected: str) -> "re.Match[str]":
+    """Return what an option says as the groups of a pattern.
+
+    Raises:
+        UsageError: If it says something else.
+    """
+    found = re.fullmatch(pattern, text)
+    if found is None:
+        refuse(option, repr(text), expected)
+    return found
 
 
 def read_shown_list(path: Path) -> "ListFile":
@@ -147,7 +181,7 @@ def read_shown_list(path: Path) -> "ListFile":
 
     Raises:
         OSError: If the file cannot be read.
-        NoEntryError: If no line of it is an entry.
+        FoundError: If no line of it is an entry.
     """
     from ...data.lists import ListFile
 
@@ -155,7 +189,7 @@ def read_shown_list(path: Path) -> "ListFile":
     if not listing.columns:
         found = "no entry" if listing.lines else "an empty file"
         found = "UTF-16" if listing.is_wide else found
-        raise NoEntryError(str(path), found, "entries of a list")
+        raise FoundError(str(path), found, "entries of a list")
     return listing
 
 
@@ -178,16 +212,11 @@ def by_axis(
         expected: An example in words.
 
     Raises:
-        BadParameter: If a text is something else.
+        UsageError: If a text is something else.
     """
-    found = {}
-    for text in texts or ():
-        match = re.fullmatch(rf"A?(?P<axis>\d{{1,5}})={value}", text)
-        if match is None:
-            message = f"found {text!r}, expected an axis and {expected}"
-            raise typer.BadParameter(message, param_hint=option)
-        found[int(match["axis"])] = match
-    return found
+    pattern, expected = rf"A?(?P<axis>\d{{1,5}})={value}", f"an axis and {expected}"
+    found = [matched(option, text, pattern, expected) for text in texts or ()]
+    return {int(match["axis"]): match for match in found}
 
 
 def axis_ranges(
@@ -199,7 +228,7 @@ def axis_ranges(
     """Return what an option says of axes, two ascending ends each, by axis number.
 
     Raises:
-        BadParameter: If a text is something else.
+        UsageError: If a text is something else.
     """
     number = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
     value = rf"\s*(?P<low>{number})\s*:\s*(?P<high>{number})\s*"
@@ -207,7 +236,6 @@ def axis_ranges(
     for axis, match in by_axis(texts, option, value, expected).items():
         low, high = float(match["low"]), float(match["high"])
         if not (-most <= low < high <= most and math.isfinite(high - low)):
-            message = f"found {match[0]!r}, expected an axis and {expected}"
-            raise typer.BadParameter(message, param_hint=option)
+            refuse(option, repr(match[0]), f"an axis and {expected}")
         found[axis] = low, high
     return found

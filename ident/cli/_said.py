@@ -12,6 +12,7 @@ import typer
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from ..job import Remark
 
@@ -32,25 +33,48 @@ def tell(console: "Console", line: str) -> None:
     console.print(line, markup=False, soft_wrap=not console.is_terminal)
 
 
-def print_table(
-    console: "Console",
+def table_of(
     heads: Sequence[str],
     rows: Iterable[Sequence[str]],
     *,
     numbers: Collection[str] = (),
     title: str | None = None,
-) -> None:
-    """Print a table of texts as they stand; ``numbers`` are the heads of columns of numbers."""
+    caption: str | None = None,
+    plain: bool = False,
+) -> "Table":
+    """Return a table of texts as they stand.
+
+    Args:
+        heads: Of the columns.
+        rows: Their cells.
+        numbers: Heads of columns of numbers.
+        title: Stands above it.
+        caption: Stands below it.
+        plain: It has no lines.
+    """
+    from rich.box import HEAVY_HEAD
     from rich.markup import escape
     from rich.table import Table
 
-    named = None if title is None else escape(title)
-    table = Table(title=named, title_justify="left")
+    table = Table(
+        title=None if title is None else escape(title),
+        caption=None if caption is None else escape(caption),
+        box=None if plain else HEAVY_HEAD,
+        pad_edge=not plain,
+        padding=(0, 2, 0, 0) if plain else (0, 1),
+        title_justify="left",
+        caption_justify="left",
+    )
     for head in heads:
-        table.add_column(escape(head), justify="right" if head in numbers else "left")
+        table.add_column(
+            escape(head),
+            justify="right" if head in numbers else "left",
+            vertical="bottom",
+            overflow="fold",
+        )
     for row in rows:
         table.add_row(*map(escape, row))
-    console.print(table)
+    return table
 
 
 def print_json(tree: object) -> None:

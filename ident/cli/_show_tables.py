@@ -3,12 +3,13 @@
 from collections.abc import Iterable, Iterator, Sequence
 
 from rich.console import RenderableType
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
 from ...data.lists import ListFile, OffsetCurve, offset_curves, registry
 from ..kinds import Kind, kind, kinds
+from ..report._scale import count
+from ._said import table_of
 
 MOST_ROWS = 24
 MOST_COLUMNS = 9
@@ -59,18 +60,14 @@ def _headline(file: ListFile) -> str:
     parts = [f"{file.source}: {_KINDS[file.kind]}"]
     if axis is not None:
         parts.append(f"axis {axis}" + (f" ({name})" if name else ""))
-    count = sum(len(rows.lines) for rows in file.columns.values())
-    parts.append(f"{count} entries in {len(file.lines)} lines, {file.encoding}")
+    entries = sum(len(rows.lines) for rows in file.columns.values())
+    parts.append(f"{entries} entries in {len(file.lines)} lines, {file.encoding}")
     return ", ".join(parts)
 
 
 def _parameters(file: ListFile) -> Table:
     """Return the entries outside of tables, each with its unit and meaning."""
-    table = _plain_columns()
-    table.add_column("entry", no_wrap=True)
-    table.add_column("value", justify="right", overflow="fold")
-    table.add_column("", justify="right", no_wrap=True)
-    table.add_column("meaning", style="dim", overflow="fold")
+    lines: list[Sequence[str]] = []
     known = registry().by_key
     for key, rows in file.columns.items():
         if "[]" in key and not key.startswith(("getriebe", "achs_kw")):
@@ -86,22 +83,10 @@ def _parameters(file: ListFile) -> Table:
             for index in indices:
                 name = name.replace("[]", f"[{index}]", 1)
             unit = "" if row is None else row.unit[0]
-            value = rows.integers[at]
-            table.add_row(
-                escape(name),
-                escape(rows.texts[at]),
-                _with_unit(value, unit, metric),
-                escape(meaning),
-            )
-    return table
-
-
-def _plain_columns(caption: str | None = None) -> Table:
-    """Return an empty table without lines."""
-    spaces = (0, 2, 0, 0)
-    table = Table(box=None, pad_edge=False, padding=spaces, caption=caption)
-    table.caption_justify = "left"
-    return table
+            shown = _with_unit(rows.integers[at], unit, metric)
+            lines.append((name, rows.texts[at], shown, meaning))
+    heads = ("entry", "value", " ", "meaning")
+    return table_of(heads, lines, numbers=heads[1:3], plain=True)
 
 
 def _grid(
@@ -119,12 +104,13 @@ def _grid(
     ):
         if shown < every:
             notes.append(f"{shown} of {every} {what} are shown")
-    table = _plain_columns("; ".join(notes) or None)
-    for k in across:
-        table.add_column(heads[k], justify="right", vertical="bottom", overflow="fold")
-    for k in down:
-        table.add_row(*(rows[k][at] for at in across))
-    return table
+    return table_of(
+        [heads[k] for k in across],
+        ([rows[k][at] for at in across] for k in down),
+        numbers=heads,
+        caption="; ".join(notes) or None,
+        plain=True,
+    )
 
 
 def _with_unit(value: int | None, unit: str, metric: bool) -> str:
@@ -222,17 +208,17 @@ def _raw_table(file: ListFile, one: Kind, table: str) -> Iterator[RenderableType
         unit = "" if row is None or row.unit[0] in ("", "----") else f"\n{row.unit[0]}"
         # The names are long and differ at their ends: they break where they may.
         name = key.removeprefix(stem).replace("_dir_", "\ndir_").replace("n_", "n\n")
-        heads.append(escape(f"{name}{unit}"))
+        heads.append(f"{name}{unit}")
     places = sorted({at for rows in columns.values() for at in rows.last})
     if not places:
         return
-    size = "1 entry" if len(places) == 1 else f"{len(places)} entries"
+    size = count(len(places), "entry", "entries")
     yield Text(f"\n{one.name.capitalize()} table, {size}. {one.adds}")
     lines = [
         [
             ", ".join(map(str, place)),
             *(
-                escape(rows.texts[rows.last[place]]) if place in rows.last else "-"
+                rows.texts[rows.last[place]] if place in rows.last else "-"
                 for rows in columns.values()
             ),
         ]

@@ -1,6 +1,5 @@
 """The command ``simulate``: what the controller would add along a motion."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -104,12 +103,12 @@ def simulate(
     columns = _columns(path, found)
     note(dict.fromkeys(text for axis in found for text in axis.remarks))
     if out is not None:
-        encoded = _parquet if out.suffix.lower() == ".parquet" else _csv
-        write_atomically(out, encoded(columns))
+        parquet = out.suffix.lower() == ".parquet"
+        write_atomically(out, _content(columns, parquet=parquet))
     if as_json:
         print_json(_summary(columns, found, rules))
     elif out is None:
-        typer.echo(_csv(columns).decode("ascii"), nl=False)
+        typer.echo(_content(columns).decode("ascii"), nl=False)
     else:
         rows = len(next(iter(columns.values()))) if columns else 0
         typer.echo(f"{rows} rows, {', '.join(columns)} in {out}", err=True)
@@ -184,26 +183,19 @@ def _summary(
     }
 
 
-def _csv(columns: "dict[str, np.ndarray]") -> bytes:
+def _content(columns: "dict[str, np.ndarray]", *, parquet: bool = False) -> bytes:
+    """Return columns as a file: Parquet, else CSV."""
     import io
 
     import pyarrow as pa
-    from pyarrow import csv
+    from pyarrow import csv, parquet as pq
 
-    sink = io.BytesIO()
-    sink.write((",".join(columns) + "\n").encode("ascii"))
-    csv.write_csv(pa.table(columns), sink, csv.WriteOptions(include_header=False))
-    return sink.getvalue()
-
-
-def _parquet(columns: "dict[str, np.ndarray]") -> bytes:
-    import io
-
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    sink = io.BytesIO()
-    parquet.write_table(pa.table(columns), sink)
+    table, sink = pa.table(columns), io.BytesIO()
+    if parquet:
+        pq.write_table(table, sink)
+    else:
+        sink.write((",".join(columns) + "\n").encode("ascii"))
+        csv.write_csv(table, sink, csv.WriteOptions(include_header=False))
     return sink.getvalue()
 
 
@@ -273,13 +265,13 @@ def _events_in(table: "Table", motion: "Motion") -> "tuple[ControllerEvent, ...]
         texts = [text.strip() for text in cell.split(";") if text.strip()]
         if not texts:
             continue
-        line, time = int(table.lines[k]), _cell(columns["time"], k)
+        line, time = int(table.lines[k]), _text(columns["time"], k)
         try:
             row = int(sum(motion.time < float(time) - _SLACK))
         except ValueError:
             found_time, expected = f"time {time!r}", "a time in s"
             raise LineError(str(table.path), line, found_time, expected) from None
-        axis = _cell(columns.get("axis"), k).strip().removeprefix("A")
+        axis = _text(columns.get("axis"), k).strip().removeprefix("A")
         if axis and not axis.isdigit():
             expected = "A1, A2, … after the logical numbers, or nothing for all axes"
             raise LineError(str(table.path), line, f"axis {axis!r}", expected)
@@ -288,14 +280,10 @@ def _events_in(table: "Table", motion: "Motion") -> "tuple[ControllerEvent, ...]
     return tuple(sorted(found, key=lambda event: event.row))
 
 
-def _cell(column: "Column | None", row: int) -> str:
+def _text(column: "Column | None", row: int) -> str:
     """Return a cell as text; empty where there is no column or no number."""
-    if column is None:
-        return ""
-    if column.text is not None:
-        return column.text[row]
-    value = float(column.values[row])
-    return "" if math.isnan(value) else f"{value:.15g}"
+    cell = None if column is None else column.cell(row)
+    return cell or "" if isinstance(cell, str | None) else f"{cell:.15g}"
 
 
 def _event(

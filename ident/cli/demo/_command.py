@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .._said import print_json, working
+from .._said import print_json, table_of, working
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -106,15 +106,12 @@ def _print_stages(
     console: "Console", head: str, rows: Mapping[str, Sequence[float]]
 ) -> None:
     """Print errors in mm by stage as µm."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False)
-    table.add_column(head)
-    for stage in ("before", "predicted", "verified"):
-        table.add_column(f"  {stage}", justify="right")
-    for words, sizes in rows.items():
-        table.add_row(words, *(f"{1000 * size:.1f}" for size in sizes))
-    console.print(table)
+    stages = ("before", "predicted", "verified")
+    lines = [
+        [words, *(f"{1000 * size:.1f}" for size in sizes)]
+        for words, sizes in rows.items()
+    ]
+    console.print(table_of([head, *stages], lines, numbers=stages, plain=True))
 
 
 def _figures(fit: "TableResult") -> "dict[str, ErrorFigures]":
