@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -149,6 +150,14 @@ class Column:
     def samples(self) -> int:
         """Number of rows that hold a sample of this column."""
         return self.values.size if self.present is None else int(self.present.sum())
+
+    def cell(self, row: int) -> float | str | None:
+        """Return the sample in a row of its own; None where it is no finite number."""
+        if self.text is not None:
+            return self.text[row]
+        values = self.values if self.present is None else self.values[self.present]
+        value = float(values[row])
+        return value if math.isfinite(value) else None
 
 
 @dataclasses.dataclass(frozen=True)

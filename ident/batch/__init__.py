@@ -20,13 +20,7 @@ from ._run import (
     Progress as Progress,
     run_batch as run_batch,
 )
-from ._summary import (
-    Outlier as Outlier,
-    Spread as Spread,
-    Summary as Summary,
-    Trend as Trend,
-    summarise as summarise,
-)
+from ._summary import Summary as Summary, summarise as summarise
 from ._table import query_results as query_results, read_results as read_results
 
 if TYPE_CHECKING:

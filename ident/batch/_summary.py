@@ -3,8 +3,8 @@
 import dataclasses
 import itertools
 import json
-from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,65 +15,75 @@ from .._templates import templates
 from ..report._scale import scale_of
 from ._table import read_results
 
-_FIGURES = "summary.json"
-_STAGES = ("before", "predicted", "from_file")
-_SHARES = (50, 90, 99, 100)
-_FAR = 5.0
-"""Robust standard deviations, of the logarithm, from which on a machine is an outlier."""
-_LEAST, _STEADY = 4, 0.9
-"""Measurements that a trend needs, and share of pairs that must agree on its direction."""
-_YEAR = 365.25
+_FIGURES, _PAGE = "summary.json", "summary.html"
+_MOST = 200
+"""Lines of a table on the page; all of them stand in summary.json."""
+_CURVE = np.linspace(0.0, 1.0, 401)
+"""Shares of the fits at which the page draws their errors."""
+_SHARES = (0.5, 0.9, 0.99, 1.0)
+_WORDS = {
+    "before": "as measured",
+    "predicted": "predicted",
+    "from_file": "under the file",
+}
+_COLOURS = {"before": "#b5541c", "predicted": "#7a7a7a", "from_file": "#1f6f8b"}
 
-_Fit = dict[str, Any]
-"""The columns that count here of a row of a fit."""
-_Kind = tuple[str, str]
-"""Compensation and unit."""
+_SPREADS = """
+SELECT compensation, unit, count(*) AS count, {
+    before: quantile_cont(before_rms, $shares),
+    predicted: quantile_cont(predicted_rms, $shares),
+    from_file: quantile_cont(from_file_rms, $shares)} AS percentiles
+FROM fits GROUP BY compensation, unit ORDER BY compensation, unit
+"""
+_OUTLIERS = """
+WITH sizes AS (
+    SELECT *, ln(greatest(rms, 1e-12)) AS size
+    FROM (SELECT *, before_rms AS rms, 'before' AS stage FROM fits UNION ALL
+          SELECT *, from_file_rms AS rms, 'from_file' AS stage FROM fits)
+    WHERE rms IS NOT NULL
+), judged AS (
+    SELECT *, count(*) OVER kind AS fits, median(size) OVER kind AS middle,
+        1.4826 * mad(size) OVER kind AS width
+    FROM sizes WINDOW kind AS (PARTITION BY compensation, unit, stage)
+)
+SELECT job, machine_id AS machine, axis, compensation, stage, rms,
+    exp(size - middle) AS times, unit
+FROM judged WHERE fits >= 10 AND size > middle + 5 * greatest(width, 0.1)
+ORDER BY times DESC
+"""
+"""Five robust standard deviations of the logarithm above the median of the kind.
 
+Their least is 0.1: a fleet of one make may be so alike that any difference stands out.
+"""
+_TRENDS = """
+WITH days AS (
+    SELECT machine_id AS machine, axis, compensation, unit, measured_at AS first,
+        arg_max(before_rms, place) AS rms
+    FROM (SELECT *, row_number() OVER () AS place FROM every)
+    WHERE machine_id IS NOT NULL AND measured_at IS NOT NULL GROUP BY ALL
+), pairs AS (
+    SELECT *, days.first AS day, later.first AS last,
+        (later.rms - days.rms) / (later.first - days.first) AS slope
+    FROM days JOIN days AS later USING (machine, axis, compensation, unit)
+    WHERE later.first > days.first
+), judged AS (
+    SELECT *, median(slope) OVER (PARTITION BY machine, axis, compensation, unit) AS middle
+    FROM pairs
+)
+SELECT machine, axis, compensation, 1 + count(DISTINCT day) AS measurements,
+    min(day)::VARCHAR AS first, max(last)::VARCHAR AS last,
+    365.25 * any_value(middle) AS per_year, unit
+FROM judged GROUP BY machine, axis, compensation, unit
+HAVING measurements >= 4 AND per_year <> 0
+    AND avg((sign(slope) = sign(middle))::INTEGER) >= 0.9
+ORDER BY abs(per_year) DESC
+"""
+"""Axes whose error moves one way, by the medians of all slopes.
 
-@dataclasses.dataclass(frozen=True)
-class Spread:
-    """Errors (rms) of all fits of one kind.
+Source: P. K. Sen, J. Am. Stat. Assoc. 63, 1968 (slope); M. G. Kendall, 1938 (pairs).
+"""
 
-    Attributes:
-        compensation: Kind of fit.
-        unit: Of the errors.
-        count: Fits.
-        percentiles: By stage (``before``, ``predicted``, ``from_file``): median, 90th and 99th
-            percentile, maximum.
-    """
-
-    compensation: str
-    unit: str
-    count: int
-    percentiles: dict[str, list[float]]
-
-
-@dataclasses.dataclass(frozen=True)
-class Outlier:
-    """A fit whose error is far beyond that of its kind: ``times`` the median."""
-
-    job: str
-    machine: str | None
-    axis: str
-    compensation: str
-    stage: str
-    rms: float
-    times: float
-    unit: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Trend:
-    """An axis whose measured error grows (or shrinks) from measurement to measurement."""
-
-    machine: str
-    axis: str
-    compensation: str
-    measurements: int
-    first: str
-    last: str
-    per_year: float
-    unit: str
+_Rows = tuple[dict[str, Any], ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,9 +99,10 @@ class Summary:
         unverified: Fits whose list lies in ``unverified/``.
         verdicts: Fits by verdict; ``unproven``: computed, no measurement has settled
             the sign.
-        spreads: By kind of fit.
-        outliers: Machines to look at, worst first.
-        trends: Axes that change steadily, fastest first.
+        spreads: Errors (rms) by ``compensation`` and ``unit``: ``count`` of the fits, and by
+            stage median, 90th and 99th percentile, and maximum.
+        outliers: Fits whose error is ``times`` the median of their kind, worst first.
+        trends: Axes whose measured error grows or shrinks steadily, fastest first.
     """
 
     jobs: int
@@ -101,9 +112,9 @@ class Summary:
     gate: dict[str, int]
     unverified: int
     verdicts: dict[str, int]
-    spreads: tuple[Spread, ...]
-    outliers: tuple[Outlier, ...]
-    trends: tuple[Trend, ...]
+    spreads: _Rows
+    outliers: _Rows
+    trends: _Rows
 
 
 def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
@@ -113,48 +124,51 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         folder: Of the batch, its table written.
         history: Folders of earlier batches, for the trends.
     """
-    columns = [
-        *("job", "state", "reason", "passed", "verified", "verdict", "machine_id"),
-        *("measured_at", "compensation", "axis", "unit", "gate_failed"),
-        *(f"{stage}_rms" for stage in _STAGES),
-    ]
-    table = read_results(folder).select(columns)
-    rows: list[_Fit] = table.to_pylist()
-    fits = [row for row in rows if row["state"] == "done"]
-    earlier = [
-        row
-        for other in history
-        for row in read_results(other).select(columns).to_pylist()
-        if row["state"] == "done"
-    ]
-    failed = [row for row in rows if row["state"] == "failed"]
-    kinds: dict[_Kind, list[_Fit]] = defaultdict(list)
-    for row in fits:
-        kinds[row["compensation"], row["unit"]].append(row)
-    reasons = Counter(_plain_reason(row["reason"]) for row in failed)
-    gate = Counter(
-        itertools.chain.from_iterable(row["gate_failed"] or () for row in fits)
-    )
+    import duckdb
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    done = pc.field("state") == "done"
+    rows = read_results(folder)
+    fits = rows.filter(done)
+    earlier = [read_results(other).filter(done) for other in history]
+    with duckdb.connect() as connection:
+        connection.register("fits", fits)
+        every = [each.select(fits.column_names) for each in (*earlier, fits)]
+        connection.register("every", pa.concat_tables(every))
+
+        def found(question: str, **given: object) -> _Rows:
+            relation = connection.sql(question, params=given)
+            return tuple(relation.to_arrow_table().to_pylist())
+
+        kinds = found(_SPREADS, shares=_CURVE.tolist())
+        outliers, trends = found(_OUTLIERS), found(_TRENDS)
+    reasons = Counter(map(_plain_reason, rows.filter(~done)["reason"].to_pylist()))
+    failed = filter(None, fits["gate_failed"].to_pylist())
+    gate = Counter(itertools.chain.from_iterable(failed))
     summary = Summary(
-        jobs=len({row["job"] for row in rows}),
-        failed=len(failed),
+        jobs=len(rows["job"].unique()),
+        failed=sum(reasons.values()),
         reasons=dict(reasons.most_common(20)),
-        rejected=sum(not row["passed"] for row in fits),
+        rejected=len(fits) - sum(map(bool, fits["passed"].to_pylist())),
         gate=dict(gate.most_common()),
-        unverified=sum(not row["verified"] for row in fits),
-        verdicts=dict(Counter(row["verdict"] for row in fits if row["verdict"])),
-        spreads=tuple(_spread(*kind, own) for kind, own in kinds.items()),
-        outliers=tuple(
-            sorted(
-                itertools.chain.from_iterable(map(_outliers, kinds.values())),
-                key=lambda one: -one.times,
-            )
-        ),
-        trends=tuple(_trends([*earlier, *fits])),
+        unverified=len(fits) - sum(map(bool, fits["verified"].to_pylist())),
+        verdicts=dict(Counter(filter(None, fits["verdict"].to_pylist()))),
+        spreads=tuple(kind | {"percentiles": _percentiles(kind)} for kind in kinds),
+        outliers=outliers,
+        trends=trends,
     )
     text = json.dumps(dataclasses.asdict(summary), indent=1) + "\n"
     write_atomically(folder / _FIGURES, text.encode())
-    write_atomically(folder / _PAGE, _page(summary, kinds).encode())
+    page = templates(__package__ or "", html=True).get_template("summary.html.jinja")
+    html = page.render(
+        summary=summary,
+        pictures=[_picture(kind["percentiles"], kind["unit"]) for kind in kinds],
+        scale_of=scale_of,
+        words=_WORDS,
+        most=_MOST,
+    )
+    write_atomically(folder / _PAGE, html.encode())
     return summary
 
 
@@ -164,107 +178,24 @@ def _plain_reason(reason: str | None) -> str:
     return "".join("#" if sign.isdigit() else sign for sign in words[-1])[:160]
 
 
-def _errors(rows: Sequence[_Fit]) -> dict[str, np.ndarray]:
+def _percentiles(kind: Mapping[str, Any]) -> dict[str, list[float]]:
+    last = len(_CURVE) - 1
     return {
-        stage: np.array([row[f"{stage}_rms"] for row in rows], dtype=float)
-        for stage in _STAGES
+        stage: [values[round(share * last)] for share in _SHARES] if values else []
+        for stage, values in kind["percentiles"].items()
     }
 
 
-def _spread(compensation: str, unit: str, rows: Sequence[_Fit]) -> Spread:
-    found = {}
-    for stage, values in _errors(rows).items():
-        known = values[np.isfinite(values)]
-        shares = np.percentile(known, _SHARES) if len(known) else np.zeros(0)
-        found[stage] = [float(value) for value in shares]
-    return Spread(compensation, unit, len(rows), found)
-
-
-def _outliers(rows: Sequence[_Fit]) -> Iterable[Outlier]:
-    """Yield fits whose error lies far above those of the same kind."""
-    if len(rows) < 10:
-        return
-    for stage, values in _errors(rows).items():
-        if stage == "predicted":
-            continue  # what it finds, the file finds too
-        logs = np.log(np.maximum(values, 1e-12))
-        middle = float(np.nanmedian(logs))
-        # A fleet of one make may be so alike that any difference stands out.
-        width = max(1.4826 * float(np.nanmedian(np.abs(logs - middle))), 0.1)
-        for k in np.flatnonzero(logs > middle + _FAR * width):
-            row = rows[int(k)]
-            yield Outlier(
-                row["job"], row["machine_id"], row["axis"], row["compensation"], stage,
-                float(values[k]), float(np.exp(logs[k] - middle)), row["unit"],
-            )  # fmt: skip
-
-
-def _trends(rows: Sequence[_Fit]) -> list[Trend]:
-    """Return axes whose measured error moves one way, by the medians of all slopes.
-
-    Source: P. K. Sen, J. Am. Stat. Assoc. 63, 1968 (slope); M. G. Kendall, 1938 (pairs).
-    """
-    axes: dict[tuple[str, str, str, str], dict[Any, float]] = defaultdict(dict)
-    for row in rows:
-        if row["machine_id"] is not None and row["measured_at"] is not None:
-            key = (row["machine_id"], row["axis"], row["compensation"], row["unit"])
-            axes[key][row["measured_at"]] = row["before_rms"]
-    found = []
-    for (machine, axis, compensation, unit), own in axes.items():
-        if len(own) < _LEAST:
-            continue
-        days = sorted(own)
-        when = np.array([day.toordinal() for day in days], dtype=float)
-        values = np.array([own[day] for day in days])
-        first, second = np.triu_indices(len(days), 1)
-        slopes = (values[second] - values[first]) / (when[second] - when[first])
-        slope = float(np.median(slopes))
-        if np.mean(np.sign(slopes) == np.sign(slope)) >= _STEADY and slope:
-            found.append(
-                Trend(
-                    machine, axis, compensation, len(days), str(days[0]), str(days[-1]),
-                    slope * _YEAR, unit,
-                )
-            )  # fmt: skip
-    return sorted(found, key=lambda one: -abs(one.per_year))
-
-
-_PAGE = "summary.html"
-_MOST = 200
-"""Lines of a table; all of them stand in summary.json."""
-_WORDS = {
-    "before": "as measured",
-    "predicted": "predicted",
-    "from_file": "under the file",
-}
-_COLOURS = {"before": "#b5541c", "predicted": "#7a7a7a", "from_file": "#1f6f8b"}
-
-
-def _page(summary: Summary, kinds: Mapping[_Kind, Sequence[_Fit]]) -> str:
-    """Return the page; of the fits by compensation and unit it shows the errors (rms)."""
-    page = templates(__package__ or "", html=True).get_template("summary.html.jinja")
-    return page.render(
-        summary=summary,
-        pictures=[_picture(_errors(own), unit) for (_, unit), own in kinds.items()],
-        scale_of=scale_of,
-        words=_WORDS,
-        most=_MOST,
-    )
-
-
-def _picture(errors: Mapping[str, np.ndarray], unit: str) -> str:
+def _picture(errors: Mapping[str, Sequence[float] | None], unit: str) -> str:
     """Return the distribution of the errors as SVG."""
     from ..report._style import new_figure, to_inline, to_svg
 
     scale = scale_of(unit)
     figure, (axes,) = new_figure(3.4)
     for stage, values in errors.items():
-        known = np.sort(values[np.isfinite(values) & (values > 0)]) * scale.factor
-        if len(known):
-            # A curve of a few hundred points says as much as one of a hundred thousand.
-            index = np.unique(np.linspace(0, len(known) - 1, 400).astype(int))
-            share = 100.0 * (index + 1) / len(known)
-            axes.plot(known[index], share, color=_COLOURS[stage], label=_WORDS[stage])
+        if values:
+            shown = scale.factor * np.array(values)
+            axes.plot(shown, 100.0 * _CURVE, color=_COLOURS[stage], label=_WORDS[stage])
     axes.set_xscale("log")
     axes.set_xlabel(f"error (rms), {scale.error}")
     axes.set_ylabel("share of fits, %")

@@ -1,12 +1,13 @@
 """The command line: parse, call the library, exit status.
 
 `_app` assembles the commands and turns errors into one line and an exit status. A command is a
-function whose docstring is its help; it imports what it needs when it runs, so that
-`axcomp check` starts without JAX. They stand in `_read` (read, new), `_fit`, `_iso230`,
-`_batch` (batch, results), `_lists` (check, show, diff, convert), `_export` (objects, probe,
-export-external), `_simulate`, `_judge` (verify, doctor), `_discover` and the folder `demo`.
-`_options` is what several of them take; `_said` prints sentences, tables and progress;
-`_show_tables` and `_list_plots` show a list.
+function whose docstring is its help, and which returns whether it passed; it imports what it
+needs when it runs, so that `axcomp check` starts without JAX. They stand in `_read` (read, new),
+`_fit`, `_iso230`, `_batch` (batch, results), `_lists` (check, show, diff, convert), `_export`
+(objects, probe, export-external), `_simulate`, `_judge` (verify, doctor), `_discover` and the
+folder `demo`. `_options` makes options of their parameters and docstrings, and holds what several
+of them take; `_said` prints sentences, tables and progress; `_show_tables` and `_list_plots` show
+a list.
 """
 
 import gc

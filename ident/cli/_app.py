@@ -6,7 +6,6 @@ so that ``axcomp --help`` and ``axcomp check`` start in a fraction of a second.
 
 import inspect
 import os
-import re
 import signal
 import sys
 import threading
@@ -29,6 +28,7 @@ from . import (
     _read,
     _simulate,
 )
+from ._options import declared
 from .demo import _command as demo
 
 app = typer.Typer(
@@ -70,16 +70,8 @@ def examples_of(command: Callable[..., Any]) -> list[str]:
     return [line.strip() for line in lines.splitlines()]
 
 
-def _help_of(command: Callable[..., Any]) -> str:
-    """Return what ``--help`` says: the docstring, its paragraphs on one line."""
-    text, head, examples = inspect.cleandoc(command.__doc__ or "").partition(
-        "Examples:\n"
-    )
-    return re.sub(r"(?<=\S)\n(?=\S)", " ", text) + head + examples
-
-
 for _name, _function in COMMANDS.items():
-    app.command(_name, help=_help_of(_function))(_function)
+    app.command(_name)(declared(_function))
 
 
 def _print_version(value: bool) -> bool:

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ._options import AsJson
-from ._said import working
+from ..report._scale import count
+from ._options import AsJson, OneOrMore
+from ._said import note, working
 
 if TYPE_CHECKING:
     from ..batch import BatchResult
@@ -22,50 +23,33 @@ _SELECT = (
 
 
 def batch(
-    jobs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="JOBS…",
-            help="Job files, patterns in quotes, or tables (.csv, .parquet) with one job"
-            " per row.",
-        ),
-    ],
-    out: Annotated[
-        Path, typer.Option(help="Folder for lists, table of results and summary.")
-    ] = Path("axcomp-batch"),
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="A running dask scheduler (tcp://host:8786); without it, workers here.",
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Workers here; one per core by default.")
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the batch in the folder.")
-    ] = False,
-    reports: Annotated[
-        bool,
-        typer.Option(
-            "--reports", help="Draw every report, not only where a job failed."
-        ),
-    ] = False,
-    time_limit: Annotated[
-        float | None,
-        typer.Option(min=0.1, help="Seconds after which a job is given up."),
-    ] = 600.0,
-    history: Annotated[
-        list[Path] | None,
-        typer.Option(help="Folder of an earlier batch, for trends; may be repeated."),
-    ] = None,
+    jobs: list[str],
+    *,
+    out: Path = Path("axcomp-batch"),
+    scheduler: str | None = None,
+    workers: OneOrMore = None,
+    resume: bool = False,
+    reports: bool = False,
+    time_limit: Annotated[float | None, typer.Option(min=0.1)] = 600.0,
+    history: list[Path] | None = None,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Run many jobs: lists for each, one table of all results, one summary.
 
     A job that fails is a row with its reason. Exit status 1 where any failed or was
     rejected. Lists of machines whose conventions are only assumed go to unverified/.
+
+    Options:
+        jobs (JOBS…): Job files, patterns in quotes, or tables (.csv, .parquet) with one job per
+            row.
+        out: Folder for lists, table of results and summary.
+        scheduler (ADDRESS): A running dask scheduler (tcp://host:8786); without it, workers
+            here.
+        workers: Workers here; one per core by default.
+        resume: Go on with the batch in the folder.
+        reports: Draw every report, not only where a job failed.
+        time_limit: Seconds after which a job is given up.
+        history: Folder of an earlier batch, for trends; may be repeated.
 
     Examples:
       axcomp batch "machines/*.toml" --out night
@@ -87,52 +71,51 @@ def batch(
     _print(result, out)
     if as_json:
         typer.echo((out / "summary.json").read_text(), nl=False)
-    if not result.passed:
-        raise typer.Exit(1)
+    return result.passed
 
 
 def _print(result: "BatchResult", out: Path) -> None:
-    def say(line: str) -> None:
-        typer.echo(line, err=True)
-
-    for name, reason in list(result.reasons.items())[:_SHOWN]:
-        say(f"failed: {name}: {reason}")
-    if len(result.reasons) > _SHOWN:
-        say(f"… and {len(result.reasons) - _SHOWN} more failed, see results.parquet")
+    reasons = [f"failed: {name}: {why}" for name, why in result.reasons.items()]
+    lines = reasons[:_SHOWN]
+    if len(reasons) > _SHOWN:
+        more = len(reasons) - _SHOWN
+        lines.append(f"… and {more} more failed, see results.parquet")
     summary = result.summary
-    for name, count in summary.gate.items():
-        say(f"gate: {name} failed in {_count(count, 'fit')}")
+    lines += [
+        f"gate: {name} failed in {count(number, 'fit')}"
+        for name, number in summary.gate.items()
+    ]
     if summary.unverified:
-        say(
-            f"{_count(summary.unverified, 'list')} lie{'s' * (summary.unverified == 1)}"
+        lines.append(
+            f"{count(summary.unverified, 'list')} lie{'s' * (summary.unverified == 1)}"
             " in unverified/: computed; sign unproven. The conventions of their machines"
             " are only assumed. Verify them before loading."
         )
-    say(
-        f"{_count(result.jobs, 'job')}, {result.failed} failed, {result.rejected} did not pass"
+    lines.append(
+        f"{count(result.jobs, 'job')}, {result.failed} failed, {result.rejected} did not pass"
         f" ({result.seconds:.1f} s). Table: {out / 'results.parquet'}, summary:"
         f" {out / 'summary.html'}"
     )
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+    note(lines, "")
 
 
 def results(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a batch.")],
-    where: Annotated[
-        str | None,
-        typer.Option(help="SQL condition, e.g. \"not passed and machine_id = 'm7'\"."),
-    ] = None,
-    select: Annotated[
-        str, typer.Option(help="SQL list of columns; * for all.")
-    ] = _SELECT,
-    order: Annotated[str | None, typer.Option(help="SQL list to sort by.")] = None,
-    limit: Annotated[int | None, typer.Option(min=1, help="Rows at most.")] = None,
+    folder: Path,
+    *,
+    where: str | None = None,
+    select: str = _SELECT,
+    order: str | None = None,
+    limit: OneOrMore = None,
     as_json: AsJson = False,
 ) -> None:
     """Show rows of the table of a batch as CSV; `docs/batch.md` names the columns.
+
+    Options:
+        folder (DIR): Folder of a batch.
+        where: SQL condition, e.g. "not passed and machine_id = 'm7'".
+        select: SQL list of columns; * for all.
+        order: SQL list to sort by.
+        limit: Rows at most.
 
     Examples:
       axcomp results night --where "not passed"

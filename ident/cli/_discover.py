@@ -3,13 +3,11 @@
 import dataclasses
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from ..kinds import kind
-from ._options import AsJson, expect
-from ._said import print_json, print_table, tell, working
+from ._options import AsJson, refuse, refuse_existing
+from ._said import print_json, table_of, tell, working
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -20,26 +18,20 @@ if TYPE_CHECKING:
 
 
 def discover(
-    job: Annotated[
-        Path,
-        typer.Argument(
-            metavar="JOB.toml", help="Job with the measurements; needs no [\\[fits]]."
-        ),
-    ],
-    write: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="NEW.toml",
-            help="Write the job that fits what was found, beside JOB.toml, for"
-            " `axcomp fit`.",
-        ),
-    ] = None,
+    job: Path,
+    *,
+    write: Path | None = None,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Find which compensations the measurements ask for, and from which masters.
 
     Looks for terms of every compensation and for what the controller has none for.
     Exit status 1 where the data show an effect and cannot tell which of several it is.
+
+    Options:
+        job (JOB.toml): Job with the measurements; needs no [[fits]].
+        write (NEW.toml): Write the job that fits what was found, beside JOB.toml, for `axcomp
+            fit`.
 
     Examples:
       axcomp discover job.toml --write fits.toml
@@ -70,8 +62,7 @@ def discover(
         _write(console, write, loaded, seen, found)
     elif write is not None:
         tell(console, f"Nothing to fit was found: {write} was not written.")
-    if not found.told:
-        raise typer.Exit(1)
+    return found.told
 
 
 def _write(
@@ -107,9 +98,10 @@ _WHY = {
 
 def _refuse_place(job: Path, write: Path) -> None:
     """Raise where a new job would not find its files, or would replace another."""
-    beside = f"a file beside {job}: paths in a job are relative to it"
-    expect(write.resolve().parent == job.resolve().parent, "--write", write, beside)
-    expect(not write.exists(), "--write", f"{write}, which exists", "a new file")
+    if write.resolve().parent != job.resolve().parent:
+        place = f"a file beside {job}: paths in a job are relative to it"
+        refuse("--write", str(write), place)
+    refuse_existing(write, "--write")
 
 
 def _json(found: "Discovery", names: tuple[str, ...]) -> dict[str, object]:
@@ -146,7 +138,7 @@ def _print(console: "Console", found: "Discovery") -> None:
         ]
         if mine:
             heads = ["compensation", "over", "sensor", *_NUMBERS]
-            print_table(console, heads, rows, numbers=_NUMBERS)
+            console.print(table_of(heads, rows, numbers=_NUMBERS))
         for one in mine:
             tell(console, one.sentence)
         for drift in found.drifts:

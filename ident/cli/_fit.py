@@ -5,44 +5,41 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from ..report._scale import Scale, number, scale_of
 from ._options import AsJson
-from ._said import print_remarks, print_table, tell, working
+from ._said import print_remarks, table_of, tell, working
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..job import AbstractResult, EffectShare, GroupResult, JobResult
+    from ..job import AbstractResult, EffectShare, GroupResult, JobResult, Remark
 
 _STAGES = ("before", "predicted", "from_file")
 """Errors of a sum that are shown."""
 
 
 def fit(
-    job: Annotated[Path, typer.Argument(metavar="JOB.toml", help="Job file.")],
-    out: Annotated[
-        Path,
-        typer.Option(help="Folder for lists, report and result."),
-    ] = Path("axcomp-out"),
-    after: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="JOB2.toml",
-            help="Job of a second measurement, made with the lists of the first one"
-            " loaded: says what became of each error, and settles signs.",
-        ),
-    ] = None,
+    job: Path,
+    *,
+    out: Path = Path("axcomp-out"),
+    after: Path | None = None,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Run a job: measurements → lists, report, result.
 
     Ends with exit status 1 where a gate fails (the list then lies in rejected/), or a
     second measurement does not show what was predicted.
     AXCOMP_CACHE=off does without the compilation cache in the user's cache folder.
+
+    Options:
+        job (JOB.toml): Job file.
+        out: Folder for lists, report and result.
+        after (JOB2.toml): Job of a second measurement, made with the lists of the first one
+            loaded: says what became of each error, and settles signs.
 
     Examples:
       axcomp fit job.toml
@@ -59,48 +56,32 @@ def fit(
         step("drawing the report")
         from ..report import write_report
 
-        report = write_report(result, out)
+        report, *_ = write_report(result, out)
     console = Console(stderr=as_json, highlight=False)
-    print_result(console, result, out, report, start)
+    _print_fits(console, result)
+    lines = [f"Files in {out}:", *(f"  {file}" for file in result.files)]
+    seconds = time.monotonic() - start
+    lines += [f"Report: {report}", f"{_verdict_of(result)} ({seconds:.1f} s)."]
+    for line in lines:
+        console.print(line, markup=False, soft_wrap=True)
     if as_json:
         typer.echo(result_json(result), nl=False)
-    if not (result.passed and result.confirmed):
-        raise typer.Exit(1)
+    return result.passed and result.confirmed
 
 
-def print_result(
-    console: "Console",
-    result: "JobResult",
-    out: Path,
-    report: Sequence[Path],
-    start: float,
-) -> None:
-    """Print what a person wants to know first; all else is in the report.
-
-    What several fits say alike is said once, after them.
-
-    Args:
-        console: Where to.
-        result: What the job found.
-        out: Folder of its files.
-        report: Files of the report.
-        start: When the user began to wait (`time.monotonic`).
-    """
-    grouped = {index: group for group in result.groups for index in group.fits}
+def _print_fits(console: "Console", result: "JobResult") -> None:
+    """Print what a person wants to know first; what several fits say alike, once."""
     counts = Counter(
         remark.message for one in result.fits for remark in set(one.remarks)
     )
     shared = {words for words, count in counts.items() if count > 1}
+    alone = dict(enumerate(result.fits))
     for group in result.groups:
-        from ..job.joint import TOGETHER  # takes long to load
-
         _print_group(console, group, result.fits)
-        own = {remark.message for remark in group.remarks}
         for index in group.fits:
-            _print_member(console, result.fits[index], group, shared | own, TOGETHER)
-    for index, one in enumerate(result.fits):
-        if index not in grouped:
-            _print_fit(console, one, shared)
+            _print_fit(console, alone.pop(index), shared, group)
+    for one in alone.values():
+        _print_fit(console, one, shared)
     said = {remark.message for group in result.groups for remark in group.remarks}
     every = dict.fromkeys(
         remark
@@ -109,114 +90,96 @@ def print_result(
         if remark.message in shared - said
     )
     print_remarks(console, [*every, *result.remarks])
-    _print_files(console, result, out, report, start)
 
 
-def _print_files(
-    console: "Console",
-    result: "JobResult",
-    out: Path,
-    report: Sequence[Path],
-    start: float,
-) -> None:
-    console.print(f"Files in {out}:", markup=False)
-    for file in result.files:
-        console.print(f"  {file}", markup=False)
+def _verdict_of(result: "JobResult") -> str:
+    """Return what the last line says of a job."""
     from ..job import Code, Verdict
     from ..report import short_verdict
 
-    page = next((file for file in report if file.suffix == ".html"), None)
-    if page is not None:
-        # Some writers name files relative to the folder, others with it.
-        shown = page if page.is_file() else out / page
-        console.print(f"Report: {shown}", markup=False, soft_wrap=True)
-    verdict = "Done"
-    if result.verdict is not Verdict.GOOD:
-        assumed = any(fit.judgement.has(Code.ASSUMED) for fit in result.fits)
-        words = short_verdict(result.verdict, assumed=assumed)
-        worst = [
-            f"{fit.compensation} of {fit.axis}"
-            for fit in result.fits
-            if fit.judgement.verdict is result.verdict
-        ]
-        which = "" if len(worst) == len(result.fits) else f" ({', '.join(worst)})"
-        verdict = f"{words[0].upper()}{words[1:]}{which}. Done"
     if result.verdict is Verdict.REJECTED and not result.confirmed:
-        verdict = "NOT CONFIRMED: the second measurement shows another effect, take the lists out"
-    elif not result.passed:
-        rejected = any(file.parts[0] == "rejected" for file in result.files)
-        verdict = "NOT PASSED: do not load the rejected lists"
-        if not rejected:
-            verdict = "NOT PASSED: not all that was asked for is known, see the errors"
-    console.print(f"{verdict} ({time.monotonic() - start:.1f} s).", markup=False)
+        return "NOT CONFIRMED: the second measurement shows another effect, take the lists out"
+    if not result.passed:
+        if any(file.parts[0] == "rejected" for file in result.files):
+            return "NOT PASSED: do not load the rejected lists"
+        return "NOT PASSED: not all that was asked for is known, see the errors"
+    if result.verdict is Verdict.GOOD:
+        return "Done"
+    assumed = any(fit.judgement.has(Code.ASSUMED) for fit in result.fits)
+    words = short_verdict(result.verdict, assumed=assumed)
+    worst = [
+        f"{fit.compensation} of {fit.axis}"
+        for fit in result.fits
+        if fit.judgement.verdict is result.verdict
+    ]
+    which = "" if len(worst) == len(result.fits) else f" ({', '.join(worst)})"
+    return f"{words[0].upper()}{words[1:]}{which}. Done"
 
 
-def _print_member(
+def _print_fit(
     console: "Console",
     found: "AbstractResult",
-    group: "GroupResult",
-    said: set[str],
-    opening: str,
+    shared: set[str],
+    group: "GroupResult | None" = None,
 ) -> None:
-    """Print gate and remarks of one fit of a group, without what is said elsewhere."""
-    name = f"{found.compensation} of {found.axis}: "
+    """Print figures, gate, verdict and remarks of a fit, without what is said elsewhere."""
+    from ..report import headline_of
+
+    name, remarks = "", [r for r in found.remarks if r.message not in shared]
+    if group is not None:
+        name = f"{found.compensation} of {found.axis}: "
+        remarks = _not_of_group(remarks, group)
+    elif not found.left_out:
+        _print_figures(console, found)
     if found.gate:
         _print_gate(console, found, name)
     if not found.left_out:
-        _print_verdict(console, found, name)
-    remarks = []
-    for remark in found.remarks:
-        message = remark.message
-        if message in said or message.startswith(opening):
-            continue
-        # The group has said these sentences already.
-        for pair in group.lost:
-            message = message.replace(pair.sentence, "").strip()
-        remarks.append(dataclasses.replace(remark, message=message))
+        sentence = headline_of(found, scale_of(found.unit)).sentence
+        tell(console, f"{name}verdict: {sentence}")
     print_remarks(console, remarks)
 
 
-def _print_fit(console: "Console", found: "AbstractResult", shared: set[str]) -> None:
+def _not_of_group(remarks: Sequence["Remark"], group: "GroupResult") -> list["Remark"]:
+    """Return the remarks of a fit, without the sentences that the group has said."""
+    from ..job.joint import TOGETHER  # takes long to load
+
+    own, found = {remark.message for remark in group.remarks}, []
+    for remark in remarks:
+        message = remark.message
+        if message in own or message.startswith(TOGETHER):
+            continue
+        for pair in group.lost:
+            message = message.replace(pair.sentence, "").strip()
+        found.append(dataclasses.replace(remark, message=message))
+    return found
+
+
+def _print_figures(console: "Console", found: "AbstractResult") -> None:
     from ..report._section import figures_of
 
-    if found.left_out:
-        print_remarks(console, found.remarks)
-        return
     over = f" over {', '.join(found.over)}" if found.over else ""
-    unit, factor = scale_of(found.unit).error, scale_of(found.unit).factor
-    digits = ".3g" if factor == 1.0 else ".1f"
+    scale = scale_of(found.unit)
+    digits = ".3g" if scale.factor == 1.0 else ".1f"
     stages, figures = figures_of(found.error)
     heads = [stage.replace("_", " ") for stage in stages]
     rows = [
         (
             name.replace("all", "wild kept"),
-            *("–" if value is None else f"{factor * value:{digits}}" for value in own),
+            *("–" if v is None else f"{scale.factor * v:{digits}}" for v in own),
         )
         for name, own in figures.items()
     ]
-    title = f"{found.compensation} of {found.axis}{over}, {unit}"
-    print_table(console, ["error", *heads], rows, numbers=heads, title=title)
-    _print_gate(console, found)
-    _print_verdict(console, found)
-    print_remarks(console, [r for r in found.remarks if r.message not in shared])
+    title = f"{found.compensation} of {found.axis}{over}, {scale.error}"
+    console.print(table_of(["error", *heads], rows, numbers=heads, title=title))
 
 
-def _print_verdict(
-    console: "Console", found: "AbstractResult", start: str = ""
-) -> None:
-    from ..report import headline_of
-
-    sentence = headline_of(found, scale_of(found.unit)).sentence
-    tell(console, f"{start}verdict: {sentence}")
-
-
-def _print_gate(console: "Console", found: "AbstractResult", start: str = "") -> None:
+def _print_gate(console: "Console", found: "AbstractResult", name: str) -> None:
     failed = [check for check in found.gate if not check.passed]
     if not failed:
-        console.print(f"{start}gate: passed ({len(found.gate)} checks)", markup=False)
+        console.print(f"{name}gate: passed ({len(found.gate)} checks)", markup=False)
     for check in failed:
         console.print(
-            f"{start}gate: FAILED {check.name}: {check.value:.4g} {check.unit}, allowed"
+            f"{name}gate: FAILED {check.name}: {check.value:.4g} {check.unit}, allowed"
             f" {check.limit:.4g} ({check.where})",
             markup=False,
         )
@@ -256,7 +219,7 @@ def _print_sums(console: "Console", group: "GroupResult") -> None:
         )
     heads = ["before", "predicted", "from file", "one reading", "readings", "wild"]
     title = f"group {group.name}: {fits}, rms"
-    print_table(console, ["error of", *heads], rows, numbers=heads, title=title)
+    console.print(table_of(["error of", *heads], rows, numbers=heads, title=title))
 
 
 def _print_effects(
@@ -276,7 +239,7 @@ def _print_effects(
             )
         )
     heads = ["effect", "over", "rms", "information", "list"]
-    print_table(console, heads, rows, numbers=("rms", "information"))
+    console.print(table_of(heads, rows, numbers=("rms", "information")))
 
 
 def _size(each: "EffectShare", fits: Sequence["AbstractResult"], scale: Scale) -> str:

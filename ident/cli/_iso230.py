@@ -4,49 +4,41 @@ import dataclasses
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from ...data.errors import UsageError
-from ._options import AsJson, expect
-from ._said import print_json, print_table, wide_console
+from ._options import AsJson, matched, refuse
+from ._said import note, print_json, table_of, wide_console
 
 if TYPE_CHECKING:
-    from ...data.measurements import ColumnSpec, Iso230, Iso230Verdict
+    from ...data.measurements import ColumnSpec, Iso230, Iso230Test
 
 
 def iso230(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Runs of the test.")],
-    after: Annotated[
-        Path | None,
-        typer.Argument(metavar="[AFTER]", help="Runs after the compensation."),
-    ] = None,
-    tolerance: Annotated[
-        str | None,
-        typer.Option(metavar="T", help="Largest A that passes, in mm, or as 20um."),
-    ] = None,
-    axis: Annotated[
-        str | None, typer.Option(help="Axis, where the file holds several.")
-    ] = None,
-    column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="ROLE=COLUMN[:UNIT]",
-            help="Column of target, actual or error, run, direction, where the file does"
-            " not say: --column error=dx:um. Once per role.",
-        ),
-    ] = None,
+    file: Path,
+    after: Path | None = None,
+    *,
+    tolerance: str | None = None,
+    axis: str | None = None,
+    column: list[str] | None = None,
     as_json: AsJson = False,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for the chart (SVG and PNG).")
-    ] = None,
-) -> None:
+    out: Path | None = None,
+) -> bool:
     """Evaluate a positioning test by ISO 230-2: A, R, B, mean B, E and M.
 
     With a second file: before and after.
 
     With a tolerance: a verdict on A of the last file; exit status 1 where it fails.
+
+    Options:
+        file (FILE): Runs of the test.
+        after ([AFTER]): Runs after the compensation.
+        tolerance (T): Largest A that passes, in mm, or as 20um.
+        axis: Axis, where the file holds several.
+        column (ROLE=COLUMN[:UNIT]): Column of target, actual or error, run, direction, where
+            the file does not say: --column error=dx:um. Once per role.
+        out: Folder for the chart (SVG and PNG).
 
     Examples:
       axcomp iso230 laser_x.csv
@@ -54,42 +46,43 @@ def iso230(
     """
     from ...data.measurements import MeasurementError, read_iso230
 
-    files = {"before": file, "after": after} if after else {"": file}
-    limit, limit_unit = (None, None) if tolerance is None else _tolerance(tolerance)
     columns = _columns(column or (), axis)
-    found = {name: read_iso230(path, columns, axis) for name, path in files.items()}
-    tests = {name: one.figures for name, one in found.items()}
-    last = next(reversed(files))
-    unit = next(iter(found.values())).unit
-    if found[last].unit != unit:
-        reason = f"found {found[last].unit}, expected {unit} as in {file}"
+    limit, limit_unit = (None, None) if tolerance is None else _tolerance(tolerance)
+    files = {"before": file, "after": after} if after else {"": file}
+    found = [read_iso230(path, columns, axis) for path in files.values()]
+    first, last, judged = found[0], found[-1], after or file
+    if last.unit != first.unit:
+        reason = f"found {last.unit}, expected {first.unit} as in {file}"
         raise MeasurementError(str(after), reason)
-    alike = f"{unit} as in {files[last]}"
-    expect(limit_unit in (None, unit), "--tolerance", f"'{tolerance}'", alike)
-    if _targets(tests[last]) != _targets(next(iter(tests.values()))):
+    if limit_unit not in (None, last.unit):
+        refuse("--tolerance", repr(tolerance), f"{last.unit} as in {judged}")
+    tests = dict(zip(files, (one.figures for one in found), strict=True))
+    if _targets(last.figures) != _targets(first.figures):
         remark = "Its targets are not those of the first file: compare with care."
-        remarks = (remark, *tests[last].remarks)
-        tests[last] = dataclasses.replace(tests[last], remarks=remarks)
-    verdict = None if limit is None else found[last].verdict(limit)
-    charts: tuple[Path, ...] = ()
+        remarks = (remark, *last.figures.remarks)
+        tests["after"] = dataclasses.replace(last.figures, remarks=remarks)
+    tree = [_as_dict(test) for test in tests.values()]
+    result: dict[str, Any] = tree[0] | {"unit": last.unit}
+    if after is not None:
+        result["after"] = tree[1]
+    verdict = None if limit is None else last.verdict(limit)
+    if verdict is not None:
+        result["verdict"] = verdict
     if out is not None:
         from ..report._iso_chart import draw_iso_chart, write_chart
 
-        figure = draw_iso_chart(
-            tests, axis=found[last].axis, unit=unit, tolerance=limit
-        )
+        figure = draw_iso_chart(tests, axis=last.axis, unit=last.unit, tolerance=limit)
         stem = re.sub(r"[^A-Za-z0-9_-]+", "_", file.stem)
         charts = write_chart(figure, out, f"iso230_{stem}")
+        result["charts"] = [str(path) for path in charts]
     if as_json:
-        print_json(_as_dict(tests, unit, verdict, charts))
+        print_json(result)
     else:
-        _print(files, tests, unit, found[last].axis)
+        _print(files, tests, last)
     if verdict is not None:
         typer.echo(verdict.sentence, err=as_json)
-    for path in charts:
-        typer.echo(f"wrote {path}", err=True)
-    if verdict is not None and not verdict.passed:
-        raise typer.Exit(1)
+    note((f"wrote {path}" for path in result.get("charts", ())), "")
+    return verdict is None or verdict.passed
 
 
 def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
@@ -100,20 +93,15 @@ def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
     """
     from ...data.measurements import ColumnSpec, find_unit
 
+    expected = "ROLE=COLUMN with role target, actual, error, run or direction, such as error=dx:um"
+    pattern = r"(target|position|actual|error|run|direction)=(.+)"
     found: dict[str, ColumnSpec] = {}
     for text in texts:
-        role, equals, name = text.partition("=")
+        role, name = matched("--column", text, pattern, expected).groups()
         role = {"target": "position"}.get(role, role)
-        expect(
-            equals and name and role in _ROLES,
-            "--column",
-            f"'{text}'",
-            "ROLE=COLUMN with role target, actual, error, run or direction, such as"
-            " error=dx:um",
-        )
-        head, colon, unit = name.rpartition(":")
-        stated = bool(colon and head) and find_unit(unit) is not None
         key = role if role == "run" else f"{axis or 'axis'}.{role}"
+        head, _, unit = name.rpartition(":")
+        stated = head and find_unit(unit) is not None
         found[key] = ColumnSpec(head, unit) if stated else ColumnSpec(name)
     return found
 
@@ -125,52 +113,33 @@ def _targets(test: "Iso230") -> tuple[float, ...]:
 
 def _tolerance(text: str) -> tuple[float, str | None]:
     """Return a tolerance in mm or °, and which of both where the text says so."""
+    import numpy as np
+
     from ...data.measurements import find_unit
 
     match = re.fullmatch(r"\s*([0-9]*[.,]?[0-9]+(?:[eE][+-]?[0-9]+)?)\s*(\D.*)?", text)
-    unit = find_unit(match[2]) if match and match[2] else find_unit("mm")
-    if match is None or unit is None or unit.dimension not in ("length", "angle"):
-        msg = f"--tolerance: found '{text}', expected mm such as 0.02, or 20um"
-        raise UsageError(msg)
-    import numpy as np
-
-    value = float(unit.to_library(np.array([float(match[1].replace(",", "."))]))[0])
-    expect(value > 0.0, "--tolerance", f"'{text}'", "more than 0")
-    # 20 is meant as µm, and 20 mm would pass every machine.
-    clear, found = match[2] or value < _PLAIN_TOLERANCE, f"'{text}' without a unit"
-    expect(clear, "--tolerance", found, f"{text}um or {text}mm")
-    stated = {"length": "mm", "angle": "deg"}[unit.dimension]
-    return value, stated if match[2] else None
-
-
-def _as_dict(
-    tests: "dict[str, Iso230]",
-    unit: str,
-    verdict: "Iso230Verdict | None",
-    charts: Sequence[Path],
-) -> dict[str, Any]:
-    first, *others = map(_figures, tests.values())
-    result = {**first, "unit": unit}
-    if others:
-        result["after"] = others[0]
-    if verdict is not None:
-        result["verdict"] = dataclasses.asdict(verdict)
-    if charts:
-        result["charts"] = [str(path) for path in charts]
-    return result
+    unit = find_unit(match[2] or "mm") if match else None
+    found, expected, value, stated = repr(text), "mm such as 0.02, or 20um", 0.0, None
+    if match and unit and unit.dimension in ("length", "angle"):
+        number = np.array([float(match[1].replace(",", "."))])
+        value, expected = float(unit.to_library(number)[0]), "more than 0"
+        stated = {"length": "mm", "angle": "deg"}[unit.dimension] if match[2] else None
+    plain = stated is None and value >= _PLAIN_TOLERANCE
+    if plain:  # 20 is meant as µm, and 20 mm would pass every machine
+        found, expected = f"{found} without a unit", f"{text}um or {text}mm"
+    if plain or value <= 0.0:
+        refuse("--tolerance", found, expected)
+    return value, stated
 
 
-def _figures(test: "Iso230") -> dict[str, Any]:
+def _as_dict(test: "Iso230") -> dict[str, Any]:
     return {
         **test.figures(),
-        "positions": [dataclasses.asdict(item) for item in test.positions],
+        "positions": test.positions,
         "run_offsets": {str(run): value for run, value in test.run_offsets.items()},
-        "remarks": list(test.remarks),
+        "remarks": test.remarks,
     }
 
-
-_ROLES = ("position", "actual", "error", "run", "direction")
-"""What a positioning test is made of."""
 
 _PLAIN_TOLERANCE = 1.0
 """Tolerance in mm or ° from which on its unit must be stated."""
@@ -192,12 +161,12 @@ _MEANING = {
 
 
 def _print(
-    files: dict[str, Path], tests: "dict[str, Iso230]", unit: str, axis: str
+    files: dict[str, Path], tests: "dict[str, Iso230]", last: "Iso230Test"
 ) -> None:
     from ...data.measurements import EDITION, describe_drift, with_arrows
 
     console = wide_console()
-    small = "0.001°" if unit == "deg" else "µm"
+    small = "0.001°" if last.unit == "deg" else "µm"
     heads = [
         f"{f'{name}: {path.name}' if name else path.name} [{small}]"
         for name, path in files.items()
@@ -209,10 +178,10 @@ def _print(
             cells = ["–" if value is None else f"{value * 1e3:.1f}" for value in values]
             shown = with_arrows(key).replace("B_mean", "mean B")
             rows.append((shown, meaning, *cells))
-    title = f"{EDITION}{f', axis {axis}' if axis else ''}"
+    title = f"{EDITION}{f', axis {last.axis}' if last.axis else ''}"
     every = ["figure", "meaning", *heads]
-    print_table(console, every, rows, numbers=heads, title=title)
+    console.print(table_of(every, rows, numbers=heads, title=title))
     for name, test in tests.items():
-        drift = describe_drift(test, unit=unit)
+        drift = describe_drift(test, unit=last.unit)
         for remark in (*test.remarks, *([drift] if drift else ())):
             console.print(f"{name}: {remark}" if name else remark, markup=False)

@@ -4,9 +4,7 @@ import dataclasses
 import datetime
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from ._options import (
     AsJson,
@@ -19,7 +17,7 @@ from ._options import (
     read_lists,
     rules_of,
 )
-from ._said import print_json, working
+from ._said import note, print_found, working
 
 if TYPE_CHECKING:
     from ..exchange import StoredConventions
@@ -28,33 +26,26 @@ if TYPE_CHECKING:
 
 def verify(
     files: Lists,
-    log: Annotated[
-        Path,
-        typer.Option(
-            metavar="L.csv",
-            help="What the controller logged: time, A1.position, … and A3.cross,"
-            " V.A.CROSS_COMP_CURR.Z, CROSSC::actual_offset, A3.EXTC[0].actual_offset or"
-            " A3.drive_position; or diagdata.txt of an external compensation.",
-        ),
-    ],
-    save: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="CONVENTIONS.toml",
-            help="Where to store the rules that the log settles, for the jobs of this"
-            " machine; what stands there already is kept.",
-        ),
-    ] = None,
+    *,
+    log: Path,
+    save: Path | None = None,
     increment: Increment = None,
     conventions: Rules = None,
     cycle_time: CycleTime = None,
     modulo: Modulo = None,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Compare what a controller logged that it added with what its lists say.
 
     Says in one sentence per compensation what the controller does. Exit status 0 only
     where all agree.
+
+    Options:
+        log (L.csv): What the controller logged: time, A1.position, … and A3.cross,
+            V.A.CROSS_COMP_CURR.Z, CROSSC::actual_offset, A3.EXTC[0].actual_offset or
+            A3.drive_position; or diagdata.txt of an external compensation.
+        save (CONVENTIONS.toml): Where to store the rules that the log settles, for the jobs of
+            this machine; what stands there already is kept.
 
     Examples:
       axcomp verify axcomp-out/achskw1.lis --log log.csv
@@ -83,18 +74,16 @@ def verify(
             outside, logged = verify_external(lists, logged, reading)
             if logged.offsets or not outside:
                 found = verify_log(lists, logged, reading)
-        found = dataclasses.replace(found, verdicts=(*outside, *found.verdicts))
-    if as_json:
-        print_json([_json(one) for one in found.verdicts])
-    else:
-        for one in found.verdicts:
-            typer.echo(f"A{one.axis} {one.compensation}: {one.sentence}")
-    for remark in found.remarks:
-        typer.echo(f"axcomp: {remark}", err=True)
+        every = (*outside, *found.verdicts)
+        found = dataclasses.replace(found, verdicts=every)
+    print_found(
+        [_json(one) for one in found.verdicts] if as_json else None,
+        [f"A{one.axis} {one.compensation}: {one.sentence}" for one in found.verdicts],
+    )
+    note(found.remarks)
     if save is not None:
         _save(save, stored, found)
-    if not found.agrees:
-        raise typer.Exit(1)
+    return found.agrees
 
 
 def _json(one: "Verdict") -> Mapping[str, object]:
@@ -123,43 +112,27 @@ def _save(path: Path, stored: "StoredConventions", found: "Verification") -> Non
     )
     write_atomically(path, merged.dumps())
     names = ", ".join(f"{name} = {value}" for name, value in settled.items())
-    typer.echo(f"axcomp: {path}: settled {names or 'nothing'}", err=True)
-    for name in turned:
-        typer.echo(
-            f"axcomp: {name} was settled otherwise before; the new log counts.",
-            err=True,
-        )
+    note([f"{path}: settled {names or 'nothing'}"])
+    note(f"{name} was settled otherwise before; the new log counts." for name in turned)
 
 
 def doctor(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE.lis …",
-            help="Lists as they were active in the second measurement.",
-        ),
-    ],
-    before: Annotated[
-        Path,
-        typer.Option(
-            metavar="JOB.toml",
-            help="Job with the measurements without the lists; needs no [\\[fits]].",
-        ),
-    ],
-    after: Annotated[
-        Path,
-        typer.Option(
-            metavar="JOB.toml",
-            help="Job with the measurements with the lists active; active = [...] where"
-            " not all of them were.",
-        ),
-    ],
+    files: list[Path],
+    *,
+    before: Path,
+    after: Path,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Say what is wrong with a list, from measurements without and with it.
 
     Right, sign, unit, shift, wrong axis, applied twice, or that the measurements cannot
     tell. Exit status 0 where all is right.
+
+    Options:
+        files (FILE.lis …): Lists as they were active in the second measurement.
+        before (JOB.toml): Job with the measurements without the lists; needs no [[fits]].
+        after (JOB.toml): Job with the measurements with the lists active; active = [...] where
+            not all of them were.
 
     Examples:
       axcomp doctor axcomp-out/achskw1.lis --before job.toml --after after.toml
@@ -180,19 +153,14 @@ def doctor(
             new.reading,
             names=names,
         )
-    for line in not_judged(lists, new.conventions, names):
-        typer.echo(line, err=True)
+    note(not_judged(lists, new.conventions, names), "")
     shown = [(names.get(one.axis, f"A{one.axis}"), one) for one in found]
-    if as_json:
-        keys = ("compensation", "verdict", "value", "sentence")
-        print_json(
-            [
-                {"axis": name} | {key: getattr(one, key) for key in keys}
-                for name, one in shown
-            ]
-        )
-    else:
-        for name, one in shown:
-            typer.echo(f"{name} {one.compensation}: {one.sentence}")
-    if any(one.verdict != "right" for one in found):
-        raise typer.Exit(1)
+    keys = ("compensation", "verdict", "value", "sentence")
+    trees = [
+        {"axis": name} | {key: getattr(one, key) for key in keys} for name, one in shown
+    ]
+    print_found(
+        trees if as_json else None,
+        [f"{name} {one.compensation}: {one.sentence}" for name, one in shown],
+    )
+    return all(one.verdict == "right" for one in found)

@@ -1,23 +1,25 @@
 """Commands about list files: ``check``, ``show``, ``diff`` and ``convert``."""
 
-import dataclasses
+from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from ...data.errors import UsageError
+from ..report._scale import count
 from ._options import (
     AsJson,
     Increment,
     Plots,
     Rules,
-    expect,
     read_lists,
     read_shown_list,
+    refuse,
+    refuse_existing,
     rules_of,
 )
-from ._said import print_json, wide_console
+from ._said import note, print_found, print_json, wide_console
 
 if TYPE_CHECKING:
     from ...data.lists import Change, Comparison
@@ -27,26 +29,20 @@ _MOST_ENTRIES = 12
 
 
 def check(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE...", help="Compensation, axis and start-up lists."
-        ),
-    ],
-    strict: Annotated[
-        bool, typer.Option("--strict", help="A warning fails the check too.")
-    ] = False,
-    build: Annotated[
-        str | None,
-        typer.Option(
-            help="Controller build, such as V3.1.3108.4; the newest if left out."
-        ),
-    ] = None,
+    files: list[Path],
+    *,
+    strict: bool = False,
+    build: str | None = None,
     increment: Increment = None,
     conventions: Rules = None,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Check compensation, axis and start-up lists, each alone and as a set.
+
+    Options:
+        files (FILE...): Compensation, axis and start-up lists.
+        strict: A warning fails the check too.
+        build: Controller build, such as V3.1.3108.4; the newest if left out.
 
     Examples:
       axcomp check axcomp-out/achskw1.lis
@@ -54,10 +50,7 @@ def check(
     from ...data.lists import BuildError, check as check_lists
 
     lists = read_lists(files)
-    # The rules take the models: only where there are some.
-    index = (
-        "ji" if conventions is None else rules_of(conventions).conventions.plane_index
-    )
+    index, _ = _plane_index(conventions)
     try:
         findings = check_lists(
             lists, build=build, increment=increment, plane_index=index
@@ -66,31 +59,29 @@ def check(
         msg = f"--build: {error}"
         raise UsageError(msg) from error
     if as_json:
-        print_json({"findings": [dataclasses.asdict(one) for one in findings]})
+        print_json({"findings": findings})
     for finding in findings:
         known = not finding.expected or finding.expected in finding.message
         expected = "" if known else f"; expected {finding.expected}"
         typer.echo(f"{finding}{expected}", err=as_json)
-    counts = {
-        level: sum(finding.level == level for finding in findings)
-        for level in ("error", "warning", "info")
-    }
+    counts = Counter[str](finding.level for finding in findings)
     nouns = {"error": "error", "warning": "warning", "info": "remark"}
-    parts = [f"{counts[k]} {noun}{'s' * (counts[k] != 1)}" for k, noun in nouns.items()]
+    parts = [count(counts[level], noun) for level, noun in nouns.items()]
     summary = ", ".join(parts) if findings else "nothing found"
-    typer.echo(
-        f"{len(lists)} list{'s' * (len(lists) != 1)} checked: {summary}", err=as_json
-    )
-    if counts["error"] or (strict and counts["warning"]):
-        raise typer.Exit(1)
+    typer.echo(f"{count(len(lists), 'list')} checked: {summary}", err=as_json)
+    return not (counts["error"] or (strict and counts["warning"]))
 
 
 def show(
-    file: Annotated[Path, typer.Argument(metavar="FILE.lis", help="List of any kind.")],
+    file: Path,
+    *,
     conventions: Rules = None,
     out: Plots = None,
 ) -> None:
     """Show a list: its parameters with their meaning, its tables in mm and µm.
+
+    Options:
+        file (FILE.lis): List of any kind.
 
     Examples:
       axcomp show axcomp-out/achskw1.lis
@@ -98,11 +89,7 @@ def show(
     from ...data.lists import offset_curves
     from ._show_tables import list_views
 
-    shown, index, verified = read_shown_list(file), "ji", False
-    if conventions is not None:  # the rules take the models: only where there are some
-        rules = rules_of(conventions)
-        index = rules.conventions.plane_index
-        verified = "plane_index" in rules.verified
+    shown, (index, verified) = read_shown_list(file), _plane_index(conventions)
     console = wide_console(wraps=True)
     for view in list_views(shown, index, verified=verified):
         console.print(view)
@@ -110,19 +97,30 @@ def show(
         from ._list_plots import draw_tables
 
         paths = draw_tables(offset_curves(shown, index), out)
-        for path in paths:
-            typer.echo(f"wrote {path}", err=True)
-        if not paths:
-            typer.echo("no cross, plane or leadscrew table to draw", err=True)
+        none = "no cross, plane or leadscrew table to draw"
+        note([f"wrote {path}" for path in paths] or [none], "")
+
+
+def _plane_index(conventions: Path | None) -> tuple[str, bool]:
+    """Return how the indices of a plane are read, and whether that was verified."""
+    if conventions is None:  # the rules take the models: only where there are some
+        return "ji", False
+    rules = rules_of(conventions)
+    return rules.conventions.plane_index, "plane_index" in rules.verified
 
 
 def diff(
-    old: Annotated[Path, typer.Argument(help="The list as it was.")],
-    new: Annotated[Path, typer.Argument(help="The list as it is to be.")],
+    old: Path,
+    new: Path,
+    *,
     out: Plots = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what changed between two lists, and whether a reload is enough.
+
+    Options:
+        old: The list as it was.
+        new: The list as it is to be.
 
     Examples:
       axcomp diff achskw1.lis axcomp-out/achskw1.lis
@@ -131,17 +129,12 @@ def diff(
 
     lists = read_shown_list(old), read_shown_list(new)
     found = compare(*lists)
-    if as_json:
-        print_json(dataclasses.asdict(found))
-    else:
-        for line in _lines(found):
-            typer.echo(line)
+    print_found(found if as_json else None, _lines(found))
     if out is not None:
         from ._list_plots import draw_tables
 
         before, after = map(offset_curves, lists)
-        for path in draw_tables(after, out, before):
-            typer.echo(f"wrote {path}", err=True)
+        note((f"wrote {path}" for path in draw_tables(after, out, before)), "")
 
 
 def _lines(found: "Comparison") -> list[str]:
@@ -169,45 +162,31 @@ def _lines(found: "Comparison") -> list[str]:
 
 
 def convert(
-    source: Annotated[
-        Path,
-        typer.Argument(
-            metavar="IN",
-            help="List, CSV, LinuxCNC compensation file, bed mesh or height map.",
-        ),
-    ],
-    target: Annotated[Path, typer.Argument(metavar="OUT", help="File to write.")],
-    to: Annotated[
-        str | None,
-        typer.Option(
-            help="Format of OUT where its ending does not tell: list, csv, linuxcnc, bed-mesh"
-            " or height-map."
-        ),
-    ] = None,
-    compensation: Annotated[
-        str | None, typer.Option(help="Which table: leadscrew, cross or plane.")
-    ] = None,
-    axis: Annotated[
-        int | None, typer.Option(help="Number of the compensated axis, for a list.")
-    ] = None,
-    master: Annotated[
-        list[int] | None,
-        typer.Option(help="Number of a master, for a list; twice for a plane."),
-    ] = None,
-    trim: Annotated[
-        bool,
-        typer.Option(
-            "--trim", help="LinuxCNC: COMP_FILE_TYPE = 1, values to add, instead of 0."
-        ),
-    ] = False,
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace a file that exists.")
-    ] = False,
+    source: Path,
+    target: Path,
+    *,
+    to: str | None = None,
+    compensation: str | None = None,
+    axis: int | None = None,
+    master: list[int] | None = None,
+    trim: bool = False,
+    force: bool = False,
 ) -> None:
     """Convert a table: lists, CSV, LinuxCNC compensation files, bed meshes, height maps.
 
     Lengths are in mm; a CSV holds the entries as the list has them, LinuxCNC's file where
     the joint really was, a mesh the height, whose negative a plane holds.
+
+    Options:
+        source (IN): List, CSV, LinuxCNC compensation file, bed mesh or height map.
+        target (OUT): File to write.
+        to: Format of OUT where its ending does not tell: list, csv, linuxcnc, bed-mesh or
+            height-map.
+        compensation: Which table: leadscrew, cross or plane.
+        axis: Number of the compensated axis, for a list.
+        master: Number of a master, for a list; twice for a plane.
+        trim: LinuxCNC: COMP_FILE_TYPE = 1, values to add, instead of 0.
+        force: Replace a file that exists.
 
     Examples:
       axcomp convert axcomp-out/achskw1.lis screw.csv
@@ -226,9 +205,9 @@ def convert(
     )
 
     form = to or format_of(target)
-    expect(form in FORMATS, "--to", repr(form), f"one of {', '.join(FORMATS)}")
-    new = force or not target.exists()
-    expect(new, "OUT", f"{target}, which exists", "a new file or --force")
+    if form not in FORMATS:
+        refuse("--to", repr(form), f"one of {', '.join(FORMATS)}")
+    refuse_existing(target, "OUT", force=force)
     if source.suffix.casefold() == ".lis":
         table = table_in(ListFile.read(source), compensation)
     else:

@@ -1,10 +1,12 @@
-"""Options that several commands take, and the reading of what they name."""
+"""What a command takes: its docstring says it; what several take stands here."""
 
+import copy
+import inspect
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, get_args, get_origin
 
 import typer
 
@@ -15,15 +17,58 @@ if TYPE_CHECKING:
     from ..exchange import StoredConventions
 
 
-def expect(holds: object, option: str, found: object, expected: str) -> None:
-    """Refuse a command line of which something does not hold.
+_OPTION = re.compile(
+    r"^ {4}(?P<name>\w+)(?: \((?P<flag>--\S+)? ?(?P<metavar>[^)]*)\))?:"
+    r" (?P<help>.+(?:\n {8}.+)*)",
+    re.MULTILINE,
+)
+_ONE_LINE = re.compile(r"(?<=\S)\n *(?=\S)")
 
-    Raises:
-        UsageError: Saying what was found at an option, and what was expected.
+
+def declared(command: Callable[..., bool | None]) -> Callable[..., None]:
+    """Return a command for typer: exit status 1 where it returns False.
+
+    A parameter that may be given by its place is an argument, one that is only given by its
+    name an option. The docstring is the help; under *Options* it says what each is, as
+    ``name (--flag METAVAR): help``.
     """
-    if not holds:
-        msg = f"{option}: found {found}, expected {expected}"
-        raise UsageError(msg)
+
+    def run(**given: Any) -> None:
+        if command(**given) is False:
+            raise typer.Exit(1)
+
+    text, head, examples = inspect.cleandoc(command.__doc__ or "").partition(
+        "Examples:\n"
+    )
+    text, _, options = text.partition("Options:\n")
+    texts = {each["name"]: each for each in _OPTION.finditer(options)}
+    signature = inspect.signature(command)
+    parameters = [
+        each.replace(annotation=_declared(each, texts.get(each.name)))
+        for each in signature.parameters.values()
+    ]
+    run.__doc__ = _ONE_LINE.sub(" ", text) + head + examples
+    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    return run
+
+
+def _declared(parameter: inspect.Parameter, text: "re.Match[str] | None") -> Any:
+    """Return the type of a parameter with what typer shows of it."""
+    base = parameter.annotation
+    if text is None:
+        return base
+    if get_origin(base) is Annotated:
+        base, info = get_args(base)
+    elif parameter.kind is not parameter.KEYWORD_ONLY:
+        info = typer.Argument()
+    else:  # a flag has no --no-… beside it
+        own = text["flag"] or (f"--{parameter.name}" if base is bool else None)
+        info = typer.Option(*filter(None, [own]))
+    info = copy.copy(info)
+    # Of rich's marks there are none: what stands in brackets is meant.
+    info.help = _ONE_LINE.sub(" ", text["help"]).replace("[[", "[\\[")
+    info.metavar = text["metavar"] or info.metavar
+    return Annotated[base, info]
 
 
 def positive(value: float | None) -> float | None:
@@ -42,6 +87,8 @@ AsJson = Annotated[
     bool,
     typer.Option("--json", help="Print the result for machines on standard output."),
 ]
+Positive = Annotated[float, typer.Option(callback=positive)]
+OneOrMore = Annotated[int | None, typer.Option(min=1)]
 Increment = Annotated[
     float | None,
     typer.Option(
@@ -91,8 +138,42 @@ def read_lists(files: Sequence[Path]) -> "list[ListFile]":
     return [ListFile.read(file) for file in dict.fromkeys(files)]
 
 
-class NoEntryError(FoundError):
-    """A file of which no line is an entry of a list."""
+def refuse_existing(path: Path, option: str, *, force: bool | None = None) -> None:
+    """Raise where a file to be written exists.
+
+    Args:
+        path: The file.
+        option: That names it.
+        force: Whether it may be replaced; None: the command has no such option.
+
+    Raises:
+        UsageError: Naming what to do.
+    """
+    if path.exists() and not force:
+        instead = "a new file" if force is None else "a new file or --force"
+        refuse(option, f"{path}, which exists", instead)
+
+
+def refuse(option: str, found: str, expected: str) -> NoReturn:
+    """Raise the error of an option that cannot be used.
+
+    Raises:
+        UsageError: Always.
+    """
+    message = f"{option}: found {found}, expected {expected}"
+    raise UsageError(message)
+
+
+def matched(option: str, text: str, pattern: str, expected: str) -> "re.Match[str]":
+    """Return what an option says as the groups of a pattern.
+
+    Raises:
+        UsageError: If it says something else.
+    """
+    found = re.fullmatch(pattern, text)
+    if found is None:
+        refuse(option, repr(text), expected)
+    return found
 
 
 def read_shown_list(path: Path) -> "ListFile":
@@ -100,7 +181,7 @@ def read_shown_list(path: Path) -> "ListFile":
 
     Raises:
         OSError: If the file cannot be read.
-        NoEntryError: If no line of it is an entry.
+        FoundError: If no line of it is an entry.
     """
     from ...data.lists import ListFile
 
@@ -108,7 +189,7 @@ def read_shown_list(path: Path) -> "ListFile":
     if not listing.columns:
         found = "no entry" if listing.lines else "an empty file"
         found = "UTF-16" if listing.is_wide else found
-        raise NoEntryError(str(path), found, "entries of a list")
+        raise FoundError(str(path), found, "entries of a list")
     return listing
 
 
@@ -131,16 +212,11 @@ def by_axis(
         expected: An example in words.
 
     Raises:
-        BadParameter: If a text is something else.
+        UsageError: If a text is something else.
     """
-    found = {}
-    for text in texts or ():
-        match = re.fullmatch(rf"A?(?P<axis>\d{{1,5}})={value}", text)
-        if match is None:
-            message = f"found {text!r}, expected an axis and {expected}"
-            raise typer.BadParameter(message, param_hint=option)
-        found[int(match["axis"])] = match
-    return found
+    pattern, expected = rf"A?(?P<axis>\d{{1,5}})={value}", f"an axis and {expected}"
+    found = [matched(option, text, pattern, expected) for text in texts or ()]
+    return {int(match["axis"]): match for match in found}
 
 
 def axis_ranges(
@@ -152,7 +228,7 @@ def axis_ranges(
     """Return what an option says of axes, two ascending ends each, by axis number.
 
     Raises:
-        BadParameter: If a text is something else.
+        UsageError: If a text is something else.
     """
     number = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
     value = rf"\s*(?P<low>{number})\s*:\s*(?P<high>{number})\s*"
@@ -160,7 +236,6 @@ def axis_ranges(
     for axis, match in by_axis(texts, option, value, expected).items():
         low, high = float(match["low"]), float(match["high"])
         if not (-most <= low < high <= most and math.isfinite(high - low)):
-            message = f"found {match[0]!r}, expected an axis and {expected}"
-            raise typer.BadParameter(message, param_hint=option)
+            refuse(option, repr(match[0]), f"an axis and {expected}")
         found[axis] = low, high
     return found

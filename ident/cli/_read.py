@@ -1,51 +1,45 @@
 """Commands about a measurement file: ``read`` what it holds, ``new`` job for it."""
 
 import dataclasses
-import math
+import re
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from ._options import AsJson, expect
-from ._said import print_json, print_table, wide_console, working
+from ._options import AsJson, matched, refuse_existing
+from ._said import note, print_json, table_of, wide_console, working
 
 if TYPE_CHECKING:
     from ...data.measurements import CellError, Column, Table, TextForm
     from ..new import NewJob
 
-_AXIS = "--axis"
+_SHOWN = 20
+"""Lines left out that are named."""
 
 
 def read(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Measurement file.")],
-    profile: Annotated[
-        str | None,
-        typer.Option(help="Profile of a Klipper file that holds several bed meshes."),
-    ] = None,
-    skip: Annotated[
-        str,
-        typer.Option(
-            metavar="N",
-            help="Lines left out: so many at the top, or which, as in '[7]' or '7,9'.",
-        ),
-    ] = "0",
-    header: Annotated[
-        list[int] | None,
-        typer.Option(metavar="LINE", help="Line with the names of the columns."),
-    ] = None,
-    rows: Annotated[
-        tuple[int, int] | None,
-        typer.Option(metavar="FIRST LAST", help="First and last line of the rows."),
-    ] = None,
+    file: Path,
+    *,
+    profile: str | None = None,
+    skip: str = "0",
+    header: list[int] | None = None,
+    rows: tuple[int, int] | None = None,
     as_json: AsJson = False,
-) -> None:
+) -> bool:
     """Say what a measurement file holds: format, columns, units, rows, skipped lines.
 
     Where channels have several sample times, first and last are those of each channel.
     Ends with exit status 1 where a column of numbers holds a cell that is none, a direction,
     run or time cannot be told, or a row stands there twice.
+
+    Options:
+        file (FILE): Measurement file.
+        profile: Profile of a Klipper file that holds several bed meshes.
+        skip (N): Lines left out: so many at the top, or which, as in '[7]' or '7,9'.
+        header (LINE): Line with the names of the columns.
+        rows (FIRST LAST): First and last line of the rows.
 
     Examples:
       axcomp read laser_x.csv
@@ -61,10 +55,8 @@ def read(
     else:
         _print(table)
         typer.echo(f"A job for it: axcomp new {shlex.quote(str(file))}")
-    for problem in problems:
-        typer.echo(f"axcomp: {problem}", err=True)
-    if problems:
-        raise typer.Exit(1)
+    note(map(str, problems))
+    return not problems
 
 
 def _lines(text: str) -> int | list[int]:
@@ -73,97 +65,84 @@ def _lines(text: str) -> int | list[int]:
     Raises:
         UsageError: If the text is neither.
     """
-    parts = [part.strip() for part in text.strip("[] ").split(",")]
-    wanted = "a number such as 3, or lines such as [7]"
-    expect(all(part.isdigit() for part in parts), "--skip", f"'{text}'", wanted)
-    numbers = [int(part) for part in parts]
+    pattern, expected = (
+        r"[\[\] ]*\d+(\s*,\s*\d+)*[\[\] ]*",
+        "a number such as 3, or lines such as [7]",
+    )
+    matched("--skip", text, pattern, expected)
+    numbers = [int(each) for each in re.findall(r"\d+", text)]
     return numbers if len(numbers) > 1 or "[" in text else numbers[0]
 
 
 def _as_dict(table: "Table", problems: "list[CellError]") -> dict[str, Any]:
+    keys = ("line", "column", "found", "expected")
     return {
         "file": str(table.path),
         "format": table.format,
-        "form": None if table.form is None else dataclasses.asdict(table.form),
+        "form": table.form,
         "axis": table.axis,
         "columns": [_heading(column) for column in table.columns],
         "scalars": [{"name": name, "value": value} for name, value in table.scalars],
         "rows": table.rows,
-        "first": [_cell(column, 0) for column in table.columns],
-        "last": [_cell(column, -1) for column in table.columns],
-        "skipped": [dataclasses.asdict(item) for item in table.skipped],
-        "remarks": list(table.remarks),
-        "problems": [
-            {key: getattr(one, key) for key in ("line", "column", "found", "expected")}
-            for one in problems
-        ],
+        "first": [column.cell(0) for column in table.columns],
+        "last": [column.cell(-1) for column in table.columns],
+        "skipped": table.skipped,
+        "remarks": table.remarks,
+        "problems": [{key: getattr(one, key) for key in keys} for one in problems],
     }
 
 
 def _heading(column: "Column") -> dict[str, Any]:
     """Return what a column is; where the file has several clocks, also of which."""
-    named: dict[str, Any] = {
-        "name": column.name,
-        "role": column.role,
-        "unit": column.unit,
-    }
-    if column.run is not None:
-        named |= {"run": column.run, "direction": column.direction}
-    if column.sample_time is None:
-        return named
-    return {**named, "samples": column.samples, "sample_time": column.sample_time}
-
-
-def _cell(column: "Column", row: int) -> float | str | None:
-    if column.text is not None:
-        return column.text[row]
-    values = column.values if column.present is None else column.values[column.present]
-    value = float(values[row])
-    return value if math.isfinite(value) else None
+    keys = ["name", "role", "unit"]
+    keys += ["run", "direction"] * (column.run is not None)
+    keys += ["samples", "sample_time"] * (column.sample_time is not None)
+    return {key: getattr(column, key) for key in keys}
 
 
 def _print(table: "Table") -> None:
-    from rich.markup import escape
-
     console = wide_console()
-    console.print(f"{escape(str(table.path))}: {table.format}, {table.rows} rows")
+
+    def say(line: str) -> None:
+        console.print(line, markup=False)
+
+    say(f"{table.path}: {table.format}, {table.rows} rows")
     if table.form is not None:
-        console.print(escape(_form_words(table.form, several=len(table.columns) > 1)))
+        say(_form_words(table.form, several=len(table.columns) > 1))
+    heads = ["column", "role", "unit", "first row", "last row", "smallest", "largest"]
     clocked = any(column.sample_time is not None for column in table.columns)
-    titles = ["column", "role", "unit", "first row", "last row", "smallest", "largest"]
-    heads, rows = [*titles, *(["samples", "every"] if clocked else [])], []
-    for column in table.columns:
-        ends = [_shown(_cell(column, row)) for row in (0, -1)]
-        finite = [v for v in (_extreme(column, "min"), _extreme(column, "max")) if v]
-        role = column.role or ""
-        if role and "." not in role and role not in ("time", "run"):
-            role = f"<axis>.{role}"
-        if column.run is not None:
-            side = {1: " +", -1: " -"}.get(column.direction or 0, "")
-            role = f"{role}, run {column.run}{side}"
-        every = "" if column.sample_time is None else f"{1e3 * column.sample_time:g} ms"
-        rows.append(
-            (
-                column.name,
-                role,
-                "text" if column.text is not None else column.unit or "",
-                *ends,
-                *(finite or ["", ""]),
-                *([str(column.samples), every] if clocked else []),
-            )
-        )
-    print_table(console, heads, rows)
+    heads += ["samples", "every"] * clocked
+    console.print(table_of(heads, [_row(c, clocked=clocked) for c in table.columns]))
     for name, number in table.scalars:
-        console.print(escape(f"scalar {name} = {number:.10g}"))
+        say(f"scalar {name} = {number:.10g}")
     for remark in table.remarks:
-        console.print(escape(remark))
+        say(remark)
     if not table.skipped:
-        console.print("Nothing was skipped.")
-    for item in table.skipped[:20]:
-        place = f"line {item.line}: " if item.line else ""
-        console.print(escape(f"skipped {place}{item.reason}"))
-    if len(table.skipped) > 20:
-        console.print(f"… and {len(table.skipped) - 20} more (all of them with --json)")
+        say("Nothing was skipped.")
+    for item in table.skipped[:_SHOWN]:
+        say(f"skipped {f'line {item.line}: ' if item.line else ''}{item.reason}")
+    if len(table.skipped) > _SHOWN:
+        say(f"… and {len(table.skipped) - _SHOWN} more (all of them with --json)")
+
+
+def _row(column: "Column", *, clocked: bool) -> list[str]:
+    """Return the line of a column."""
+    import numpy as np
+
+    role = column.role or ""
+    if role and "." not in role and role not in ("time", "run"):
+        role = f"<axis>.{role}"
+    if column.run is not None:
+        side = {1: " +", -1: " -"}.get(column.direction or 0, "")
+        role = f"{role}, run {column.run}{side}"
+    unit = "text" if column.text is not None else column.unit or ""
+    finite = column.values[np.isfinite(column.values)]
+    ends = [finite.min(), finite.max()] if finite.size else ["", ""]
+    values = [column.cell(0), column.cell(-1), *ends]
+    clock = [str(column.samples), ""]
+    if column.sample_time is not None:
+        clock[1] = f"{1e3 * column.sample_time:g} ms"
+    return [column.name, role, unit, *map(_shown, values), *clock[: 2 * clocked]]
 
 
 def _form_words(form: "TextForm", *, several: bool) -> str:
@@ -198,46 +177,29 @@ def _shown(value: float | str | None) -> str:
     return value if isinstance(value, str) else f"{value:.10g}"
 
 
-def _extreme(column: "Column", which: str) -> str:
-    import numpy as np
-
-    finite = column.values[np.isfinite(column.values)]
-    return f"{getattr(finite, which)():.10g}" if finite.size else ""
-
-
 def new(
-    files: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", help="Measurement files.")
-    ],
-    lists: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--list",
-            metavar="FILE.lis",
-            help="Compensation or axis list that is there already; may be repeated.",
-        ),
-    ] = None,
-    axes: Annotated[
-        list[str] | None,
-        typer.Option(
-            _AXIS,
-            metavar="NAME=NUMBER",
-            help="Axis and its number in the controller (kopf.achs_nr); may be repeated. The"
-            " first is the one whose error was measured, where the file does not say.",
-        ),
-    ] = None,
-    out: Annotated[
-        Path, typer.Option(metavar="JOB.toml", help="The job to write.")
-    ] = Path("job.toml"),
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace a job that exists.")
-    ] = False,
+    files: list[Path],
+    *,
+    lists: list[Path] | None = None,
+    axes: list[str] | None = None,
+    out: Path = Path("job.toml"),
+    force: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a commented job for measurements.
 
     Roles, units, nodes and the fit that suits are filled in; what the files do not tell is
     asked in the job, next to the possible answers.
+
+    Options:
+        files (FILE...): Measurement files.
+        lists (--list FILE.lis): Compensation or axis list that is there already; may be
+            repeated.
+        axes (--axis NAME=NUMBER): Axis and its number in the controller (kopf.achs_nr); may be
+            repeated. The first is the one whose error was measured, where the file does not
+            say.
+        out (JOB.toml): The job to write.
+        force: Replace a job that exists.
 
     Examples:
       axcomp new laser_x.csv
@@ -248,8 +210,7 @@ def new(
     from ..new import new_job
 
     numbers = dict(map(_numbered, axes or []))
-    new = force or not out.exists()
-    expect(new, "--out", f"{out}, which exists", "a new file or --force")
+    refuse_existing(out, "--out", force=force)
     with working("reading the measurements"):
         job = new_job(files, path=out, lists=lists or [], axes=numbers)
     write_atomically(out, job.text.encode())
@@ -261,11 +222,9 @@ def new(
 
 
 def _numbered(text: str) -> tuple[str, int | None]:
-    name, equals, number = text.partition("=")
-    plain = name.isascii() and name.replace("_", "").isalnum()
-    suits = plain and (not equals or number.isdecimal())
-    expect(suits, _AXIS, repr(text), "a name and a number, like X=1")
-    return name, int(number) if equals else None
+    expected = "a name and a number, like X=1"
+    match = matched("--axis", text, r"(?a:(\w*[^\W_]\w*)(=(\d+))?)", expected)
+    return match[1], int(match[3]) if match[3] else None
 
 
 def _print_questions(out: Path, job: "NewJob") -> None:

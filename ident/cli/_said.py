@@ -1,6 +1,7 @@
 """What commands print: sentences, JSON, and what they do while it takes long."""
 
 import contextlib
+import dataclasses
 import json
 import threading
 import time
@@ -11,6 +12,7 @@ import typer
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from ..job import Remark
 
@@ -31,30 +33,70 @@ def tell(console: "Console", line: str) -> None:
     console.print(line, markup=False, soft_wrap=not console.is_terminal)
 
 
-def print_table(
-    console: "Console",
+def table_of(
     heads: Sequence[str],
     rows: Iterable[Sequence[str]],
     *,
     numbers: Collection[str] = (),
     title: str | None = None,
-) -> None:
-    """Print a table of texts as they stand; ``numbers`` are the heads of columns of numbers."""
+    caption: str | None = None,
+    plain: bool = False,
+) -> "Table":
+    """Return a table of texts as they stand.
+
+    Args:
+        heads: Of the columns.
+        rows: Their cells.
+        numbers: Heads of columns of numbers.
+        title: Stands above it.
+        caption: Stands below it.
+        plain: It has no lines.
+    """
+    from rich.box import HEAVY_HEAD
     from rich.markup import escape
     from rich.table import Table
 
-    named = None if title is None else escape(title)
-    table = Table(title=named, title_justify="left")
+    table = Table(
+        title=None if title is None else escape(title),
+        caption=None if caption is None else escape(caption),
+        box=None if plain else HEAVY_HEAD,
+        pad_edge=not plain,
+        padding=(0, 2, 0, 0) if plain else (0, 1),
+        title_justify="left",
+        caption_justify="left",
+    )
     for head in heads:
-        table.add_column(escape(head), justify="right" if head in numbers else "left")
+        table.add_column(
+            escape(head),
+            justify="right" if head in numbers else "left",
+            vertical="bottom",
+            overflow="fold",
+        )
     for row in rows:
         table.add_row(*map(escape, row))
-    console.print(table)
+    return table
 
 
 def print_json(tree: object) -> None:
     """Print a result for machines on standard output."""
-    typer.echo(json.dumps(tree, ensure_ascii=False, indent=2))
+    typer.echo(
+        json.dumps(tree, ensure_ascii=False, indent=2, default=dataclasses.asdict)
+    )
+
+
+def print_found(tree: object, lines: Iterable[str]) -> None:
+    """Print what was found on standard output: for machines, for people where that is None."""
+    if tree is not None:
+        print_json(tree)
+    else:
+        for line in lines:
+            typer.echo(line)
+
+
+def note(lines: Iterable[str], head: str = "axcomp: ") -> None:
+    """Print sentences beside the result, on standard error."""
+    for line in lines:
+        typer.echo(f"{head}{line}", err=True)
 
 
 def wide_console(*, wraps: bool = False) -> "Console":

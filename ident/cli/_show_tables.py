@@ -1,15 +1,15 @@
 """What ``axcomp show`` prints of a list: parameters, tables, signs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
-from rich.console import Group, RenderableType
-from rich.markup import escape
-from rich.padding import Padding
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from ...data.lists import ListFile, OffsetCurve, offset_curves, registry
 from ..kinds import Kind, kind, kinds
+from ..report._scale import count
+from ._said import table_of
 
 MOST_ROWS = 24
 MOST_COLUMNS = 9
@@ -46,12 +46,12 @@ def list_views(
     order = f"plane_index = {plane_index}, {'verified' if verified else 'assumed'}"
     for compensation in dict.fromkeys(curve.compensation for curve in curves):
         alike = [curve for curve in curves if curve.compensation == compensation]
-        yield Padding(_curve_view(alike, order), (1, 0, 0, 0))
+        yield Text(f"\n{_curve_words(alike)}")
+        plane = len(alike[0].nodes) == 2
+        yield _plane_table(alike[0], order) if plane else _line_table(alike)
     for each in sorted(kinds(), key=lambda one: one.prefix):
         for table in each.raw_tables:
-            raw = _plain_table(file, each, table)
-            if raw is not None:
-                yield Padding(raw, (1, 0, 0, 0))
+            yield from _raw_table(file, each, table)
 
 
 def _headline(file: ListFile) -> str:
@@ -60,18 +60,14 @@ def _headline(file: ListFile) -> str:
     parts = [f"{file.source}: {_KINDS[file.kind]}"]
     if axis is not None:
         parts.append(f"axis {axis}" + (f" ({name})" if name else ""))
-    count = sum(len(rows.lines) for rows in file.columns.values())
-    parts.append(f"{count} entries in {len(file.lines)} lines, {file.encoding}")
+    entries = sum(len(rows.lines) for rows in file.columns.values())
+    parts.append(f"{entries} entries in {len(file.lines)} lines, {file.encoding}")
     return ", ".join(parts)
 
 
 def _parameters(file: ListFile) -> Table:
     """Return the entries outside of tables, each with its unit and meaning."""
-    table = _plain_columns()
-    table.add_column("entry", no_wrap=True)
-    table.add_column("value", justify="right", overflow="fold")
-    table.add_column("", justify="right", no_wrap=True)
-    table.add_column("meaning", style="dim", overflow="fold")
+    lines: list[Sequence[str]] = []
     known = registry().by_key
     for key, rows in file.columns.items():
         if "[]" in key and not key.startswith(("getriebe", "achs_kw")):
@@ -87,22 +83,34 @@ def _parameters(file: ListFile) -> Table:
             for index in indices:
                 name = name.replace("[]", f"[{index}]", 1)
             unit = "" if row is None else row.unit[0]
-            value = rows.integers[at]
-            table.add_row(
-                escape(name),
-                escape(rows.texts[at]),
-                _with_unit(value, unit, metric),
-                escape(meaning),
-            )
-    return table
+            shown = _with_unit(rows.integers[at], unit, metric)
+            lines.append((name, rows.texts[at], shown, meaning))
+    heads = ("entry", "value", " ", "meaning")
+    return table_of(heads, lines, numbers=heads[1:3], plain=True)
 
 
-def _plain_columns(caption: str | None = None) -> Table:
-    """Return an empty table without lines."""
-    spaces = (0, 2, 0, 0)
-    table = Table(box=None, pad_edge=False, padding=spaces, caption=caption)
-    table.caption_justify = "left"
-    return table
+def _grid(
+    heads: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    caption: str = "",
+    most: int | None = None,
+) -> Table:
+    """Return a table of numbers; of many rows, and of more columns than ``most``, some."""
+    across = [0, *(1 + k for k in _some(len(heads) - 1, most or len(heads)))]
+    down, notes = _some(len(rows), MOST_ROWS), [caption] if caption else []
+    for shown, every, what in (
+        (len(across) - 1, len(heads) - 1, "columns"),
+        (len(down), len(rows), "rows"),
+    ):
+        if shown < every:
+            notes.append(f"{shown} of {every} {what} are shown")
+    return table_of(
+        [heads[k] for k in across],
+        ([rows[k][at] for at in across] for k in down),
+        numbers=heads,
+        caption="; ".join(notes) or None,
+        plain=True,
+    )
 
 
 def _with_unit(value: int | None, unit: str, metric: bool) -> str:
@@ -116,19 +124,19 @@ def _with_unit(value: int | None, unit: str, metric: bool) -> str:
     return f"{value / 10:g} µm"
 
 
-def _curve_view(curves: Sequence[OffsetCurve], order: str) -> Group:
-    """Return the tables of one compensation under a sentence on their sign."""
+def _curve_words(curves: Sequence[OffsetCurve]) -> str:
+    """Return what the tables of one compensation are, and their sign."""
     first = curves[0]
     values = [value for curve in curves for row in curve.offsets for value in row]
-    unit = "µm" if first.metric else "increments"
     masters = " and ".join("?" if m is None else str(m) for m in first.masters)
     if masters:
-        masters = f"{'axis' if len(first.masters) == 1 else 'axes'} {masters}"
+        axes = "axis" if len(first.masters) == 1 else "axes"
+        masters = f" over the position of {axes} {masters}"
     nodes = " x ".join(str(len(axis)) for axis in first.nodes)
-    sentences = [f"{first.compensation.capitalize()} table, {nodes} nodes"]
-    sentences[0] += f" over the position of {masters}." if masters else "."
+    sentences = [f"{first.compensation.capitalize()} table, {nodes} nodes{masters}."]
     sentences.append(kind(first.compensation).adds)
     if values:
+        unit = "µm" if first.metric else "increments"
         ends = f"{_plain(min(values))} to {_plain(max(values))}"
         sentences.append(f"It adds from {ends} {unit}.")
     if not first.metric:
@@ -138,69 +146,44 @@ def _curve_view(curves: Sequence[OffsetCurve], order: str) -> Group:
         sentences.append(f"Entries missing, which count as 0: {missing}.")
     if not first.ascending:
         sentences.append("Its positions do not ascend.")
-    body = _plane_table(first, order) if len(first.nodes) == 2 else _line_table(curves)
-    return Group(Text(" ".join(sentences)), body)
+    return " ".join(sentences)
 
 
 def _line_table(curves: Sequence[OffsetCurve]) -> Table:
     """Return a table over one axis: position, entries and what they add."""
     first = curves[0]
     heads = ["index", f"position/{'mm' if first.metric else 'inc'}"]
+    places = [f"{node:g}" for node in first.nodes[0]]
+    columns: list[Iterable[object]] = [range(len(places)), places]
     for curve in curves:
         branch = "" if curve.branch == "both" else f" {curve.branch[:3]}"
         heads += [f"entry{branch}", f"adds{branch}/{'µm' if first.metric else 'inc'}"]
-    rows = []
-    for k, node in enumerate(first.nodes[0]):
-        cells = [str(k), f"{node:g}"]
-        for curve in curves:
-            entry = curve.entries[0][k]
-            cells.append("missing" if entry is None else str(entry))
-            cells.append(_plain(curve.offsets[0][k]))
-        rows.append(cells)
-    return _grid(heads, rows)
-
-
-def _grid(
-    heads: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    caption: str | None = None,
-) -> Table:
-    """Return a table of numbers; of many rows the first and last ones."""
-    table = _plain_columns(caption)
-    for head in heads:
-        table.add_column(head, justify="right", vertical="bottom", overflow="fold")
-    half = MOST_ROWS // 2
-    cut = len(rows) > MOST_ROWS
-    for row in rows[:half] if cut else rows:
-        table.add_row(*row)
-    if cut:
-        table.add_row(*["..."] * len(heads), style="dim")
-        for row in rows[-half:]:
-            table.add_row(*row)
-    return table
+        entries = ("missing" if each is None else each for each in curve.entries[0])
+        columns += [entries, map(_plain, curve.offsets[0])]
+    return _grid(heads, [[*map(str, row)] for row in zip(*columns, strict=True)])
 
 
 def _plane_table(curve: OffsetCurve, order: str) -> Table:
-    """Return what a plane adds, over both masters; some of its rows and columns."""
-    unit = "mm" if curve.metric else "inc"
-    offsets = curve.offsets
-    columns = _some(len(curve.nodes[0]), MOST_COLUMNS)
-    rows = _some(len(curve.nodes[1]), MOST_ROWS)
-    caption = f"adds/{'µm' if curve.metric else 'inc'}; "
-    caption += f"to the right: axis {curve.masters[0]}, down: axis {curve.masters[1]}"
-    caption += f" ({order})"
-    for shown, nodes, what in zip(
-        (columns, rows), curve.nodes, ("columns", "rows"), strict=True
-    ):
-        if len(shown) < len(nodes):
-            caption += f"; {len(shown)} of {len(nodes)} {what} are shown"
-    heads = [unit, *(f"{curve.nodes[0][i]:g}" for i in columns)]
-    cells = []
-    for j in rows:
-        found = zip(curve.entries[j], offsets[j], strict=True)
-        texts = ["-" if entry is None else _plain(offset) for entry, offset in found]
-        cells.append([f"{curve.nodes[1][j]:g}", *(texts[i] for i in columns)])
-    return _grid(heads, cells, caption)
+    """Return what a plane adds, over both masters."""
+    across, down = curve.masters
+    caption = (
+        f"adds/{'µm' if curve.metric else 'inc'}; to the right: axis {across}, down:"
+        f" axis {down} ({order})"
+    )
+    rows = [
+        [
+            f"{node:g}",
+            *(
+                "-" if entry is None else _plain(offset)
+                for entry, offset in zip(entries, offsets, strict=True)
+            ),
+        ]
+        for node, entries, offsets in zip(
+            curve.nodes[1], curve.entries, curve.offsets, strict=True
+        )
+    ]
+    heads = ["mm" if curve.metric else "inc", *(f"{x:g}" for x in curve.nodes[0])]
+    return _grid(heads, rows, caption, MOST_COLUMNS)
 
 
 def _plain(value: float) -> str:
@@ -215,30 +198,30 @@ def _some(count: int, most: int) -> list[int]:
     return sorted({round(k * (count - 1) / (most - 1)) for k in range(most)})
 
 
-def _plain_table(file: ListFile, one: Kind, table: str) -> Group | None:
-    """Return a table with its entries as they stand, such as that of friction."""
+def _raw_table(file: ListFile, one: Kind, table: str) -> Iterator[RenderableType]:
+    """Yield a table with its entries as they stand, such as that of friction."""
     stem = f"{one.prefix}.{table}[]."
-    keys = [key for key in file.columns if key.startswith(stem)]
-    if not keys:
-        return None
-    known = registry().by_key
+    columns = {key: rows for key, rows in file.columns.items() if key.startswith(stem)}
     heads = ["index"]
-    for key in keys:
-        row = known.get(key)
+    for key in columns:
+        row = registry().by_key.get(key)
         unit = "" if row is None or row.unit[0] in ("", "----") else f"\n{row.unit[0]}"
         # The names are long and differ at their ends: they break where they may.
         name = key.removeprefix(stem).replace("_dir_", "\ndir_").replace("n_", "n\n")
-        heads.append(escape(f"{name}{unit}"))
-    columns = [file.columns[key] for key in keys]
-    places = sorted({at for rows in columns for at in rows.last})
+        heads.append(f"{name}{unit}")
+    places = sorted({at for rows in columns.values() for at in rows.last})
+    if not places:
+        return
+    size = count(len(places), "entry", "entries")
+    yield Text(f"\n{one.name.capitalize()} table, {size}. {one.adds}")
     lines = [
-        [", ".join(map(str, place))]
-        + [
-            escape(rows.texts[rows.last[place]]) if place in rows.last else "-"
-            for rows in columns
+        [
+            ", ".join(map(str, place)),
+            *(
+                rows.texts[rows.last[place]] if place in rows.last else "-"
+                for rows in columns.values()
+            ),
         ]
         for place in places
     ]
-    size = "1 entry" if len(places) == 1 else f"{len(places)} entries"
-    text = f"{one.name.capitalize()} table, {size}. {one.adds}"
-    return Group(Text(text), _grid(heads, lines))
+    yield _grid(heads, lines)

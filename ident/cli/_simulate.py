@@ -1,9 +1,8 @@
 """The command ``simulate``: what the controller would add along a motion."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -19,7 +18,7 @@ from ._options import (
     read_lists,
     rules_of,
 )
-from ._said import print_json, working
+from ._said import note, print_json, working
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,46 +35,15 @@ _SLACK = 1e-9
 
 def simulate(
     files: Lists,
-    motion: Annotated[
-        Path,
-        typer.Option(
-            metavar="M.csv",
-            help="Columns A1.position, A2.position, … in mm or °, named after the"
-            " logical axis numbers; time in s where the rows are cycles;"
-            " A1.direction (±1) where they are not.",
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="O.csv",
-            help="Where to write the offsets (.csv or .parquet); left out: as CSV on"
-            " standard output.",
-        ),
-    ] = None,
+    *,
+    motion: Path,
+    out: Path | None = None,
     increment: Increment = None,
     conventions: Rules = None,
     cycle_time: CycleTime = None,
     modulo: Modulo = None,
-    temperature: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="A1=T.csv",
-            help="Temperature table of an axis as the PLC follows it (temperature_X.csv"
-            " of a job), for the column temperature.<sensor> of the motion;"
-            " A1=T.csv:frame where there are several sensors.",
-        ),
-    ] = None,
-    events: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="E.csv",
-            help="What happens meanwhile: columns time, axis (empty: all) and event, which"
-            " is COMP ON CROSS, COMP OFF LEAD TEMP, COMP OFF_ALL, HOMED, NOT HOMED,"
-            " PROGRAM END or RELOAD FILE.lis. Left out: the column event of the motion,"
-            " if it has one.",
-        ),
-    ] = None,
+    temperature: list[str] | None = None,
+    events: Path | None = None,
     as_json: AsJson = False,
 ) -> None:
     """Compute what the controller would add, per row of a motion and compensation.
@@ -86,6 +54,19 @@ def simulate(
 
     Columns: time, then per axis each compensation and their sum: A3.cross … A3.offset,
     and A3.friction in drive units.
+
+    Options:
+        motion (M.csv): Columns A1.position, A2.position, … in mm or °, named after the logical
+            axis numbers; time in s where the rows are cycles; A1.direction (±1) where they are
+            not.
+        out (O.csv): Where to write the offsets (.csv or .parquet); left out: as CSV on standard
+            output.
+        temperature (A1=T.csv): Temperature table of an axis as the PLC follows it
+            (temperature_X.csv of a job), for the column temperature.<sensor> of the motion;
+            A1=T.csv:frame where there are several sensors.
+        events (E.csv): What happens meanwhile: columns time, axis (empty: all) and event, which
+            is COMP ON CROSS, COMP OFF LEAD TEMP, COMP OFF_ALL, HOMED, NOT HOMED, PROGRAM END or
+            RELOAD FILE.lis. Left out: the column event of the motion, if it has one.
 
     Examples:
       axcomp simulate axcomp-out/achskw1.lis --motion motion.csv --out offsets.csv
@@ -120,14 +101,14 @@ def simulate(
             events=happened,
         )
     columns = _columns(path, found)
-    for remark in dict.fromkeys(text for axis in found for text in axis.remarks):
-        typer.echo(f"axcomp: {remark}", err=True)
+    note(dict.fromkeys(text for axis in found for text in axis.remarks))
     if out is not None:
-        write_atomically(out, _encoded(columns, out.suffix.lower()))
+        parquet = out.suffix.lower() == ".parquet"
+        write_atomically(out, _content(columns, parquet=parquet))
     if as_json:
         print_json(_summary(columns, found, rules))
     elif out is None:
-        typer.echo(_encoded(columns).decode("ascii"), nl=False)
+        typer.echo(_content(columns).decode("ascii"), nl=False)
     else:
         rows = len(next(iter(columns.values()))) if columns else 0
         typer.echo(f"{rows} rows, {', '.join(columns)} in {out}", err=True)
@@ -202,16 +183,16 @@ def _summary(
     }
 
 
-def _encoded(columns: "dict[str, np.ndarray]", suffix: str = ".csv") -> bytes:
-    """Return the columns as a file: Parquet where its name says so, else CSV."""
+def _content(columns: "dict[str, np.ndarray]", *, parquet: bool = False) -> bytes:
+    """Return columns as a file: Parquet, else CSV."""
     import io
 
     import pyarrow as pa
-    from pyarrow import csv, parquet
+    from pyarrow import csv, parquet as pq
 
     table, sink = pa.table(columns), io.BytesIO()
-    if suffix == ".parquet":
-        parquet.write_table(table, sink)
+    if parquet:
+        pq.write_table(table, sink)
     else:
         sink.write((",".join(columns) + "\n").encode("ascii"))
         csv.write_csv(table, sink, csv.WriteOptions(include_header=False))
@@ -284,13 +265,13 @@ def _events_in(table: "Table", motion: "Motion") -> "tuple[ControllerEvent, ...]
         texts = [text.strip() for text in cell.split(";") if text.strip()]
         if not texts:
             continue
-        line, time = int(table.lines[k]), _cell(columns["time"], k)
+        line, time = int(table.lines[k]), _text(columns["time"], k)
         try:
             row = int(sum(motion.time < float(time) - _SLACK))
         except ValueError:
             found_time, expected = f"time {time!r}", "a time in s"
             raise LineError(str(table.path), line, found_time, expected) from None
-        axis = _cell(columns.get("axis"), k).strip().removeprefix("A")
+        axis = _text(columns.get("axis"), k).strip().removeprefix("A")
         if axis and not axis.isdigit():
             expected = "A1, A2, … after the logical numbers, or nothing for all axes"
             raise LineError(str(table.path), line, f"axis {axis!r}", expected)
@@ -299,14 +280,10 @@ def _events_in(table: "Table", motion: "Motion") -> "tuple[ControllerEvent, ...]
     return tuple(sorted(found, key=lambda event: event.row))
 
 
-def _cell(column: "Column | None", row: int) -> str:
+def _text(column: "Column | None", row: int) -> str:
     """Return a cell as text; empty where there is no column or no number."""
-    if column is None:
-        return ""
-    if column.text is not None:
-        return column.text[row]
-    value = float(column.values[row])
-    return "" if math.isnan(value) else f"{value:.15g}"
+    cell = None if column is None else column.cell(row)
+    return cell or "" if isinstance(cell, str | None) else f"{cell:.15g}"
 
 
 def _event(

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
+from typer.core import TyperGroup
 
 from axcomp.ident.cli import main
-from axcomp.ident.cli._app import COMMANDS, examples_of
+from axcomp.ident.cli._app import COMMANDS, app, examples_of
 
 X = np.linspace(0.0, 400.0, 21)
 OLD = """\
@@ -150,3 +152,15 @@ def test_a_mistyped_word_names_the_nearest(
 ) -> None:
     assert main(words) == 2
     assert nearest in capsys.readouterr().err
+
+
+def test_every_option_says_what_it_is() -> None:
+    group = typer.main.get_command(app)
+    assert isinstance(group, TyperGroup)
+    silent = [
+        f"{name} {parameter.name}"
+        for name, command in group.commands.items()
+        for parameter in command.params
+        if not getattr(parameter, "help", None)
+    ]
+    assert silent == []

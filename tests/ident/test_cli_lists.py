@@ -242,7 +242,7 @@ def test_show_marks_where_a_friction_table_leaves_out_rows(
     path = tmp_path / "achskw2.lis"
     path.write_text("\n".join(rows) + "\n", encoding="ascii")
     assert main(["show", str(path)]) == 0
-    assert "..." in capsys.readouterr().out
+    assert "rows are shown" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("command", ["discover", "doctor"])

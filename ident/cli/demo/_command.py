@@ -2,12 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from .._options import AsJson
-from .._said import print_json, working
+from .._said import print_json, table_of, working
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,19 +21,20 @@ _WHAT = {
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for everything it makes.")] = Path(
-        "axcomp-demo"
-    ),
-    picture: Annotated[
-        Path | None,
-        typer.Option(help="Also write the before-and-after picture, as PNG."),
-    ] = None,
-    as_json: AsJson = False,
-) -> None:
+    *,
+    out: Path = Path("axcomp-demo"),
+    picture: Path | None = None,
+    as_json: bool = False,
+) -> bool:
     """Make a virtual machine, measure it, compensate it, and measure it again.
 
     Writes the measurement files, a job file to read and to rerun, the lists and a
     report. A folder that holds anything else is left alone.
+
+    Options:
+        out: Folder for everything it makes.
+        picture: Also write the before-and-after picture, as PNG.
+        as_json (--json): Print the figures on standard output.
 
     Examples:
       axcomp demo --out mill
@@ -56,8 +54,7 @@ def demo(
     _print(Console(highlight=False), out, result)
     if as_json:
         print_json(_as_dict(result))
-    if not (result.job.passed and result.work.passed):
-        raise typer.Exit(1)
+    return result.job.passed and result.work.passed
 
 
 def _print(console: "Console", out: Path, result: "DemoResult") -> None:
@@ -109,15 +106,12 @@ def _print_stages(
     console: "Console", head: str, rows: Mapping[str, Sequence[float]]
 ) -> None:
     """Print errors in mm by stage as µm."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False)
-    table.add_column(head)
-    for stage in ("before", "predicted", "verified"):
-        table.add_column(f"  {stage}", justify="right")
-    for words, sizes in rows.items():
-        table.add_row(words, *(f"{1000 * size:.1f}" for size in sizes))
-    console.print(table)
+    stages = ("before", "predicted", "verified")
+    lines = [
+        [words, *(f"{1000 * size:.1f}" for size in sizes)]
+        for words, sizes in rows.items()
+    ]
+    console.print(table_of([head, *stages], lines, numbers=stages, plain=True))
 
 
 def _figures(fit: "TableResult") -> "dict[str, ErrorFigures]":
