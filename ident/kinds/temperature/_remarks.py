@@ -141,11 +141,11 @@ def _or_drift(fit: TemperatureFit) -> Iterator[Remark]:
     heat = np.stack(list(columns.values()), axis=1)
     found = against_drift(clock, heat, fit.error, beside)
     if found is None:
-        from scipy.stats import spearmanr  # takes long to load
+        from scipy.stats import rankdata  # takes long to load
 
         # Too few readings for a drift beside it: one way up or down is like one.
         first = next(iter(warm.values()))
-        alike, _ = spearmanr(clock, first)
+        alike = np.corrcoef(rankdata(clock), rankdata(first))[0, 1]
         doubtful, rms = abs(float(alike)) > _ONE_WAY, float(np.std(fit.error))
     else:
         doubtful, rms = found.doubtful, found.rms
