@@ -289,13 +289,13 @@ def test_temperature_without_effect_writes_nothing_and_passes(tmp_path: Path) ->
     )
 
 
-def only_rising(folder: Path) -> None:
+def only_rising(folder: Path, count: int = 360) -> None:
     """A warm-up that never turns, measured at one place: a drift would look the same."""
     rng = np.random.default_rng(3)
-    time = np.arange(0.0, 7200.0, 20.0)
+    time = np.linspace(0.0, 7200.0, count)
     warm = 6.0 * (1.0 - np.exp(-time / 2000.0))
-    error = 4e-3 * warm + NOISE * rng.normal(size=360)
-    sensor = 20.0 + warm + 0.02 * rng.normal(size=360)
+    error = 4e-3 * warm + NOISE * rng.normal(size=count)
+    sensor = 20.0 + warm + 0.02 * rng.normal(size=count)
     write(folder, ("t", "x", "e", "frame"), (time, 0.0 * time, error, sensor))
 
 
@@ -310,6 +310,13 @@ def test_what_discover_cannot_tell_from_a_drift_a_fit_says_too(
     assert "takes all of it for the temperature" in said
     assert main(["discover", str(tmp_path / "job.toml")]) == 1
     assert doubt in capsys.readouterr().out
+
+
+def test_a_few_readings_of_a_warm_up_alone_may_be_a_drift_too(tmp_path: Path) -> None:
+    only_rising(tmp_path, count=30)
+    keys = 'sensors = { offset = "frame" }\nlag = "none"'
+    (fit,) = run_all(tmp_path, keys).fits
+    assert any("cannot tell: temperature offset" in r.message for r in fit.remarks)
 
 
 def test_failed_gate_keeps_all_files_out_of_the_way(again: Path) -> None:

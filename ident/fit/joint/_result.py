@@ -238,7 +238,8 @@ class JointFit:
         part = self.parts[number]
         axis, deviation = part.effect.axis, part.standard_deviation
         known, own = self.known[axis], self.places_of(number)
-        functionals = np.eye(known.design.size)[:, own]
+        functionals = np.zeros((known.design.size, len(own)))
+        functionals[own, np.arange(len(own))] = 1.0
 
         def of_part(post: Posterior) -> tuple[np.ndarray, np.ndarray]:
             values = known.rules.project(post.values)[own]

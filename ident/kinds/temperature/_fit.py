@@ -185,12 +185,8 @@ def _fitted(
     """Return the fit of a law with what its regression says, the prediction left open."""
     line, found = _regressed(data, line, loss, free)
     size, sensors = line.size, line.sensor_names
-    logs = dict(zip(free, found.standard_deviation[size:].tolist(), strict=True))
-    reported = []
-    for sensor in sensors:
-        constant = float(line.lags[sensor])
-        factor = float(np.exp(min(1.96 * logs.get(sensor, 0.0), 50.0)))
-        reported.append(Lag(sensor, constant, (constant / factor, constant * factor)))
+    # Those of logarithms.
+    unsure = dict(zip(free, found.standard_deviation[size:].tolist(), strict=True))
     columns = line.rows(line.columns_of(data))[1]
     fit = TemperatureFit(
         line=line,
@@ -200,7 +196,10 @@ def _fitted(
         structure=np.stack([line.structure(data, name) for name in sensors], axis=1),
         values=found.coefficients[:size],
         covariance=found.covariance,
-        lags=tuple(reported),
+        lags=tuple(
+            Lag(name, float(lag), float(lag) * unsure.get(name, 0.0))
+            for name, lag in line.lags.items()
+        ),
         noise=found.noise,
         independent=float(found.independent[:size].min()),
         wild=found.wild,

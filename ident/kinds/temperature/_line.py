@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from typing import Literal
 
 import numpy as np
@@ -67,14 +68,22 @@ class Lag:
     Attributes:
         sensor: Its name.
         time_constant: Of the first-order lag in s; 0 = none that the readings show.
-        interval: From which to which value it may be (95 %), in s.
+        deviation: Standard deviation of it in s.
         sensor_late: The sensor itself follows later than the structure; no filter undoes that.
     """
 
     sensor: str
     time_constant: float
-    interval: tuple[float, float]
+    deviation: float = 0.0
     sensor_late: bool = False
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """From which to which value it may be (95 %), in s."""
+        if not self.applied:
+            return 0.0, 0.0
+        factor = math.exp(min(1.96 * self.deviation / self.time_constant, 50.0))
+        return self.time_constant / factor, self.time_constant * factor
 
     @property
     def applied(self) -> bool:

@@ -12,6 +12,8 @@ from ._line import Lag, Meeting, TemperatureFit
 if TYPE_CHECKING:
     from ._draft import TemperatureDraft
 
+_ONE_WAY = 0.95
+"""Rank correlation of temperature and time from which few readings tell nothing but the clock."""
 _SAME_COURSE = 0.999
 """Correlation of two sensors from which on either does for the other."""
 _FEW = 8.0
@@ -133,20 +135,28 @@ def _or_drift(fit: TemperatureFit) -> Iterator[Remark]:
     warm = dict(zip(fit.sensors, fit.structure.T, strict=True))
     columns = {effect: warm[sensor] for effect, sensor in fit.line.sensors.items()}
     if "coefficient" in columns:
-        heat = columns["coefficient"]
-        columns["coefficient"] = (heat - heat.mean()) * away
+        change = columns["coefficient"] - columns["coefficient"].mean()
+        columns["coefficient"] = change * away
     beside = np.stack([np.ones(count), away], axis=1)
-    found = against_drift(
-        clock, np.stack(list(columns.values()), axis=1), fit.error, beside
-    )
-    if found is None or not found.doubtful:
+    heat = np.stack(list(columns.values()), axis=1)
+    found = against_drift(clock, heat, fit.error, beside)
+    if found is None:
+        from scipy.stats import rankdata  # takes long to load
+
+        # Too few readings for a drift beside it: one way up or down is like one.
+        first = next(iter(warm.values()))
+        alike = np.corrcoef(rankdata(clock), rankdata(first))[0, 1]
+        doubtful, rms = abs(float(alike)) > _ONE_WAY, float(np.std(fit.error))
+    else:
+        doubtful, rms = found.doubtful, found.rms
+    if not doubtful:
         return
     # The words of `discover`, which says so of the same readings.
     effect, sensor = next(iter(fit.line.sensors.items()))
     axis = fit.line.axis
     what, remedy = heat_or_drift(f"temperature {effect} of {axis} by {sensor}", axis)
     yield Remark.warning(
-        f"The data cannot tell: {what} ({1e3 * found.rms:.2g} µm rms). {remedy} What is"
+        f"The data cannot tell: {what} ({1e3 * rms:.2g} µm rms). {remedy} What is"
         " written takes all of it for the temperature."
     )
 

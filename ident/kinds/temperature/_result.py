@@ -83,7 +83,10 @@ class TemperatureResult(AbstractResult):
                 "offset": _law(found.offset, 1.0),
                 "coefficient": _law(found.coefficient, 1e6),
                 "offset_per_kelvin": slope,
-                "lags": [vars(lag) | {"applied": lag.applied} for lag in found.lags],
+                "lags": [
+                    {**vars(lag), "interval": lag.interval, "applied": lag.applied}
+                    for lag in found.lags
+                ],
             },
             "standard_deviations": {
                 "table": spread,

@@ -164,10 +164,10 @@ def law_plot(fit: TemperatureResult, law: ThermalLaw) -> Plot:
 
 def _over(fit: TemperatureResult) -> str:
     """Return what a temperature is that a law follows, to stand under its axis."""
-    if len(fit.sensors) > 1:
+    first, *others = fit.fit.lags
+    if others:
         return "temperature of its sensor in °C"
-    behind = "structure behind " if any(lag.applied for lag in fit.fit.lags) else ""
-    return f"{behind}{fit.sensors[0]} in °C"
+    return f"{'structure behind ' * first.applied}{first.sensor} in °C"
 
 
 def errors_plot(fit: TemperatureResult, scale: Scale) -> Plot:

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from ...job.joint._recording import GroupRecording
     from ...job.joint._share import Share
 
-_TWICE = 1.96
 _NODES = 11
 """Of the leadscrew that a thermal line is compared with."""
 
@@ -177,17 +176,8 @@ class TemperaturePlan(AbstractPlan):
     def draft(self, share: "Share") -> TemperatureDraft:
         line, part, rows = share.part.effect, share.part, share.rows
         assert isinstance(line, Temperature)  # of `effect`
-        whole, lags = share.recording.data, list[Lag]()
-        for name in line.sensor_names:
-            constant, deviation = map(float, part.lags.get(name, (0.0, 0.0)))
-            half = _TWICE * deviation if np.isfinite(deviation) else 0.0
-            lags.append(
-                Lag(name, constant, (max(constant - half, 0.0), constant + half))
-            )
-        own, structure = (
-            whole.take(rows),
-            [line.structure(whole, name)[rows] for name in line.sensor_names],
-        )
+        whole, sensors = share.recording.data, line.sensor_names
+        own = whole.take(rows)
         fit = TemperatureFit(
             line=line,
             data=dataclasses.replace(
@@ -197,11 +187,13 @@ class TemperaturePlan(AbstractPlan):
             ),
             rows=np.flatnonzero(rows),
             missed=0,
-            structure=np.stack(structure, axis=1),
+            structure=np.stack(
+                [line.structure(whole, s)[rows] for s in sensors], axis=1
+            ),
             values=part.values,
             # Of what these readings do not tell nothing is written.
             covariance=np.nan_to_num(share.fit.covariance(share.number), posinf=0.0),
-            lags=tuple(lags),
+            lags=tuple(Lag(s, *part.lags.get(s, (0.0, 0.0))) for s in sensors),
             noise=DriftNoise(share.noise),
             independent=float(np.sum(~share.wild)),
             wild=share.wild,
