@@ -6,10 +6,10 @@ Read in this order:
 - `_structures`: the kinds of law, Coulomb + viscous, Stribeck, table, and their columns.
 - `_equation`: a recording as rows of a linear equation, filtered alike on both sides, and
   their weights under a free table.
-- `_separable`: the fit of a law by variable projection, how smooth a table is, and standard
-  deviations where neighbouring residuals resemble each other.
-- `_inverse`: `fit_inverse`, all of that in one call, and what the data do not tell;
-  `FrictionFit` with parameters and σ.
+- `_result`: `FrictionFit`, parameters and σ where neighbouring residuals resemble each other,
+  and what the data do not tell.
+- `_separable`: the fit of a law by variable projection, and how smooth a table is.
+- `_inverse`: `fit_inverse`, all of that in one call, and whether the data show a drop.
 - `_choice`: `choose_law`, which kind of law predicts windows held out, and the deviations of a
   curve with the doubt of the law.
 - `_simulate`: a drive under a measured force, with its sensitivities, the problem of its
@@ -26,7 +26,6 @@ from ._choice import (
 )
 from ._equation import Known as Known
 from ._inverse import (
-    FrictionFit as FrictionFit,
     fit_inverse as fit_inverse,
     force_error as force_error,
 )
@@ -36,6 +35,7 @@ from ._output_error import (
     fit_output_error as fit_output_error,
     laws_held_out as laws_held_out,
 )
+from ._result import FrictionFit as FrictionFit
 from ._reversal import ReversalFit as ReversalFit, fit_reversal as fit_reversal
 from ._samples import DriveSamples as DriveSamples
 from ._structures import (

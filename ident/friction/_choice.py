@@ -8,15 +8,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..core import FitError, one_blas_thread
-from ._equation import Equation, Known, equation_of, ridged, weigh
-from ._inverse import (
-    METHOD,
-    FrictionFit,
-    assemble,
-    fit_competing,
-)
+from ._equation import Equation, Known, Recording, record, ridged, weigh
+from ._inverse import fit_competing
+from ._result import FrictionFit
 from ._samples import DriveSamples
-from ._separable import Solution, View
+from ._separable import View
 from ._structures import (
     KNOTS,
     AbstractStructure,
@@ -36,28 +32,34 @@ _NEAR, _LONGEST = 0.1, 0.5
 """Steps of a shape's logarithm: up to which a law is linear in it, and the longest taken."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Candidate:
     """One kind of law and how it predicts what it has not seen.
 
     Attributes:
         structure: Kind of law.
+        fit: What it is by all rows; a simpler law stands there where they do not carry it.
+        without: What it is without each window.
         window_error: RMS of the force error per window held out, relative to the load's RMS
             over the whole recording.
-        error: Root of their mean square.
-        standard_error: Of the mean square over the windows, in terms of ``error``.
         fitted_error: As ``error``, on the rows fitted.
-        law: What it is by all rows; a simpler law stands there where they do not carry it.
-        without: What it is without each window.
     """
 
     structure: AbstractStructure
-    window_error: Float[np.ndarray, " w"]
-    error: float
-    standard_error: float
-    fitted_error: float
-    law: Laws
+    fit: FrictionFit
     without: Laws
+    window_error: Float[np.ndarray, " w"]
+    fitted_error: float
+
+    @property
+    def error(self) -> float:
+        """Root of the mean square of the error over the windows."""
+        return float(np.sqrt(np.mean(self.window_error**2)))
+
+    @property
+    def standard_error(self) -> float:
+        """Of that mean square, in terms of ``error``."""
+        return _mean_error(self.window_error**2) / (2.0 * max(self.error, 1e-300))
 
     @property
     def parameters(self) -> int:
@@ -75,13 +77,11 @@ class Candidate:
         return float(off.mean() / max(_mean_error(off), 1e-300))
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Choice:
     """The law chosen, and all that competed.
 
     Attributes:
-        fit: The chosen law, fitted to the whole recording.
-        laws: The parametric laws among the candidates, likewise.
         chosen: Place of the chosen law among the candidates.
         best: Place of the smallest error held out.
         candidates: From simple to rich.
@@ -89,8 +89,6 @@ class Choice:
         window: Of each sample of the recording.
     """
 
-    fit: FrictionFit
-    laws: tuple[FrictionFit, ...]
     chosen: int
     best: int
     candidates: tuple[Candidate, ...]
@@ -98,13 +96,26 @@ class Choice:
     window: Int[np.ndarray, " t"]
 
     @property
+    def fit(self) -> FrictionFit:
+        """The chosen law, fitted to the whole recording."""
+        return self.candidates[self.chosen].fit
+
+    @property
+    def _parametric(self) -> list[Candidate]:
+        return [each for each in self.candidates if each.structure.parametric]
+
+    @property
+    def laws(self) -> tuple[FrictionFit, ...]:
+        """The parametric laws among the candidates, fitted likewise."""
+        return tuple(each.fit for each in self._parametric)
+
+    @property
     def law(self) -> FrictionFit:
         """The simplest of the parametric laws that predicts as well as the best of them."""
-        own = [each for each in self.candidates if each.structure.parametric]
-        best = min(own, key=lambda each: each.error)
+        best = min(self._parametric, key=lambda each: each.error)
         limit = best.error + best.standard_error
-        good = [place for place, each in enumerate(own) if each.error <= limit]
-        return self.laws[min(good, key=lambda place: own[place].parameters)]
+        good = [each for each in self._parametric if each.error <= limit]
+        return min(good, key=lambda each: each.parameters).fit
 
     @property
     def without(self) -> Laws:
@@ -133,34 +144,32 @@ class Choice:
             read: Linear map of friction at these velocities, along the first axis, to the
                 values in question; further axes are kept.
         """
-        own, covariance = read(fit.band(velocity)[0]), fit.law_covariance
-        slopes = read(fit.slopes(velocity))
-        noise = ((slopes @ covariance) * slopes).sum(axis=-1)
 
-        def jackknife(laws: Laws) -> Float[np.ndarray, "*c"]:
+        def jackknife(laws: Laws) -> np.ndarray:
             values = read(laws.friction(velocity))
             count = values.shape[-1]
             # Mean square of Student's t: few windows tell their own spread badly.
             heavier = (count - 1) / max(count - 3, 1)
             return np.asarray(heavier * (count - 1) * np.var(values, axis=-1))
 
-        def lines(structure: AbstractStructure, factors: np.ndarray) -> np.ndarray:
-            return np.asarray(np.square(read(structure.bent(velocity, factors))))
+        def lines(fit: FrictionFit) -> np.ndarray:
+            return np.asarray(
+                np.square(read(fit.structure.bent(velocity, fit.factors)))
+            )
 
-        total, best = 1.0, self.candidates[self.best]
-        variance = np.maximum(noise, jackknife(without))
-        variance += lines(fit.structure, fit.factors)
-        seen = {fit.structure}
+        slopes = read(fit.slopes(velocity))
+        own = slopes[..., : len(fit.factors)] @ fit.factors
+        noise = ((slopes @ fit.law_covariance) * slopes).sum(axis=-1)
+        variance = np.maximum(noise, jackknife(without)) + lines(fit)
+        total, best, seen = 1.0, self.candidates[self.best], {fit.structure}
         for one in self.candidates:
-            law, count = one.law, len(one.window_error)
-            if law.structure in seen:
+            law, count = one.fit, len(one.window_error)
+            share = (1 + max(one.worse(best), 0) ** 2 / (count - 1)) ** (-count / 2)
+            if law.structure in seen or share < _UNLIKELY:
                 continue
             seen.add(law.structure)
-            share = (1 + max(one.worse(best), 0) ** 2 / (count - 1)) ** (-count / 2)
-            if share < _UNLIKELY:
-                continue
-            apart = read(law.friction(velocity)[:, 0]) - own
-            more = jackknife(one.without) + lines(law.structure, law.factors[0])
+            apart = read(law.friction(velocity)) - own
+            more = jackknife(one.without) + lines(law)
             variance, total = variance + share * (more + apart**2), total + share
         return np.asarray(np.sqrt(variance / total))
 
@@ -193,39 +202,28 @@ def choose_law(
     Raises:
         FitError: If the recording is too short to hold out windows.
     """
-    equation = equation_of(samples, CoulombViscous(), known, decimate)
-    window = _windows(equation, windows)
-    kinds = tuple(structures or default_structures(equation))
+    recording = record(samples, known, decimate)
+    window = _windows(recording, windows)
+    kinds = tuple(structures or default_structures(recording))
     with one_blas_thread():
-        weights = weigh(equation, loss)
+        weights = weigh(recording, loss)
         found: dict[AbstractStructure, Candidate] = {}
-        solved = list[tuple[Equation, Solution, dict[str, str]]]()
         near, candidates = None, list[Candidate]()
         for kind in kinds:
-            asked, solution, missing = fit_competing(
-                equation.with_structure(kind), weights, near
-            )
-            solved.append((asked, solution, missing))
+            fit = fit_competing(Equation(recording, kind), weights, near)
             # Both directions apart have nearly the shape that they have together.
-            near = solution.shape if len(solution.shape) else None
+            near = fit.shape if len(fit.shape) else None
             # Where the data do not carry a law, the simpler one speaks for it.
-            law = asked.structure
+            law = fit.structure
             if law not in found:
-                found[law] = _hold_out(asked, solution, weights.limit, window)
-            own = kind if missing else law
-            candidates.append(dataclasses.replace(found[law], structure=own))
-        chosen, best = _order(candidates)
-        fits = {
-            place: assemble(*solved[place], METHOD)
-            for place, kind in enumerate(kinds)
-            if kind.parametric or place == chosen
-        }
+                found[law] = _hold_out(fit, weights.limit, window)
+            own = kind if fit.missing else law
+            candidates.append(dataclasses.replace(found[law], structure=own, fit=fit))
     # Each sample belongs to the window of the nearest row.
-    centres = equation.lowpass.centres
+    centres = recording.lowpass.centres
     between = 0.5 * (centres[1:] + centres[:-1])
+    chosen, best = _order(candidates)
     return Choice(
-        fit=fits[chosen],
-        laws=tuple(fits[place] for place, each in enumerate(kinds) if each.parametric),
         chosen=chosen,
         best=best,
         candidates=tuple(candidates),
@@ -234,9 +232,9 @@ def choose_law(
     )
 
 
-def default_structures(equation: Equation) -> tuple[AbstractStructure, ...]:
+def default_structures(recording: Recording) -> tuple[AbstractStructure, ...]:
     """Return the kinds of law to compare: simple, Stribeck, table, alike and per direction."""
-    knots, ways = default_knots(equation.speed, KNOTS), (False, True)
+    knots, ways = default_knots(recording.speed, KNOTS), (False, True)
     laws: list[AbstractStructure] = [CoulombViscous(way) for way in ways]
     laws += [Stribeck(way) for way in ways]
     if len(knots) > 2:
@@ -257,96 +255,74 @@ def _order(candidates: Sequence[Candidate]) -> tuple[int, int]:
     return min(good, key=lambda place: candidates[place].parameters), best
 
 
-def _windows(equation: Equation, windows: int) -> Int[np.ndarray, " s"]:
+def _windows(recording: Recording, windows: int) -> Int[np.ndarray, " s"]:
     """Return the window of each row: an axis may rest for half of the time.
 
     Raises:
         FitError: If the recording is too short for so many windows.
     """
-    moving = int(equation.usable.sum())
+    moving = int(recording.usable.sum())
     if windows < 3 or moving < windows * _FEWEST:
         msg = (
             f"model choice: found {moving} samples in motion after filtering for {windows} "
             f"windows, expected at least 3 windows of {_FEWEST}."
         )
         raise FitError(msg)
-    share = np.cumsum(equation.usable) / moving
+    share = np.cumsum(recording.usable) / moving
     return np.minimum((share * windows).astype(np.int64), windows - 1)
 
 
-def _laws(
-    equation: Equation,
-    factors: Float[np.ndarray, "n k"],
-    shapes: Float[np.ndarray, "n h"],
-) -> Laws:
-    """Return the laws that linear factors of an equation and shapes stand for."""
-    names, linear, to_law = equation.reading
-    read = dict(zip(names, linear @ factors.T, strict=True))
-    beside = [
-        np.broadcast_to(read.get(name, known or 0.0), len(factors))
-        for name, known in (
-            ("inertia", equation.known.inertia),
-            ("offset", equation.known.offset),
-        )
-    ]
-    return Laws(equation.structure, factors @ to_law.T, shapes, *beside)
-
-
 def _hold_out(
-    equation: Equation,
-    solution: Solution,
-    limit: float,
-    window: Int[np.ndarray, " s"],
+    fit: FrictionFit, limit: float, window: Int[np.ndarray, " s"]
 ) -> Candidate:
     """Return how a law predicts, and what it is without each window.
 
     Solved by the sums of all rows less those of the window.
 
     Args:
-        equation: Of the law.
-        solution: By all rows; the law is taken as linear in its shape about it.
+        fit: By all rows; the law is taken as linear in its shape about it.
         limit: Largest error that counts: a wild row says nothing of the law.
         window: Of each row.
     """
-    own, target, shape = solution.columns, equation.target, solution.shape
-    size, rows, used = len(solution.factors), solution.rows, equation.usable
+    equation, shape, size = fit.equation, fit.shape, len(fit.state)
+    recording, rows = equation.recording, fit.rows
     edges = np.searchsorted(window, np.arange(window[-1] + 2)).tolist()
-    reach, spans = equation.lowpass.reach, list(itertools.pairwise(edges))
+    reach, spans = recording.lowpass.reach, list(itertools.pairwise(edges))
     # Rows beside a window share samples with it by the filter.
     near = [slice(max(a - reach, 0), b + reach) for a, b in spans]
     sums = rows.sums - np.stack([rows.left[k].T @ rows.right[k] for k in near])
-    prior = np.pad(solution.prior, (0, len(shape)))
+    prior = np.pad(fit.prior, (0, len(shape)))
     every = ridged(sums[:, :, :-1] + prior, sums[:, :, -1])
     factors, steps = every[:, :size], every[:, size:]
-    bounds = equation.structure.bounds(equation.speed_range)
-    shapes = np.clip(shape + np.clip(steps, -_LONGEST, _LONGEST), *bounds)
-    parts = [own[slice(*k)] @ each for k, each in zip(spans, every, strict=True)]
-    error = target - np.concatenate(parts)
+    shapes = np.clip(shape + np.clip(steps, -_LONGEST, _LONGEST), *equation.bounds)
+    lines = np.column_stack([-every, np.ones(len(every))])
+    parts = [rows.right[slice(*k)] @ each for k, each in zip(spans, lines, strict=True)]
+    error = np.concatenate(parts)
     for number in np.flatnonzero(np.abs(steps).max(axis=1, initial=0.0) > _NEAR):
         # Too far for tangents: factors anew at the shape they lead to.
-        kept, held = solution.share.copy(), window == number
+        kept, held = fit.share.copy(), window == number
         kept[near[number]] = 0.0
-        design = equation.columns(shapes[number])[0]
-        normal = View(equation, kept, shape).rows(design, target).sums
-        factors[number] = ridged(normal[:, :-1], normal[:, -1])
-        error[held] = target[held] - design[held] @ factors[number]
-    load = float(np.mean(equation.load[used] ** 2))
-    square = used * np.minimum(error**2, limit**2)
-    square = np.add.reduceat(square, edges[:-1])
-    square = square / np.add.reduceat(used * load, edges[:-1])
-    mean = float(square.mean())
-    laws = _laws(
-        equation,
-        np.vstack([solution.factors, factors]),
-        np.vstack([shape, shapes]),
-    )
-    fitted = float(np.minimum(solution.residual[used] ** 2, limit**2).mean() / load)
+        moved = equation.rows(shapes[number])
+        normal = View(equation, kept, shape).rows(moved).sums
+        factors[number] = ridged(normal[:size, :size], normal[:size, -1])
+        error[held] = moved[held, -1] - moved[held, :size] @ factors[number]
+
+    def squared(error: np.ndarray) -> np.ndarray:
+        return np.asarray(recording.usable * np.minimum(error**2, limit**2))
+
+    square = np.add.reduceat(squared(error), edges[:-1])
+    count = np.add.reduceat(recording.usable * 1.0, edges[:-1])
+    load = recording.load_size
+    fitted = squared(fit.error).sum() / count.sum()
+    names, linear, to_law = equation.reading
+    read = dict(zip(names, linear @ factors.T, strict=True))
+    given = {"inertia": fit.known.inertia, "offset": fit.known.offset}
+    none = np.zeros(len(factors))
+    beside = [read.get(name, none + (known or 0.0)) for name, known in given.items()]
     return Candidate(
         structure=equation.structure,
-        window_error=np.sqrt(square),
-        error=float(np.sqrt(mean)),
-        standard_error=_mean_error(square) / float(np.sqrt(4.0 * max(mean, 1e-300))),
-        fitted_error=float(np.sqrt(fitted)),
-        law=laws[:1],
-        without=laws[1:],
+        fit=fit,
+        without=Laws(equation.structure, factors @ to_law.T, shapes, *beside),
+        window_error=np.sqrt(square / count) / load,
+        fitted_error=float(np.sqrt(fitted)) / load,
     )

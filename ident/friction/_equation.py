@@ -39,8 +39,6 @@ _WILD = 4.0
 """Error in scales beyond which a row says nothing of the law."""
 _RIDGE = 1e-12
 """Added to scaled normal matrices that are inverted as they stand."""
-_SHARED = "lowpass load target usable piece speed speed_range _beside _steady".split()
-"""What equations of one recording have in common."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,41 +110,35 @@ class Lowpass:
         found, kernel = [np.zeros((0, columns.shape[1]))], self._kernel
         length, step = kernel.shape[1], _TOGETHER * self.factor
         for run in self._runs:
-            count = len(
-                range(run.start, run.stop - 2 * _REACH * self.factor, self.factor)
-            )
-            behind = length + -(-count // _TOGETHER - 1) * step - (run.stop - run.start)
-            own = np.pad(columns[run], ((0, max(behind, 0)), (0, 0)))
-            seen = sliding_window_view(own, length, axis=0)[::step]
-            rows = kernel @ seen.transpose(0, 2, 1)
-            found.append(rows.reshape(len(seen) * _TOGETHER, own.shape[1])[:count])
+            own = columns[run]
+            count = len(range(0, len(own) - 2 * _REACH * self.factor, self.factor))
+            blocks, rest = divmod(count, _TOGETHER)
+            if blocks:
+                seen = sliding_window_view(own, length, axis=0)[::step][:blocks]
+                rows = kernel @ seen.transpose(0, 2, 1)
+                found.append(rows.reshape(blocks * _TOGETHER, own.shape[1]))
+            reach = length - (_TOGETHER - rest) * self.factor
+            found.append(kernel[:rest, :reach] @ own[blocks * step :][:reach])
         return np.concatenate(found)
 
 
+@final
 @dataclasses.dataclass(frozen=True, eq=False)
-class Equation:
-    """A recording as rows of a linear equation under one kind of law.
+class Recording:
+    """A recording as filtered, thinned rows: what the equations of all laws share.
 
     Attributes:
         samples: What was recorded.
-        structure: Kind of friction law.
         known: What need not be fitted.
         factor: Samples of the recording per row.
     """
 
     samples: DriveSamples
-    structure: AbstractStructure
     known: Known
     factor: int
 
-    def with_structure(self, structure: AbstractStructure) -> "Equation":
-        """Return the same rows for another kind of law; what they share is kept."""
-        other = dataclasses.replace(self, structure=structure)
-        other.__dict__.update({name: getattr(self, name) for name in _SHARED})
-        return other
-
     @cached_property
-    def noise_free(self) -> "Equation | None":
+    def noise_free(self) -> "Recording | None":
         """The same of the motion free of noise, where one stands beside the measured one."""
         fine = self.samples.instrument_velocity
         if fine is None:
@@ -167,6 +159,11 @@ class Equation:
     def load(self) -> Float[np.ndarray, " s"]:
         """The whole load, filtered: what a relative error refers to."""
         return self.lowpass(self.known.gain * self.samples.current[:, None])[:, 0]
+
+    @cached_property
+    def load_size(self) -> float:
+        """RMS of the load over the rows to fit."""
+        return float(np.sqrt(np.mean(self.load[self.usable] ** 2)))
 
     @cached_property
     def target(self) -> Float[np.ndarray, " s"]:
@@ -198,81 +195,117 @@ class Equation:
         return range_of(self.speed)
 
     @cached_property
-    def fixed_names(self) -> tuple[str, ...]:
-        """Names of the columns that do not belong to friction.
-
-        Per direction the offset has none: it could not be told from a difference of levels.
-        """
-        inertia = self.known.inertia is None and self.samples.acceleration is not None
-        offset = self.known.offset is None and not self.structure.directional
-        names = ("inertia",) * inertia + ("offset",) * offset
-        return names + tuple(self.samples.loads)
-
-    @cached_property
     def beside(self) -> Float[np.ndarray, "s f"]:
-        """Columns that do not belong to friction."""
-        kept = [name in self.fixed_names for name in ("inertia", "offset")]
-        return self._beside[:, [*kept, *[True] * len(self.samples.loads)]]
-
-    @cached_property
-    def _beside(self) -> Float[np.ndarray, "s f"]:
+        """Acceleration, a constant load, and further loads."""
         samples, even = self.samples, np.ones(len(self.samples.time))
         push = even if samples.acceleration is None else samples.acceleration
         return self.lowpass(np.stack([push, even, *samples.loads.values()], axis=1))
 
     @cached_property
-    def _steady(self) -> dict[AbstractStructure, Float[np.ndarray, "s 2 k"]]:
-        """Columns per direction that follow no shape, of all laws of the recording."""
+    def _steady(self) -> dict[AbstractStructure, Float[np.ndarray, "s w k"]]:
         return {}
 
-    def _of_each_way(
+    def steady(self, structure: AbstractStructure) -> Float[np.ndarray, "s w k"]:
+        """Return the columns of a law that follow no shape; what both directions show is kept."""
+        both = dataclasses.replace(structure, directional=True)
+        if both not in self._steady:
+            profile = both.steady(np.abs(self.samples.velocity))
+            self._steady[both] = self.of_each_way(both, profile)
+        found = self._steady[both]
+        return found if structure.directional else found[:, :1] + found[:, 1:]
+
+    def of_each_way(
         self, structure: AbstractStructure, profile: Float[np.ndarray, "t k"]
     ) -> Float[np.ndarray, "s w k"]:
         """Return columns over speed with the signs of each direction, filtered."""
         signs = structure.signs(self.samples.velocity)
-        found = self.lowpass(np.hstack([sign[:, None] * profile for sign in signs]))
+        both = signs.T[:, :, None] * profile[:, None]
+        found = self.lowpass(both.reshape(len(both), len(signs) * profile.shape[1]))
         return found.reshape(len(found), len(signs), profile.shape[1])
 
-    @cached_property
-    def steady(self) -> Float[np.ndarray, "s w k"]:
-        """Columns of friction that follow no shape; those of both directions are kept."""
-        both = dataclasses.replace(self.structure, directional=True)
-        if both not in self._steady:
-            profile = both.steady(np.abs(self.samples.velocity))
-            self._steady[both] = self._of_each_way(both, profile)
-        found = self._steady[both]
-        return found if self.structure.directional else found.sum(axis=1, keepdims=True)
 
-    def falling(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s w c"]:
-        """Return the column of each direction that follows the shape, and its derivatives."""
-        key = shape.tobytes()
-        if key not in self._falling:
-            profile = self.structure.falling(np.abs(self.samples.velocity), shape)
-            self._falling[key] = self._of_each_way(self.structure, profile)
-        return self._falling[key]
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Equation:
+    """A recording as rows of a linear equation under one kind of law."""
+
+    recording: Recording
+    structure: AbstractStructure
+
+    def under(self, structure: AbstractStructure) -> "Equation":
+        """Return the same rows for another kind of law."""
+        return Equation(self.recording, structure)
+
+    @cached_property
+    def fixed_names(self) -> tuple[str, ...]:
+        """Names of the columns that do not belong to friction.
+
+        Per direction the offset has none: it could not be told from a difference of levels.
+        """
+        samples, known = self.recording.samples, self.recording.known
+        inertia = known.inertia is None and samples.acceleration is not None
+        offset = known.offset is None and not self.structure.directional
+        names = ("inertia",) * inertia + ("offset",) * offset
+        return names + tuple(samples.loads)
+
+    @cached_property
+    def bounds(self) -> Float[np.ndarray, "2 h"]:
+        """The least and the largest logarithms of a shape that the data can tell apart."""
+        return self.structure.bounds(self.recording.speed_range)
 
     @cached_property
     def _falling(self) -> dict[bytes, Float[np.ndarray, "s w c"]]:
         """What `falling` returned before: a search ends where it has been."""
         return {}
 
-    def columns(
-        self, shape: Float[np.ndarray, " h"]
-    ) -> tuple[Float[np.ndarray, "s k"], Float[np.ndarray, "s w h"]]:
-        """Return all linear columns, those beside friction first, and slopes by the shape.
+    def falling(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s w c"]:
+        """Return the column of each direction that follows the shape, and its derivatives."""
+        key = shape.tobytes()
+        if key not in self._falling:
+            speed = np.abs(self.recording.samples.velocity)
+            profile = self.structure.falling(speed, shape[None])[:, 0].T
+            self._falling[key] = self.recording.of_each_way(self.structure, profile)
+        return self._falling[key]
+
+    @property
+    def beside(self) -> Float[np.ndarray, "s f"]:
+        """Columns that do not belong to friction."""
+        kept = [name in self.fixed_names for name in ("inertia", "offset")]
+        further = [True] * len(self.recording.samples.loads)
+        return self.recording.beside[:, [*kept, *further]]
+
+    @cached_property
+    def unbent(self) -> Float[np.ndarray, "s f"]:
+        """All columns that follow no shape."""
+        return np.hstack([self.beside, in_line(self.recording.steady(self.structure))])
+
+    def rows(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s c"]:
+        """Return columns of all linear factors, slopes by the shape, and the target, per row.
 
         The slopes are those of the last column of each direction.
         """
-        own = self.falling(shape)
-        friction = np.concatenate([self.steady, own[:, :, :1]], axis=2)
-        return np.hstack([self.beside, in_line(friction)]), own[:, :, 1:]
+        fixed, ways = len(self.fixed_names), self.structure.ways
+        last = self.falling(shape)
+        steady = np.split(self.unbent[:, fixed:], ways, axis=1)
+        each = [(own, last[:, way, :1]) for way, own in enumerate(steady)]
+        columns = [self.unbent[:, :fixed], *itertools.chain(*each)]
+        target = self.recording.target[:, None]
+        return np.hstack([*columns, in_line(last[:, :, 1:]), target])
 
-    def tangents(
-        self, slopes: Float[np.ndarray, "s w h"], factors: Float[np.ndarray, " k"]
-    ) -> Float[np.ndarray, "s h"]:
-        """Return the derivatives of the load by the logarithms of the shape."""
-        own = factors[len(self.fixed_names) :].reshape(self.structure.ways, -1)
-        return np.asarray(np.tensordot(slopes, own[:, -1], (1, 0)))
+    def design(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s k"]:
+        """Return the columns of all linear factors, those beside friction first."""
+        return self.rows(shape)[:, : len(self.fixed_names) + len(self.structure.names)]
+
+    def tangent(self, factors: Float[np.ndarray, " k"]) -> Float[np.ndarray, "c p"]:
+        """Return the map from `rows` but the target to derivatives by factors and shape."""
+        shapes, ways = len(self.structure.shapes), self.structure.ways
+        last = factors[len(self.fixed_names) :].reshape(ways, -1)[:, -1:]
+        by_shape = np.kron(last, np.eye(shapes))
+        count = len(factors)
+        found = np.zeros((count + ways * shapes, count + shapes))
+        found[:count, :count] = np.eye(count)
+        found[count:, count:] = by_shape
+        return found
 
     @cached_property
     def reading(
@@ -286,12 +319,13 @@ class Equation:
         are equal.
         """
         structure, fixed = self.structure, len(self.fixed_names)
+        known = self.recording.known
         unit = np.eye(fixed + len(structure.names))
         names, beside, to_law = self.fixed_names, unit[:fixed], unit[fixed:]
         words, sums = structure.reported
         if structure.directional:
             words = tuple(name + way for way in WAYS for name in words)
-        if structure.directional and self.known.offset is None:
+        if structure.directional and known.offset is None:
             one = structure.levels
             both = np.concatenate([one, -one])
             offset = 0.5 * both @ to_law / one.sum()
@@ -316,13 +350,10 @@ def in_line(columns: Float[np.ndarray, "s w k"]) -> Float[np.ndarray, "s c"]:
     return columns.reshape(len(columns), columns.shape[1] * columns.shape[2])
 
 
-def equation_of(
-    samples: DriveSamples,
-    structure: AbstractStructure,
-    known: Known | None,
-    decimate: int | None,
-) -> Equation:
-    """Return the checked equation of a recording; arguments as of `fit_inverse`.
+def record(
+    samples: DriveSamples, known: Known | None, decimate: int | None
+) -> Recording:
+    """Return the rows of a checked recording; arguments as of `fit_inverse`.
 
     Raises:
         FitError: If the samples cannot be used at all.
@@ -337,7 +368,7 @@ def equation_of(
     if factor < 1:
         msg = f"decimate: found {factor}, expected 1 or more."
         raise FitError(msg)
-    return Equation(samples, structure, known, factor)
+    return Recording(samples, known, factor)
 
 
 @final
@@ -365,8 +396,8 @@ class Weights:
         knots, fixed = np.asarray(free.structure.knots), len(free.fixed_names)
         velocity = np.concatenate([knots, -knots])
         # Factors of the free table, which has no offset, for each factor of the law.
-        starts = structure.starts(equation.speed_range)
-        own = structure.over_shapes(velocity, starts)
+        starts = structure.starts(equation.recording.speed_range)
+        own = structure.columns(velocity, starts)
         if "offset" in equation.fixed_names:
             own = np.concatenate([own, np.ones_like(own[:, :, :1])], axis=2)
         laws = np.zeros((len(starts), len(self.sums), fixed + own.shape[2]))
@@ -378,25 +409,24 @@ class Weights:
         return np.asarray(starts[np.argmax(gains)])
 
 
-def weigh(equation: Equation, loss: str) -> Weights:
+def weigh(recording: Recording, loss: str) -> Weights:
     """Return the weights of the rows under a table per direction that can bend anywhere.
 
     Args:
-        equation: Of any law.
+        recording: The recording.
         loss: ``"trim"``, ``"student"``, ``"huber"`` or ``"gauss"``.
 
     Raises:
         FitError: If the loss is unknown.
     """
-    knots = default_knots(equation.speed, KNOTS)
-    free = equation.with_structure(KnotTable(True, knots))
-    used = free.usable
-    rows, target = free.columns(np.zeros(0))[0][used], free.target[used]
-    right = np.column_stack([rows, target])
+    free = Equation(recording, KnotTable(True, default_knots(recording.speed, KNOTS)))
+    used = recording.usable
+    right = free.rows(np.zeros(0))[used]
+    rows, target = right[:, :-1], right[:, -1]
     every = rows.T @ right
     count, size = rows.shape
 
-    def sums(share: Float[np.ndarray, " t"]) -> Float[np.ndarray, "k k1"]:
+    def sums(share: np.ndarray) -> np.ndarray:
         less = np.flatnonzero(share < 1.0)
         return np.asarray(
             every - ((1.0 - share[less, None]) * rows[less]).T @ right[less]

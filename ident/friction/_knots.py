@@ -23,8 +23,6 @@ _STEPS = np.linspace(-1.0, 1.0, 5)
 """Places beside a knot that are tried at a time, in reaches."""
 _REACHES = (0.1, 0.03, 0.8, 0.3, 0.06)
 """Shares of the gap beside a knot in which better places are looked for, one after another."""
-_FLAT = 1e-12
-"""Slope below which a curve is flat, in list units."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,10 +74,8 @@ def place_knots(
         FitError: If there are fewer than 3 entries or 2 speeds.
     """
     if entries < 3 or len(velocity) < 2:
-        msg = (
-            f"found {entries} entries and {len(velocity)} speeds, expected at least 3"
-            " entries and 2 speeds for a friction table"
-        )
+        found = f"found {entries} entries and {len(velocity)} speeds"
+        msg = f"{found}, expected at least 3 entries and 2 speeds for a friction table"
         raise FitError(msg)
     low = max(1, round(velocity[0] * _PER_MM))
     high = max(low + 1, math.ceil(velocity[-1] * _PER_MM - 1e-6))
@@ -117,32 +113,27 @@ class _Curve:
         products = np.stack([np.ones_like(x), x, x * x, y, x * y, y * y])
         self._sums = np.pad(np.cumsum(weight * products, axis=1), ((0, 0), (1, 0)))
 
-    def at(self, place: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
-        """Return the height of the curve at places."""
-        return np.asarray(np.interp(place, self.place, self.height))
-
     def heights(self, places: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         """Return the heights at which a polyline with these knots follows the curve best."""
         hats = KnotTable(knots=tuple(places)).steady(self.place)
         told = hats.T * self.weight
-        chord = self.at(places)  # stays where no point tells a height
+        # What stays where no point tells a height.
+        chord = np.interp(places, self.place, self.height)
         off = told @ (self.height - hats @ chord)
         return np.asarray(chord + ridged(told @ hats, off))
 
     def _between(self, left: np.ndarray, right: np.ndarray) -> list[np.ndarray]:
-        """Return sums over the points in (left, right], from the first point on."""
-        first = np.searchsorted(self.place, left, side="right")
-        first = np.where(left < self.place[0], 0, first)
-        last = np.searchsorted(self.place, right, side="right")
+        """Return sums over the points in (left, right]."""
+        first, last = (self.place.searchsorted(k, side="right") for k in (left, right))
         return [each[last] - each[first] for each in self._sums]
 
     def apart(self, left: np.ndarray, right: np.ndarray) -> Float[np.ndarray, "*n"]:
         """Return the weighted squares that the best lines leave, which need not meet."""
         one, x, xx, y, xy, yy = self._between(left, right)
         one = np.maximum(one, 1e-14)  # where nothing counts, nothing is left
-        spread, both, square = xx - x * x / one, xy - x * y / one, yy - y * y / one
-        gain = both**2 / np.where(spread > 1e-12 * xx, spread, np.inf)
-        return np.where(right > left, np.maximum(square - gain, 0.0), np.inf)
+        spread, both = xx - x * x / one, xy - x * y / one
+        gain = y * y / one + both**2 / np.where(spread > 1e-12 * xx, spread, np.inf)
+        return np.where(right > left, np.maximum(yy - gain, 0.0), np.inf)
 
     def misfit(
         self, left: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray
@@ -170,9 +161,7 @@ def _lines(curve: _Curve, low: int, high: int, count: int) -> Float[np.ndarray, 
     among = np.linspace(share[0], share[-1], max(_PLACES, 3 * count))
     among = np.clip(np.round(np.interp(among, share, place)), low, high)
     among = np.unique([low, *among, high])
-    if len(among) <= count:
-        return among
-    costs = [curve.apart(among[:, None], among)] * (count - 1)
+    costs = [curve.apart(among[:, None], among)] * (min(count, len(among)) - 1)
     costs[0], costs[-1] = costs[0][:1], costs[-1][:, -1:]
     return np.asarray(among[[0, *_cheapest(costs)[1:-1], -1]])
 
@@ -203,20 +192,21 @@ def _finer(
     lines = places[:-1], places[1:], heights[:-1], heights[1:]
     typical = np.sqrt(curve.misfit(*lines).sum())
     slope = np.gradient(curve.height, curve.place)
+    slope = np.where(np.abs(slope) > 1e-12, slope, 1e-12)
     for reach in _REACHES:
         gap = reach * np.diff(places, prepend=places[0], append=places[-1])[:, None]
         near = places[:, None] + _STEPS * np.where(_STEPS > 0, gap[1:], gap[:-1])
-        off = curve.heights(places) - curve.at(places)
-        wanted = (curve.at(near) + off[:, None])[:, :, None]
+        near[[0, -1]] = places[[0, -1], None]
+        on = np.interp(np.column_stack([places, near]), curve.place, curve.height)
+        off = curve.heights(places)[:, None] - on[:, :1]
+        wanted = (on[:, 1:] + off)[:, :, None]
         aside = max(1.0, np.round(2.0 * reach * typical))
         whole = np.floor(wanted) + aside * np.arange(-1.0, 3.0)
         lean = np.interp(near, curve.place, slope)[:, :, None]
-        shift = (whole - wanted) / np.where(np.abs(lean) > _FLAT, lean, _FLAT)
+        shift = (whole - wanted) / lean
         room = np.ptp(near, axis=1)[:, None, None] / (2 * len(_STEPS))
         tried = np.round(near[:, :, None] + np.clip(shift, -room, room))
         x = np.column_stack([places, tried.reshape(count, -1)])
-        x = np.clip(x, places[0], places[-1])
-        x[[0, -1]] = places[[0, -1], None]
         y = np.column_stack([heights, whole.reshape(count, -1)])
         costs = curve.misfit(x[:-1, :, None], x[1:, None], y[:-1, :, None], y[1:, None])
         best = np.arange(count), _cheapest(list(costs))

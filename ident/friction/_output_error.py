@@ -18,10 +18,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..core import FitError
-from ._equation import Equation, equation_of
-from ._inverse import FrictionFit, assemble, fit_inverse
+from ._equation import Equation, record
+from ._inverse import fit_inverse
+from ._result import FrictionFit, Rows, score_covariance
 from ._samples import DriveSamples
-from ._separable import Rows, Solution, score_covariance
 from ._simulate import (
     COUNT,
     PARAMETERS,
@@ -231,7 +231,8 @@ class _Runs:
         if msg:
             raise FitError(msg)
         assert samples.position is not None
-        equation = equation_of(samples, structure, guess.known, guess.decimate)
+        recording = record(samples, guess.known, guess.decimate)
+        equation = Equation(recording, structure)
         count, piece = len(samples.time) - 1, samples.piece
         use = np.ones(count + 1, bool) if rows is None else rows
         begins = np.diff(np.arange(count) * windows // count, prepend=-1) > 0
@@ -300,7 +301,7 @@ class _Task:
         arrays = (
             *(padded(runs.target), padded(runs.compared)),
             *(constant, mixing, self._limits(), self.guessed, self._root()),
-            np.abs(runs.equation.samples.velocity).max(),
+            np.abs(runs.equation.recording.samples.velocity).max(),
         )
         return Problem(runs.excitation, *jax.tree.map(jnp.asarray, arrays))
 
@@ -320,7 +321,7 @@ class _Task:
         equation, guess = self.runs.equation, self.guessed
         low, high = np.full(COUNT, -1.0), np.ones(COUNT)
         largest = _LEVEL * float(np.abs(self.runs.excitation.force).max())
-        shapes = iter(equation.structure.bounds(equation.speed_range).T)
+        shapes = iter(equation.bounds.T)
         for place, name in enumerate(self.names):
             if name in equation.structure.shapes:
                 low[place], high[place] = next(shapes)
@@ -328,7 +329,11 @@ class _Task:
                 low[place], high[place] = guess[place] * np.array(_INERTIA)
             else:
                 signed = name == "offset" or "non-negative" in self.constraints
-                per = float(equation.speed.max()) if name.startswith("viscous") else 1.0
+                per = (
+                    float(equation.recording.speed.max())
+                    if name.startswith("viscous")
+                    else 1.0
+                )
                 low[place], high[place] = -largest / per * signed, largest / per
         return low, high
 
@@ -351,10 +356,9 @@ class _Task:
         equation, size = self.runs.equation, len(self.names)
         count = size - len(equation.structure.shapes)
         factors, shape = values[:count], values[count:size]
-        (design, slopes_of_law), used = equation.columns(shape), equation.usable
-        residual = equation.target - design @ factors
-        tangents = equation.tangents(slopes_of_law, factors)
-        columns = np.hstack([design, tangents])
+        used = equation.recording.usable
+        right = equation.rows(shape)
+        rows = Rows(used[:, None] * right[:, :-1], right)
         thin = max(1, len(error) // _ROWS)
         scores = (slopes[: len(error), :size] * error[:, None])[::thin]
         inner, _ = score_covariance(scores, self.runs.run[::thin])
@@ -367,30 +371,26 @@ class _Task:
         inverse = thin * inverse / np.outer(scale, scale)
         low, high = (np.asarray(each) for each in self.problem.limits)
         edge = _EDGE * (high - low)
-        solution = Solution(
-            factors=factors,
-            shape=shape,
-            columns=columns,
-            rows=Rows(columns, columns),
-            prior=np.zeros((count, count)),
-            null=np.zeros((count, 0)),
-            residual=residual,
-            share=used.astype(float),
-            piece=equation.piece,
-            # Of Gaussian noise this is the standard deviation.
-            scale=1.4826 * float(np.median(np.abs(residual[used]))),
-            converged=converged,
-            at_bound=((values < low + edge) | (values > high - edge))[count:size],
-            given=np.asarray(inverse @ inner @ inverse.T),
-        )
         missing = {
             name: reason
             for name, reason in self.guess.undetermined.items()
             if name not in self.guess.names
         }
-        method = f"output error ({self.solver})"
+        law = FrictionFit(
+            equation=equation,
+            state=factors,
+            shape=shape,
+            rows=rows.along(equation.tangent(factors)),
+            share=used.astype(float),
+            prior=np.zeros((count, count)),
+            converged=converged,
+            at_bound=((values < low + edge) | (values > high - edge))[count:size],
+            missing=missing,
+            method=f"output error ({self.solver})",
+            given=np.asarray(inverse @ inner @ inverse.T),
+        )
         return OutputErrorFit(
-            friction=assemble(equation, solution, missing, method),
+            friction=law,
             free_run=float(np.sqrt(error @ error / self.runs.compared.sum())),
             cost=cost,
             variance=self.variance,

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from ...data.signals import median
 from ..core import FitError, one_blas_thread
-from ._equation import Equation, Known, equation_of, ridged
+from ._equation import Equation, Known, Recording, record, ridged
 from ._samples import DriveSamples
 from ._simulate import LOOKAHEADS, share_of
 from ._structures import (
@@ -137,7 +137,7 @@ def fit_reversal(
     Raises:
         FitError: If there is no reversal, or arrays differ in length or have gaps.
     """
-    equation = equation_of(samples, CoulombViscous(), known, 1)
+    recording = record(samples, known, 1)
     moving, msg = np.flatnonzero(velocity != 0), ""
     starts = moving[1:][np.diff(np.sign(velocity[moving])) != 0]
     if not len(position) == len(velocity) == len(samples.time):
@@ -153,16 +153,16 @@ def fit_reversal(
         raise FitError(msg)
     rows, share = _rows(samples, position, starts), share_of(position, velocity)
     given = position, velocity, *rows, share
-    kinds = Stribeck(True), KnotTable(True, default_knots(equation.speed, KNOTS))
+    kinds = Stribeck(True), KnotTable(True, default_knots(recording.speed, KNOTS))
     with one_blas_thread():
         # A rough table shows where the delay is, whatever the law.
-        few = KnotTable(True, default_knots(equation.speed, _ROUGH))
-        rough = _Search(equation, few, *given)
+        few = KnotTable(True, default_knots(recording.speed, _ROUGH))
+        rough = _Search(recording, few, *given)
         every = np.ones(len(position), bool)
         table = rough.grid(np.zeros(0), every, range(_MOST_DELAY + 1))
         delays = _beside(int(np.argmin(table.min(axis=(0, 2)))))
         found = [
-            _found(_Search(equation, kind, *given), len(starts), delays)
+            _found(_Search(recording, kind, *given), len(starts), delays)
             for kind in kinds
         ]
     return min(found, key=lambda each: each[1])[0]
@@ -183,13 +183,13 @@ class _Search:
     """The load for every setting, and what it leaves.
 
     Attributes:
-        equation: The load sample by sample, under a law that both directions share.
+        recording: The load sample by sample.
         near: Samples that look-ahead, distance or delay can touch.
         far: Others in motion, where only the delay acts.
         share: How much of the friction acts by distance, look-ahead by look-ahead.
     """
 
-    equation: Equation
+    recording: Recording
     structure: AbstractStructure
     position: Float[np.ndarray, " t"]
     velocity: Float[np.ndarray, " t"]
@@ -205,17 +205,18 @@ class _Search:
         is: around reversals those of the command, cycle by cycle, stand beside it. Elsewhere
         they would stand in for viscous friction, as jerk and velocity of a sine are alike.
         """
-        step = self.equation.samples.cycle
+        step = self.recording.samples.cycle
         push = np.diff(self.velocity, prepend=self.velocity[:1]) / step
         push[self.far] = 0.0
         pushes = [np.roll(push, away) for away in (-1, 0, 1, 2)]
-        return np.column_stack([*pushes, self.equation.beside])
+        both = Equation(self.recording, CoulombViscous())  # for both directions alike
+        return np.column_stack([*pushes, both.beside])
 
     @cached_property
     def columns(self) -> Callable[[tuple[float, ...]], Float[np.ndarray, "t k"]]:
         """The columns of steady friction by their shape."""
         return lru_cache(2)(
-            lambda shape: self.structure.columns(self.velocity, np.array(shape))
+            lambda shape: self.structure.columns(self.velocity, np.array([shape]))[0]
         )
 
     def solve(
@@ -227,7 +228,7 @@ class _Search:
         own = self.share(setting.distance)[setting.lookahead, before, None] * own
         design, load = (
             np.concatenate([own, self.beside[use]], axis=1),
-            self.equation.target[use],
+            self.recording.target[use],
         )
         gram = design.T @ design
         factors = ridged(gram, design.T @ load)
@@ -247,7 +248,7 @@ class _Search:
         columns, beside, load = (
             self.columns(tuple(shape)),
             self.beside,
-            self.equation.target,
+            self.recording.target,
         )
         split = columns.shape[1]
         total = float(load[near] @ load[near] + load[far] @ load[far])
@@ -330,7 +331,7 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
     first, _ = _pass(search, shape, keep, table, 1)
     left = search.solve(first, use)[1]
     level, typical = (
-        median(np.abs(each)) for each in (search.equation.target[use], left)
+        median(np.abs(each)) for each in (search.recording.target[use], left)
     )
     good = np.abs(left) <= max(_WILD * 1.4826 * typical, _SMALL * level)
     if good.mean() >= 0.5:
@@ -348,7 +349,7 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
     common = min(max(common, 0.0), 0.98)
     share = (1 - common) / (1 + common)
     # A perfect recording leaves rounding: below it no two settings differ.
-    floor = 1e-9 * float(np.abs(search.equation.target).max())
+    floor = 1e-9 * float(np.abs(search.recording.target).max())
     noise = max(float(np.sqrt(np.mean(left**2))), floor)
     step = max(1e-3 * best.distance, 1e-6)
     ends = max(best.distance - step, 0.0), best.distance + step

@@ -127,14 +127,13 @@ class AbstractStructure(abc.ABC):
         return np.zeros((2, 0))
 
     def falling(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " h"]
-    ) -> Float[np.ndarray, "t c"]:
-        """Return the last column of one direction and its derivatives by the shape.
+        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
+    ) -> Float[np.ndarray, "c n t"]:
+        """Return the last column of one direction and its derivatives by each of some shapes.
 
         The only column that follows the shape; none where none does.
         """
-        del shape
-        return np.zeros((len(speed), 0))
+        return np.zeros((0, len(shapes), len(speed)))
 
     @property
     def ways(self) -> int:
@@ -155,18 +154,29 @@ class AbstractStructure(abc.ABC):
         return np.stack([(velocity > 0) * 1.0, (velocity < 0) * -1.0])
 
     def columns(
-        self, velocity: Float[np.ndarray, " t"], shape: Float[np.ndarray, " h"]
-    ) -> Float[np.ndarray, "t k"]:
-        """Return all columns at velocities in mm/s; at rest they are 0."""
-        speed = np.abs(velocity)
-        profile = np.hstack([self.steady(speed), self.falling(speed, shape)[:, :1]])
-        return np.hstack([sign[:, None] * profile for sign in self.signs(velocity)])
-
-    def over_shapes(
         self, velocity: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
-    ) -> Float[np.ndarray, "#n t k"]:
-        """Return the columns at velocities in mm/s for many shapes at once."""
-        return self.columns(velocity, shapes[0])[None]
+    ) -> Float[np.ndarray, "n t k"]:
+        """Return all columns at velocities in mm/s for each of some shapes; 0 at rest."""
+        speed = np.abs(velocity)
+        steady, last = self.steady(speed), self.falling(speed, shapes)[:1]
+        each = np.broadcast_to(steady, (len(shapes), *steady.shape))
+        profile = np.concatenate([each, np.moveaxis(last, 0, 2)], axis=2)
+        signs = self.signs(velocity)
+        return np.concatenate([sign[:, None] * profile for sign in signs], axis=2)
+
+    def friction(
+        self,
+        velocity: Float[np.ndarray, " t"],
+        factors: Float[np.ndarray, "n k"],
+        shapes: Float[np.ndarray, "n h"],
+    ) -> Float[np.ndarray, "t n"]:
+        """Return the friction at velocities in mm/s for each of some laws of the kind."""
+        speed, own = np.abs(velocity), factors.reshape(len(factors), self.ways, -1)
+        steady, last = self.steady(speed), self.falling(speed, shapes)[:1]
+        level = own[:, :, : steady.shape[1]] @ steady.T
+        for column in last:
+            level = level + own[:, :, -1:] * column[:, None]
+        return np.asarray((level * self.signs(velocity)).sum(axis=1).T)
 
     def bent(
         self, velocity: Float[np.ndarray, " t"], factors: Float[np.ndarray, " k"]
@@ -175,16 +185,19 @@ class AbstractStructure(abc.ABC):
         del factors
         return np.zeros(len(velocity))
 
-    def tangents(
+    def slopes(
         self,
         velocity: Float[np.ndarray, " t"],
-        shape: Float[np.ndarray, " h"],
         factors: Float[np.ndarray, " k"],
-    ) -> Float[np.ndarray, "t h"]:
-        """Return the derivative of the friction by the logarithms of the shape."""
-        last = factors.reshape(self.ways, -1)[:, -1] @ self.signs(velocity)
-        slopes = self.falling(np.abs(velocity), shape)[:, 1:]
-        return np.asarray(last[:, None] * slopes)
+        shape: Float[np.ndarray, " h"],
+    ) -> Float[np.ndarray, "t p"]:
+        """Return the derivatives of the friction by the factors and by the shape."""
+        speed, signs = np.abs(velocity), self.signs(velocity)
+        steady, last = self.steady(speed), self.falling(speed, shape[None])[:, 0].T
+        profile = np.hstack([steady, last[:, :1]])
+        by_shape = factors.reshape(self.ways, -1)[:, -1] @ signs
+        own = [sign[:, None] * profile for sign in signs]
+        return np.hstack([*own, by_shape[:, None] * last[:, 1:]])
 
 
 @final
@@ -262,35 +275,22 @@ class Stribeck(AbstractStructure):
         every = [velocity, np.array(_EXPONENT_RANGE)][: len(self.shapes)]
         return np.asarray(np.log(np.stack(every, axis=1)))
 
-    def _natural(self, shape: Float[np.ndarray, " h"]) -> tuple[float, float]:
-        exponent = float(np.exp(shape[1])) if self.exponent is None else self.exponent
-        return float(np.exp(shape[0])), exponent
-
     def falling(
-        self, speed: Float[np.ndarray, " t"], shape: Float[np.ndarray, " h"]
-    ) -> Float[np.ndarray, "t c"]:
+        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
+    ) -> Float[np.ndarray, "c n t"]:
         """See `AbstractStructure`."""
-        return stribeck_columns(speed, *self._natural(shape))[: 1 + len(shape)].T
-
-    def over_shapes(
-        self, velocity: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
-    ) -> Float[np.ndarray, "#n t k"]:
-        """See `AbstractStructure`."""
-        found = np.repeat(self.columns(velocity, shapes[0])[None], len(shapes), axis=0)
-        velocities, exponents = (
-            np.exp(shapes[:, :1]),
-            self.exponent or np.exp(shapes[:, 1:]),
-        )
-        drops = stribeck_columns(np.abs(velocity), velocities, exponents)[0]
-        found[:, :, 2::3] = drops[:, :, None] * self.signs(velocity).T
-        return found
+        natural = np.exp(shapes)
+        exponents = self.exponent or natural[:, 1:]
+        found = stribeck_columns(speed, natural[:, :1], exponents)
+        return found[: 1 + shapes.shape[1]]
 
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
         """See `AbstractStructure`."""
         coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
-        numbers = coulomb, coulomb + drop, *self._natural(shape), viscous
+        natural = *np.exp(shape), self.exponent
+        numbers = coulomb, coulomb + drop, *natural[:2], viscous
         return StribeckFriction(*numbers)
 
 
@@ -364,7 +364,7 @@ class KnotTable(AbstractStructure):
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class Laws:
-    """Laws of one kind: of a whole recording, or of one without each of its windows.
+    """Laws of one kind: of a recording without each of its windows.
 
     Attributes:
         structure: Kind of law.
@@ -380,17 +380,9 @@ class Laws:
     inertia: Float[np.ndarray, " n"]
     offset: Float[np.ndarray, " n"]
 
-    def __getitem__(self, which: slice) -> "Laws":
-        """Return some of them."""
-        rows = (self.factors, self.shapes, self.inertia, self.offset)
-        return Laws(self.structure, *(each[which] for each in rows))
-
     def friction(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t n"]:
         """Return the friction of each at velocities in mm/s, in load units."""
-        columns = self.structure.over_shapes(velocity, self.shapes)
-        if len(columns) == 1:
-            return np.asarray(columns[0] @ self.factors.T)
-        return np.asarray(np.einsum("ntk,nk->tn", columns, self.factors))
+        return self.structure.friction(velocity, self.factors, self.shapes)
 
 
 def range_of(speed: Float[np.ndarray, " t"]) -> tuple[float, float]:

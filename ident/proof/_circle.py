@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ...models import (
     AbstractFriction,
@@ -21,6 +21,8 @@ _FORGOTTEN = 40.0
 _GAINS = 50.0, 300.0, 100.0
 """Of a cascade with velocity feed-forward, in 1/s: position gain Kv, bandwidth of the velocity
 loop, and one over its integral time."""
+_ARCS = 8
+"""Arcs of the turn that are followed side by side, each from when it would be forgotten."""
 _ENTRIES = 32
 """Entries to which a list is filled up: lists of any length are one program."""
 
@@ -82,6 +84,9 @@ def circular_test(
     # Half a cycle on: the axis does not stand at a sample, as it would not in truth.
     phase = speed * cycle * (np.arange(-before, turn) + 2 * turn + 0.5)
     position, velocity = radius * np.cos(phase), -radius * speed * np.sin(phase)
+    length = -(-turn // _ARCS)
+    begins = np.minimum(length * np.arange(_ARCS), turn - length)
+    arcs = begins + np.arange(before + length)[:, None]
     found = _follow(
         law,
         jnp.asarray(inertia),
@@ -89,12 +94,11 @@ def circular_test(
         jnp.asarray(out_unit),
         jnp.asarray(np.stack([position, velocity, -speed * speed * position])),
         jnp.asarray([*_GAINS, cycle]),
+        jnp.asarray(arcs),
     )
-    places, phase, position = (
-        np.asarray(found)[before:],
-        phase[before:],
-        position[before:],
-    )
+    places = np.empty((turn, 2))
+    places[arcs[before:] - before] = np.asarray(found)[before:]
+    phase, position = phase[before:], position[before:]
     # The other axis does not err: this one's share of the radius is cos of the angle.
     radial = (places.T - position) * np.cos(phase)
     return CircularTest(
@@ -127,8 +131,9 @@ def _follow(
     out_unit: Float[Array, ""],
     motion: Float[Array, "3 t"],
     gains: Float[Array, " 4"],
-) -> Float[Array, "t 2"]:
-    """Return where the axis is, in mm: without its list, and with it.
+    arcs: Int[Array, "s a"],
+) -> Float[Array, "s a 2"]:
+    """Return where the axis is on each arc, in mm: without its list, and with it.
 
     A step of the second order per cycle, over which the drive pushes evenly. Where an
     axis comes to rest on the way, the rest of the cycle begins anew from there. What
@@ -137,14 +142,17 @@ def _follow(
     """
     start = compensation.start()
     listed = compensation.run(start, motion[0], motion[1])[0]
-    added = jnp.stack([jnp.zeros_like(listed), out_unit * listed], axis=1)
+    # All arcs without the list, then all with it, in one row.
+    added = out_unit * listed[arcs]
+    added = jnp.concatenate([jnp.zeros_like(added), added], axis=1)
+    motion = jnp.moveaxis(motion[:, jnp.concatenate([arcs, arcs], axis=1)], 1, 0)
     kv, kp, per_time, cycle = gains
 
     def slowing(speed: Array, way: Array) -> Array:
         found: Array = law.level(speed, way) / inertia
         return found
 
-    rest = jnp.zeros(2)
+    rest = jnp.zeros(added.shape[1])
     held = slowing(rest, rest + 1.0), slowing(rest, rest - 1.0)
 
     def cycle_of(
@@ -176,8 +184,8 @@ def _follow(
         taken = jnp.where(goes_on, taken, holds)
         return (place_after, speed_after, integral, taken), place
 
-    place, speed, _ = motion[:, 0]
-    taken = slowing(rest + jnp.abs(speed), jnp.where(rest + speed < 0.0, -1.0, 1.0))
-    state = rest + place, rest + speed, rest, taken
-    places: Float[Array, "t 2"] = jax.lax.scan(cycle_of, state, (motion.T, added))[1]
-    return places
+    place, speed, _ = motion[0]
+    taken = slowing(jnp.abs(speed), jnp.where(speed < 0.0, -1.0, 1.0))
+    state = place, speed, rest, taken
+    places = jax.lax.scan(cycle_of, state, (motion, added))[1]
+    return jnp.stack(jnp.split(places, 2, axis=1), axis=2)

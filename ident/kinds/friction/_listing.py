@@ -146,7 +146,7 @@ def law_curve(found: Identified, samples: DriveSamples) -> LawCurve | None:
     edges = np.geomspace(low, high * (1 + 1e-9), _BINS + 1)
     inner = edges[1:-1]
 
-    def counted(values: Float[np.ndarray, " n"]) -> np.ndarray:
+    def counted(values: np.ndarray) -> np.ndarray:
         return np.diff(values.searchsorted(inner), prepend=0, append=len(values))
 
     counts, points = np.stack([counted(each) for each in driven]), counted(speed)
@@ -161,7 +161,7 @@ def law_curve(found: Identified, samples: DriveSamples) -> LawCurve | None:
     held = [np.clip(speed, each[0], each[-1]) for each in driven]
     both = np.concatenate([held[0], -held[1]])
 
-    def read(friction: Float[np.ndarray, "v2 *n"]) -> Float[np.ndarray, "3 v *n"]:
+    def read(friction: np.ndarray) -> np.ndarray:
         return _read(friction, share)
 
     return LawCurve(

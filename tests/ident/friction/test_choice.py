@@ -21,7 +21,7 @@ from axcomp.ident.friction import (
     force_error,
 )
 from axcomp.ident.friction._equation import Lowpass
-from axcomp.ident.friction._separable import score_covariance
+from axcomp.ident.friction._result import score_covariance
 
 EMPS = Path(__file__).parents[3] / "../shared/data/emps/DATA_EMPS.mat"
 PUBLISHED = {  # value and standard deviation; kg → N per mm/s²

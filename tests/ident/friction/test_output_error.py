@@ -89,7 +89,7 @@ def noisy(samples: DriveSamples, seed: int = 1) -> DriveSamples:
 
 def started(samples: DriveSamples, state: np.ndarray) -> FrictionFit:
     guess = fit_inverse(samples, CoulombViscous(), decimate=5)
-    return dataclasses.replace(guess, state=state)
+    return dataclasses.replace(guess, state=state, given=guess.state_covariance)
 
 
 def excitation(force: np.ndarray, velocity: float = 0.0) -> Excitation:

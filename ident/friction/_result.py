@@ -1,0 +1,399 @@
+"""A fitted law: what the rows say of it, how far each number is known, and what is not told."""
+
+import dataclasses
+from collections.abc import Mapping
+from functools import cached_property
+from typing import final
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ...data.signals import median
+from ...models import AbstractFriction
+from ._equation import Equation, Known
+from ._structures import WAYS, AbstractStructure
+
+METHOD = "inverse dynamic fit"
+_ONE_WAY = "no motion in this direction was recorded"
+_LEVEL = "only its sum with a constant load is seen"
+_CONFUSED = "the motion does not tell it from the others"
+_VAGUE_WORDS = "its share of the current is not told apart from the others'"
+_VAGUE = 0.3
+"""Standard deviation of a column's contribution, as a share of the load, that says nothing."""
+_IN_NULL = 1e-3
+"""Share of a parameter in a direction that no row tells, to be unknown with it."""
+_NULL = 1e-9
+"""Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
+_LARGEST_LEVERAGE = 0.9
+_LARGEST_LAG = 0.1
+"""Longest lag as a share of the rows."""
+_STRONGEST = 0.97
+"""Autocorrelation that a first-order model is taken to have at most."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Rows:
+    """Weighted rows of an equation.
+
+    Attributes:
+        left: Columns as they are seen, times the weight of each row.
+        right: Columns and target.
+    """
+
+    left: Float[np.ndarray, "s k"]
+    right: Float[np.ndarray, "s k1"]
+
+    @cached_property
+    def sums(self) -> Float[np.ndarray, "k k1"]:
+        """The sums XᵀW [X, target]."""
+        return np.asarray(self.left.T @ self.right)
+
+    def along(self, tangent: Float[np.ndarray, "k p"]) -> "Rows":
+        """Return the rows of combinations of the columns."""
+        right = self.right[:, :-1] @ tangent, self.right[:, -1:]
+        return Rows(self.left @ tangent, np.hstack(right))
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class FrictionFit:
+    """A fitted friction law with what is known about it.
+
+    Loads are in the unit that ``gain`` times the current has (drive units for gain 1).
+
+    Attributes:
+        equation: What was solved, by the kind of law that the data carry.
+        state: Linear factors as fitted: inertia, offset, loads where fitted, then those of the
+            law, before a gauge parts level and offset.
+        shape: Logarithms of the law's non-linear parameters.
+        rows: Derivatives of the load per row by ``state`` and ``shape``, and the target.
+        share: Weight that each row had, 0 to 1.
+        prior: Precision of the factors by smoothness, relative to 1/noise².
+        converged: Whether the search for the law's shape ended.
+        at_bound: Which shapes ended at the edge of what the data could tell.
+        missing: What the data do not carry of the law that was asked for: name → reason.
+        method: How it was found, in words.
+        given: The covariance, where it is not that of the rows.
+    """
+
+    equation: Equation
+    state: Float[np.ndarray, " n"]
+    shape: Float[np.ndarray, " h"]
+    rows: Rows
+    share: Float[np.ndarray, " s"]
+    prior: Float[np.ndarray, "n n"]
+    converged: bool
+    at_bound: Bool[np.ndarray, " h"]
+    missing: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    method: str = METHOD
+    given: Float[np.ndarray, "m m"] | None = None
+
+    @property
+    def structure(self) -> AbstractStructure:
+        """Which kind of law."""
+        return self.equation.structure
+
+    @property
+    def known(self) -> Known:
+        """What was not fitted."""
+        return self.equation.recording.known
+
+    @property
+    def decimate(self) -> int:
+        """Samples of the recording per row."""
+        return self.equation.recording.factor
+
+    @property
+    def normal(self) -> Float[np.ndarray, "m m"]:
+        """Normal matrix of ``state`` and ``shape``, without the prior."""
+        return np.asarray(self.rows.sums[:, :-1])
+
+    @cached_property
+    def error(self) -> Float[np.ndarray, " s"]:
+        """Load − fit of every row."""
+        factors = np.append(self.state, np.zeros(len(self.shape)))
+        right = self.rows.right
+        return np.asarray(right[:, -1] - right[:, :-1] @ factors)
+
+    @property
+    def residual(self) -> Float[np.ndarray, " t"]:
+        """Load − fit per row in motion, after filtering, in load units."""
+        return np.asarray(self.error[self.equation.recording.usable])
+
+    @cached_property
+    def noise(self) -> float:
+        """Robust standard deviation of the residual."""
+        left, lost = self.residual, len(self.state) + len(self.shape)
+        freedom = max(len(left) - lost, 1)
+        # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
+        inflation = float(np.sqrt(len(left) / freedom))
+        return 1.4826 * median(np.abs(left)) * inflation
+
+    @property
+    def relative_error(self) -> float:
+        """RMS of the residual over RMS of the load, over all rows in motion."""
+        load = self.equation.recording.load_size
+        return float(np.linalg.norm(self.residual) / np.sqrt(len(self.residual))) / load
+
+    @property
+    def count(self) -> int:
+        """Rows that counted."""
+        return int(np.count_nonzero(self.share))
+
+    @property
+    def message(self) -> str:
+        """One sentence on how the fit went."""
+        rows = int(self.equation.recording.usable.sum())
+        return (
+            f"{self.structure.words}: "
+            f"{'converged' if self.converged else 'did not converge'}, "
+            f"{rows - self.count} of {rows} samples rejected as wild."
+        )
+
+    @cached_property
+    def state_covariance(self) -> Float[np.ndarray, "m m"]:
+        """Of ``state`` and ``shape`` together, directions without information left out.
+
+        Neighbouring rows resemble each other (`score_covariance`). Residuals are divided by
+        1 − leverage (HC3), which makes few rows at the edge count as few. Source:
+        J. G. MacKinnon, H. White, J. Econometrics 29, 1985. A robust variance is itself
+        uncertain, and errs more often downwards: where it claims to know more than
+        independent noise would allow, it is not believed.
+        """
+        if self.given is not None:
+            return self.given
+        left, even = self.rows.left, self.normal
+        prior = np.pad(self.prior, (0, len(self.shape)))
+        root, _ = rooted(even + prior)
+        inverse = root @ root.T
+        leverage = ((left @ inverse) * self.rows.right[:, :-1]).sum(axis=1)
+        push = self.error / np.clip(1.0 - leverage, 1.0 - _LARGEST_LEVERAGE, 1.0)
+        freedom = max(self.count - len(inverse), 1)
+        noise = float((self.share * push) @ push) / freedom
+        known = self.noise**2 * prior
+        piece = self.equation.recording.piece
+        inner = score_covariance(left * push[:, None], piece)[0]
+        robust = inverse @ (inner + known) @ inverse
+        plain = inverse @ (noise * even + known) @ inverse
+        have, least = np.diag(robust), np.diag(plain)
+        factor = np.sqrt(np.maximum(least / np.where(have > 0, have, np.inf), 1.0))
+        return np.asarray(robust * np.outer(factor, factor))
+
+    @cached_property
+    def _law(self) -> Float[np.ndarray, "p m"]:
+        """Map from ``state`` and ``shape`` to the law's ``factors`` and ``shape``."""
+        count, fixed = len(self.state), len(self.equation.fixed_names)
+        found = np.eye(count + len(self.shape))[fixed:]
+        found[: count - fixed, :count] = self.equation.reading[2]
+        return found
+
+    @cached_property
+    def factors(self) -> Float[np.ndarray, " k"]:
+        """Linear factors of the law, in the order of `AbstractStructure.names`."""
+        return np.asarray(self.equation.reading[2] @ self.state)
+
+    @property
+    def law_covariance(self) -> Float[np.ndarray, "p p"]:
+        """Of ``factors`` and ``shape``, for `band`."""
+        return np.asarray(self._law @ self.state_covariance @ self._law.T)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of all parameters, determined or not: the order of ``covariance``."""
+        return (*self.equation.reading[0], *self.structure.shapes)
+
+    @cached_property
+    def _jacobian(self) -> Float[np.ndarray, "r m"]:
+        """Derivatives of all parameters by ``state`` and ``shape``."""
+        linear, count = self.equation.reading[1], len(self.state)
+        found = np.zeros((len(self.names), count + len(self.shape)))
+        found[: len(linear), :count] = linear
+        found[len(linear) :, count:] = np.diag(np.exp(self.shape))
+        return found
+
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "r r"]:
+        """Between all parameters; NaN where undetermined."""
+        known = np.array([name not in self.undetermined for name in self.names], bool)
+        found = self._jacobian @ self.state_covariance @ self._jacobian.T
+        return np.where(np.outer(known, known), found, np.nan)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """By the names of the result file, in load units over mm/s and mm/s².
+
+        Those that the data determine, or that were known.
+        """
+        values = [*self.equation.reading[1] @ self.state, *np.exp(self.shape)]
+        given = {"inertia": self.known.inertia, "offset": self.known.offset}
+        return {
+            name: float(value)
+            for name, value in zip(self.names, values, strict=True)
+            if name not in self.undetermined
+        } | {name: value for name, value in given.items() if value is not None}
+
+    @property
+    def standard_deviations(self) -> dict[str, float]:
+        """Of the same."""
+        return {
+            name: float(np.sqrt(variance))
+            for name, variance in zip(self.names, np.diag(self.covariance), strict=True)
+            if name not in self.undetermined
+        }
+
+    @property
+    def _parted(self) -> bool:
+        """Whether the offset was parted from a difference of levels by a gauge."""
+        return "offset" in self.names and "offset" not in self.equation.fixed_names
+
+    @cached_property
+    def undetermined(self) -> dict[str, str]:
+        """What the data cannot say: name → reason."""
+        equation, count = self.equation, len(self.state)
+        seen = equation.recording.samples.directions
+        size = np.sqrt(np.diag(self.normal) / max(self.share.sum(), 1e-300))
+        sd = np.sqrt(np.diag(self.state_covariance)) * size
+        columns = equation.fixed_names + equation.structure.names
+        vague = {
+            name.replace("drop", "breakaway")
+            for name, own in zip(columns, sd, strict=False)
+            if own > _VAGUE * equation.recording.load_size
+        }
+        size = np.where(size > 0, size, 1.0)
+        _, null = rooted(self.normal[:count, :count] + self.prior)
+        null = null / np.abs(null * size[:count, None]).max(axis=0)
+        reach = np.abs(self._jacobian[:, :count] @ null).max(axis=1, initial=0.0)
+        unseen = reach > _IN_NULL * np.abs(self._jacobian / size).max(axis=1)
+        found = dict(self.missing)
+        for name, gone in zip(self.names, unseen, strict=True):
+            if name in found:
+                continue
+            if name.endswith(WAYS) and not seen[name.endswith(WAYS[1])]:
+                found[name] = _ONE_WAY
+            elif not all(seen) and (gone or (self._parted and name == "offset")):
+                found[name] = _LEVEL
+            elif gone:
+                found[name] = _CONFUSED
+            elif name in vague:
+                found[name] = _VAGUE_WORDS
+        return found
+
+    @property
+    def has_law(self) -> bool:
+        """Whether the level of friction is told from a constant load."""
+        kinds = zip(self.structure.factors, self.structure.levels, strict=True)
+        levels = tuple(name for name, is_one in kinds if is_one)
+        return not any(name.startswith(levels) for name in self.undetermined)
+
+    @property
+    def gauges(self) -> tuple[str, ...]:
+        """Sentences on what can only be told together."""
+        fixed, structure = self.equation.fixed_names, self.structure
+        seen = self.equation.recording.samples.directions
+        if not self._parted and (all(seen) or "offset" not in fixed):
+            return ()
+        mean = structure.levels / structure.levels.sum()
+        levels = self.state[len(fixed) :].reshape(structure.ways, -1) @ mean
+        if not self._parted:
+            offset = self.state[fixed.index("offset")]
+            if seen[0]:
+                way, level = "+", levels[0] + offset
+            else:
+                way, level = "−", levels[0] - offset
+            return (f"Seen is only Coulomb level {way} offset = {level:.4g}.",)
+        parts = [f"level⁺ + offset = {levels[0]:.4g}"] * seen[0]
+        parts += [f"level⁻ − offset = {levels[1]:.4g}"] * seen[1]
+        end = (
+            "; the offset is chosen so that both levels are equal."
+            if all(seen)
+            else "."
+        )
+        return (
+            "A constant load and a difference of the Coulomb levels of both directions"
+            " cannot be told apart in motion: only"
+            f" {' and '.join(parts)} are seen{end}",
+        )
+
+    @cached_property
+    def law(self) -> AbstractFriction | None:
+        """Current over velocity without the offset, in load units.
+
+        None where the level of friction cannot be told from a constant load.
+        """
+        if not self.has_law:
+            return None
+        factors = self.factors.reshape(self.structure.ways, -1)
+        return self.structure.law(factors, self.shape)
+
+    def friction(self, velocity: Float[np.ndarray, " v"]) -> Float[np.ndarray, " v"]:
+        """Return the friction at velocities in mm/s, in load units."""
+        laws = self.factors[None], self.shape[None]
+        return np.asarray(self.structure.friction(velocity, *laws)[:, 0])
+
+    def slopes(self, velocity: Float[np.ndarray, " v"]) -> Float[np.ndarray, "v p"]:
+        """Return the derivatives of the friction by ``factors`` and ``shape``."""
+        return self.structure.slopes(velocity, self.factors, self.shape)
+
+    def band(
+        self, velocity: Float[np.ndarray, " v"]
+    ) -> tuple[Float[np.ndarray, " v"], Float[np.ndarray, " v"]]:
+        """Return friction and its standard deviation at velocities in mm/s, in load units.
+
+        That of the noise: the law itself is taken as true (see `Choice.deviation`).
+        """
+        slopes = self.slopes(velocity)
+        variance = ((slopes @ self.law_covariance) * slopes).sum(axis=1)
+        return self.friction(velocity), np.sqrt(np.maximum(variance, 0.0))
+
+
+def rooted(
+    matrix: Float[np.ndarray, "k k"],
+) -> tuple[Float[np.ndarray, "k r"], Float[np.ndarray, "k z"]]:
+    """Return R with R Rᵀ the inverse in directions that rows tell, and the other directions."""
+    size = np.sqrt(np.diag(matrix))
+    size = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    seen = values > _NULL * max(float(values[-1]), np.finfo(float).tiny)
+    root = vectors[:, seen] / np.sqrt(values[seen]) / size[:, None]
+    return root, vectors[:, ~seen] / size[:, None]
+
+
+def lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> int:
+    """Return over how many rows scores resemble each other (Andrews' rule, Bartlett weights).
+
+    Source: D. W. K. Andrews, Heteroskedasticity and autocorrelation consistent covariance
+    matrix estimation, Econometrica 59(3), 1991.
+
+    Args:
+        scores: Per row, in order; rows left out have zeros.
+        piece: Stretch of even time steps; no lag reaches from one to the next.
+    """
+    same = piece[1:] == piece[:-1]
+    size = np.square(scores).sum(axis=0)
+    beside = (scores[1:] * scores[:-1] * same[:, None]).sum(axis=0)
+    used = size > 0
+    rho = np.clip(beside / np.where(used, size, 1.0), 0.0, _STRONGEST)
+    far = used / (1 - rho) ** 4
+    alpha = (4 * rho**2 / ((1 - rho) ** 2 * (1 + rho) ** 2) * far).sum()
+    alpha /= max(float(far.sum()), 1.0)
+    best = 1.1447 * (alpha * len(scores)) ** (1 / 3)
+    return int(min(best, _LARGEST_LAG * len(scores)))
+
+
+def score_covariance(
+    scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]
+) -> tuple[Float[np.ndarray, "k k"], int]:
+    """Return the covariance of the sum of scores, and the lag up to which it looks.
+
+    Arguments as of `lag_of`.
+    """
+    lag = lag_of(scores, piece)
+    # Bartlett's weights are what sums over a sliding window give. Pieces are set apart by
+    # as many empty rows as the window is long.
+    edges = np.flatnonzero(np.diff(piece)) + 1
+    gap = np.zeros((lag + 1, scores.shape[1]))
+    parts = [each for part in np.split(scores, edges) for each in (part, gap)]
+    total = np.cumsum(np.concatenate([gap, *parts]), axis=0)
+    window = total[lag + 1 :] - total[: -lag - 1]
+    return window.T @ window / (lag + 1), lag
