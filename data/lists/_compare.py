@@ -151,13 +151,14 @@ def _restart_reasons(
         row = registry().by_key.get(change.name)
         if row is None:
             continue
-        if row.changed is not None:
+        if change.name.endswith(".max_points"):
             default = row.default if row.zero_is_default else None
-            sizes = [value or default for value in (change.old, change.new)]
+            sizes = [value or default or 0 for value in (change.old, change.new)]
             if sizes[0] != sizes[1]:
+                ends = f" (controller error {row.changed} on loading)"
                 yield (
-                    f"{change.name} changes from {sizes[0]} to {sizes[1]} "
-                    f"(controller error {row.changed} on loading)"
+                    f"{change.name} changes from {sizes[0]} to {sizes[1]}"
+                    f"{'' if row.changed is None else ends}"
                 )
         elif change.name == "kopf.achs_nr":
             yield "kopf.achs_nr changes: the start-up list ties the file to its axis"

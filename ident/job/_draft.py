@@ -208,15 +208,6 @@ class AbstractDraft(AbstractOfFit):
         """Return every line of the gate."""
         return ()
 
-    def restart(self, existing: ListFile, listing: ListFile) -> str | None:
-        """Return why a restart is needed, or None where a reload is enough."""
-        name, number = f"{self.kind.prefix}.max_points", self.kind.resized
-        if existing.integer(name) == listing.integer(name):
-            return None
-        if number is None:
-            return f"{name} changes, which a reload may not take over"
-        return f"{name} changes (a reload would end in error {number})"
-
     def left_over(self, tables: "Tables", fit: FitSpec) -> SecondMeasurement | None:
         """Return the error that a second measurement shows, the list active.
 

@@ -33,8 +33,6 @@ class Kind:
         channel: Object of the CNC that shows the same, in increments; None: there is none.
         cycles: Entry that spreads its coming and going, and the largest value of it; None:
             it has none.
-        resized: Error number of the controller when its table changes its size after
-            start-up; None: it has no such number.
         shows_init: Whether ``V.A.…_COMP_INIT`` tells that it is initialised.
         demanded: Whether P-AXIS-00465 can demand it in automatic mode.
         adds_current: It adds to the current of the motor, and not to a position.
@@ -69,7 +67,6 @@ class Kind:
     channel: str | None
     conventions: tuple[str, ...]
     cycles: tuple[str, int] | None = None
-    resized: int | None = None
     shows_init: bool = True
     demanded: bool = True
     adds_current: bool = False

@@ -174,6 +174,7 @@ def test_increments_and_microns_are_not_compared() -> None:
         ("kw.crosscomp.max_points 2000", "110639"),
         ("kw.crosscomp2.max_points 20000", "110640"),
         ("frict_comp.max_points 30", "110641"),
+        ("kw.crosstalk.max_points 12", "max_points changes from 0 to 12"),
     ],
 )
 def test_reserved_memory_needs_a_restart(line: str, number: str) -> None:

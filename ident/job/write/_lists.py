@@ -163,8 +163,7 @@ def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]
     """Return what is written for each axis.
 
     Raises:
-        JobError: If a table does not fit into a list of the controller's build, or
-            is not found again in it.
+        JobError: If a table does not fit into a list of the controller's build.
     """
     axes = dict.fromkeys(one.axis for one in drafts)
     return tuple(
@@ -175,7 +174,6 @@ def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]
 
 def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
     axis, lists = every[0].axis, every[0].lists
-    number, existing = lists.axis, lists.compensation
     drafts = [one for one in every if one.written]
     spreads = [spread for one in drafts if (spread := one.cycles) is not None]
     cycles = max(spreads, default=None)
@@ -183,22 +181,31 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
         one.index: (*one.gate(cycles), *settled_checks(one)) if one.written else ()
         for one in every
     }
-    entries: dict[str, Value] = {}
-    extra: dict[str, bytes] = {}
+    entries, machine_entries = dict[str, Value](), dict[str, Value]()
+    extra, remarks = dict[str, bytes](), list[Remark]()
     for one in drafts:
         with job.blaming(("fits", one.index)):
             entries |= one.entries()
+            machine_entries |= one.machine_entries(cycles)
         extra |= one.extra_files()
-    listing, remarks = None, list[Remark]()
+        remarks += one.machine_remarks()
+        remarks += [] if one.settled else [unsettled(one)]
+    listing, machine = None, None
     if entries:
-        listing, remarks = _listing(job, drafts, entries)
-        _refuse_misread(drafts[0], listing, entries)
-    remarks += [unsettled(one) for one in drafts if not one.settled]
-    machine, more = _machine_list(job, axis, lists, drafts, cycles)
-    pairs = (existing, listing), (lists.machine, machine)
+        listing, more = _listing(job, drafts, entries)
+        remarks = [*more, *remarks]
+    if machine_entries:
+        machine, more = _machine_list(lists, machine_entries, axis)
+        remarks += more
+    pairs = (lists.compensation, listing), (lists.machine, machine)
+    known = [(old, new) for old, new in pairs if old is not None and new is not None]
+    compared = {new.source: compare(old, new) for old, new in known}
+    reasons = [reason for one in compared.values() for reason in one.reasons]
+    if listing is not None and lists.compensation is None:
+        reasons = ["the list is new to the controller (hochlauf.lis names it)"]
     return AxisFiles(
         axis=axis,
-        number=number,
+        number=lists.axis,
         existing=lists,
         drafts=every,
         cycles=cycles,
@@ -206,33 +213,10 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
         compensation=listing,
         machine=machine,
         extra=extra,
-        restart=_restart(pairs, drafts),
-        remarks=(*remarks, *more),
-        same=frozenset(
-            new.source
-            for old, new in pairs
-            if old is not None
-            and new is not None
-            and compare(old, new).action == "none"
-        ),
+        restart=reasons[0] if reasons else None,
+        remarks=tuple(remarks),
+        same=frozenset(name for name, one in compared.items() if one.action == "none"),
     )
-
-
-def _refuse_misread(
-    one: AbstractDraft, listing: ListFile, entries: Mapping[str, Value]
-) -> None:
-    """Raise where a list, read back, does not hold what was fitted.
-
-    Raises:
-        JobError: Naming the list.
-    """
-    parsed = ListFile.parse(listing.dumps(), listing.source)
-    for name, value in entries.items():
-        found = parsed.text(name) if isinstance(value, str) else parsed.integer(name)
-        if found != value:
-            words = f"found {found} for {name} in {listing.source} when it was read"
-            words += f" back, expected {value}"
-            raise one.refusal(words)
 
 
 def _listing(
@@ -251,84 +235,36 @@ def _listing(
         f"Job: {job.spec.title or job.path.name}",
         name=name,
     )
-    remarks: list[Remark] = []
+    listing = dataclasses.replace(edited.listing, source=file)
     if existing is None:
         words = (
             f"{file} is a new list, since no list of {axis} was given: copied over"
             " another one, it would lose that one's other compensations."
         )
-        remarks.append(Remark.info(words))
-    elif edited.added:
+        return listing, [Remark.info(words)]
+    remarks = []
+    if edited.added:
         plain = [name for name in edited.added if "[" not in name]
         rows = len(edited.added) - len(plain)
-        words = ", ".join([*plain, *[f"{rows} table entries"] * bool(rows)])
-        remarks.append(Remark.info(f"Added to {existing.source}: {words}."))
-    if existing is not None and edited.removed:
-        remarks.append(
-            Remark.info(
-                f"Removed from {existing.source}: {len(edited.removed)} table entries"
-                " beyond the new table."
-            )
-        )
-    return dataclasses.replace(edited.listing, source=file), remarks
-
-
-def _restart(
-    pairs: Sequence[tuple[ListFile | None, ListFile | None]],
-    drafts: Sequence[AbstractDraft],
-) -> str | None:
-    """Return why a restart is needed, or None where a reload is enough.
-
-    Args:
-        pairs: The compensation list and the axis list, each before and after.
-        drafts: The fits of this axis.
-    """
-    existing, listing = pairs[0]
-    if listing is not None and existing is None:
-        return "the list is new to the controller (hochlauf.lis names it)"
-    reasons: list[str | None] = []
-    if existing is not None and listing is not None:
-        reasons += [one.restart(existing, listing) for one in drafts]
-    for old, new in pairs:
-        if old is not None and new is not None:
-            reasons += compare(old, new).reasons
-    return next((reason for reason in reasons if reason is not None), None)
+        names = ", ".join([*plain, *[f"{rows} table entries"] * bool(rows)])
+        remarks.append(Remark.info(f"Added to {existing.source}: {names}."))
+    if edited.removed:
+        words = f"{len(edited.removed)} table entries beyond the new table."
+        remarks.append(Remark.info(f"Removed from {existing.source}: {words}"))
+    return listing, remarks
 
 
 def _machine_list(
-    job: Job,
-    axis: str,
-    lists: AxisLists,
-    drafts: Sequence[AbstractDraft],
-    cycles: int | None,
-) -> tuple[ListFile | None, list[Remark]]:
-    """Return the axis list, edited, or just the entries to add to it; and remarks.
-
-    None where nothing is to be set.
-
-    Args:
-        job: The job.
-        axis: Its name in the job.
-        lists: What it has already.
-        drafts: The fits of this axis that are written.
-        cycles: Value of P-AXIS-00243, where a fit asks for one.
-    """
-    number, existing = job.spec.axes[axis].number, lists.machine
-    values: dict[str, Value] = {}
-    remarks: list[Remark] = []
-    for one in drafts:
-        with job.blaming(("fits", one.index)):
-            values |= one.machine_entries(cycles)
-        remarks += one.machine_remarks()
-    if not values:
-        return None, remarks
+    lists: AxisLists, values: Mapping[str, Value], axis: str
+) -> tuple[ListFile, list[Remark]]:
+    """Return the axis list, edited, or just the entries to add to it, and what was added."""
+    number, existing = lists.axis, lists.machine
     if existing is None:
-        return to_add(number, values, of=axis), remarks
-    if added := [entry for entry in values if existing.get(entry) is None]:
-        words = f"Added to {existing.source}: {', '.join(added)}."
-        remarks.append(Remark.info(words))
+        return to_add(number, values, of=axis), []
     edited = dataclasses.replace(existing.merge(values), source=axis_file(number))
-    return edited, remarks
+    added = [entry for entry in values if existing.get(entry) is None]
+    words = f"Added to {existing.source}: {', '.join(added)}."
+    return edited, [Remark.info(words)] if added else []
 
 
 def startup_fragment(files: Sequence[AxisFiles]) -> ListFile | None:

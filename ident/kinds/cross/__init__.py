@@ -14,7 +14,6 @@ KIND = Kind(
     conventions=("cross_",),
     follows=frozenset({"position"}),
     cycles=("kw.crosscomp.n_cycles", 20),
-    resized=110639,
     table=True,
     takes_constant=3,
     noun="the cross table",

@@ -19,7 +19,6 @@ KIND = Kind(
     adds="The controller adds sign(v) times the value over the velocity to the motor current,"
     " scaled by scaling_factor (0.1 %).",
     raw_tables=("table",),
-    resized=110641,
     unseen="it adds current and no position; compare quadrant spikes of a circle, or a log of"
     " the controller (axcomp verify)",
 )

@@ -13,7 +13,6 @@ KIND = Kind(
     channel="LSEC::sum epsilon",
     conventions=("leadscrew_", "direction_source", "start_direction"),
     follows=frozenset({"position", "direction"}),
-    resized=110638,
     table=True,
     takes_constant=1,
     noun="the leadscrew table",

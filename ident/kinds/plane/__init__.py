@@ -14,7 +14,6 @@ KIND = Kind(
     conventions=("plane_",),
     follows=frozenset({"position"}),
     cycles=("kw.crosscomp2.n_cycles", 20),
-    resized=110640,
     table=True,
     takes_constant=2,
     often_open=True,
