@@ -6,8 +6,7 @@ Columns are only ever added; a change of meaning raises the version.
 import datetime
 import functools
 import hashlib
-import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,11 @@ import numpy as np
 VERSION = 1
 """Stands in the metadata of the Parquet file as ``axcomp.schema``."""
 
-_STAGES = ("before", "predicted", "from_file")
+_STAGES = {
+    "before": "as measured",
+    "predicted": "predicted on data the fit did not see",
+    "from_file": "under the written file",
+}
 _SIZES = ("rms", "max")
 _ISO = ("A", "R", "B", "E", "M")
 
@@ -52,15 +55,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
             "float",
             f"{figure} of the error {words}, wild readings aside",
         )
-        for stage, words in zip(
-            _STAGES,
-            (
-                "as measured",
-                "predicted on data the fit did not see",
-                "under the written file",
-            ),
-            strict=True,
-        )
+        for stage, words in _STAGES.items()
         for figure in _SIZES
     },
     **{
@@ -144,14 +139,8 @@ def rows_of(
     remarks = list(result["remarks"])
     for group in result.get("groups", ()):
         remarks += group["remarks"]
-    general = [
-        remark["message"]
-        for remark in remarks
-        if remark["level"] in ("warning", "error")
-    ]
-    whole = not any(remark["level"] == "error" for remark in remarks)
     return [
-        common | _fit_row(k, fit, general, whole)
+        common | {"fit": k} | _fit_row(fit, remarks)
         for k, fit in enumerate(result["fits"])
     ]
 
@@ -167,9 +156,9 @@ def failed_row(name: str, reason: str, **known: Any) -> Row:
     return {"job": name, "state": "failed", "reason": reason, "passed": False, **known}
 
 
-def _fit_row(k: int, fit: Mapping[str, Any], general: list[str], whole: bool) -> Row:
+def _fit_row(fit: Mapping[str, Any], remarks: Sequence[Mapping[str, str]]) -> Row:
+    """Return the columns of a fit; ``remarks`` are those of the job and its groups."""
     row: Row = {
-        "fit": k,
         "compensation": fit["compensation"],
         "axis": fit["axis"],
         "axis_number": fit["axis_number"],
@@ -186,17 +175,14 @@ def _fit_row(k: int, fit: Mapping[str, Any], general: list[str], whole: bool) ->
         for figure in ("rms", "max"):
             plain = figures.get(figure)
             row[f"{stage}_{figure}"] = figures.get(f"{figure}_without_wild", plain)
-        for figure in ("A", "R", "B", "E", "M"):
+        for figure in _ISO:
             row[f"{stage}_{figure}"] = figures.get(figure)
-    levels = {remark["level"] for remark in fit["remarks"]}
+    every = [*remarks, *fit["remarks"]]
+    sound = all(one["level"] != "error" for one in every)
     row["gate_failed"] = [one["name"] for one in fit["gate"] if not one["passed"]]
-    sound = whole and fit.get("verdict") != "rejected" and "error" not in levels
-    row["passed"] = bool(fit["passed"]) and sound
-    row["warnings"] = general + [
-        remark["message"]
-        for remark in fit["remarks"]
-        if remark["level"] in ("warning", "error")
-    ]
+    row["passed"] = bool(fit["passed"]) and sound and fit.get("verdict") != "rejected"
+    loud = ("warning", "error")
+    row["warnings"] = [one["message"] for one in every if one["level"] in loud]
     return {key: value for key, value in row.items() if key in COLUMNS}
 
 
@@ -204,17 +190,9 @@ def _flat(table: Any) -> list[Any] | None:
     """Return all numbers of a table in a row; branches follow each other."""
     if table is None:
         return None
-    if isinstance(table, int | float):
-        return [table]
-    if isinstance(table, np.ndarray):
-        return list(table.ravel().tolist())
-    if isinstance(table, Mapping):
-        parts: Iterable[Any] = table.values()
-    elif table and isinstance(table[0], list):
-        parts = table
-    else:
-        return list(table)
-    return list(itertools.chain.from_iterable(filter(None, map(_flat, parts))))
+    parts = table.values() if isinstance(table, Mapping) else [table]
+    known = [np.ravel(part) for part in parts if part is not None]
+    return [each for part in known for each in part.tolist()]
 
 
 def as_date(value: Any) -> datetime.date | None:
