@@ -6,6 +6,7 @@ leaves the key out. Three columns are not keys: ``job`` names the job, ``templat
 whose keys hold where the row says nothing.
 """
 
+import csv
 import dataclasses
 import glob
 import hashlib
@@ -76,8 +77,8 @@ def collect_jobs(arguments: Sequence[str | Path], out: Path) -> tuple[JobItem, .
     twins = [name for name, n in Counter(item.name for item in items).items() if n > 1]
     if twins:
         raise BatchError(
-            where=", ".join(map(str, arguments)),
-            reason=f"found two jobs named {twins[0]!r}, expected names of their own (in a"
+            ", ".join(map(str, arguments)),
+            f"found two jobs named {twins[0]!r}, expected names of their own (in a"
             " table the column job)",
         )
     return tuple(items)
@@ -89,15 +90,13 @@ def _files(argument: str) -> list[Path]:
         return [path]
     if path.is_dir():
         raise BatchError(
-            where=argument,
-            reason=f"found a folder, expected files; for all jobs in it: {argument}/*.toml",
+            argument,
+            f"found a folder, expected files; for all jobs in it: {argument}/*.toml",
         )
     # An absolute pattern is one that `Path.glob` does not take.
     found = sorted(map(Path, glob.glob(argument, recursive=True)))  # noqa: PTH207
     if not found:
-        raise BatchError(
-            where=argument, reason="found no such file, expected job files or tables"
-        )
+        raise BatchError(argument, "found no such file, expected job files or tables")
     return [path for path in found if path.is_file()]
 
 
@@ -117,6 +116,7 @@ _TEXTS = {
 }
 """Last parts of keys whose value is a text, though it may look like a number."""
 _PATHS = {"conventions", "list", "machine_data", "file", "files"}
+_WITH_FILES = ("machine", "axes", "measurements")
 
 
 def read_job_table(path: Path, jobs: Path) -> Iterator[tuple[str, str]]:
@@ -135,12 +135,10 @@ def read_job_table(path: Path, jobs: Path) -> Iterator[tuple[str, str]]:
         name = str(row.pop("job", "") or f"{path.stem}-{number:05d}")
         if not name.strip(". ") or any(mark in name for mark in '/\\:*?"<>|\0'):
             reason = f"row {number}: found {name!r}, expected a name fit for a folder"
-            raise BatchError(where=str(path), reason=reason)
-        if name in named:
+            raise BatchError(str(path), reason)
+        if named.setdefault(name, number) != number:
             reason = f"rows {named[name]} and {number}: found two jobs named {name!r},"
-            reason += " expected names of their own"
-            raise BatchError(where=str(path), reason=reason)
-        named[name] = number
+            raise BatchError(str(path), f"{reason} expected names of their own")
         tree: dict[str, Any] = {}
         template = row.pop("template", None)
         if template:
@@ -151,17 +149,18 @@ def read_job_table(path: Path, jobs: Path) -> Iterator[tuple[str, str]]:
         for key, cell in row.items():
             if cell is None or cell == "":
                 continue
-            value = _value(key, cell)
-            value = _rebased(value, path.parent, jobs, tuple(key.split(".")))
+            parts = key.split(".")
+            keys = tuple(part for part in parts if not part.isdigit())
+            value = _rebased(_value(key, cell), path.parent, jobs, keys)
             try:
-                _put(tree, key.split("."), value)
-            except (TypeError, ValueError, IndexError):
+                _put(tree, parts, value)
+            except (AttributeError, TypeError, ValueError, IndexError):
                 reason = f"row {number}: {key!r} leads through a key that has a value"
-                raise BatchError(where=str(path), reason=reason) from None
+                raise BatchError(str(path), reason) from None
         yield name, job_text(tree) + "\n"
 
 
-def _table_rows(path: Path) -> Iterator[dict[str, Any]]:
+def _table_rows(path: Path) -> list[dict[str, Any]]:
     import pyarrow as pa
     import pyarrow.csv as pv
     import pyarrow.parquet as pq
@@ -169,31 +168,24 @@ def _table_rows(path: Path) -> Iterator[dict[str, Any]]:
     try:
         if path.suffix.lower() == ".csv":
             with path.open(encoding="utf-8-sig") as file:
-                names = next(iter(file), "").strip().split(",")
-            types = {name.strip().strip('"'): pa.string() for name in names}
-            table = pv.read_csv(
-                path,
-                convert_options=pv.ConvertOptions(
-                    column_types=types, strings_can_be_null=True, null_values=[""]
-                ),
-            )
+                names = next(csv.reader(file), [])
+            texts = pv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
+            table = pv.read_csv(path, convert_options=texts)
         else:
             table = pq.read_table(path)
     except (pa.ArrowException, UnicodeDecodeError) as error:
         reason = f"cannot read the table of jobs: {str(error).splitlines()[0]}"
-        raise BatchError(where=str(path), reason=reason) from None
-    if not any(
-        name.startswith("fits.") or name == "template" for name in table.column_names
-    ):
-        raise BatchError(
-            where=str(path),
-            reason=f"found the columns {', '.join(table.column_names[:6])}, expected keys of"
-            " a job (machine.id, measurements.laser.file, fits.0.axis) or a template",
+        raise BatchError(str(path), reason) from None
+    names = table.column_names
+    if not any(name.startswith("fits.") or name == "template" for name in names):
+        reason = (
+            f"found the columns {', '.join(names[:6])}, expected keys of a job"
+            " (machine.id, measurements.laser.file, fits.0.axis) or a template"
         )
+        raise BatchError(str(path), reason)
     if not table.num_rows:
-        reason = "found no rows, expected one per job"
-        raise BatchError(where=str(path), reason=reason)
-    yield from table.to_pylist()
+        raise BatchError(str(path), "found no rows, expected one per job")
+    return list(table.to_pylist())
 
 
 def _template(path: Path, where: str) -> dict[str, Any]:
@@ -201,10 +193,10 @@ def _template(path: Path, where: str) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         reason = f"found template {path}: {error.strerror}, expected a job file"
-        raise BatchError(where=where, reason=reason) from None
+        raise BatchError(where, reason) from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         reason = f"template {path} is no TOML: {error}"
-        raise BatchError(where=where, reason=reason) from None
+        raise BatchError(where, reason) from None
 
 
 def _value(key: str, cell: Any) -> Any:
@@ -216,44 +208,37 @@ def _value(key: str, cell: Any) -> Any:
         return cell
 
 
-def _put(tree: Any, parts: list[str], value: Any) -> None:
+def _put(tree: Any, parts: Sequence[str], value: Any) -> None:
     """Set a value in a tree, making tables and lists on the way."""
-    for at, part in enumerate(parts):
-        last = at + 1 == len(parts)
-        empty: Any = [] if not last and parts[at + 1].isdigit() else {}
-        if isinstance(tree, list):
-            place = int(part)
-            if place > len(tree):
-                raise IndexError(part)
-            if place == len(tree):
-                tree.append(value if last else empty)
-            elif last:
-                tree[place] = value
-            tree = tree[place]
-        elif last:
-            # Names of roles hold a dot themselves: measurements.m.columns.X.position
-            tree[part] = value
-        elif part == "columns" and isinstance(tree, dict):
-            tree.setdefault(part, {})[".".join(parts[at + 1 :])] = value
-            return
-        elif isinstance(tree, dict):
-            tree = tree.setdefault(part, empty)
-        else:
-            raise TypeError(part)
+    key, *rest = parts
+    if key == "columns" and rest:
+        # Names of roles hold a dot themselves: measurements.m.columns.X.position
+        rest = [".".join(rest)]
+    at: Any = int(key) if isinstance(tree, list) else key
+    if isinstance(tree, list) and at == len(tree):
+        tree.append(None)
+    if not rest:
+        tree[at] = value
+        return
+    below = tree[at] if isinstance(tree, list) else tree.get(at)
+    if below is None:
+        below = tree[at] = [] if rest[0].isdigit() else {}
+    _put(below, rest, value)
 
 
 def _rebased(tree: Any, old: Path, new: Path, path: tuple[str, ...] = ()) -> Any:
-    """Return a copy of a tree whose files are named relative to another folder."""
+    """Return a copy of a tree whose files are named relative to another folder.
+
+    Args:
+        tree: A job, or a value of one.
+        old: Folder that its files are named relative to.
+        new: Folder of the job.
+        path: Keys that lead to the tree, without numbers of items.
+    """
     if isinstance(tree, Mapping):
         return {k: _rebased(v, old, new, (*path, k)) for k, v in tree.items()}
     if isinstance(tree, list):
-        return [_rebased(value, old, new, (*path, "0")) for value in tree]
-    if isinstance(tree, str) and _is_file(path):
+        return [_rebased(value, old, new, path) for value in tree]
+    if isinstance(tree, str) and path[0] in _WITH_FILES and path[-1] in _PATHS:
         return os.path.relpath(old / tree, new)
     return tree
-
-
-def _is_file(path: tuple[str, ...]) -> bool:
-    # An item of a list (files.0) is named by its list.
-    name = next((part for part in reversed(path) if not part.isdigit()), "")
-    return name in _PATHS and path[0] in ("machine", "axes", "measurements")

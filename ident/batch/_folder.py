@@ -37,15 +37,15 @@ def refuse_used(folder: Path) -> None:
     """
     if (folder / _MANIFEST).exists():
         raise BatchError(
-            where=str(folder),
-            reason="found a batch in it, expected --resume to go on with it, or"
+            str(folder),
+            "found a batch in it, expected --resume to go on with it, or"
             " another folder (--out)",
         )
     for kind in ("lists", "unverified"):
         if (folder / kind).exists():
             raise BatchError(
-                where=str(folder / kind),
-                reason="found files of something else, expected an empty folder (--out)",
+                str(folder / kind),
+                "found files of something else, expected an empty folder (--out)",
             )
 
 
@@ -68,12 +68,12 @@ def resumed(
         return {}
     except (ValueError, KeyError):
         reason = "found no manifest of a batch, expected one"
-        raise BatchError(where=str(folder / _MANIFEST), reason=reason) from None
+        raise BatchError(str(folder / _MANIFEST), reason) from None
     lost = [name for name in before if name not in jobs]
     if lost:
         raise BatchError(
-            where=str(folder),
-            reason=f"found a batch with the job {lost[0]!r}, which is not among the"
+            str(folder),
+            f"found a batch with the job {lost[0]!r}, which is not among the"
             f" {len(jobs)} given now, expected the same jobs (or more)",
         )
     return {n: own for n, own in rows.items() if before.get(n) == jobs.get(n)}
@@ -181,8 +181,8 @@ def locked(folder: Path) -> Iterator[None]:
         except OSError:
             owner = os.read(handle, 64).decode(errors="replace").strip()
             raise BatchError(
-                where=str(folder),
-                reason=f"found another batch running in it (process {owner or '?'}),"
+                str(folder),
+                f"found another batch running in it (process {owner or '?'}),"
                 " expected a folder of its own (--out), or its end",
             ) from None
         os.ftruncate(handle, 0)

@@ -1,9 +1,9 @@
 """One huge log instead of many small jobs: its sums spread over workers just as well."""
 
 import contextlib
-import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,46 +34,6 @@ _ROWS = 1 << 18
 """Rows of a piece."""
 _APIECE = 4
 """Parts for each thread at least: else one of them ends long after the others."""
-
-
-@dataclasses.dataclass(frozen=True)
-class _Readings:
-    """Part of a log as readings of a fit, piece by piece.
-
-    Attributes:
-        part: Of the log.
-        positions: Headers of the input positions.
-        error: Header of the error.
-        factor: mm or ° per unit of the error.
-    """
-
-    part: TablePart
-    positions: tuple[str, ...]
-    error: str
-    factor: float
-
-    def __call__(self) -> Iterator[Samples]:
-        return map(self.samples, self.part.tables())
-
-    def samples(self, table: Table) -> Samples:
-        """Return the readings of a piece.
-
-        Raises:
-            CellError: If a cell holds no finite number.
-        """
-        columns = [table.column(name) for name in (*self.positions, self.error)]
-        for column in columns:
-            bad = column.bad
-            if column.text is not None:
-                bad = BadCell(int(table.lines[0]), column.text[0])
-            if bad is not None:
-                raise table.cell_error(column, bad, "a finite number")
-        *positions, error = (column.values for column in columns)
-        return Samples(
-            # Column after column: that is how they come, and how they are looked at.
-            np.array(positions).T,
-            error if self.factor == 1.0 else self.factor * error,
-        )
 
 
 def fit_log(
@@ -111,25 +71,48 @@ def fit_log(
     if log is None:
         reason = "found no table that can be read in pieces, expected CSV or Parquet"
         raise MeasurementError(str(path), reason)
-    axes = tuple(log.head.column(name).header for name in positions)
-    value = log.head.column(error).header
-    parts = [
-        _Readings(part, axes, value, factor)
-        for part in log.parts((*axes, value), _PARTS, _ROWS)
-    ]
+    headers = tuple(log.head.column(name).header for name in (*positions, error))
+    parts, read = log.parts(headers, _PARTS, _ROWS), partial(_samples, headers, factor)
     with contextlib.ExitStack() as stack:
-        own, apply = _shared(parts, scheduler, workers, stack)
+        own, apply = _shared(parts, read, scheduler, workers, stack)
         found = fit_streamed(layout, own, smoothness=smoothness, loss=loss, apply=apply)
         return found.fit
 
 
+def _samples(headers: Sequence[str], factor: float, table: Table) -> Samples:
+    """Return the readings of a piece: the last column is the error.
+
+    Raises:
+        CellError: If a cell holds no finite number.
+    """
+    columns = [table.column(name) for name in headers]
+    for column in columns:
+        bad = column.bad
+        if column.text is not None:
+            bad = BadCell(int(table.lines[0]), column.text[0])
+        if bad is not None:
+            raise table.cell_error(column, bad, "a finite number")
+    *positions, error = (column.values for column in columns)
+    return Samples(
+        # Column after column: that is how they come, and how they are looked at.
+        np.array(positions).T,
+        error if factor == 1.0 else factor * error,
+    )
+
+
+def _pieces(part: TablePart, read: Callable[[Table], Samples]) -> Iterator[Samples]:
+    return map(read, part.tables())
+
+
 def _shared(
-    parts: Sequence[_Readings],
+    parts: Sequence[TablePart],
+    read: Callable[[Table], Samples],
     scheduler: str | None,
     workers: int,
     stack: contextlib.ExitStack,
 ) -> tuple[Sequence[Part], Apply]:
     """Return the parts and what sums them up: on workers, on threads or one by one."""
+    pieces = [partial(_pieces, part, read) for part in parts]
     if scheduler is not None or workers > 1:
         client: Any = stack.enter_context(workers_of(scheduler, workers))
 
@@ -137,9 +120,9 @@ def _shared(
             found: list[Any] = client.gather(client.map(call, list(items), pure=False))
             return found
 
-        return parts, apply
+        return pieces, apply
     threads = min(cores(), len(parts) // _APIECE)
     if threads > 1:
         # Neither reading nor summing holds the interpreter.
-        return parts, stack.enter_context(ThreadPoolExecutor(threads)).map
-    return [Ahead(part.part.tables, part.samples) for part in parts], map
+        return pieces, stack.enter_context(ThreadPoolExecutor(threads)).map
+    return [Ahead(part.tables, read) for part in parts], map

@@ -6,7 +6,7 @@ Columns are only ever added; a change of meaning raises the version.
 import datetime
 import functools
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,11 @@ import numpy as np
 VERSION = 1
 """Stands in the metadata of the Parquet file as ``axcomp.schema``."""
 
-_STAGES = ("before", "predicted", "from_file")
+_STAGES = {
+    "before": "as measured",
+    "predicted": "predicted on data the fit did not see",
+    "from_file": "under the written file",
+}
 _SIZES = ("rms", "max")
 _ISO = ("A", "R", "B", "E", "M")
 
@@ -51,15 +55,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
             "float",
             f"{figure} of the error {words}, wild readings aside",
         )
-        for stage, words in zip(
-            _STAGES,
-            (
-                "as measured",
-                "predicted on data the fit did not see",
-                "under the written file",
-            ),
-            strict=True,
-        )
+        for stage, words in _STAGES.items()
         for figure in _SIZES
     },
     **{
@@ -143,10 +139,8 @@ def rows_of(
     remarks = list(result["remarks"])
     for group in result.get("groups", ()):
         remarks += group["remarks"]
-    general = _warnings(remarks)
-    whole = not any(remark["level"] == "error" for remark in remarks)
     return [
-        common | _fit_row(k, fit, general, whole)
+        common | {"fit": k} | _fit_row(fit, remarks)
         for k, fit in enumerate(result["fits"])
     ]
 
@@ -162,9 +156,9 @@ def failed_row(name: str, reason: str, **known: Any) -> Row:
     return {"job": name, "state": "failed", "reason": reason, "passed": False, **known}
 
 
-def _fit_row(k: int, fit: Mapping[str, Any], general: list[str], whole: bool) -> Row:
+def _fit_row(fit: Mapping[str, Any], remarks: Sequence[Mapping[str, str]]) -> Row:
+    """Return the columns of a fit; ``remarks`` are those of the job and its groups."""
     row: Row = {
-        "fit": k,
         "compensation": fit["compensation"],
         "axis": fit["axis"],
         "axis_number": fit["axis_number"],
@@ -183,26 +177,22 @@ def _fit_row(k: int, fit: Mapping[str, Any], general: list[str], whole: bool) ->
             row[f"{stage}_{figure}"] = figures.get(f"{figure}_without_wild", plain)
         for figure in _ISO:
             row[f"{stage}_{figure}"] = figures.get(figure)
-    levels = {remark["level"] for remark in fit["remarks"]}
+    every = [*remarks, *fit["remarks"]]
+    sound = all(one["level"] != "error" for one in every)
     row["gate_failed"] = [one["name"] for one in fit["gate"] if not one["passed"]]
-    sound = whole and fit.get("verdict") != "rejected" and "error" not in levels
-    row["passed"] = bool(fit["passed"]) and sound
-    row["warnings"] = general + _warnings(fit["remarks"])
+    row["passed"] = bool(fit["passed"]) and sound and fit.get("verdict") != "rejected"
+    loud = ("warning", "error")
+    row["warnings"] = [one["message"] for one in every if one["level"] in loud]
     return {key: value for key, value in row.items() if key in COLUMNS}
-
-
-def _warnings(remarks: Iterable[Mapping[str, str]]) -> list[str]:
-    levels = ("warning", "error")
-    return [each["message"] for each in remarks if each["level"] in levels]
 
 
 def _flat(table: Any) -> list[Any] | None:
     """Return all numbers of a table in a row; branches follow each other."""
     if table is None:
         return None
-    if isinstance(table, Mapping):
-        return [number for part in table.values() for number in _flat(part) or ()]
-    return list(np.asarray(table, dtype=object).ravel().tolist())
+    parts = table.values() if isinstance(table, Mapping) else [table]
+    known = [np.ravel(part) for part in parts if part is not None]
+    return [each for part in known for each in part.tolist()]
 
 
 def as_date(value: Any) -> datetime.date | None:

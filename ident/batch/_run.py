@@ -131,7 +131,7 @@ def run_batch(
         reason = f"cannot write into the folder of the batch: {error.strerror}"
         if out.is_file():
             reason = "found a file, expected a folder"
-        raise BatchError(where=str(out), reason=reason) from None
+        raise BatchError(str(out), reason) from None
     with locked(out):
         items = collect_jobs(jobs, out)
         tasks = [
@@ -224,22 +224,16 @@ def _run(
                 yield from ((one.name, one.rows) for one in kept)
                 if len(kept) < len(outcomes):
                     raise BatchError(
-                        where=order.out,
-                        reason=f"no room left on the disk; {_what_is_done(stand)}",
+                        order.out,
+                        f"no room left on the disk; {_what_is_done(stand)}",
                     )
-    except BatchError as error:
-        if "lost" not in error.reason:
-            raise
-        raise BatchError(
-            where=error.where, reason=f"{error.reason}; {_what_is_done(stand)}"
-        ) from None
     except OSError as error:
         # A broken connection is an OSError too; only files have a number of their own.
         lost = error.errno is None or isinstance(error, ConnectionError)
         what = "the scheduler was lost" if lost else f"cannot write: {error.strerror}"
         raise BatchError(
-            where=(scheduler or "scheduler") if lost else order.out,
-            reason=f"{what}; {_what_is_done(stand)}",
+            (scheduler or "scheduler") if lost else order.out,
+            f"{what}; {_what_is_done(stand)}",
         ) from None
 
 

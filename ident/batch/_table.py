@@ -9,7 +9,7 @@ from typing import Any
 
 from ...data.files import write_atomically
 from ._folder import BatchError
-from ._rows import COLUMNS, VERSION, Row, arrow_schema, as_date
+from ._rows import VERSION, Row, arrow_schema, as_date
 
 NAME = "results.parquet"
 
@@ -19,9 +19,8 @@ def write_results(folder: Path, rows: Sequence[Row]) -> Path:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    columns = {name: [row.get(name) for row in rows] for name in COLUMNS}
-    columns["measured_at"] = [as_date(value) for value in columns["measured_at"]]
-    table = pa.table(columns, schema=arrow_schema())
+    dated = [row | {"measured_at": as_date(row.get("measured_at"))} for row in rows]
+    table = pa.Table.from_pylist(dated, schema=arrow_schema())
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd")
     path = folder / NAME
@@ -43,20 +42,17 @@ def read_results(folder: Path) -> Any:
         table = pq.read_table(path)
     except FileNotFoundError:
         reason = "found no such file, expected the folder of a finished batch"
-        raise BatchError(where=str(path), reason=reason) from None
+        raise BatchError(str(path), reason) from None
     except pa.ArrowException as error:
         reason = f"found no table of results: {str(error).splitlines()[0]}"
-        raise BatchError(where=str(path), reason=reason) from None
+        raise BatchError(str(path), reason) from None
     version = int((table.schema.metadata or {}).get(b"axcomp.schema", b"0"))
     if not 1 <= version <= VERSION:
         reason = f"found version {version} of the table, expected 1 to {VERSION}"
-        raise BatchError(where=str(path), reason=reason)
-    for field in arrow_schema():
-        if (
-            field.name not in table.column_names
-        ):  # written before there was such a column
-            table = table.append_column(field, pa.nulls(len(table), field.type))
-    return table
+        raise BatchError(str(path), reason)
+    # A table that was written before there was some column has it, too.
+    every = [table, arrow_schema().empty_table()]
+    return pa.concat_tables(every, promote_options="default")
 
 
 def query_results(
@@ -86,7 +82,7 @@ def query_results(
     for name, words in asked.items():
         if words is not None and ";" in _without_texts(words):
             reason = f"found {words!r}, expected a part of one question, without ';'"
-            raise BatchError(where=name, reason=reason)
+            raise BatchError(name, reason)
     text = f"SELECT {select} FROM results"
     text += f" WHERE {where}" if where else ""
     text += f" ORDER BY {order}" if order else ""
@@ -114,9 +110,9 @@ def _unanswered(
     given = {name: words for name, words in asked.items() if words and words != "*"}
     if unknown is None:
         where = next((n for n in ("--where", "--order") if n in given), "--select")
-        return BatchError(where=f"{where} {asked[where]}", reason=line)
+        return BatchError(f"{where} {asked[where]}", line)
     column = unknown[1]
     where = next((name for name, words in given.items() if column in words), "--select")
     near = difflib.get_close_matches(column, columns, 1, cutoff=0.0)
     reason = f"found column {column!r}, expected one of docs/batch.md"
-    return BatchError(where=where, reason=f"{reason} (nearest: {near[0]!r})")
+    return BatchError(where, f"{reason} (nearest: {near[0]!r})")

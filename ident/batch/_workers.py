@@ -64,8 +64,8 @@ def workers_of(scheduler: str | None, count: int | None) -> Iterator[Any]:
             client = distributed.Client(scheduler, timeout=_CONNECT)  # type: ignore[no-untyped-call]
         except (OSError, TimeoutError, ValueError) as error:
             raise BatchError(
-                where=scheduler,
-                reason=f"no scheduler answers ({' '.join(str(error).split())[:120]}),"
+                scheduler,
+                f"no scheduler answers ({' '.join(str(error).split())[:120]}),"
                 " expected the address of a running dask scheduler",
             ) from None
         yield stack.enter_context(client)
@@ -77,22 +77,18 @@ def _quiet() -> Iterator[None]:
 
     What goes wrong is told in the rows and in one line, not in tracebacks.
     """
-    names = [name for name in logging.root.manager.loggerDict if _is_theirs(name)]
-    loggers = [logging.getLogger(name) for name in names]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
+    theirs = ("distributed", "tornado", "asyncio")
+    names = [n for n in logging.root.manager.loggerDict if n.split(".")[0] in theirs]
+    levels = {logger: logger.level for logger in map(logging.getLogger, names)}
+    for logger in levels:
         logger.setLevel(logging.CRITICAL + 1)
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", module=r"distributed\.|dask\.|tornado\.")
             yield
     finally:
-        for logger, level in zip(loggers, levels, strict=True):
+        for logger, level in levels.items():
             logger.setLevel(level)
-
-
-def _is_theirs(name: str) -> bool:
-    return name.partition(".")[0] in ("distributed", "tornado", "asyncio")
 
 
 def run_chunks(
@@ -110,7 +106,7 @@ def run_chunks(
         size: Jobs of a chunk.
 
     Raises:
-        BatchError: If the scheduler is lost.
+        ConnectionError: If the scheduler is lost.
     """
     import distributed
 
@@ -130,8 +126,7 @@ def run_chunks(
             if future.status == "finished":
                 yield future.result()
             elif future.cancelled() or client.status != "running":
-                where = str(getattr(client.scheduler, "address", "scheduler"))
-                raise BatchError(where=where, reason="the scheduler was lost")
+                raise ConnectionError
             elif len(chunk) > 1:
                 for task in chunk:
                     submit([task])
