@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, final
 
 import numpy as np
@@ -146,15 +145,6 @@ class BacklashDraft(AbstractDraft):
             wild=sides.wild,
             added=0.5 * abs(self.found.width),
         )
-
-    def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
-        way = self.readings.direction
-        if way is None:
-            return {}
-        change = self.found.compensation(self.known.reference)
-        added = np.asarray(change.offset(way.astype(float)), dtype=float)
-        slices = self.readings.slices
-        return {(self.axis, name): added[rows] for name, rows in slices.items()}
 
     def prove(self, done: "AxisFiles") -> BacklashResult:
         sides, half = self.sides, 0.5 * self.sides.direction

@@ -7,8 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fit import DriftNoise, FitError
-from ...job._draft import Leftovers
-from ...job._fit_plan import AbstractPlan
+from ...job._draft import AbstractPlan, Leftovers
 from ...job.result._result import Remark
 from ...job.table._plan import was_active
 from ...readings import Readings, Tables

@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fit import FitError
-from ...job._draft import Leftovers
-from ...job._fit_plan import AbstractPlan
+from ...job._draft import AbstractPlan, Leftovers
 from ...job.result._result import Remark
 from ...readings import Tables
 from . import SAFE_TESTS

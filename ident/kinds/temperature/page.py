@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from ...job import largest_wild
 from ...report import _style as style
 from ...report._body import Body, Plot, WildRow
 from ...report._scale import Scale, count, grouped, number, place
@@ -17,7 +18,6 @@ from ._law import RATE, ThermalLaw
 from ._result import TemperatureResult
 from .fit import LawScore, TemperatureFit
 
-_MOST_WILD = 12
 _MOST_LAWS = 4
 _NODES = {1: "constant", 2: "linear"}
 _GROUPS = 5
@@ -43,10 +43,8 @@ def body(fit: TemperatureResult, scale: Scale) -> Body:
 def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
     """Return the largest rejected readings."""
     view = fit.view
-    rows = np.flatnonzero(view.wild)
-    rows = rows[np.argsort(-np.abs(view.before[rows]), kind="stable")][:_MOST_WILD]
     found = []
-    for row in rows.tolist():
+    for row in largest_wild(view.before, view.wild).tolist():
         warm = ", ".join(
             f"{name} {view.temperature[row, k]:.1f} °C"
             for k, name in enumerate(fit.sensors)
