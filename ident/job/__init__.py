@@ -7,11 +7,11 @@ table, function by function:
 1. `_run.run_job` goes the whole way, as follows.
 2. `file._load.load_job` reads the job file and gives a `Job`, which reads the lists that its
    axes have already.
-3. `_fits.fit_all` plans all fits, then fits one after the other; `_acting.leftovers` are what
-   acts beside a fit and did not while it was measured.
-4. `table._fitting.plan` plans a table and fits it: `_plan.plan_fit` knows its nodes, masters
-   and old values, `_readings.read_fit` its `Readings`, and `fit_plan` gives a `TableDraft`,
-   fitted and held out; `_trend.refuse_unowned_trend` asks whose a constant and a slope of it are.
+3. `_fits.fit_all` plans all fits, then fits one after the other; `_acting.leftovers` and
+   `_acting.hand_on` are what acts beside a fit and did not while it was measured.
+4. `table._plan.plan` plans a table: its nodes, masters and old values. `table._readings.read_fit`
+   gives its `Readings`, and `table._fitting.fit_plan` a `TableDraft`, fitted and held out;
+   `_trend.refuse_unowned_trend` asks whose a constant and a slope of it are.
 5. `write._lists.files_of` makes the `AxisFiles` of each axis from its drafts, each with its gate
    (`_gating`), and `judge_files` checks them beside all other lists.
 6. `_whole.judge_whole` judges all that will act on an axis, read back as the controller does.
@@ -26,7 +26,7 @@ What is handed on along this way: `Job`, `Plan`, `Readings`, `TableDraft`, `Axis
 
 Other compensations go the same way with drafts of their own, from `axcomp.ident.kinds`
 (`_protocol` says what a job asks of them); fits that are identified together get theirs from
-`joint`: `members_of`, `fit_group`, `prove_group`. The results of single compensations are
+`joint`: `fit_group`, `prove_group`. The results of single compensations are
 imported when they are first asked for: a job of one table needs none of them, and starts sooner
 without.
 """
@@ -62,6 +62,7 @@ from .result._result import (
     SampleView as SampleView,
     TableResult as TableResult,
     by_level as by_level,
+    largest_wild as largest_wild,
     some_of as some_of,
 )
 from .result._second import (

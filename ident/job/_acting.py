@@ -1,22 +1,23 @@
 """What will act beside a fit, and did not while it was measured: handed on to it, or refused."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from ...data.lists import new_list
-from ..exchange import AxisLists, ExchangeError
+from ..exchange import AxisLists, ExchangeError, to_add
 from ..kinds import kind
 from ..kinds._keys import FitSpec
+from ..proof.axis import added_beyond
 from ..readings import Rows
-from ._draft import AbstractDraft, Leftovers
+from ._draft import AbstractDraft
 from .file._load import Job
 from .write._lists import read_back
 
 
-def leftovers(job: Job) -> Leftovers:
+def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
     """Return what the fits of a job find: compensations that acted in no reading, but will.
 
     A table of the axis list's own lists over the same axes would correct again what a new
@@ -26,7 +27,8 @@ def leftovers(job: Job) -> Leftovers:
     Raises:
         JobError: If the job does not say whether it acts, or acted.
     """
-    left, grouped = Leftovers(), job.spec.grouped
+    grouped = job.spec.grouped
+    left: dict[tuple[int, str], list[Acting]] = {}
     for index, fit in enumerate(job.spec.fits):
         if not fit.kind.table:
             continue
@@ -40,50 +42,56 @@ def leftovers(job: Job) -> Leftovers:
             for source in fit.sources:
                 if name in job.spec.measurements[source].active:
                     continue
-                shaped = "position" in kind(name).follows
-                if not shaped and not _is_stated(job, source, before):
+                clear = before.machine is not None and _is_stated(job, source)
+                if not clear and "position" not in kind(name).follows:
                     continue
-                _refuse_unclear(job, source, fit, name, before)
-                if index in grouped:
-                    raise _unclear(
-                        job, source, fit, name, before,
-                        f'active = ["{name}"] with a measurement while it was on: fits of'
-                        f" a group do not take it off; or {kind(name).activation} 0",
-                    )  # fmt: skip
+                if not clear or index in grouped:
+                    raise _unclear(job, source, fit, name, before)
                 words = f"the {name} of {used[name].listing.source}"
-                left.add(index, source, Acting(job, fit.axis, name, before, words))
+                one = Acting(job, fit.axis, name, before, words)
+                left.setdefault((index, source), []).append(one)
     return left
 
 
-def hand_on(draft: AbstractDraft, left: Leftovers) -> None:
-    """Hand a fitted table on to the later ones of its axis that may correct the same.
+def hand_on(
+    draft: AbstractDraft,
+    later: Sequence[int],
+    left: dict[tuple[int, str], list["Acting"]],
+) -> None:
+    """Hand a fitted list on to the later tables of its axis that correct what it leaves.
 
-    Only to readings of other measurements: those of its own know of it already.
+    Those of the same measurements; and of other ones, in which it did not act, where both
+    may correct the same. What follows more than position and direction is not handed on.
+
+    Args:
+        draft: The fit.
+        later: Fits of no group that come after it.
+        left: What these find; it is added to.
     """
-    if not _is_coupled(draft.fit) or not draft.written:
+    job, name = draft.job, draft.compensation
+    if not draft.written or draft.kind.follows - {"position", "direction"}:
         return
-    job, grouped = draft.job, draft.job.spec.grouped
-    for index, fit in enumerate(job.spec.fits):
-        if index in grouped or fit.axis != draft.axis or not _is_coupled(fit):
+    for index in later:
+        fit = job.spec.fits[index]
+        if not fit.kind.table or fit.axis != draft.axis:
             continue
-        if fit.compensation == draft.compensation:
-            continue
+        coupled = _is_coupled(draft.fit) and _is_coupled(fit)
         for source in fit.sources:
-            active = job.spec.measurements[source].active
-            if source not in draft.fit.sources and draft.compensation not in active:
-                alone = _alone(draft)
-                words = f"the {draft.compensation} that this job fits first"
-                beside = Acting(job, draft.axis, draft.compensation, alone, words)
-                left.add(index, source, beside)
+            shared = source in draft.fit.sources
+            if shared or (coupled and name not in job.spec.measurements[source].active):
+                words = f"the {name} of an earlier fit of this job"
+                beside = Acting(job, draft.axis, name, _alone(draft), words, shared)
+                left.setdefault((index, source), []).append(beside)
 
 
 def _alone(draft: AbstractDraft) -> AxisLists:
     """Return what one fit adds, as if it were all that acts on its axis."""
     job, number = draft.job, draft.lists.axis
     with job.blaming(("fits", draft.index)):
-        entries = draft.entries()
+        entries, more = draft.entries(), draft.machine_entries(draft.cycles)
     listing = new_list({"kopf.achs_nr": number} | entries) if entries else None
-    return AxisLists(number, read_back(listing), None, job.reading)
+    machine = None if entries else to_add(number, more, of=draft.axis)
+    return AxisLists(number, read_back(listing), read_back(machine), job.reading)
 
 
 def _is_coupled(fit: FitSpec) -> bool:
@@ -101,6 +109,7 @@ class Acting:
         name: Of the compensation.
         loaded: The lists that hold it.
         words: Which it is.
+        shared: Whether it is fitted to the same readings.
     """
 
     job: Job
@@ -108,16 +117,19 @@ class Acting:
     name: str
     loaded: AxisLists
     words: str
+    shared: bool = False
 
     def at(self, rows: Rows) -> Float[np.ndarray, " t"]:
-        """Return what it adds to the readings of a measurement, in mm or °.
+        """Return what it adds to the readings of a measurement beyond what acted, in mm or °.
 
         Raises:
             JobError: If they do not hold what it looks at.
         """
         turns = "direction" in kind(self.name).follows
         motion = rows.standing(self.axis if turns else None)
-        added = self.loaded.parts(motion)
+        acted = [name for name in rows.spec.active if name == self.name]
+        before = self.job.lists[self.axis]
+        added = added_beyond(self.loaded, before, acted, motion)
         if self.name not in added:
             missing = [
                 f"{name}.position"
@@ -153,8 +165,7 @@ def _refuse_taken_over(job: Job, fit: FitSpec, before: AxisLists) -> None:
     """Raise where a table takes over what may have acted while it was measured."""
     for name in set(fit.switches_off) & before.used.keys():
         for source in fit.sources:
-            stated = "active" in job.spec.measurements[source].model_fields_set
-            if stated or not before.acts(name):
+            if _is_stated(job, source) or not before.acts(name):
                 continue
             raise job.error(
                 ("measurements", source),
@@ -165,40 +176,34 @@ def _refuse_taken_over(job: Job, fit: FitSpec, before: AxisLists) -> None:
             )
 
 
-def _is_stated(job: Job, source: str, before: AxisLists) -> bool:
-    """Return whether it is known what was on while measuring, and what will be."""
-    fields = job.spec.measurements[source].model_fields_set
-    return before.machine is not None and "active" in fields
-
-
-def _refuse_unclear(
-    job: Job, source: str, fit: FitSpec, name: str, before: AxisLists
-) -> None:
-    if before.machine is None:
-        raise job.error(
-            ("axes", fit.axis),
-            f"found no axis list (machine_data), while {before.used[name].listing.source}"
-            f" holds a {name} over the same axis as the {fit.compensation} fit, which was"
-            f" off while {source!r} was measured: where it acts, both correct the same"
-            f" error; expected machine_data = the axis list, whose {kind(name).activation}"
-            f' says whether it acts, or active = ["{name}"] in [measurements.{source}]'
-            " with a measurement while it was on",
-        )
-    if not _is_stated(job, source, before):
-        raise _unclear(
-            job, source, fit, name, before,
-            f'active = ["{name}"] if it was on, [] if it was off: the'
-            f" {fit.compensation} is then fitted to what it leaves",
-        )  # fmt: skip
+def _is_stated(job: Job, source: str) -> bool:
+    """Return whether the job says what was on while measuring."""
+    return "active" in job.spec.measurements[source].model_fields_set
 
 
 def _unclear(
-    job: Job, source: str, fit: FitSpec, name: str, before: AxisLists, expected: str
+    job: Job, source: str, fit: FitSpec, name: str, before: AxisLists
 ) -> Exception:
-    assert before.machine is not None  # it says that both act
+    """Return the error that the overlap is, with the keys that settle it."""
+    entry, on = kind(name).activation, f'active = ["{name}"]'
+    if before.machine is None:
+        expected = (
+            f"machine_data = the axis list, in [axes.{fit.axis}], whose {entry} says"
+            f" whether it acts, or {on} with a measurement while it was on"
+        )
+    elif not _is_stated(job, source):
+        expected = (
+            f"{on} if it was on, [] if it was off: the {fit.compensation} is then"
+            " fitted to what it leaves"
+        )
+    else:
+        expected = (
+            f"{on} with a measurement while it was on: fits of a group do not take it"
+            f" off; or {entry} 0"
+        )
     return job.error(
         ("measurements", source, "active"),
-        f"found no {name}, which {before.machine.source} switches on over the same axis as the"
-        f" {fit.compensation} fit of {fit.axis} ({kind(name).activation}): where it was off"
-        f" while measuring, both would correct the same error; expected {expected}",
+        f"found no {name}, which {before.used[name].listing.source} holds over the same"
+        f" axis as the {fit.compensation} fit of {fit.axis} ({entry}): where it acts and was"
+        f" off while measuring, both would correct the same error; expected {expected}",
     )

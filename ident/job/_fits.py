@@ -7,8 +7,7 @@ from ..core import FitError
 from ..kinds._keys import FitSpec
 from ..readings import Tables
 from ._acting import hand_on, leftovers
-from ._draft import AbstractDraft
-from ._fit_plan import AbstractPlan, plan_of
+from ._draft import AbstractDraft, AbstractPlan
 from .file._load import Job
 
 if TYPE_CHECKING:
@@ -41,44 +40,36 @@ def fit_all(
     _refuse_streams(job, grouped)
     drafts: dict[int, AbstractDraft] = {}
     found: list[IdentifiedGroup] = []
-    members = {
-        name: [plan_of(tables, k) for k in indices]
-        for name, indices in job.spec.groups.items()
-    }
-    single = {k: plan_of(tables, k) for k in range(len(fits)) if k not in grouped}
+    plans = [fit.kind.planner.plan(tables, k, fit) for k, fit in enumerate(fits)]
+    single = {k: plan for k, plan in enumerate(plans) if k not in grouped}
+    order = sorted(single, key=lambda k: not fits[k].kind.fitted_first)
     left = leftovers(job)
-    for name, every in members.items():
+    for name, indices in job.spec.groups.items():
         from .joint import fit_group  # takes long to load
 
+        every = [plans[k] for k in indices]
         say(f"fitting group {name!r} together: {', '.join(one.name for one in every)}")
         group, own = fit_group(tables, name, every)
         found.append(group)
         drafts |= own
         for one in own.values():
-            hand_on(one, left)
+            hand_on(one, order, left)
     undetermined: dict[int, FitError] = {}
-    alone = _confounded_alone(tables, single)
-    order = sorted(single, key=lambda k: not fits[k].kind.fitted_first)
+    untold = _confounded_alone(tables, single)
     for place, k in enumerate(order):
-        if k in alone and not fits[k].kind.partial:
-            drafts[k] = single[k].left_out(alone[k])
-            continue
-        say(f"fitting {fits[k].compensation} of {fits[k].axis}")
-        try:
-            with job.blaming(("fits", k), f"{_start(fits[k])}: "):
-                drafts[k] = one = single[k].alone(tables, left)
-        except FitError as error:
-            if k not in alone:
-                undetermined[k] = error
-            drafts[k] = single[k].left_out(alone.get(k, str(error)))
-            continue
-        if k in alone and one.written and not one.partial:
-            drafts[k] = single[k].left_out(alone[k])
-            continue
-        later = [fits[k].axis for k in order[place + 1 :]]
-        if one.written and one.axis in later:
-            left.take(one.left_by())
-            hand_on(one, left)
+        draft = None
+        if k not in untold or fits[k].kind.partial:
+            say(f"fitting {fits[k].compensation} of {fits[k].axis}")
+            try:
+                with job.blaming(("fits", k), f"{_start(fits[k])}: "):
+                    draft = single[k].alone(tables, left)
+            except FitError as error:
+                if k not in untold:
+                    undetermined[k], untold[k] = error, str(error)
+        if draft is None or (k in untold and draft.written and not draft.partial):
+            draft = single[k].left_out(untold[k])
+        drafts[k] = draft
+        hand_on(draft, order[place + 1 :], left)
     if len(undetermined) == len(fits):
         k = next(iter(undetermined))
         raise job.error(("fits", k), f"{_start(fits[k])}: {undetermined[k]}")

@@ -3,6 +3,7 @@
 Rules of the controller that it settles are kept in the file of the machine.
 """
 
+import contextlib
 import dataclasses
 import datetime
 import functools
@@ -24,6 +25,9 @@ from .result._job_result import JobResult
 from .result._result import AbstractResult, Remark
 from .result._second import MeasuredAgain
 from .write._lists import AxisFiles
+
+_CONVENTIONS = "conventions.toml"
+"""Name in the output folder, where the job names no file of its machine."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,16 +101,19 @@ def plan_second(
             )
             return None, (Remark.warning(words),)
         same = earlier is not None and earlier.get("inputs") == _hashes(after)
-        date = earlier["date"] if same and earlier else _today()
+        date = (
+            earlier["date"] if same and earlier else datetime.date.today().isoformat()
+        )
         return Second(after, name, date, lists), ()
     if earlier is None:
         return None, ()
     name, why = str(earlier["file"]), "the lists have changed since"
     if earlier["lists"] == lists:
-        same_job = _unchanged(job.file(name), earlier["inputs"])
-        if same_job is not None:
-            return Second(same_job, name, str(earlier["date"]), lists), ()
         why = "it has changed since, or is gone"
+        with contextlib.suppress(AxcompError, OSError):
+            after = load_job(job.file(name), needs_fits=False)
+            if _hashes(after) == earlier["inputs"]:
+                return Second(after, name, str(earlier["date"]), lists), ()
     words = (
         f"The second measurement of {earlier['date']} ({name}) no longer counts: {why}."
         " Measure again with the lists of this run, and give it with --after."
@@ -157,23 +164,32 @@ def measure_again(
             before, predicted = (figures[k].sound.rms for k in ("before", "predicted"))
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
         found.append(dataclasses.replace(fit, again=again))
-    settled, more = settled_by(found)
+    settled, more = _settled_by(found)
     if settled:
-        more += save_settled(job, root, settled)
+        more += _save_settled(job, root, settled)
     return dataclasses.replace(
         result,
-        fits=tuple(_with_figures(with_settled(one, settled)) for one in found),
+        fits=tuple(_finished(one, settled) for one in found),
         remarks=(*result.remarks, *remarks, *more),
         second=second.record,
     )
 
 
-def _with_figures(result: AbstractResult) -> AbstractResult:
-    """Return a result with the measured figures: as verified only where it is."""
-    if result.again is None or result.again.readings is None:
+def _finished(
+    result: AbstractResult, settled: Mapping[str, int | str]
+) -> AbstractResult:
+    """Return a result with settled rules and measured figures: as verified only where it is."""
+    rules = tuple(
+        dataclasses.replace(rule, state="verified")
+        if rule.name in settled and str(settled[rule.name]) == rule.value
+        else rule
+        for rule in result.conventions
+    )
+    result = dataclasses.replace(result, conventions=rules)
+    if result.measured is None:
         return result
     key = result.measured_as.replace(" ", "_")
-    error = {**result.error, key: result.again.readings.figures}
+    error = {**result.error, key: result.measured.figures}
     return dataclasses.replace(result, error=error)
 
 
@@ -235,15 +251,6 @@ def _earlier(root: Path) -> dict[str, Any] | None:
     return dict(found) if complete else None
 
 
-def _unchanged(path: Path, inputs: Mapping[str, str]) -> Job | None:
-    """Return the job of an earlier second measurement; None where it is another now."""
-    try:
-        after = load_job(path, needs_fits=False)
-        return after if _hashes(after) == inputs else None
-    except (AxcompError, OSError):
-        return None
-
-
 def _hashes(after: Job) -> dict[str, str]:
     """Return the hashes of a second job and of its measurements, by name."""
     lists = {
@@ -258,29 +265,20 @@ def _hashes(after: Job) -> dict[str, str]:
     return after.hashes(without=lists)
 
 
-def _today() -> str:
-    return datetime.date.today().isoformat()
-
-
-CONVENTIONS = "conventions.toml"
-"""Name in the output folder, where the job names no file of its machine."""
-
-
-def settled_by(
+def _settled_by(
     results: Sequence[AbstractResult],
 ) -> tuple[dict[str, int | str], list[Remark]]:
     """Return the rules of the controller that the diagnoses settle."""
     votes: dict[str, set[int | str]] = {}
     for one in results:
         again = one.again
-        found = None if again is None else again.diagnosis
         if again is None:
             continue
+        found = again.diagnosis
         sign = 1 if again.shown else 0 if found is None else found.sign
-        if sign == 0:
-            continue
         # Scatter of the runs may look like a fault: the error must go the same way.
-        if again.rms is not None and (again.rms - again.before) * sign > 0:
+        worse = again.rms is not None and (again.rms - again.before) * sign > 0
+        if sign == 0 or worse:
             continue
         for rule in one.conventions:
             if rule.decides == "sign":
@@ -298,14 +296,14 @@ def settled_by(
     return {n: next(iter(v)) for n, v in votes.items() if len(v) == 1}, remarks
 
 
-def save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[Remark]:
+def _save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[Remark]:
     """Save settled rules in the machine's file; what contradicts it is taken out.
 
     A rule that was settled otherwise before stays: a log of the controller needs no
     instrument, and one that counts the other way round looks like a flipped sign.
     """
     named = job.spec.machine.conventions
-    path = root / CONVENTIONS if named is None else job.file(named)
+    path = root / _CONVENTIONS if named is None else job.file(named)
     stored = StoredConventions()
     if path.is_file():
         stored = read_conventions(path, job.spec.machine.id)
@@ -324,7 +322,7 @@ def save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[Re
         merged = stored.with_verified(
             settled,
             machine=job.spec.machine.id,
-            saved_at=_today(),
+            saved_at=datetime.date.today().isoformat(),
         )
         write_atomically(path, merged.dumps())
     words = ", ".join(f"{name} = {value}" for name, value in settled.items())
@@ -333,15 +331,3 @@ def save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[Re
         hint = "" if named else f' Name it in the job: [machine] conventions = "{own}".'
         remarks.append(Remark.info(f"Settled and saved in {path}: {words}.{hint}"))
     return remarks
-
-
-def with_settled(
-    result: AbstractResult, settled: Mapping[str, int | str]
-) -> AbstractResult:
-    rules = tuple(
-        dataclasses.replace(rule, state="verified")
-        if rule.name in settled and str(settled[rule.name]) == rule.value
-        else rule
-        for rule in result.conventions
-    )
-    return dataclasses.replace(result, conventions=rules)

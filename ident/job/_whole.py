@@ -41,25 +41,11 @@ def judge_whole(
         tables: Files of the job.
         files: The axes with their drafts, gates and lists.
     """
-    job, found = tables.job, []
+    job, found = tables.job, list[WholeAxis]()
     for own in files:
         acting = tuple(d for d in own.drafts if d.written and d.jump > 0)
-        if not acting:
-            continue
-        axis = _Axis(tables, own, acting)
-        loaded = None
-        try:
-            if len(acting) > 1 or axis.has_others():
-                loaded = own.after
-            names = axis.compensations(loaded)
-            if loaded is not None and len(names) > 1:
-                whole = axis.together(loaded, names)
-            else:
-                whole = axis.alone(next(d for d in acting if d.compensation in names))
-        except ExchangeError as error:
-            whole = axis.unread(error)
-        steps = {d.compensation: _step(d, own.gates[d.index]) for d in acting}
-        found.append(dataclasses.replace(whole, switching=steps))
+        if acting:
+            found.append(_Axis(tables, own, acting).judged())
     stopped = {own.axis for own in files if own.failed}
     stopped |= {one.axis for one in found if one.failed}
     by_axis = {one.axis: _with_partner(job, one, files, stopped) for one in found}
@@ -67,12 +53,6 @@ def judge_whole(
         one.judged(by_axis[one.axis]) if one.axis in by_axis else one for one in files
     )
     return judged, tuple(by_axis.values())
-
-
-def _step(draft: AbstractDraft, gate: Sequence[GateCheck]) -> float:
-    """Return the largest step in one cycle: all of it where nothing spreads it."""
-    spread = [check.value for check in gate if check.name == "max_switching"]
-    return max(spread, default=draft.jump)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,38 +75,31 @@ class _Axis:
     def unit(self) -> str:
         return self.job.spec.axes[self.name].unit
 
-    def has_others(self) -> bool:
-        """Return whether its existing lists hold more than what the fits write.
-
-        Raises:
-            ExchangeError: If an entry that decides it is unreadable.
-        """
-        fitted = {draft.compensation for draft in self.drafts}
-        return bool(self.files.existing.used.keys() - fitted)
-
-    def compensations(self, loaded: AxisLists | None) -> tuple[str, ...]:
-        """Return what acts on the axis; tables of zeros do not.
-
-        Raises:
-            ExchangeError: If an entry that decides it is unreadable.
-        """
+    def judged(self) -> WholeAxis:
+        """Return all that acts on the axis, judged together."""
         fitted = tuple(draft.compensation for draft in self.drafts)
-        if loaded is None:
-            return fitted
-        return tuple(
-            name for name in loaded.used if name in fitted or loaded.acts(name)
-        )
-
-    def alone(self, draft: AbstractDraft) -> WholeAxis:
-        """Return an axis on which one fit acts alone: its gate is that of the axis."""
-        jump = draft.jump
+        try:
+            names = fitted
+            if len(fitted) > 1 or self.files.existing.used.keys() - set(fitted):
+                loaded = self.files.after
+                # Tables of zeros do not act.
+                names = tuple(n for n in loaded.used if n in fitted or loaded.acts(n))
+                if len(names) > 1:
+                    return self._together(loaded, names)
+        except ExchangeError as error:
+            words = (
+                f"What acts on {self.name} cannot be judged as a whole: {error}. Mend that"
+                " entry, or switch its compensation off in the axis list (machine_data)."
+            )
+            return self._whole(fitted, (), {}, (), [Remark.error(words)])
+        # One fit alone: its gate is that of the axis.
+        draft = next(d for d in self.drafts if d.compensation in names)
         where = f"{draft.compensation}, in all, where it comes or goes"
-        check = self.job.limits.check("max_jump", jump, self.unit, where)
-        names = (draft.compensation,)
+        check = self.job.limits.check("max_jump", draft.jump, self.unit, where)
         values = {each.name: each.value for each in self.files.gates[draft.index]}
-        return self._whole(names, (check,), values, (), [])
+        return self._whole((draft.compensation,), (check,), values, (), [])
 
-    def together(self, loaded: AxisLists, names: tuple[str, ...]) -> WholeAxis:
+    def _together(self, loaded: AxisLists, names: tuple[str, ...]) -> WholeAxis:
         """Return an axis on which several compensations act.
 
         Raises:
@@ -164,15 +137,6 @@ class _Axis:
             )
             found.append(Remark.warning(words))
         return found
-
-    def unread(self, error: ExchangeError) -> WholeAxis:
-        """Return an axis of which a list cannot be read."""
-        words = (
-            f"What acts on {self.name} cannot be judged as a whole: {error}. Mend that"
-            " entry, or switch its compensation off in the axis list (machine_data)."
-        )
-        names = tuple(draft.compensation for draft in self.drafts)
-        return self._whole(names, (), {}, (), [Remark.error(words)])
 
     def _whole(
         self,
@@ -212,6 +176,18 @@ class _Axis:
             },
             gate=checks,
             remarks=tuple(dict.fromkeys(remarks)),
+            # All of a jump in one cycle, where nothing spreads it.
+            switching={
+                d.compensation: max(
+                    [
+                        check.value
+                        for check in self.files.gates[d.index]
+                        if check.name == "max_switching"
+                    ],
+                    default=d.jump,
+                )
+                for d in self.drafts
+            },
         )
 
     def _travel(self) -> Travel:
@@ -231,25 +207,21 @@ class _Axis:
                     float(place.min(initial=low)),
                     float(place.max(initial=high)),
                 )
+        # How warm the sensors get that temperature laws follow.
+        warmth: dict[str, tuple[float, float]] = {}
+        for draft in self.drafts:
+            line = draft.line(self.files.existing.machine)
+            if line is not None and isinstance(line.offset_0, TemperatureCurve):
+                ends = np.asarray(line.offset_0.nodes.positions)[[0, -1]]
+                warmth |= dict.fromkeys(draft.sensors, (float(ends[0]), float(ends[1])))
         return Travel(
             names={axis.number: name for name, axis in axes.items()},
             spans=reached | spans,
             closed=frozenset(spans),
-            warmth=warm_states(self._warmth()),
+            warmth=warm_states(warmth),
             unit="mm" if self.unit == "mm" else "deg",
             cycle_time=self.job.spec.controller.cycle_time,
         )
-
-    def _warmth(self) -> dict[str, tuple[float, float]]:
-        """Return how warm the sensors get that temperature laws follow."""
-        found: dict[str, tuple[float, float]] = {}
-        for draft in self.drafts:
-            line = draft.line(self.files.existing.machine)
-            if line is None or not isinstance(line.offset_0, TemperatureCurve):
-                continue
-            ends = np.asarray(line.offset_0.nodes.positions)[[0, -1]]
-            found |= dict.fromkeys(draft.sensors, (float(ends[0]), float(ends[1])))
-        return found
 
     def _readings(
         self, loaded: AxisLists, names: tuple[str, ...], remarks: list[Remark]
@@ -298,19 +270,17 @@ class _Axis:
     @functools.cached_property
     def _measured(self) -> list[tuple[AbstractDraft, str, _Read | str]]:
         """Every measurement of each fit, or why it is not known."""
-        return [
-            (draft, source, self._read(draft, source))
-            for draft in self.drafts
-            for source in draft.fit.sources
-        ]
-
-    def _read(self, draft: AbstractDraft, source: str) -> _Read | str:
-        if not draft.in_memory:
-            return "it is read in pieces"
-        try:
-            return read_error(self.tables, source, self.name)
-        except MeasurementError as error:
-            return str(error)
+        found: list[tuple[AbstractDraft, str, _Read | str]] = []
+        for draft in self.drafts:
+            for source in draft.fit.sources:
+                reading: _Read | str = "it is read in pieces"
+                if draft.in_memory:
+                    try:
+                        reading = read_error(self.tables, source, self.name)
+                    except MeasurementError as error:
+                        reading = str(error)
+                found.append((draft, source, reading))
+        return found
 
     def _doubled(self, one: Together, names: tuple[str, ...]) -> Remark:
         others = [name for name in names if name != one.compensation]

@@ -32,7 +32,7 @@ from ._kind import Kind
 
 if TYPE_CHECKING:
     from ..exchange._table import AbstractTable
-    from ..job._fit_plan import AbstractPlan
+    from ..job._draft import AbstractPlan
     from ..readings import Tables
     from ..report._body import Body
     from ..report._scale import Scale

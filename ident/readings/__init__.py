@@ -4,8 +4,8 @@ To be read in this order: `_tables` (each file once, its columns in mm, °, s an
 with `_clocks` (several files on one clock), `_rows` (one measurement, a column at a time: motion,
 modulo, absurd values, reference temperature, with `_zero` of the instrument), `_readings`
 (one measurement as a fit takes it; several one after the other; repeated runs). On top of them
-stand `_outside` (errors of all axes, for `doctor` and the whole axis) and `_observe` (all there
-is, for `discover`).
+stands `_observe` (all there is, for `discover`; errors of all axes, for `doctor` and the whole
+axis).
 """
 
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from .._lazy import importer
 from ._clocks import ClockState as ClockState
 from ._readings import (
     Readings as Readings,
-    Wanted as Wanted,
+    Way as Way,
     cycles_of as cycles_of,
     joined as joined,
     joined_runs as joined_runs,
@@ -25,17 +25,15 @@ from ._readings import (
     rows_of as rows_of,
     runs_overlap as runs_overlap,
     visits_overlap as visits_overlap,
-    wanted_by as wanted_by,
+    way_wanted as way_wanted,
 )
 from ._rows import (
-    PLACES as PLACES,
     POSITION_ORDER as POSITION_ORDER,
     Rows as Rows,
-    first_motion as first_motion,
     reference_words as reference_words,
     sensor_name as sensor_name,
 )
-from ._tables import Tables as Tables, measured_from as measured_from
+from ._tables import Tables as Tables
 from ._zero import (
     Zero as Zero,
     step_of as step_of,
@@ -44,9 +42,10 @@ from ._zero import (
 )
 
 if TYPE_CHECKING:
-    from ._observe import Observation as Observation, observe as observe
-    from ._outside import (
+    from ._observe import (
+        Observation as Observation,
         errors_in as errors_in,
+        observe as observe,
         read_error as read_error,
         read_outside as read_outside,
     )

@@ -1,4 +1,7 @@
-"""All that the measurements of a job hold, of every axis and for no fit in particular."""
+"""All that the measurements of a job hold, of every axis and for no fit in particular.
+
+For `discover` every column, for `doctor` and the whole axis the errors that an instrument saw.
+"""
 
 import dataclasses
 from collections.abc import Iterator
@@ -7,12 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ...data.measurements import MeasurementError, is_log
-from ..discover import Observed, stack
-from ._rows import PLACES, POSITION_ORDER, Rows, first_motion, has_error
+from ...data.measurements import MeasurementError, derive_error, is_log
+from ..proof import Measured
+from ._rows import PLACES, POSITION_ORDER, Rows, has_error
 from ._tables import Tables
 
 if TYPE_CHECKING:
+    from ..discover import Observed
+    from ..exchange import Motion
     from ..job.file._load import Job
 
 _FAR = 3.0
@@ -31,7 +36,7 @@ class Observation:
             whose zero is arbitrary shows them.
     """
 
-    data: Observed
+    data: "Observed"
     names: tuple[str, ...]
     remarks: tuple[str, ...]
     unzeroed: frozenset[str] = frozenset()
@@ -44,45 +49,47 @@ def observe(job: "Job") -> Observation:
         MeasurementError: If a file holds nothing usable.
         JobError: If a measurement does not suit.
     """
-    tables, names = Tables(job), tuple(job.spec.measurements)
+    from ..discover import Observed, stack  # takes long to load
+
+    tables, axes, names = Tables(job), job.spec.axes, tuple(job.spec.measurements)
     parts: list[Observed] = []
     remarks: list[str] = []
     unzeroed: set[str] = set()
     for name in names:
         measured = tables.measured(name)
-        asked = [axis for axis in job.spec.axes if has_error(measured, axis)]
+        asked = [axis for axis in axes if has_error(measured, axis)]
         rows = Rows(job, name, measured, asked, gaps=True)
-        parts.append(_observed(rows, asked))
+        run, none = rows.run, np.zeros(len(rows), dtype=np.int64)
+        position = rows.positions(PLACES)
+        currents = {axis: rows.current(axis) for axis in axes}
+        ways = {axis: rows.way(axis) for axis in position}
+        parts.append(
+            Observed(
+                time=rows.time,
+                run=none if run is None else run,
+                source=none,
+                position=position,
+                error={axis: rows.error(axis, position) for axis in asked},
+                direction={axis: one for axis, one in ways.items() if one is not None},
+                velocity=dict(_motions(rows, "velocity")),
+                acceleration=dict(_motions(rows, "acceleration")),
+                temperature={name: rows.temperature(name) for name in rows.sensors},
+                current={axis: c for axis, c in currents.items() if c is not None},
+                rotary=frozenset(
+                    k for k, axis in axes.items() if axis.kind != "linear"
+                ),
+                modulo={
+                    key: (axis.modulo[0], axis.modulo[1])
+                    for key, axis in axes.items()
+                    if axis.modulo is not None
+                },
+            )
+        )
         remarks += rows.remarks
         if rows.moving and any(map(_is_far, parts[-1].error.values())):
             unzeroed.add(name)
     return Observation(
         stack(parts), names, tuple(dict.fromkeys(remarks)), frozenset(unzeroed)
-    )
-
-
-def _observed(rows: Rows, asked: list[str]) -> Observed:
-    """Return the columns of a measurement."""
-    axes, run, none = rows.job.spec.axes, rows.run, np.zeros(len(rows), dtype=np.int64)
-    position = rows.positions(PLACES)
-    currents = {axis: rows.current(axis) for axis in axes}
-    return Observed(
-        time=rows.time,
-        run=none if run is None else run,
-        source=none,
-        position=position,
-        error={axis: rows.error(axis, position) for axis in asked},
-        direction=dict(_directions(rows, position)),
-        velocity=dict(_motions(rows, "velocity")),
-        acceleration=dict(_motions(rows, "acceleration")),
-        temperature={sensor: rows.temperature(sensor) for sensor in rows.sensors},
-        current={axis: one for axis, one in currents.items() if one is not None},
-        rotary=frozenset(name for name, axis in axes.items() if axis.kind != "linear"),
-        modulo={
-            name: (axis.modulo[0], axis.modulo[1])
-            for name, axis in axes.items()
-            if axis.modulo is not None
-        },
     )
 
 
@@ -94,18 +101,6 @@ def _is_far(error: Float[np.ndarray, " t"]) -> bool:
     return bool(abs(middle) > _FAR * 0.5 * (high - low))
 
 
-def _directions(
-    rows: Rows, position: dict[str, Float[np.ndarray, " t"]]
-) -> Iterator[tuple[str, Float[np.ndarray, " t"]]]:
-    for axis, place in position.items():
-        way = rows.direction(axis)
-        if way is not None:
-            known = way.astype(float)
-            if is_log(rows.measured, axis):
-                known[: first_motion(place)] = np.nan
-            yield axis, known
-
-
 def _motions(rows: Rows, what: str) -> Iterator[tuple[str, Float[np.ndarray, " t"]]]:
     """Yield velocities or accelerations, as recorded or else derived from logs."""
     for axis in rows.job.spec.axes:
@@ -114,3 +109,59 @@ def _motions(rows: Rows, what: str) -> Iterator[tuple[str, Float[np.ndarray, " t
                 yield axis, rows.motion(axis, what, POSITION_ORDER["actual"])
             except MeasurementError as error:
                 rows.remarks.append(f"No {what} of {axis}: {error}")
+
+
+def read_outside(job: "Job") -> tuple[Measured, ...]:
+    """Return the errors of every axis that the measurements of a job hold.
+
+    Measurements without any error, such as the current of a drive, are left out.
+
+    Raises:
+        MeasurementError: If a file holds nothing usable, or none an error of any axis.
+        JobError: If a measurement does not suit.
+    """
+    tables = Tables(job)
+    found = tuple(
+        read_error(tables, name, axis)[0]
+        for name, axes in errors_in(tables).items()
+        for axis in axes
+    )
+    if not found:
+        name, spec = next(iter(job.spec.measurements.items()))
+        first = spec.axis or next(iter(job.spec.axes))
+        derive_error(tables.measured(name), first)  # raises: what is missing
+    return found
+
+
+def errors_in(tables: Tables) -> dict[str, tuple[str, ...]]:
+    """Return the axes whose error each measurement of a job holds, by its name.
+
+    Raises:
+        MeasurementError: If a file holds nothing usable.
+    """
+    spec = tables.job.spec
+    measured = {name: tables.measured(name) for name in spec.measurements}
+    return {
+        name: tuple(axis for axis in spec.axes if has_error(one, axis))
+        for name, one in measured.items()
+    }
+
+
+def read_error(tables: Tables, name: str, axis: str) -> "tuple[Measured, Motion]":
+    """Return the error of one axis in one measurement, and where all axes were.
+
+    Raises:
+        MeasurementError: If the file holds nothing usable, or no error of the axis.
+        JobError: If the measurement does not suit.
+    """
+    rows = Rows(tables.job, name, tables.measured(name), [axis])
+    places, axes = rows.positions(), rows.job.spec.axes
+    measured = Measured(
+        axis=axes[axis].number,
+        positions={axes[key].number: place for key, place in places.items()},
+        error=rows.error(axis, places),
+        direction=rows.direction(axis),
+        active=frozenset(rows.spec.active),
+        line=rows.spec.remove == "line",
+    )
+    return measured, rows.standing(axis)

@@ -130,26 +130,15 @@ def visits_overlap(
     return bool(np.all(common >= _COMMON * total))
 
 
-@dataclasses.dataclass(frozen=True)
-class Wanted:
-    """What a fit takes from its measurements.
-
-    Attributes:
-        masters: Axes whose positions it needs, master 1 first.
-        direction: ``needed``, ``welcome`` or ``no``.
-        lengths: The error is one of length along the axis itself, so that it grows with
-            the temperature of the scale.
-    """
-
-    masters: tuple[str, ...]
-    direction: Literal["needed", "welcome", "no"]
-    lengths: bool
+Way = Literal["needed", "welcome", "no"]
+"""What a fit makes of the direction of motion."""
 
 
-def wanted_by(fit: TableSpec, table: "AbstractTable") -> Wanted:
-    """Return what a table fit takes from its measurements."""
-    way: Literal["needed", "welcome", "no"] = "welcome" if fit.lengths else "no"
-    return Wanted(fit.over, "needed" if table.branches == 2 else way, fit.lengths)
+def way_wanted(fit: TableSpec, table: "AbstractTable") -> Way:
+    """Return what a table makes of the direction of motion."""
+    if table.branches == 2:
+        return "needed"
+    return "welcome" if fit.lengths else "no"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -188,22 +177,31 @@ class Readings:
 
 
 def read_rows(
-    job: "Job", name: str, measured: Measurement, fit: FitSpec, wanted: Wanted
+    job: "Job", name: str, measured: Measurement, fit: FitSpec, way: Way, lengths: bool
 ) -> Readings:
     """Return readings of one measurement, each as its own row tells: nothing is removed yet.
+
+    Args:
+        job: The job.
+        name: Of the measurement.
+        measured: All of it, or some rows.
+        fit: What is fitted, over its masters.
+        way: What it makes of the direction of motion.
+        lengths: The error is one of length along the axis itself, so that it grows with
+            the temperature of the scale.
 
     Raises:
         MeasurementError: If a role is missing or a value cannot be used.
     """
     rows = Rows(job, name, measured, [fit.axis])
     why = f"for the {fit.compensation} fit of {fit.axis}"
-    positions = np.stack([rows.position(axis, why) for axis in wanted.masters], axis=1)
+    positions = np.stack([rows.position(axis, why) for axis in fit.over], axis=1)
     error = rows.raw_error(fit.axis)
-    if wanted.lengths:
+    if lengths:
         error = rows.at_reference(fit.axis, error, positions[:, 0])
     direction, time = None, rows.time
-    if wanted.direction != "no":
-        direction = rows.direction(fit.axis, needed=wanted.direction == "needed")
+    if way != "no":
+        direction = rows.direction(fit.axis, needed=way == "needed")
     return Readings(
         positions=positions,
         error=error,
@@ -218,23 +216,23 @@ def read_rows(
     )
 
 
-def read_joined(tables: Tables, fit: FitSpec, wanted: Wanted) -> Readings:
+def read_joined(tables: Tables, fit: FitSpec, way: Way, lengths: bool) -> Readings:
     """Return the readings of a fit, all its measurements joined, reduced as the job asks.
+
+    Arguments as `read_rows`.
 
     Raises:
         MeasurementError: If a role is missing or a value cannot be used.
     """
     parts, errors, remarks = list[Readings](), list[np.ndarray](), list[str]()
     for name in fit.sources:
-        measured = tables.measured(name, fit.axis, wanted.masters)
-        part = read_rows(tables.job, name, measured, fit, wanted)
+        measured = tables.measured(name, fit.axis, fit.over)
+        part = read_rows(tables.job, name, measured, fit, way, lengths)
         spec, change = part.rows[name].spec, part.rows[name].change
         parts.append(part)
         errors.append(without_zero(part.error, [*part.positions.T], spec.remove))
         remarks += part.remarks
-        remarks += reference_words(
-            name, spec, fit.axis, wanted.lengths, change.get(fit.axis)
-        )
+        remarks += reference_words(name, spec, fit.axis, lengths, change.get(fit.axis))
     counts = [len(error) for error in errors]
     direction, time = (
         joined([part.direction for part in parts]),

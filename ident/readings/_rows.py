@@ -15,6 +15,7 @@ from ...data.measurements import (
     derive_error,
     derive_motion,
     explain_direction,
+    is_log,
     reduce_length,
     with_error,
     without_motion,
@@ -286,6 +287,23 @@ class Rows:
             self.remarks += found.remarks
         return found.values
 
+    def way(self, axis: str, *, needed: bool = False) -> Float[np.ndarray, " t"] | None:
+        """Return `direction`, NaN until an axis of a log has left where it stood.
+
+        Whence it came before that nobody recorded.
+        """
+        found = self.direction(axis, needed=needed)
+        if found is None:
+            return None
+        way = found.astype(float)
+        if is_log(self.measured, axis):
+            place = self.position(axis, kinds=PLACES)
+            known = np.flatnonzero(np.isfinite(place))
+            gone = np.abs(place[known] - place[known[:1]])
+            far = known[gone > _LEFT * gone.max(initial=0.0)]
+            way[: far[0] if far.size else len(way)] = np.nan
+        return way
+
     def motion(
         self, axis: str, what: str, kinds: tuple[str, ...] | None = None
     ) -> Float[np.ndarray, " t"]:
@@ -348,19 +366,6 @@ class Rows:
                 " or °: these readings are left out."
             )
         return values
-
-
-def first_motion(place: Float[np.ndarray, " t"]) -> int:
-    """Return the row with which an axis has left the place where it stood.
-
-    Whence it came before that nobody recorded.
-    """
-    known = np.flatnonzero(np.isfinite(place))
-    if not known.size:
-        return len(place)
-    gone = np.abs(place[known] - place[known[0]])
-    far = np.flatnonzero(gone > _LEFT * float(gone.max()))
-    return int(known[far[0]]) if far.size else len(place)
 
 
 def reference_words(

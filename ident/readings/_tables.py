@@ -103,7 +103,11 @@ class Tables:
         return table
 
     def measured(
-        self, name: str, axis: str | None = None, masters: Sequence[str] = ()
+        self,
+        name: str,
+        axis: str | None = None,
+        masters: Sequence[str] = (),
+        rows: tuple[Table, Mapping[str, ColumnSpec]] | None = None,
     ) -> Measurement:
         """Return a measurement with its roles, in the units of the library.
 
@@ -112,41 +116,24 @@ class Tables:
             axis: Axis of columns that name none, where the job does not say it; left out:
                 the only axis of the job, if it has no other.
             masters: Axes that x and y of a mesh stand for.
+            rows: Some rows of a log and the column of each role; left out: all there is.
 
         Raises:
             MeasurementError: If a column is missing or a value cannot be used.
         """
         axes = self.job.spec.axes
         axis = axis or (next(iter(axes)) if len(axes) == 1 else None)
-        return measured_from(
-            self.job, name, self.table(name), self.columns(name), axis, masters
+        table, columns = rows or (self.table(name), self.columns(name))
+        return measurement(
+            table,
+            columns,
+            axis=self.job.spec.measurements[name].axis or axis,
+            masters=masters,
+            increments={
+                key: each.increment
+                for key, each in axes.items()
+                if each.increment is not None
+            },
+            rotary=[key for key, each in axes.items() if each.kind != "linear"],
+            name=name,
         )
-
-
-def measured_from(
-    job: "Job",
-    name: str,
-    table: Table,
-    columns: Mapping[str, ColumnSpec],
-    axis: str | None,
-    masters: Sequence[str],
-) -> Measurement:
-    """Return what a table holds of a measurement: all of its rows, or some of them.
-
-    Raises:
-        MeasurementError: If a column is missing or a value cannot be used.
-    """
-    axes = job.spec.axes
-    return measurement(
-        table,
-        columns,
-        axis=job.spec.measurements[name].axis or axis,
-        masters=masters,
-        increments={
-            key: each.increment
-            for key, each in axes.items()
-            if each.increment is not None
-        },
-        rotary=[key for key, each in axes.items() if each.kind != "linear"],
-        name=name,
-    )

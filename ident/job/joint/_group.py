@@ -26,8 +26,7 @@ from ...fit.joint import (
 )
 from ...kinds._keys import FitSpec
 from ...readings import Tables
-from .._draft import AbstractDraft
-from .._fit_plan import AbstractPlan
+from .._draft import AbstractDraft, AbstractPlan
 from ..file._load import Job
 from ._recording import GroupRecording, read_group
 from ._share import Share
@@ -112,13 +111,10 @@ def fit_group(
         MeasurementError: If a role is missing or a value cannot be used.
         JobError: If the readings cannot carry the fit, or a result fits no list.
     """
-    recording = read_group(tables, every)
-    unfit = {}
+    recording, unfit = read_group(tables, every), dict[int, str]()
     for one in every:
         why = one.unfit(recording) or one.confused(every, recording)
-        if len(every) == 1:
-            why = why or one.undetermined(recording.data)
-        if why:
+        if why or (len(every) == 1 and (why := one.undetermined(recording.data))):
             unfit[one.index] = why
     members = tuple(one for one in every if one.index not in unfit)
     try:
@@ -127,58 +123,63 @@ def fit_group(
                 "; ".join(f"{one.name}: {unfit[one.index]}" for one in every)
             )
         helpers = [*_helpers(members, recording)]
-        fit = _fit(members, recording, [*_effects(members, recording), *helpers])
+        effects = _effects(members, recording, helpers)
+        fit = _fit(members, recording, [*effects, *helpers])
     except FitError as error:
         words = f"group {name!r} from {', '.join(every[0].fit.sources)}: {error}"
         raise every[0].refusal(words) from None
     left = held_out_errors(fit, recording.data, recording.fold, runs=recording.drifting)
     found = IdentifiedGroup(name, members, recording, fit, left)
-    drafts: dict[int, AbstractDraft] = {
-        one.index: _draft(one, Share(found, k)) for k, one in enumerate(members)
+    drafts = {
+        one.index: one.left_out(unfit[one.index]) for one in every if one.index in unfit
     }
-    for one in every:
-        if one.index in unfit:
-            drafts[one.index] = one.left_out(unfit[one.index])
+    for k, one in enumerate(members):
+        share = Share(found, k)
+        if not found.written[k]:
+            drafts[one.index] = one.left_out("", share)
+            continue
+        try:
+            with one.job.blaming(("fits", one.index), f"{one.name}: "):
+                drafts[one.index] = one.draft(share)
+        except FitError as error:
+            drafts[one.index] = one.left_out(str(error), share)
     return found, drafts
 
 
-def _draft(one: AbstractPlan, share: Share) -> AbstractDraft:
-    if not share.group.written[share.number]:
-        return one.left_out("", share)
-    try:
-        with one.job.blaming(("fits", one.index), f"{one.name}: "):
-            return one.draft(share)
-    except FitError as error:
-        return one.left_out(str(error), share)
-
-
 def _effects(
-    members: Sequence[AbstractPlan], recording: GroupRecording
+    members: Sequence[AbstractPlan],
+    recording: GroupRecording,
+    helpers: Sequence[AbstractEffect],
 ) -> list[AbstractEffect]:
     """Return the effect of each member; some show their form behind the others."""
     found = [one.effect(recording, None) for one in members]
-    if all(effect is not None for effect in found):
-        return [effect for effect in found if effect is not None]
-    known = [effect for effect in found if effect is not None]
-    known += _helpers(members, recording)
     errors = {one.axis: recording.data.error[one.axis] for one in members}
-    left = dict(errors)
-    if known:
+    known = [*(effect for effect in found if effect is not None), *helpers]
+    if None in found and known:
         first = _fit(members, recording, known)
         fitted = first.predict(recording.data)
-        left |= {axis: errors[axis] - fitted[axis] for axis in first.axes}
-    result = []
-    for one, effect in zip(members, found, strict=True):
-        chosen = effect
-        if chosen is None:
-            try:
-                chosen = one.effect(recording, left[one.axis])
-            except FitError as error:
-                msg = f"{one.name}: {error}"
-                raise FitError(msg) from None
-        assert chosen is not None  # what the others leave is known now
-        result.append(chosen)
-    return result
+        errors |= {axis: errors[axis] - fitted[axis] for axis in first.axes}
+    return [
+        effect or _effect(one, recording, errors[one.axis])
+        for one, effect in zip(members, found, strict=True)
+    ]
+
+
+def _effect(
+    one: AbstractPlan, recording: GroupRecording, left: Float[np.ndarray, " t"]
+) -> AbstractEffect:
+    """Return the effect of a member that shows its form in what the others leave.
+
+    Raises:
+        FitError: If it does not, naming the member.
+    """
+    try:
+        found = one.effect(recording, left)
+    except FitError as error:
+        msg = f"{one.name}: {error}"
+        raise FitError(msg) from None
+    assert found is not None  # what the others leave is known now
+    return found
 
 
 def _helpers(
@@ -228,37 +229,23 @@ def confounded(tables: Tables, plans: Mapping[int, AbstractPlan]) -> dict[int, s
         tables: Measurements of the job.
         plans: Fits of no group, by index.
     """
+    known: dict[tuple[str, tuple[str, ...]], list[AbstractPlan]] = {}
+    for one in plans.values():
+        if not one.kind.adds_current:  # friction has its own
+            sources = tuple(sorted(one.fit.sources))
+            known.setdefault((one.axis, sources), []).append(one)
     found: dict[int, str] = {}
-    for own in _together(tables, [*plans]):
+    for members in known.values():
+        # A table alone on a log that is read in pieces stays aside: whatever shares the
+        # log has it read into memory.
         try:
-            members = [plans[k] for k in own]
-            recording = read_group(tables, members)
-            for one, sentence in _confused(members, recording):
-                found.setdefault(one.index, sentence)
+            if len(members) > 1 or not (
+                members[0].kind.table and _is_large(tables, members[0].fit)
+            ):
+                found |= _confused(members, read_group(tables, members))
         except AxcompError:
             continue  # What is wrong each fit says in its own words.
     return found
-
-
-def _together(tables: Tables, indices: Sequence[int]) -> list[list[int]]:
-    """Return fits of one axis and the same measurements; friction has its own.
-
-    A table alone on a log that is read in pieces stays aside: whatever shares the log has it
-    read into memory.
-    """
-    known: dict[tuple[str, tuple[str, ...]], list[int]] = {}
-    fits = tables.job.spec.fits
-    for k in indices:
-        fit = fits[k]
-        if not fit.kind.adds_current:
-            known.setdefault((fit.axis, tuple(sorted(fit.sources))), []).append(k)
-    return [
-        own
-        for own in known.values()
-        if len(own) > 1
-        or not fits[own[0]].kind.table
-        or not _is_large(tables, fits[own[0]])
-    ]
 
 
 def _is_large(tables: Tables, fit: FitSpec) -> bool:
@@ -271,36 +258,28 @@ def _is_large(tables: Tables, fit: FitSpec) -> bool:
 
 def _confused(
     members: Sequence[AbstractPlan], recording: GroupRecording
-) -> list[tuple[AbstractPlan, str]]:
-    found = []
-    data = few(recording.data)
+) -> dict[int, str]:
+    """Return which members these readings do not tell from another, or at all, and why."""
+    data, found = few(recording.data), dict[int, str]()
     for one in members:
         why = one.undetermined(data) or one.confused(members, recording)
         if why:
-            found.append((one, why))
+            found[one.index] = why
     if len(members) < 2 or found:
         return found
-    pairs = [(one, _effect(one, recording)) for one in members]
-    effects = [at_once(effect) for _, effect in pairs if effect is not None]
+    error, effects = recording.data.error, dict[int, AbstractEffect]()
+    for one in members:
+        # One whose form is open has that of a fit to the whole error.
+        effect = one.effect(recording, None) or one.effect(recording, error[one.axis])
+        if effect is not None:
+            effects[one.index] = at_once(effect)
     if len(effects) < 2:
         return found
-    for pair in examine_design(data, effects).confusions:
+    for pair in examine_design(data, [*effects.values()]).confusions:
         lost = set(pair.effects)
-        if len(lost) < 2:
-            continue
-        found += [
-            (one, pair.sentence)
-            for one, effect in pairs
-            if effect is not None and effect.name in lost
-        ]
-    return found
-
-
-def _effect(one: AbstractPlan, recording: GroupRecording) -> AbstractEffect | None:
-    """Return the effect; one whose form is open has that of a fit to the whole error."""
-    found = one.effect(recording, None)
-    if found is None:
-        found = one.effect(recording, recording.data.error[one.axis])
+        for index, effect in effects.items():
+            if len(lost) > 1 and effect.name in lost:
+                found.setdefault(index, pair.sentence)
     return found
 
 

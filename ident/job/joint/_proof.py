@@ -45,24 +45,6 @@ class EffectShare:
     written: bool
     why: str = ""
 
-    @classmethod
-    def of(
-        cls, index: int | None, part: Part, determined: bool, written: bool, why: str
-    ) -> "EffectShare":
-        """Return how much a part of the joint fit is."""
-        known = part.contribution[np.isfinite(part.contribution)]
-        return cls(
-            index=index,
-            name=part.name,
-            axis=part.effect.axis,
-            compensation=part.effect.compensation,
-            rms=float(np.std(known)) if known.size else 0.0,
-            information=part.share,
-            determined=determined,
-            written=written,
-            why=why,
-        )
-
 
 @dataclasses.dataclass(frozen=True)
 class AxisSum:
@@ -197,12 +179,11 @@ def _rule(found: IdentifiedGroup, gauge: Gauge) -> str:
 def _effects(
     found: IdentifiedGroup, drafts: Sequence[AbstractDraft]
 ) -> Iterator[EffectShare]:
+    """Yield how much of the error each fit is, and each effect beside them."""
     members = [one.index for one in found.members]
     for index, part in zip(members, found.parts, strict=True):
-        missing = lost(part, found.fit)
-        yield EffectShare.of(
-            index, part, not missing, drafts[index].written, some_of(missing, MOST)
-        )
+        missing, written = lost(part, found.fit), drafts[index].written
+        yield _share_of(part, not missing, some_of(missing, MOST), index, written)
     for index in found.indices:
         one = drafts[index]
         if index not in members:
@@ -213,12 +194,28 @@ def _effects(
             )
     for part in found.helpers:
         if part.effect.compensation == "delay":
-            yield EffectShare.of(None, part, part.known, False, "the instrument's")
+            yield _share_of(part, part.known, "the instrument's")
             continue
-        why = "no fit of the group holds it"
+        share = _share_of(part, part.known, "no fit of the group holds it")
         name = f"line of {part.effect.axis} over its own position"
-        share = EffectShare.of(None, part, part.known, False, why)
         yield dataclasses.replace(share, name=name)
+
+
+def _share_of(
+    part: Part,
+    determined: bool,
+    why: str,
+    index: int | None = None,
+    written: bool = False,
+) -> EffectShare:
+    """Return how much a part of the joint fit is."""
+    known = part.contribution[np.isfinite(part.contribution)]
+    rms = float(np.std(known)) if known.size else 0.0
+    effect = part.effect
+    return EffectShare(
+        index, part.name, effect.axis, effect.compensation,
+        rms, part.share, determined, written, why,
+    )  # fmt: skip
 
 
 def _sum(

@@ -12,12 +12,10 @@ from ....data.measurements import DirectionUnknown, derive_error
 from ..._recording import CHANNELS, JointData, stacked
 from ...kinds._keys import FitSpec
 from ...readings import (
-    PLACES,
     POSITION_ORDER,
     Rows,
     Tables,
     cycles_of,
-    first_motion,
     joined,
     joined_runs,
     reference_words,
@@ -26,7 +24,7 @@ from ...readings import (
 from ..result._result import Remark
 
 if TYPE_CHECKING:
-    from .._fit_plan import AbstractPlan
+    from .._draft import AbstractPlan
 
 _FOLDS, _BLOCKS = 5, 20
 """In how many turns readings are held out, and stretches of the recording."""
@@ -95,7 +93,11 @@ def read_group(tables: Tables, members: Sequence["AbstractPlan"]) -> GroupRecord
     several = label is not None and len(np.unique(label)) > 1
     # Runs without an offset: it is what tells the temperature.
     heated = _unique((one.axis,) for one in members if one.sensors)
-    beside = _set_ups(counts, tables, lead.sources)
+    specs = [tables.job.spec.measurements[name] for name in lead.sources]
+    # Only where the zero of each measurement is arbitrary, each has an offset of its own.
+    beside = None
+    if len(counts) > 1 and any(spec.remove != "none" for spec in specs):
+        beside = np.repeat(np.arange(1, len(counts) + 1), counts)
     data = JointData(
         **{table: stacked(parts, table, counts) for table in CHANNELS},
         time=time,
@@ -119,7 +121,7 @@ def read_group(tables: Tables, members: Sequence["AbstractPlan"]) -> GroupRecord
         fold=fold,
         by_run=by_run,
         moving=frozenset(moving),
-        drift=max(tables.job.spec.measurements[name].drift for name in lead.sources),
+        drift=max(spec.drift for spec in specs),
         remarks=tuple(remarks),
     )
 
@@ -170,7 +172,7 @@ def _columns(
         if f"{axis}.velocity" in rows.measured.values:
             velocity[axis] = rows.motion(axis, "velocity")
     turning = _unique(one.turning for one in members)
-    direction = {axis: _direction(rows, axis, fits[0]) for axis in turning}
+    direction = {axis: _way(rows, axis, fits[0]) for axis in turning}
     run = rows.run
     if run is not None and len(direction) == 1:
         way = next(iter(direction.values()))
@@ -195,32 +197,16 @@ def _has_error(rows: Rows, axis: str) -> bool:
     return any(f"{axis}.{kind}" in rows.measured.values for kind in ("error", "actual"))
 
 
-def _direction(rows: Rows, axis: str, fit: FitSpec) -> Float[np.ndarray, " t"]:
+def _way(rows: Rows, axis: str, fit: FitSpec) -> Float[np.ndarray, " t"]:
     """Return ±1, or NaN where this measurement does not tell it."""
     try:
-        found = rows.direction(axis, needed=True)
+        found = rows.way(axis, needed=True)
     except DirectionUnknown:
         if len(fit.sources) == 1:
             raise
         return np.full(len(rows), np.nan)
     assert found is not None  # else it has raised
-    way = found.astype(float)
-    if rows.moving and rows.has_place(axis, PLACES):
-        way[: first_motion(rows.position(axis, kinds=PLACES))] = np.nan
-    return way
-
-
-def _set_ups(
-    counts: Sequence[int], tables: Tables, sources: Sequence[str]
-) -> Int[np.ndarray, " t"] | None:
-    """Return what has an offset of its own beside a temperature.
-
-    Only where the zero of each measurement is arbitrary (``remove``), each has one.
-    """
-    removed = [tables.job.spec.measurements[name].remove != "none" for name in sources]
-    if len(counts) == 1 or not any(removed):
-        return None
-    return np.repeat(np.arange(1, len(counts) + 1), counts)
+    return found
 
 
 def _folds(

@@ -114,8 +114,27 @@ class JobResult:
 
     @functools.cached_property
     def tree(self) -> dict[str, Any]:
-        """What ``result.json`` says, as nested dictionaries and lists."""
-        return as_tree(self)
+        """What ``result.json`` says, as nested dictionaries and lists that JSON can hold."""
+        tree = {
+            "title": self.title,
+            "machine": self.machine,
+            "passed": self.passed,
+            "verdict": str(self.verdict),
+            "fits": [_fit(fit) for fit in self.fits],
+            "whole": {one.axis: one.as_tree() for one in self.whole},
+            "groups": [group.as_tree() for group in self.groups],
+            "remarks": self.remarks,
+            "load_sheet": self.load_sheet,
+            "files": self.files,
+            "digests": self.digests,
+            "second_measurement": self.second,
+            "clocks": self.clocks,
+            "inputs": self.inputs,
+            "versions": self.versions,
+            "wall_time": self.wall_time,
+            "job": self.job,
+        }
+        return {key: plain(value) for key, value in tree.items()}
 
     @property
     def tables(self) -> tuple[TableResult, ...]:
@@ -172,30 +191,6 @@ def _lines(value: Any, depth: int) -> str:
     if depth and value and isinstance(value, list):
         return "[\n" + ",\n".join([_lines(v, depth - 1) for v in value]) + "\n]"
     return _text(value)
-
-
-def as_tree(result: JobResult) -> dict[str, Any]:
-    """Return a job's result as nested dictionaries and lists that JSON can hold."""
-    tree = {
-        "title": result.title,
-        "machine": result.machine,
-        "passed": result.passed,
-        "verdict": str(result.verdict),
-        "fits": [_fit(fit) for fit in result.fits],
-        "whole": {one.axis: one.as_tree() for one in result.whole},
-        "groups": [group.as_tree() for group in result.groups],
-        "remarks": result.remarks,
-        "load_sheet": result.load_sheet,
-        "files": result.files,
-        "digests": result.digests,
-        "second_measurement": result.second,
-        "clocks": result.clocks,
-        "inputs": result.inputs,
-        "versions": result.versions,
-        "wall_time": result.wall_time,
-        "job": result.job,
-    }
-    return {key: plain(value) for key, value in tree.items()}
 
 
 def _fit(fit: AbstractResult) -> dict[str, Any]:

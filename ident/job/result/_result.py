@@ -53,6 +53,14 @@ def some_of(names: Sequence[str], most: int) -> str:
     return "; ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
+def largest_wild(
+    error: Float[Array, " t"], wild: Bool[Array, " t"]
+) -> Int[Array, " n"]:
+    """Return the rows of the largest wild readings, at most a dozen."""
+    rows = np.flatnonzero(wild)
+    return rows[np.argsort(-np.abs(error[rows]), kind="stable")][:12]
+
+
 def staged(
     before: Float[Array, " t"],
     predicted: Float[Array, " t"],

@@ -1,9 +1,8 @@
 """Plane, cross and leadscrew as a job handles every compensation."""
 
-import abc
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -13,17 +12,12 @@ from ....data.lists import Value
 from ...exchange import LIST_UNITS, Model, by_branch
 from ...fit import Samples, TableFit
 from ...kinds._keys import FitSpec, TableSpec
-from ...proof import ErrorTally, GateCheck, HeldOut, RunTable
+from ...proof import ErrorTally, GateCheck, GateTable, HeldOut, RunTable, judge
+from ...proof.axis import check_switching, switching_cycles
 from ...readings import Readings, Tables, without_zero
-from .._draft import AbstractDraft, Leftovers
-from .._gating import (
-    chosen_cycles,
-    pass_gate,
-    spread_over,
-    switching_checks,
-    switching_remarks,
-)
-from ..result._result import Remark, SampleView, TableResult
+from .._draft import AbstractDraft
+from .._gating import spread_over, switching_remarks
+from ..result._result import Remark, SampleView, TableResult, largest_wild
 from ..result._second import SecondMeasurement
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
@@ -32,8 +26,6 @@ from ._remarks import fit_remarks, outside, places_of, use_remarks
 if TYPE_CHECKING:
     from ..write._lists import AxisFiles
 
-_WORST = 12
-"""Wild readings that are listed where not all readings are shown."""
 _STAGES = ("before", "predicted", "from_file")
 
 Columns = dict[str, np.ndarray]
@@ -64,75 +56,61 @@ class Piece:
     runs: RunTable | None = None
 
 
-class AbstractFitted(abc.ABC):
-    """The readings that a table was fitted to: all that differs in memory and in pieces.
+@final
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """The readings that a table was fitted to, in memory or in pieces.
 
     Attributes:
+        pieces: Yields all readings; in memory they are one piece.
+        remarks: Gives what is to be said of them, once all were handed out.
         by_run: Whether runs were held out, else spatial blocks.
         readings: All of them; None where they are handed out in pieces.
         every: One reading in so many is shown.
     """
 
+    pieces: Callable[[], Iterator[Piece]]
+    remarks: Callable[[], Sequence[Remark]]
     by_run: bool
     readings: Readings | None = None
     every: int = 1
 
-    @abc.abstractmethod
-    def pieces(self) -> Iterator[Piece]:
-        """Yield all readings."""
 
-    @abc.abstractmethod
-    def remarks(self) -> Sequence[Remark]:
-        """Return what is to be said of them, once all were handed out."""
+def in_memory(
+    plan: Plan,
+    readings: Readings,
+    remarks: Sequence[Remark],
+    samples: Samples,
+    left: HeldOut,
+    fit: TableFit,
+    zero: float = 0.0,
+) -> Fitted:
+    """Return readings in memory, all in one piece.
 
+    Args:
+        plan: What is written.
+        readings: What was measured.
+        remarks: What is to be said of them.
+        samples: The same as the estimator saw it.
+        left: Each reading under the list that was fitted without it.
+        fit: The fit.
+        zero: What is taken off the error, in mm or °.
+    """
+    every = {
+        "direction": readings.direction,
+        "run": readings.run,
+        "order": readings.order,
+        "predicted_sd": left.standard_deviation,
+        "share": fit.share,
+        "residual": fit.residual,
+    }
 
-@final
-class InMemory(AbstractFitted):
-    """Readings in memory, all in one piece."""
+    def columns(rows: Int[np.ndarray, " n"]) -> Columns:
+        return {name: own[rows] for name, own in every.items() if own is not None}
 
-    def __init__(
-        self,
-        plan: Plan,
-        readings: Readings,
-        remarks: Sequence[Remark],
-        samples: Samples,
-        before: Float[np.ndarray, " t"],
-        left: HeldOut,
-        estimate: TableFit,
-    ) -> None:
-        """Take the readings of a fit.
-
-        Args:
-            plan: What is written.
-            readings: What was measured.
-            remarks: What is to be said of them.
-            samples: The same as the estimator saw it.
-            before: Error of each reading, zero at the datum, in mm or °.
-            left: Each reading under the list that was fitted without it.
-            estimate: The fit.
-        """
-        self.readings, self.by_run, self._remarks = readings, left.by_run, remarks
-        runs = run_table(readings, plan.table)
-        seen = samples, before, left.residual, estimate.wild
-        self._piece = Piece(*seen, self._columns, runs=runs)
-        self._every = {
-            "direction": readings.direction,
-            "run": readings.run,
-            "order": readings.order,
-            "predicted_sd": left.standard_deviation,
-            "share": estimate.share,
-            "residual": estimate.residual,
-        }
-
-    def _columns(self, rows: Int[np.ndarray, " n"]) -> Columns:
-        known = self._every.items()
-        return {name: own[rows] for name, own in known if own is not None}
-
-    def pieces(self) -> Iterator[Piece]:
-        yield self._piece
-
-    def remarks(self) -> Sequence[Remark]:
-        return self._remarks
+    seen = samples, readings.error - zero, left.residual, fit.wild
+    piece = Piece(*seen, columns, runs=run_table(readings, plan.table))
+    return Fitted(lambda: iter((piece,)), lambda: remarks, left.by_run, readings)
 
 
 @final
@@ -151,7 +129,7 @@ class TableDraft(AbstractDraft):
     plan: Plan
     estimate: TableFit
     run_effects: str
-    fitted: AbstractFitted
+    fitted: Fitted
 
     @functools.cached_property
     def integers(self) -> Int[np.ndarray, "..."]:
@@ -192,9 +170,8 @@ class TableDraft(AbstractDraft):
             self.plan.table.entries(self.integers, self.target)
         )
         sizes = {key: value for key, value in found.items() if "[" not in key}
-        cycles = chosen_cycles(self)
-        if cycles is not None:
-            sizes[f"{self.kind.prefix}.n_cycles"] = cycles
+        if self.spread[0] is not None:
+            sizes[f"{self.kind.prefix}.n_cycles"] = self.spread[0]
         return sizes | self.manual_entry | {k: v for k, v in found.items() if "[" in k}
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
@@ -233,14 +210,55 @@ class TableDraft(AbstractDraft):
         both = (self.offset,) if self.change is None else (self.offset, self.change)
         return max(float(np.abs(part).max()) for part in both)
 
+    @functools.cached_property
+    def spread(self) -> tuple[int | None, int]:
+        """The `n_cycles` to write, None where that of the list stays; and what it then holds.
+
+        As the job says; else the smallest that keeps every step within `max_switching`.
+        """
+        listing, chosen, there = self.lists.compensation, self.fit.n_cycles, None
+        if self.kind.cycles is not None:
+            there = None if listing is None else listing.integer(self.kind.cycles[0])
+            if chosen is None:
+                limit = self.job.limits.max_switching
+                chosen = switching_cycles(self.jump, limit, there)
+        return chosen, (there or 0) if chosen is None else chosen
+
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
-        lines = pass_gate(self, cycles if self._bilateral else None)
-        return (*lines, *switching_checks(self))
+        job, table, change = self.job, self.plan.table, self.change
+        axis, closed = job.spec.axes[self.axis], []
+        for name, nodes in zip(self.fit.over, table.nodes, strict=True):
+            limits, ends = job.spec.axes[name].limits, nodes.positions[[0, -1]]
+            closed.append(
+                limits is not None
+                and bool(ends[0] <= limits[0] and ends[1] >= limits[1])
+            )
+        lines = judge(
+            GateTable(
+                names=self.fit.over,
+                nodes=tuple(nodes.positions for nodes in table.nodes),
+                offset=tuple(by_branch(table, self.offset).values()),
+                change=None
+                if change is None
+                else tuple(by_branch(table, change).values()),
+                closed=tuple(closed),
+                periodic=table.periodic,
+                unit=axis.plain_unit,
+                cycles=(cycles or 0) if self._bilateral else 0,
+                cycle_time=job.spec.controller.cycle_time,
+            ),
+            job.limits,
+        )
+        if self.kind.cycles is None:  # a leadscrew table
+            return lines
+        entry, spread = self.kind.cycles[0], self.spread[1]
+        switched = check_switching(self.jump, spread, job.limits, axis.unit, entry)
+        return (*lines, switched)
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, TableSpec)
         plan, table = self.plan, self.plan.table
-        found, _ = read_fit(tables, self.index, fit, table, Leftovers())
+        found, _ = read_fit(tables, self.index, fit, table, {})
         datum = datum_of(tables.job, self.index, fit)
         own = table.masters == (table.axis,)
         branch = plan.branch(found.direction)
@@ -269,14 +287,6 @@ class TableDraft(AbstractDraft):
         (piece,) = self.fitted.pieces()
         left = piece.predicted[~piece.wild]
         return float(np.std(left)) if left.size else None
-
-    def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
-        plan, table, readings = self.plan, self.plan.table, self.fitted.readings
-        if readings is None:
-            return {}
-        at = readings.positions, plan.branch(readings.direction)
-        added = table.offset(table.model(self.integers), *at) - plan.acted(*at)
-        return {(self.axis, name): added[k] for name, k in readings.slices.items()}
 
     def prove(self, done: "AxisFiles") -> TableResult:
         plan, table, fitted = self.plan, self.plan.table, self.fitted
@@ -339,31 +349,22 @@ class TableDraft(AbstractDraft):
             beyond += int(outside(table, piece.samples.positions).sum())
             keep = np.zeros(len(left), bool)
             keep[-piece.row % every :: every] = True
-            beside = _largest(piece.before, piece.wild) & ~keep
-            rows = np.flatnonzero(keep | beside)
-            columns |= {"positions": piece.samples.positions, "wild": piece.wild}
-            view = {
-                name: own[rows] for name, own in (columns | {"beside": beside}).items()
-            }
+            rows = np.union1d(
+                np.flatnonzero(keep), largest_wild(piece.before, piece.wild)
+            )
+            columns |= {
+                "positions": piece.samples.positions, "wild": piece.wild, "keep": keep
+            }  # fmt: skip
+            view = {name: own[rows] for name, own in columns.items()}
             views.append(view | piece.columns(rows))
         view = {name: np.concatenate([one[name] for one in views]) for name in views[0]}
-        keep = ~view.pop("beside") | _largest(view["before"], view["wild"])
+        keep = view.pop("keep")
+        keep[largest_wild(view["before"], view["wild"])] = True
         return tally, {name: column[keep] for name, column in view.items()}, beyond
 
     @property
     def _bilateral(self) -> bool:
         return self.plan.table.branches == 2
-
-
-def _largest(
-    error: Float[np.ndarray, " t"], wild: Bool[np.ndarray, " t"]
-) -> Bool[np.ndarray, " t"]:
-    """Tell which are the largest of the wild readings."""
-    rows = np.flatnonzero(wild)
-    rows = rows[np.argsort(-np.abs(error[rows]), kind="stable")][:_WORST]
-    found = np.zeros(len(error), bool)
-    found[rows] = True
-    return found
 
 
 def written_deviation(fit: TableFit) -> Float[np.ndarray, "..."]:

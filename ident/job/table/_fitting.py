@@ -3,13 +3,15 @@
 import dataclasses
 from collections import Counter
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-from ...exchange import AbstractTable
-from ...fit import Samples, TableFit, TableLayout, doubt_of_means, fit_table
-from ...proof import held_out
+from ...core import CellCovariance
+from ...exchange import LIST_UNITS
+from ...fit import Samples, TableFit, doubt_of_means, fit_table
+from ...proof import HeldOut, held_out
 from ...readings import (
     Readings,
     Tables,
@@ -19,13 +21,16 @@ from ...readings import (
 )
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
-from ._draft import InMemory, TableDraft
+from ._draft import TableDraft, in_memory
 from ._layout import grid_words, suit
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._plan import Plan
 from ._readings import read_fit
 from ._trend import refuse_unowned_trend
+
+if TYPE_CHECKING:
+    from ..joint._share import Share
 
 _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
@@ -51,7 +56,7 @@ def fit_alone(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
 
 def _refuse_beside(plan: Plan, left: Leftovers) -> None:
     for name in plan.fit.sources:
-        for other in left.beside.get((plan.index, name), ()):
+        for other in left.get((plan.index, name), ()):
             raise plan.job.error(
                 ("measurements", name, "stream"),
                 f"found a log that is read in pieces, beside {other.words}, which was off"
@@ -68,7 +73,10 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         ExchangeError: If the result fits no list.
     """
     table, spec, remarks = plan.table, plan.fit, [*remarks]
-    run, repeated = readings.run, _is_repeated(readings, table)
+    run, nodes = readings.run, tuple(each.positions for each in table.nodes)
+    # Whether the runs go over the same places, so that others can judge each.
+    way = readings.direction if table.branches == 2 else None
+    repeated = run is not None and runs_overlap(readings.positions, run, nodes, way)
     if run is not None and not repeated and len(np.unique(run)) > 1:
         words = (
             "The runs do not go over the same places, so that none can be judged by the"
@@ -86,7 +94,10 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         else None,
     )
     effects = _run_effects(samples)
-    finer = _finer_than(table.layout, branch, len(readings.error))
+    fewest = len(samples.error)  # readings of a direction
+    if branch is not None:
+        fewest = int(np.bincount(branch, minlength=2).min())
+    finer = fewest < table.layout.effect.size // table.branches
     fit = fit_table(
         table.layout,
         samples,
@@ -98,28 +109,70 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     if finer:
         words = "There are more nodes than readings: the prior fills in between."
         places = [*readings.positions.T]
-        if not suit([nodes.positions for nodes in table.nodes], places):
+        if not suit(nodes, places):
             words += f" Nodes that suit these readings: {grid_words(places)}."
         remarks.append(Remark.warning(words))
     zero, estimate = plan.zeroed(fit)
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
-    estimate = doubted(plan, readings, samples, estimate)
+    estimate = _doubted(plan, readings, samples, estimate)
     left = held_out(table, samples, fit, plan.integers, before, acted)
-    fitted = InMemory(plan, readings, remarks, samples, before, left, estimate)
+    fitted = in_memory(plan, readings, remarks, samples, left, estimate, zero)
     return TableDraft(plan.job, plan.index, spec, plan, estimate, effects, fitted)
 
 
-def _is_repeated(readings: Readings, table: AbstractTable) -> bool:
-    """Return whether the runs go over the same places, so that others can judge each."""
-    if readings.run is None:
-        return False
-    nodes = tuple(each.positions for each in table.nodes)
-    way = readings.direction if table.branches == 2 else None
-    return runs_overlap(readings.positions, readings.run, nodes, way)
+def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
+    """Return the table of a group as one that was fitted alone."""
+    recording = share.recording
+    readings = share.readings(plan.fit.over, plan.table.branches == 2)
+    branch = plan.branch(readings.direction)
+    samples = Samples(readings.positions, readings.error, branch, run=readings.run)
+    fit = _fit_of_share(plan, share)
+    refuse_unowned_trend(plan, fit)
+    if share.constant:
+        fit = _doubted(plan, readings, samples, fit)
+    spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
+    left = HeldOut(
+        residual=share.predicted[share.rows],
+        standard_deviation=np.full(len(samples.error), spread),
+        groups=recording.fold[share.rows],
+        by_run=recording.by_run,
+    )
+    fitted = in_memory(plan, readings, share.remarks(), samples, left, fit)
+    effects = "offset" if fit.runs else "none"
+    return TableDraft(plan.job, plan.index, plan.fit, plan, fit, effects, fitted)
 
 
-def doubted(
+def _fit_of_share(plan: Plan, share: "Share") -> TableFit:
+    """Return a part of a joint fit as the fit of a single table."""
+    part = share.part
+    deviation = np.hypot(part.deviation_table, share.constant_deviation)
+    support = np.asarray(part.effect.table(part.support.astype(float)))
+    # What only neighbours of the same table hide is filled like any other gap.
+    hidden = ~np.isfinite(deviation)
+    deviation[hidden] = float(np.std(part.table))
+    support = np.where(hidden, 0.0, support).astype(np.int64)
+    return TableFit(
+        layout=plan.table.layout,
+        values=np.asarray(part.table + share.constant),
+        standard_deviation=deviation,
+        support=support,
+        noise=share.noise,
+        smoothness=dict(part.smoothness),
+        loss=plan.fit.loss,
+        residual=np.asarray(share.fit.residual[plan.axis][share.rows]),
+        share=np.asarray(share.fit.share[plan.axis][share.rows], dtype=float),
+        wild=share.wild,
+        runs=tuple(share.fit.runs.get(plan.axis, ())),
+        suspect_nodes=(),
+        suspect_runs=(),
+        covariance=CellCovariance((0,), np.zeros((0, 1))),
+        converged=share.fit.converged,
+        message=share.message,
+    )
+
+
+def _doubted(
     plan: Plan, readings: Readings, samples: Samples, fit: TableFit
 ) -> TableFit:
     """Return a fit whose deviations know what its readings are off together."""
@@ -175,14 +228,6 @@ def _doubt(
     everywhere = np.sqrt(np.mean(mean[count > 0] ** 2))
     values = np.where(count > 0, mean, everywhere).reshape(shape)
     return values - plan.zero_of(dataclasses.replace(estimate, values=values))
-
-
-def _finer_than(
-    layout: TableLayout, branch: Int[np.ndarray, " t"] | None, count: int
-) -> bool:
-    """Return whether there are more nodes than readings, in a direction at least."""
-    counts = [count] if branch is None else np.bincount(branch, minlength=2)
-    return bool(min(counts) < layout.effect.size // layout.branches)
 
 
 def _run_effects(samples: Samples) -> str:

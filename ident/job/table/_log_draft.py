@@ -4,7 +4,6 @@ import dataclasses
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -13,7 +12,7 @@ from ...fit import Grouping, Samples, StreamedFit, fit_streamed, predict
 from ...proof import blocks_of, held_out_deviation, run_groups
 from ...readings import places_of, visits_overlap
 from ..result._result import Remark
-from ._draft import AbstractFitted, Columns, Piece, TableDraft
+from ._draft import Columns, Fitted, Piece, TableDraft
 from ._log_readings import LogReadings
 from ._plan import Plan
 
@@ -21,9 +20,8 @@ _SHOWN = 20_000
 """Readings, and up to twice as many, that plots show."""
 
 
-@final
 @dataclasses.dataclass(frozen=True)
-class _Log(AbstractFitted):
+class _Log:
     """A log that a table was fitted to piece by piece.
 
     Attributes:
@@ -31,20 +29,16 @@ class _Log(AbstractFitted):
         log: What was measured.
         found: What the passes over it gave, with a table for every group left out.
         grouping: Tells the group of each reading.
-        by_run: Whether these are runs, else spatial blocks.
         folds: Entries of the list fitted without each group.
         zero: What was taken off the error, so that it is zero at the datum, in mm or °.
-        every: One reading in so many is shown.
     """
 
     plan: Plan
     log: LogReadings
     found: StreamedFit
     grouping: Grouping
-    by_run: bool
     folds: Mapping[int, Int[np.ndarray, "..."]]
     zero: float
-    every: int
 
     def pieces(self) -> Iterator[Piece]:
         first = 0
@@ -98,33 +92,6 @@ class _Log(AbstractFitted):
             found["direction"] = 1 - 2 * samples.branch
         return found
 
-    def remarks(self) -> Sequence[Remark]:
-        return (*self.log.remarks, *self._of_the_route())
-
-    def _of_the_route(self) -> Iterator[Remark]:
-        names = ", ".join(map(repr, self.plan.fit.sources))
-        shown = ""
-        if self.every > 1:
-            shown = f"; plots and tables of readings show one reading in {self.every}"
-        yield Remark.info(
-            f"{names}: {self.found.count} readings were read in pieces and not into"
-            f" memory{shown}."
-        )
-        if self.by_run:
-            yield Remark.warning(
-                "The runs go over the same places, but a log that is read in pieces allows"
-                " none of them an offset of its own, and gives no figures of ISO 230-2:"
-                " what differs from run to run counts as noise. stream = false reads it"
-                " into memory, which does both."
-            )
-        if self.found.crowded:
-            yield Remark.warning(
-                f"At {self.found.crowded} nodes wild readings stand side by side: they may"
-                " be right and the table too smooth there. Readings in memory would be"
-                " given a second thought; a log that is read in pieces is not. Fit every"
-                " n-th row of it to have them judged."
-            )
-
 
 def fit_log(plan: Plan, readings: LogReadings) -> TableDraft:
     """Fit the table of a plan to a log.
@@ -145,9 +112,39 @@ def fit_log(plan: Plan, readings: LogReadings) -> TableDraft:
     )
     zero, estimate = plan.zeroed(found.fit)
     folds = {k: plan.integers([fold])[0] for k, fold in found.folds.items()}
+    log = _Log(plan, readings, found, grouping, folds, zero)
     every = max(1, found.count // _SHOWN)
-    log = _Log(plan, readings, found, grouping, by_run, folds, zero, every)
-    return TableDraft(plan.job, plan.index, spec, plan, estimate, "none", log)
+
+    def remarks() -> Sequence[Remark]:
+        return (*readings.remarks, *_of_the_route(plan, found, by_run, every))
+
+    fitted = Fitted(log.pieces, remarks, by_run, every=every)
+    return TableDraft(plan.job, plan.index, spec, plan, estimate, "none", fitted)
+
+
+def _of_the_route(
+    plan: Plan, found: StreamedFit, by_run: bool, every: int
+) -> Iterator[Remark]:
+    names, shown = ", ".join(map(repr, plan.fit.sources)), ""
+    if every > 1:
+        shown = f"; plots and tables of readings show one reading in {every}"
+    yield Remark.info(
+        f"{names}: {found.count} readings were read in pieces and not into memory{shown}."
+    )
+    if by_run:
+        yield Remark.warning(
+            "The runs go over the same places, but a log that is read in pieces allows"
+            " none of them an offset of its own, and gives no figures of ISO 230-2:"
+            " what differs from run to run counts as noise. stream = false reads it"
+            " into memory, which does both."
+        )
+    if found.crowded:
+        yield Remark.warning(
+            f"At {found.crowded} nodes wild readings stand side by side: they may"
+            " be right and the table too smooth there. Readings in memory would be"
+            " given a second thought; a log that is read in pieces is not. Fit every"
+            " n-th row of it to have them judged."
+        )
 
 
 def _grouping(readings: LogReadings) -> tuple[Grouping, bool]:

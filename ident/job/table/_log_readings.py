@@ -15,17 +15,16 @@ from ...kinds._keys import TableSpec
 from ...readings import (
     Readings,
     Tables,
-    Wanted,
+    Way,
     Zero,
-    measured_from,
     read_rows,
     reference_words,
     sensor_name,
     step_of,
-    wanted_by,
+    way_wanted,
     zero_of,
 )
-from ..file._load import Job
+from ..file._faults import JobError
 from ..result._result import Remark
 
 _PARTS = 32
@@ -59,29 +58,6 @@ class LogSource:
     columns: Mapping[str, ColumnSpec]
     roles: frozenset[str]
 
-    @classmethod
-    def of(
-        cls, tables: Tables, name: str, file: LargeFile, fit: TableSpec, wanted: Wanted
-    ) -> "LogSource":
-        """Return a log as a fit uses it.
-
-        Raises:
-            MeasurementError: If the file does not tell what its columns are.
-        """
-        spec = tables.job.spec.measurements[name]
-        columns = tables.columns(name) or own_roles(
-            file.head, spec.axis or fit.axis, wanted.masters
-        )
-        roles = ["run", *(f"{axis}.position" for axis in wanted.masters)]
-        kinds = ["error"] if f"{fit.axis}.error" in columns else ["actual", "position"]
-        roles += [f"{fit.axis}.{kind}" for kind in kinds]
-        if wanted.direction == "needed":
-            roles.append(f"{fit.axis}.direction")
-        if isinstance(spec.material_temperature, str):
-            roles.append(f"temperature.{sensor_name(spec.material_temperature)}")
-        used = {role: columns[role] for role in roles if role in columns}
-        return cls(name, file, used, frozenset(columns))
-
     @cached_property
     def headers(self) -> tuple[str, ...]:
         """The columns that are used, as the file names them.
@@ -94,23 +70,46 @@ class LogSource:
         return tuple(dict.fromkeys(one.header or one.name for one in found))
 
 
+def _source_of(
+    tables: Tables, name: str, file: LargeFile, fit: TableSpec, way: Way
+) -> LogSource:
+    """Return a log as a fit uses it.
+
+    Raises:
+        MeasurementError: If the file does not tell what its columns are.
+    """
+    spec = tables.job.spec.measurements[name]
+    columns = tables.columns(name) or own_roles(
+        file.head, spec.axis or fit.axis, fit.over
+    )
+    roles = ["run", *(f"{axis}.position" for axis in fit.over)]
+    kinds = ["error"] if f"{fit.axis}.error" in columns else ["actual", "position"]
+    roles += [f"{fit.axis}.{kind}" for kind in kinds]
+    if way == "needed":
+        roles.append(f"{fit.axis}.direction")
+    if isinstance(spec.material_temperature, str):
+        roles.append(f"temperature.{sensor_name(spec.material_temperature)}")
+    used = {role: columns[role] for role in roles if role in columns}
+    return LogSource(name, file, used, frozenset(columns))
+
+
 @final
 @dataclasses.dataclass(frozen=True)
 class LogReadings:
     """The readings of a fit, piece by piece.
 
     Attributes:
-        job: The job.
+        tables: Files of the job.
         fit: Its specification.
         table: What will be written.
-        wanted: What it takes from its measurements.
+        way: What it makes of the direction of motion.
         sources: The logs, one after the other.
     """
 
-    job: Job
+    tables: Tables
     fit: TableSpec
     table: AbstractTable
-    wanted: Wanted
+    way: Way
     sources: tuple[LogSource, ...]
     _said: dict[str, None] = dataclasses.field(default_factory=dict)
     _changes: dict[str, float] = dataclasses.field(default_factory=dict)
@@ -138,9 +137,9 @@ class LogReadings:
         for name in (source.name for source in self.sources):
             found += reference_words(
                 name,
-                self.job.spec.measurements[name],
+                self.tables.job.spec.measurements[name],
                 self.fit.axis,
-                self.wanted.lengths,
+                self.fit.lengths,
                 self._changes.get(name),
             )
         return tuple(Remark.info(words) for words in found)
@@ -165,11 +164,12 @@ class LogReadings:
         return Samples(part.positions, error, branch, run=run)
 
     def _rows(self, source: LogSource, table: Table) -> Readings:
-        measured = measured_from(
-            self.job, source.name, table, source.columns,
-            self.fit.axis, self.wanted.masters,
-        )  # fmt: skip
-        part = read_rows(self.job, source.name, measured, self.fit, self.wanted)
+        measured = self.tables.measured(
+            source.name, self.fit.axis, self.fit.over, (table, source.columns)
+        )
+        part = read_rows(
+            self.tables.job, source.name, measured, self.fit, self.way, self.fit.lengths
+        )
         self._said.update(dict.fromkeys(part.remarks))
         for change in part.rows[source.name].change.values():
             self._changes[source.name] = max(
@@ -182,7 +182,7 @@ class LogReadings:
         """What is to be removed from each log, judged by every n-th reading of it."""
         found = {}
         for number, source in enumerate(self.sources):
-            kind = self.job.spec.measurements[source.name].remove
+            kind = self.tables.job.spec.measurements[source.name].remove
             if kind == "none":
                 continue
             count = sum(len(one.error) for one in self._all_rows(source))
@@ -221,56 +221,45 @@ def in_pieces(
         JobError: If the job asks for it and it cannot be done.
         MeasurementError: If a file is damaged or a column is missing.
     """
-    job = tables.job
-    specs = {name: job.spec.measurements[name] for name in fit.sources}
+    specs = {name: tables.job.spec.measurements[name] for name in fit.sources}
     asked = [name for name, spec in specs.items() if spec.stream is True]
+    names = ", ".join(map(repr, fit.sources))
+
+    def refusal(why: str) -> JobError:
+        key = ("measurements", asked[0], "stream")
+        return tables.job.error(key, f"found true, but {why}")
+
     if any(spec.stream is False for spec in specs.values()):
         return None, ()
-    found = {name: tables.large(name) for name in fit.sources}
-    for name, file in found.items():
-        if file is None and asked:
-            raise job.error(
-                ("measurements", asked[0], "stream"),
-                f"found true, but {specs[name].file or specs[name].files} cannot be read"
-                " in pieces, expected a Parquet or CSV file",
-            )
-    large = {name: file for name, file in found.items() if file is not None}
-    if len(large) < len(found):
-        return None, ()
-    wanted = wanted_by(fit, table)
-    sources = tuple(
-        LogSource.of(tables, name, file, fit, wanted) for name, file in large.items()
-    )
+    way, sources = way_wanted(fit, table), list[LogSource]()
+    for name, spec in specs.items():
+        file = tables.large(name)
+        if file is not None:
+            sources.append(_source_of(tables, name, file, fit, way))
+        elif asked:
+            named = spec.file or spec.files
+            words = f"{named} cannot be read in pieces, expected a Parquet or CSV file"
+            raise refusal(words)
     cells = sum(one.file.rows * len(one.headers) for one in sources)
-    if not asked and cells <= LARGE:
+    if len(sources) < len(specs) or not (asked or cells > LARGE):
         return None, ()
     if sum(one.file.rows for one in sources) <= _SHORT:
-        words = (
-            f"{', '.join(map(repr, fit.sources))} is so short that it was read at once."
-        )
-        return None, (Remark.info(words),)
-    readings = LogReadings(job, fit, table, wanted, sources)
-    for reason, possible in _obstacles(job, fit, readings):
+        return None, (Remark.info(f"{names} is so short that it was read at once."),)
+    readings = LogReadings(tables, fit, table, way, tuple(sources))
+    for reason, possible in _obstacles(readings):
         if possible and (asked or cells > _HUGE):
             continue
         if asked:
-            raise job.error(
-                ("measurements", asked[0], "stream"),
-                f"found true, but {reason}",
-            )
-        words = (
-            f"{', '.join(map(repr, fit.sources))} ({cells:.3g} cells) was read into"
-            f" memory and not in pieces: {reason}."
-        )
+            raise refusal(reason)
+        words = f"{names} ({cells:.3g} cells) was read into memory and not in pieces: {reason}."
         return None, (Remark.info(words),)
     return readings, ()
 
 
-def _obstacles(
-    job: Job, fit: TableSpec, readings: LogReadings
-) -> Iterator[tuple[str, bool]]:
+def _obstacles(readings: LogReadings) -> Iterator[tuple[str, bool]]:
     """Yield what stands in the way, the worst first, and whether it can be done all the same."""
-    for other in job.spec.fits:
+    fit = readings.fit
+    for other in readings.tables.job.spec.fits:
         if other is fit or other.axis != fit.axis:
             continue
         if set(other.sources) & set(fit.sources):
@@ -282,7 +271,7 @@ def _obstacles(
                 " what its instrument lags behind, which the whole log tells"
             )
             yield words, False
-        needs_way = readings.wanted.direction == "needed"
+        needs_way = readings.way == "needed"
         if needs_way and f"{fit.axis}.direction" not in one.roles:
             words = (
                 f"{one.name!r} has no column for '{fit.axis}.direction', so that the"

@@ -19,8 +19,7 @@ from ...fit import TableFit, predict, zeroed
 from ...kinds import kinds
 from ...kinds._keys import FitSpec, TableSpec
 from ...readings import Tables
-from .._draft import AbstractDraft, Leftovers
-from .._fit_plan import AbstractPlan
+from .._draft import AbstractDraft, AbstractPlan, Leftovers
 from ..file._load import Job
 from ..result._result import Remark
 from ._layout import empty_table, table_of
@@ -97,9 +96,9 @@ class Plan(AbstractPlan):
         return self.table.effect(self.axis, self.fit.over)
 
     def draft(self, share: "Share") -> AbstractDraft:
-        from ..joint._table import table_draft  # takes long to load
+        from ._fitting import draft_of_share
 
-        return table_draft(self, share)
+        return draft_of_share(self, share)
 
     @property
     def old_offset(self) -> Float[np.ndarray, "..."] | None:
@@ -181,7 +180,10 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
     job, lists = tables.job, tables.job.lists[fit.axis]
     existing, axis_list = lists.compensation, lists.machine
     where = ("fits", index)
-    active = was_active(job, index, fit, _holder(fit, existing))
+    holder = None  # the list that has this table already
+    if existing is not None and not fit.kind.entries.adds_nothing(existing):
+        holder = existing.source
+    active = was_active(job, index, fit, holder)
     with job.blaming(where):
         old, unread = _old_table(job, fit, existing, active)
         table = table_of(tables, index, fit, old)
@@ -211,13 +213,6 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
         datum=datum_of(job, index, fit),
         remarks=(*unread, *_remarks(job, fit, existing, axis_list, old, active)),
     )
-
-
-def _holder(fit: TableSpec, existing: ListFile | None) -> str | None:
-    """Return the list that holds this table already, or None."""
-    if existing is None or fit.kind.entries.adds_nothing(existing):
-        return None
-    return existing.source
 
 
 def _old_table(

@@ -7,7 +7,7 @@ import numpy as np
 from ...exchange import AbstractTable
 from ...kinds._keys import FitSpec, TableSpec
 from ...proof import RunTable
-from ...readings import Readings, Tables, read_joined, wanted_by, without_zero
+from ...readings import Readings, Tables, read_joined, way_wanted, without_zero
 from .._draft import Leftovers
 from ..file._load import Job
 from ..result._result import Remark
@@ -30,23 +30,17 @@ def read_fit(
         MeasurementError: If a role is missing or a value cannot be used.
         JobError: If the measurement does not suit the fit.
     """
-    found = read_joined(tables, fit, wanted_by(fit, table))
+    found = read_joined(tables, fit, way_wanted(fit, table), fit.lengths)
     error = found.error.copy()
     remarks = [*map(Remark.info, found.remarks)]
     for name, rows in found.rows.items():
         own = found.slices[name]
-        if (fit.axis, name) in left.earlier:
-            error[own] += left.earlier[fit.axis, name]
-            remarks.append(
-                Remark.info(
-                    f"Measurement {name!r} serves an earlier fit of {fit.axis} as well:"
-                    " this one corrects what that list leaves."
-                )
-            )
-        for one in left.beside.get((index, name), ()):
-            # Of what acts beside, too, the readings tell no constant or slope of their own.
-            places = [*found.positions[own].T]
-            error[own] += without_zero(one.at(rows), places, rows.spec.remove)
+        for one in left.get((index, name), ()):
+            added, places = one.at(rows), [*found.positions[own].T]
+            if not one.shared:
+                # Of it, too, the readings tell no constant or slope of their own.
+                added = without_zero(added, places, rows.spec.remove)
+            error[own] += added
             remarks.append(
                 Remark.info(
                     f"Beside this table acts {one.words}, which was off while {name!r} was"
@@ -97,18 +91,14 @@ def datum_of(job: Job, index: int, fit: FitSpec) -> tuple[float, ...] | None:
     Raises:
         JobError: If its measurements differ, or it has not one position per master.
     """
-    found = {
-        name: spec.datum.at
-        for name in fit.sources
-        if (spec := job.spec.measurements[name]).datum is not None
-        and spec.datum is not None
-    }
-    if not found:
-        return None
+    datums = {name: job.spec.measurements[name].datum for name in fit.sources}
     places = {
-        name: tuple(map(float, at if isinstance(at, list) else [at]))
-        for name, at in found.items()
+        name: tuple(map(float, one.at if isinstance(one.at, list) else [one.at]))
+        for name, one in datums.items()
+        if one is not None
     }
+    if not places:
+        return None
     name, place = next(iter(places.items()))
     if len(set(places.values())) > 1 or len(places) < len(fit.sources):
         raise job.error(
@@ -120,8 +110,7 @@ def datum_of(job: Job, index: int, fit: FitSpec) -> tuple[float, ...] | None:
     if len(place) != count:
         raise job.error(
             ("measurements", name, "datum", "at"),
-            f"found {len(place)} position{'s' * (len(place) > 1)}, expected {count} for"
-            " the"
+            f"found {len(place)} position{'s' * (len(place) > 1)}, expected {count} for the"
             f" {fit.compensation} fit of {fit.axis}",
         )
     return place

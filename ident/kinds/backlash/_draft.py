@@ -1,7 +1,6 @@
 """The backlash of one axis, fitted: judged, written into the axis list, read back."""
 
 import dataclasses
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, final
 
 import numpy as np
@@ -140,15 +139,6 @@ class BacklashDraft(AbstractDraft):
             wild=sides.wild,
             added=0.5 * abs(self.found.width),
         )
-
-    def left_by(self) -> Mapping[tuple[str, str], np.ndarray]:
-        way = self.readings.direction
-        if way is None:
-            return {}
-        change = self.found.compensation(self.known.reference)
-        added = np.asarray(change.offset(way.astype(float)), dtype=float)
-        slices = self.readings.slices
-        return {(self.axis, name): added[rows] for name, rows in slices.items()}
 
     def prove(self, done: "AxisFiles") -> BacklashResult:
         sides, half = self.found.sides, 0.5 * self.found.sides.direction

@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float
 
 from ....data.measurements import MeasurementError, wrap_degrees
 from ....data.signals import aligned_error, encoder_spline, estimate_instrument
-from ...readings import Readings, Tables, Wanted, read_joined
+from ...readings import Readings, Tables, read_joined
 from ._trace import fit_backlash_trace
 from .effect import BacklashFit, fit_backlash
 from .keys import Spec
@@ -59,7 +59,7 @@ def read_backlash(tables: Tables, fit: Spec) -> Readings:
             reason = "found a trace in motion among several measurements, expected one"
             raise MeasurementError(str(measured.source), reason)
         return _trace(encoder, actual, time, tables.job.spec.axes[fit.axis].kind)
-    return read_joined(tables, fit, Wanted((fit.axis,), "needed", lengths=True))
+    return read_joined(tables, fit, "needed", lengths=True)
 
 
 def _trace(

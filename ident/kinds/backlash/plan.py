@@ -8,8 +8,7 @@ from jaxtyping import Float
 
 from ...fit import DriftNoise, FitError
 from ...fit.joint import Backlash
-from ...job._draft import Leftovers
-from ...job._fit_plan import AbstractPlan
+from ...job._draft import AbstractPlan, Leftovers
 from ...job.result._result import Remark
 from ...job.table._plan import was_active
 from ...readings import Readings, Tables

@@ -9,8 +9,7 @@ from jaxtyping import Float
 
 from ...fit import FitError
 from ...fit.joint import Crosstalk
-from ...job._draft import Leftovers
-from ...job._fit_plan import AbstractPlan
+from ...job._draft import AbstractPlan, Leftovers
 from ...job.joint._recording import read_group
 from ...readings import Tables
 from . import BRANCHES, SAFE_TESTS

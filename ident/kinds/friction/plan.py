@@ -9,8 +9,7 @@ import numpy as np
 from ....data.lists import Value
 from ....models import FrictionCompensation
 from ...friction import Knots, place_knots
-from ...job._draft import AbstractDraft, Leftovers
-from ...job._fit_plan import AbstractPlan
+from ...job._draft import AbstractDraft, AbstractPlan, Leftovers
 from ...job.result._result import Remark
 from ...proof import CircularTest, GateCheck, circular_test
 from ...readings import Tables

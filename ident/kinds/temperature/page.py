@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.colors import Normalize
 
+from ...job import largest_wild
 from ...report import _style as style
 from ...report._body import Body, Plot, WildRow
 from ...report._scale import Scale, count, grouped, number, place
@@ -16,7 +17,6 @@ from ._law import RATE, ThermalLaw
 from ._line import LawScore, TemperatureFit
 from ._result import TemperatureResult
 
-_MOST_WILD = 12
 _MOST_LAWS = 4
 _NODES = {1: "constant", 2: "linear"}
 _GROUPS = 5
@@ -41,9 +41,7 @@ def body(fit: TemperatureResult, scale: Scale) -> Body:
 def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
     """Return the largest rejected readings."""
     own, found = fit.fit, []
-    rows = np.flatnonzero(own.wild)
-    rows = rows[np.argsort(-np.abs(fit.before[rows]), kind="stable")][:_MOST_WILD]
-    for row in rows.tolist():
+    for row in largest_wild(fit.before, own.wild).tolist():
         warm = [
             f"{name} {own.data.temperature[name][row]:.1f} °C" for name in own.sensors
         ]

@@ -12,8 +12,7 @@ from ....data.measurements import MeasurementError
 from ..._recording import JointData
 from ...fit import DriftNoise, FitError
 from ...fit.joint import Leadscrew, Temperature, examine_design
-from ...job._draft import Leftovers
-from ...job._fit_plan import AbstractPlan
+from ...job._draft import AbstractPlan, Leftovers
 from ...job.table._plan import refuse_unstated
 from ...readings import Tables, sensor_name
 from . import KIND

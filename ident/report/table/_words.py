@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from ...job import TableResult
+from ...job import TableResult, largest_wild
 from .._body import WildRow
 from .._scale import Scale, grouped, number, percent, place
 from ._readings import Readings
@@ -156,10 +156,8 @@ def _half_gain(
 
 def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRow]:
     """Return the largest rejected readings, at most a dozen."""
-    rows = np.flatnonzero(readings.wild)
-    rows = rows[np.argsort(-np.abs(readings.before[rows]), kind="stable")][:12]
     found = []
-    for row in rows.tolist():
+    for row in largest_wild(readings.before, readings.wild).tolist():
         spots = zip(fit.masters, readings.positions[row], strict=True)
         where = ", ".join(f"{name} = {place(float(at))}" for name, at in spots)
         direction = {1: ", moving +", -1: ", moving −"}.get(

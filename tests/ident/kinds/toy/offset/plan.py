@@ -11,12 +11,12 @@ from axcomp.data.lists import ListFile, Value
 from axcomp.ident.exchange import Reading
 from axcomp.ident.job._draft import (
     AbstractDraft,
+    AbstractPlan,
     Leftovers,
 )
-from axcomp.ident.job._fit_plan import AbstractPlan
 from axcomp.ident.job.result._result import AbstractResult, Remark, staged
 from axcomp.ident.proof import GateCheck, gate_check
-from axcomp.ident.readings import Tables, Wanted, read_joined
+from axcomp.ident.readings import Tables, read_joined
 
 from .entries import ENTRIES, Constant
 from .keys import Spec
@@ -38,8 +38,7 @@ class OffsetPlan(AbstractPlan):
     fit: Spec
 
     def alone(self, tables: Tables, left: Leftovers) -> AbstractDraft:
-        wanted = Wanted((self.axis,), "no", lengths=False)
-        error = read_joined(tables, self.fit, wanted).error
+        error = read_joined(tables, self.fit, "no", lengths=False).error
         return OffsetDraft(self.job, self.index, self.fit, error)
 
 
