@@ -112,6 +112,8 @@ class Temperature(AbstractEffect):
                 "expected sensors of 'offset', 'coefficient' or both."
             )
             raise FitError(msg)
+        ordered = {law: self.sensors[law] for law in LAWS if law in self.sensors}
+        object.__setattr__(self, "sensors", ordered)
         for value in self.lags.values():
             if isinstance(value, str) and value != "fit":
                 msg = f"{self.name}: found lag {value!r}, expected 'fit' or seconds."
@@ -132,8 +134,7 @@ class Temperature(AbstractEffect):
     @property
     def sensor_names(self) -> tuple[str, ...]:
         """See `AbstractEffect`."""
-        own = [self.sensors[law] for law in LAWS if law in self.sensors]
-        return tuple(dict.fromkeys(own))
+        return tuple(dict.fromkeys(self.sensors.values()))
 
     @property
     def name(self) -> str:
@@ -155,9 +156,7 @@ class Temperature(AbstractEffect):
             FitError: Where they are still to be read off the data (`placed`).
         """
         result = {}
-        for law in LAWS:
-            if law not in self.sensors:
-                continue
+        for law in self.sensors:
             nodes = self.law.get(law, "linear")
             if not isinstance(nodes, np.ndarray):
                 msg = f"{self.name}: its temperatures are not placed on data yet."
@@ -207,9 +206,7 @@ class Temperature(AbstractEffect):
     @property
     def inputs(self) -> Inputs:
         """See `AbstractEffect`."""
-        warm = [
-            ("temperature", self.sensors[law]) for law in LAWS if law in self.sensors
-        ]
+        warm = [("temperature", sensor) for sensor in self.sensors.values()]
         return (*warm, *(("position", axis) for axis in self.masters))
 
     @property
@@ -293,11 +290,10 @@ class Temperature(AbstractEffect):
     ) -> dict[str, Shaped[np.ndarray, " _n"]]:
         """Return the values by parameter."""
         result, first = {}, 0
-        for law in LAWS:
-            if law in self.sensors:
-                count = _count(self.law.get(law, "linear"))
-                result[law] = values[first : first + count]
-                first += count
+        for law in self.sensors:
+            count = _count(self.law.get(law, "linear"))
+            result[law] = values[first : first + count]
+            first += count
         return result
 
 

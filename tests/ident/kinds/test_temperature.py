@@ -7,7 +7,7 @@ import pytest
 
 from axcomp.ident._recording import lagged
 from axcomp.ident.core import FitError
-from axcomp.ident.fit.joint import JointData
+from axcomp.ident.fit.joint import JointData, Temperature
 from axcomp.ident.kinds.temperature._line import TemperatureFit
 
 from ..thermal_line import fitted, readings
@@ -208,6 +208,17 @@ def test_one_sensor_moves_the_offset_and_another_the_coefficient() -> None:
     np.testing.assert_allclose(fit.offset.slope[0], 2e-3, rtol=0.002)
     np.testing.assert_allclose(fit.coefficient.slope[0], 1e-5, rtol=0.015)
     assert fit.meeting == "two sensors"
+
+
+def test_the_order_in_which_sensors_are_named_does_not_matter() -> None:
+    one, other = (
+        Temperature("X", sensors, reference=500.0)
+        for sensors in (
+            {"offset": "1", "coefficient": "2"},
+            {"coefficient": "2", "offset": "1"},
+        )
+    )
+    assert one.sensor_names == other.sensor_names == ("1", "2")
 
 
 def test_the_wrong_way_round_two_sensors_leave_more_unpredicted() -> None:
