@@ -289,8 +289,9 @@ class Stribeck(AbstractStructure):
     ) -> AbstractFriction:
         """See `AbstractStructure`."""
         coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
-        natural = *np.exp(shape), self.exponent
-        numbers = coulomb, coulomb + drop, *natural[:2], viscous
+        velocity, *free = np.exp(shape)
+        exponent = free[0] if self.exponent is None else self.exponent
+        numbers = coulomb, coulomb + drop, velocity, exponent, viscous
         return StribeckFriction(*numbers)
 
 
