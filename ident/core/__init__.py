@@ -23,7 +23,11 @@ columns with noise that drifts (`_regression`, `_curve`, `_drift`).
 
 from ._chain import chain as chain
 from ._curve import node_shares as node_shares, regress_curve as regress_curve
-from ._drift import DriftNoise as DriftNoise
+from ._drift import (
+    DriftNoise as DriftNoise,
+    find_drift as find_drift,
+    variances_of_sums as variances_of_sums,
+)
 from ._effect import (
     AbstractEffect as AbstractEffect,
     ColumnsEffect as ColumnsEffect,

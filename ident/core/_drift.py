@@ -164,11 +164,31 @@ def scatter_of_sums(
 ) -> Float[np.ndarray, "k k"]:
     """Return the covariance of the weighted sums Σ w x r of residuals r that scatter so."""
     weighted = weight[:, None] * columns
-    result = noise.white**2 * (columns.T @ weighted)
-    if noise.drift > 0:
-        chain = _chain(time)
-        sums = chain.gather(weighted)
-        band, _ = chain.precision(noise.time_constant)
-        solved = cho_solve_banded((cholesky_banded(band), False), sums)
-        result = result + noise.drift**2 * (sums.T @ solved)
-    return np.asarray(result)
+    gathered, spread = _spread(noise, time, weighted)
+    return np.asarray(noise.white**2 * (columns.T @ weighted) + gathered.T @ spread)
+
+
+def variances_of_sums(
+    noise: DriftNoise,
+    time: Float[np.ndarray, " t"],
+    columns: Float[np.ndarray, "t k"],
+) -> Float[np.ndarray, " k"]:
+    """Return the variances of the sums Σ x r of residuals r of weight 1 that scatter so."""
+    gathered, spread = _spread(noise, time, columns)
+    white = noise.white**2 * np.square(columns).sum(axis=0)
+    return np.asarray(white + (gathered * spread).sum(axis=0))
+
+
+def _spread(
+    noise: DriftNoise,
+    time: Float[np.ndarray, " t"],
+    columns: Float[np.ndarray, "t k"],
+) -> tuple[Float[np.ndarray, "u k"], Float[np.ndarray, "u k"]]:
+    """Return columns summed at each instant, and the covariance of the drift times these."""
+    if not noise.drift > 0:
+        return np.zeros((1, columns.shape[1])), np.zeros((1, columns.shape[1]))
+    chain = _chain(time)
+    sums = chain.gather(columns)
+    band, _ = chain.precision(noise.time_constant)
+    solved = cho_solve_banded((cholesky_banded(band), False), sums)
+    return sums, np.asarray(noise.drift**2 * solved)

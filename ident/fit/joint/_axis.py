@@ -6,6 +6,7 @@ temperature, above all) like its own. The scores of stretches of the recording t
 their scatter, through the solution, is the variance that the values really have (the
 "sandwich" of robust statistics, clustered in time). It is compared per effect with that of the
 same residual in another order, so that values which few stretches touch are judged together.
+Of a recording too short for stretches the drift is estimated in their place (`DriftNoise`).
 """
 
 import dataclasses
@@ -17,8 +18,20 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
-from ...core import Estimate, FitError, Posterior, Problem, Readings, estimate, memory
+from ...core import (
+    DriftNoise,
+    Estimate,
+    FitError,
+    Posterior,
+    Problem,
+    Readings,
+    estimate,
+    find_drift,
+    memory,
+    variances_of_sums,
+)
 from .._checks import check_smoothness
+from .._identifiable import SINGULAR, pivoted
 from .._table import fixed_weights, floor_of
 from .._types import RunEffect
 from ._design import Design, design_of
@@ -121,7 +134,7 @@ class AxisFit:
         def under_rules(post: Posterior) -> tuple[Vector, Vector]:
             return known.rules.project(post.values), known.variances(post)
 
-        variance = self.estimate.spread(under_rules) * self._swell()
+        variance = self.estimate.spread(under_rules) * self._swell() + self._drifted()
         for sensor, found in self.lags.items():
             moved = known.rules.project(found.slope)
             variance = variance + np.square(moved * self.lag_deviation[sensor])
@@ -164,6 +177,40 @@ class AxisFit:
             seen, white = spread[part.places, 0], spread[part.places, 1:]
             swell[part.places] = _memory(float(seen.mean()), float(white.mean()))
         return swell
+
+    @cached_property
+    def _drift(self) -> DriftNoise | None:
+        """Noise of a short recording with a clock, where it drifts."""
+        if self._stretches or self.data.time is None:
+            return None
+        basis, size, _ = pivoted(self.design.columns[self._believed].toarray())
+        seen = basis[:, size > SINGULAR * size.max(initial=0.0)]
+        pseudo, clock = self.pseudo[self._believed], self._clock
+        noise = find_drift(clock, seen, pseudo, np.ones(len(pseudo)))
+        return noise if noise.drift > 0.0 else None
+
+    @cached_property
+    def _believed(self) -> Int[np.ndarray, " s"]:
+        """Readings that are believed."""
+        return np.flatnonzero(self.pseudo != 0.0)
+
+    @property
+    def _clock(self) -> Float[np.ndarray, " s"]:
+        """Their instants in s."""
+        time = np.asarray(self.data.time, float)[self.design.rows]
+        return np.asarray(time[self._believed])
+
+    def _drifted(self) -> Float[np.ndarray, " n"]:
+        """Return what a drift of the noise adds to each unknown's variance."""
+        if self._drift is None:
+            return np.zeros(self.design.size)
+        columns = self.design.columns[self._believed].toarray()
+        # How each reading moves the values under the rules.
+        moves = self.estimate.posterior.factor.solve(np.ascontiguousarray(columns.T))
+        moves = self.known.rules.project(moves).T
+        drifting = variances_of_sums(self._drift, self._clock, moves)
+        white = self.estimate.scatter[0] * np.square(moves).sum(axis=0)
+        return np.asarray(np.maximum(drifting - white, 0.0))
 
     @cached_property
     def lag_deviation(self) -> dict[str, float]:
