@@ -27,7 +27,7 @@ from ._readings import Readings, filled
 Design = tuple[Int[np.ndarray, "t k"], Float[np.ndarray, "t k"]]
 """Unknowns that each reading touches, and their shares: a sparse matrix, k per row."""
 
-_KEPT = 10_000
+KEPT = 10_000
 """Readings up to which their design is kept."""
 _EVEN = 1e-9
 """Nodes count as equidistant when they lie on a straight line to this share of a cell."""
@@ -58,7 +58,7 @@ class AbstractEffect(abc.ABC):
 
 def design_of(effect: AbstractEffect, readings: Readings) -> Design:
     """Return the rows of an effect, kept with few readings, of which more is asked later."""
-    if len(readings) > _KEPT:
+    if len(readings) > KEPT:
         return effect.design(readings)
     if effect not in readings.designs:
         readings.designs[effect] = effect.design(readings)
@@ -309,9 +309,14 @@ class GroupEffect(AbstractEffect):
         return _contrast(self.counted.tobytes(), self.present.tobytes())
 
     @property
+    def parts(self) -> int:
+        """Effects of each group: an offset, and a trend where there is one."""
+        return 1 if self.trend is None else 2
+
+    @property
     def size(self) -> int:
         """See `AbstractEffect`."""
-        return int(self.contrast.shape[1]) * (1 if self.trend is None else 2)
+        return int(self.contrast.shape[1]) * self.parts
 
     @property
     def prior(self) -> AbstractPrior:
@@ -333,19 +338,15 @@ class GroupEffect(AbstractEffect):
 
     def by_group(self, values: Float[np.ndarray, " c"]) -> Float[np.ndarray, "p g"]:
         """Return unknowns as offsets, then trends, of each group."""
-        parts = 1 if self.trend is None else 2
-        return np.asarray(values.reshape(parts, -1) @ self.contrast.T)
+        return np.asarray(values.reshape(self.parts, -1) @ self.contrast.T)
 
     def variances(self, inverse: Float[np.ndarray, "c c"]) -> Float[np.ndarray, "p g"]:
         """Return the variances of offsets, then trends, for a covariance of the unknowns."""
         width = self.contrast.shape[1]
-        starts = (0,) if self.trend is None else (0, width)
-        parts = [slice(start, start + width) for start in starts]
+        own = [slice(k * width, (k + 1) * width) for k in range(self.parts)]
         return np.array(
             [
-                np.einsum(
-                    "gc,cd,gd->g", self.contrast, inverse[own, own], self.contrast
-                )
-                for own in parts
+                np.sum(self.contrast @ inverse[one, one] * self.contrast, axis=1)
+                for one in own
             ]
         )

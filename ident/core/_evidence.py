@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
-from scipy.optimize import OptimizeResult, minimize
+from scipy.optimize import fmin_l_bfgs_b
 
 from ._effect import TableEffect
 from ._posterior import Posterior, Problem
@@ -39,6 +39,8 @@ _NEXT, _FARTHEST, _UNLIKELY = 10.0**0.5, 8, 0.02
 likelihood relative to the best ones at which that ends."""
 _FINE, _COARSE = 1e-4, 0.3
 """Gain of a step at which the search ends: on small stacks, on large ones."""
+_SHARE, _EPSILON = 1e-4, float(np.finfo(np.float64).eps)
+"""Share of the evidence that the optimiser sees, and the unit of its limit."""
 _LARGE = 2e7
 """Operations of one factor from which on a stack is large."""
 _THINNED, _ENOUGH = 3, 8
@@ -70,12 +72,13 @@ def _likeliest(problem: Problem, near: Posterior | None) -> Posterior | None:
         return problem.at(np.zeros(0))
     gain = _COARSE if _is_large(problem) else _FINE
     if near is not None:
-        return _descend(problem, near.weights, gain, near)
+        return _descend(problem, near, gain)
     if _is_large(problem) and _can_be_thinned(problem):
         rough, finer = _thinned(problem)
         found = _likeliest(rough, None)
-        if found is not None:
-            return _descend(problem, finer(found.weights), gain)
+        start = None if found is None else _best_of(problem, [finer(found.weights)])
+        if start is not None:
+            return _descend(problem, start, gain)
     start = _scanned(problem)
     best = None if start is None else _descend(problem, start, gain)
     if best is None or not problem.optional.any():
@@ -173,8 +176,8 @@ def _can_be_thinned(problem: Problem) -> bool:
     return min(len(nodes) for nodes in table.nodes) > _ENOUGH * _THINNED
 
 
-def _scanned(problem: Problem) -> Vector | None:
-    """Return the best of a few weights without fourth differences."""
+def _scanned(problem: Problem) -> Posterior | None:
+    """Return the best of a few posteriors without fourth differences."""
     scanned = np.concatenate(
         [[prior.scanned] * len(prior.rows) for prior, _, _ in problem.stack.priors]
     ).astype(bool)
@@ -183,8 +186,8 @@ def _scanned(problem: Problem) -> Vector | None:
     return _best_of(problem, [one * problem.density for one in plain])
 
 
-def _bent(problem: Problem, plain: Vector) -> Vector | None:
-    """Return the best of a few weights with fourth differences.
+def _bent(problem: Problem, plain: Vector) -> Posterior | None:
+    """Return the best of a few posteriors with fourth differences.
 
     They start where second differences by themselves ended: what those hold in place of
     curvature, fourth ones hold with their square.
@@ -201,67 +204,51 @@ def _bent(problem: Problem, plain: Vector) -> Vector | None:
     return _best_of(problem, tried)
 
 
-def _best_of(problem: Problem, tried: Sequence[Vector]) -> Vector | None:
+def _best_of(problem: Problem, tried: Sequence[Vector]) -> Posterior | None:
     low, high = np.exp(problem.bounds.T)
-    best, evidence = None, np.inf
+    best = None
     for each in tried:
-        weights = np.where(each > 0.0, np.clip(each, low, high), 0.0)
+        weights = np.where(each > 0.0, np.minimum(np.maximum(each, low), high), 0.0)
         post = problem.at(weights)
-        if post is not None and post.evidence < evidence:
-            best, evidence = weights, post.evidence
+        if post is not None and post.evidence < (
+            np.inf if best is None else best.evidence
+        ):
+            best = post
     return best
 
 
-def _descend(
-    problem: Problem, start: Vector, gain: float, best: Posterior | None = None
-) -> Posterior | None:
-    """Return the best posterior near a start (that of ``best``); weights that are 0 stay 0."""
-    alive = start > 0.0
+def _descend(problem: Problem, start: Posterior, gain: float) -> Posterior:
+    """Return the best posterior near that of a start; weights that are 0 stay 0."""
+    alive = start.weights > 0.0
     low, high = problem.bounds[alive].T
-    log = np.clip(np.log(start[alive]), low, high)
-
-    def at(logs: Vector) -> Posterior | None:
-        nonlocal best
-        weights = np.zeros(len(start))
-        weights[alive] = np.exp(np.clip(logs, low, high))
-        found = problem.at(weights)
-        if found is None or not np.isfinite([found.evidence, *found.slopes]).all():
-            return None
-        if best is None or found.evidence < best.evidence:
-            best = found
-        return found
-
-    first = at(log) if best is None else best
-    while first is None:
-        # Too stiff for a factor: as stiff as it bears.
-        if (log <= low + 1.0).all():
-            return None
-        log = np.maximum(log - 2.0, low)
-        first = at(log)
-    # The curvature is about the number of unknowns that a weight leaves to the readings.
-    scale = np.sqrt(np.maximum(0.5 * first.carried[alive], 0.25))
-    origin, known = first.evidence, {log.tobytes(): first}
+    log = np.clip(np.log(start.weights[alive]), low, high)
+    # The curvature is about the number of unknowns that a weight leaves to the readings. The
+    # optimiser's limit is relative to what was gained, where that is more than 1: it sees
+    # a small share of it.
+    scale = np.sqrt(_SHARE * np.maximum(0.5 * start.carried[alive], 0.25))
+    best, known = start, [start]
 
     def cost(scaled: Vector) -> tuple[float, Vector]:
-        logs = scaled / scale
-        found = known.get(logs.tobytes()) or at(logs)
+        nonlocal best
+        found: Posterior | None
+        if known:
+            found = known.pop()  # the optimiser begins at the start
+        else:
+            weights = np.zeros(len(alive))
+            weights[alive] = np.exp(np.minimum(np.maximum(scaled / scale, low), high))
+            found = problem.at(weights)
         if found is None:
-            return 1e6, np.zeros(len(logs))
-        return found.evidence - origin, found.slopes[alive] / scale
+            return _SHARE * 1e6, np.zeros(len(scaled))
+        value, slopes = found.evidence - start.evidence, found.slopes[alive]
+        if not np.isfinite(value + slopes.sum()):
+            return _SHARE * 1e6, np.zeros(len(scaled))
+        if value < best.evidence - start.evidence:
+            best = found
+        return _SHARE * value, _SHARE * slopes / scale
 
-    reached = 0.0
-
-    def ended(intermediate_result: OptimizeResult) -> None:
-        # The optimiser's own limit is relative to all that was gained so far.
-        nonlocal reached
-        if reached - intermediate_result.fun < gain:
-            raise StopIteration
-        reached = intermediate_result.fun
-
-    minimize(
-        cost, log * scale, jac=True, method="L-BFGS-B", callback=ended,
-        bounds=np.column_stack([low * scale, high * scale]),
-        options={"ftol": 0.0, "gtol": np.sqrt(gain), "maxiter": 60},
+    fmin_l_bfgs_b(
+        cost, log * scale, bounds=np.column_stack([low * scale, high * scale]),
+        factr=_SHARE * gain / _EPSILON, pgtol=np.sqrt(_SHARE * gain), maxiter=60,
     )  # fmt: skip
     return best
 
@@ -275,7 +262,8 @@ def _simplified(problem: Problem, best: Posterior, gain: float) -> Posterior:
             continue
         if int((best.weights[problem.optional] > 0).sum()) == int(drop.sum()):
             continue
-        other = _descend(problem, np.where(drop, 0.0, best.weights), gain)
+        start = _best_of(problem, [np.where(drop, 0.0, best.weights)])
+        other = None if start is None else _descend(problem, start, gain)
         if other is not None and other.evidence < best.evidence + _WORTH:
             best = other
     return best

@@ -6,7 +6,8 @@ with an empty border it is a band. Elements of the inverse come from the same fa
 """
 
 import dataclasses
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import final
@@ -71,13 +72,9 @@ class ArrowFactor:
         if len(columns) and len(border):
             beside = _half_solved(band, np.ascontiguousarray(cross.T))
             border = dsyrk(-1.0, beside.T, 1.0, border, lower=1)
-        schur = np.zeros(border.shape, order="F")
-        for own in _uncoupled(border):
-            schur[own, own], info = dpotrf(border[own, own], lower=1, clean=1)
-            if info != 0:
-                return None
-        found = cls(band, beside, schur)
-        return found if np.isfinite(found.logdet) else None
+        schur = _by_block(border, lambda own: dpotrf(own, lower=1, clean=1))
+        found = None if schur is None else cls(band, beside, schur)
+        return found if found is not None and math.isfinite(found.logdet) else None
 
     @property
     def size(self) -> int:
@@ -108,14 +105,12 @@ class ArrowFactor:
     @cached_property
     def border_inverse(self) -> Float[np.ndarray, "m m"]:
         """Inverse over the border."""
-        whole = np.zeros(self.schur.shape)
-        for own in _uncoupled(self.schur):
-            lower, info = dpotri(self.schur[own, own], lower=1)
-            assert info == 0
-            # The factor is clean: above the diagonal stands nothing.
-            whole[own, own] = lower + lower.T
+        lower = _by_block(self.schur, lambda own: dpotri(own, lower=1))
+        assert lower is not None
+        # The factor is clean: above the diagonal stands nothing.
+        whole = lower + lower.T
         np.einsum("ii->i", whole)[:] *= 0.5
-        return whole
+        return np.asarray(whole)
 
     def selected(self, offsets: Sequence[int]) -> Float[np.ndarray, "n s"]:
         """Return diagonals of the inverse over the band.
@@ -146,17 +141,29 @@ class ArrowFactor:
         return np.concatenate([self.selected([0])[:, 0], border])
 
 
-def _uncoupled(lower: Float[np.ndarray, "m m"]) -> list[slice]:
-    """Return blocks along the diagonal of a large lower triangle that nothing couples.
+def _by_block(
+    lower: Float[np.ndarray, "m m"],
+    apply: Callable[[Float[np.ndarray, "_k _k"]], tuple[np.ndarray, int]],
+) -> Float[np.ndarray, "m m"] | None:
+    """Apply a routine of LAPACK to a lower triangle; None where it fails.
 
-    Three tables of equal size side by side take a ninth of the work of one matrix.
+    In a large one to each block along the diagonal that nothing couples: three tables of equal
+    size side by side take a ninth of the work of one matrix.
     """
     size = len(lower)
+    if not size:
+        return lower
     if size <= _DENSE:
-        return [slice(0, size)] if size else []
+        found, info = apply(lower)
+        return found if info == 0 else None
     last = size - 1 - np.argmax(lower[::-1] != 0.0, axis=0)
     ends = np.flatnonzero(np.maximum.accumulate(last) <= np.arange(size)) + 1
-    return [slice(a, b) for a, b in pairwise([0, *ends.tolist()])]
+    whole = np.zeros(lower.shape, order="F")
+    for a, b in pairwise([0, *ends.tolist()]):
+        whole[a:b, a:b], info = apply(lower[a:b, a:b])
+        if info != 0:
+            return None
+    return whole
 
 
 def _half_solved(

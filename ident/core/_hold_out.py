@@ -109,13 +109,13 @@ def _without_runs(
     slim = Stack((*stack.effects[:-1], own), stack.banded)
     # Effects of all runs per effect of the fewer ones: the same columns in another basis.
     turn = effect.contrast.T @ own.contrast
-    if effect.trend is not None:
-        turn = np.kron(np.eye(2), turn)
-    kept = before - n
-    border = np.zeros((kept + len(turn), kept + turn.shape[1]))
+    kept, (rows, columns) = before - n, turn.shape
+    border = np.zeros((stack.size - n, slim.size - n))
     border[:kept, :kept] = np.eye(kept)
-    border[kept:, kept:] = turn
-    inside = np.linalg.lstsq(border, theta[n:], rcond=None)[0]
+    for part in range(effect.parts):
+        row, column = kept + part * rows, kept + part * columns
+        border[row : row + rows, column : column + columns] = turn
+    inside = border.T @ theta[n:]
     start = np.concatenate([theta[:n], inside])
     step = np.concatenate([np.zeros(n), border @ inside - theta[n:]])
     return sums.moved(step, gain).reduced(slim, border), start

@@ -67,19 +67,25 @@ class Loss:
         outside = 0.22 if np.isfinite(self.corner) else 0.0
         return outside + 7.0 / self.freedom**2
 
-    def share(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
-        """Return ψ(x)/x in 0…1 for residuals in scales."""
+    def influence(
+        self, ratio: Float[np.ndarray, " t"]
+    ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
+        """Return ψ(x)/x in 0…1 and ψ'(x) for residuals in scales."""
         size = np.abs(ratio)
         share = 1.0 / (1.0 + np.square(ratio) / self.freedom)
+        slope = (2.0 * share - 1.0) * share
         if np.isfinite(self.corner):
             share = np.minimum(share, self.corner / np.maximum(size, 1e-300))
-        return np.asarray(np.where(size <= self.limit, share, 0.0))
+        slope = np.where(size <= min(self.corner, self.limit), slope, 0.0)
+        return np.where(size <= self.limit, share, 0.0), slope
+
+    def share(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+        """Return ψ(x)/x in 0…1 for residuals in scales."""
+        return self.influence(ratio)[0]
 
     def slope(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Return ψ'(x) for residuals in scales."""
-        share = 1.0 / (1.0 + np.square(ratio) / self.freedom)
-        inside = np.abs(ratio) <= min(self.corner, self.limit)
-        return np.asarray(np.where(inside, (2.0 * share - 1.0) * share, 0.0))
+        return self.influence(ratio)[1]
 
     def wild(self, ratio: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
         """Return which residuals in scales are rejected outright."""

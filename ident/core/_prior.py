@@ -55,6 +55,11 @@ class Penalty:
         distances = frozenset(np.unique(row - column).tolist())
         return cls(rows, gram, row, column, data, doubled, distances)
 
+    @cached_property
+    def whole(self) -> Float[np.ndarray, "r n"]:
+        """D with all its zeros."""
+        return np.asarray(self.rows.toarray())
+
     @property
     def reach(self) -> int:
         """Largest distance of an element from the diagonal."""

@@ -32,6 +32,11 @@ class Readings:
         """Rows of each effect that was asked for them."""
         return {}
 
+    @cached_property
+    def matrices(self) -> dict[Any, Any]:
+        """Rows of each stack that was asked for them, as a matrix."""
+        return {}
+
     def __len__(self) -> int:
         return len(self.value)
 

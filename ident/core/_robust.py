@@ -50,8 +50,8 @@ _FOLLOWS = (
 )
 
 Vector = Float[np.ndarray, " _n"]
-Pass = Callable[[Vector, Loss, bool], Sums]
-"""Returns the sums of all readings about an estimate; the matrix only where it is asked for."""
+Pass = Callable[[Vector, Loss, Sums | None], Sums]
+"""Returns the sums of all readings about an estimate, with the matrix of known ones or anew."""
 
 
 @final
@@ -164,8 +164,8 @@ def memory(
     if design is None and loop_axes(stack, readings) is None:
         design = stack.matrix(readings)
 
-    def over(theta: Vector, loss: Loss, full: bool) -> Sums:
-        return sums_of(stack, readings, theta, loss, full, design)[0]
+    def over(theta: Vector, loss: Loss, known: Sums | None) -> Sums:
+        return sums_of(stack, readings, theta, loss, known, design)[0]
 
     return over
 
@@ -217,7 +217,7 @@ class _Passes:
     def run(self, start: Vector | None, near: Estimate | None) -> Estimate:
         """Alternate passes and searches until neither moves the values."""
         if near is not None and self.loss != "gauss":
-            matrix = self.over(near.values, near.loss, True)
+            matrix = self.over(near.values, near.loss, None)
             problem = self._problem(matrix, near.values)
             weights = (
                 near.posterior.weights if self.fixed is None else self._light(problem)
@@ -225,7 +225,7 @@ class _Passes:
             begun = self._solved(problem, weights)
             return self._robust(begun, float(matrix.tally[0]), searches=1)
         theta = np.zeros(self.stack.size) if start is None else start
-        matrix = self.over(theta, Loss(), True)
+        matrix = self.over(theta, Loss(), None)
         if self.loss == "gauss":
             problem = self._problem(matrix, theta)
             # About the values themselves the sums keep all their digits.
@@ -239,7 +239,7 @@ class _Passes:
         # Far from the table every residual is large: believe all, the hopeless ones less.
         size, count = matrix.sizes
         scale = choose_loss("gauss", size, 1.0, self.floor, count).scale
-        far = self.over(theta, Loss(scale, corner=WILD), False).with_matrix(matrix)
+        far = self.over(theta, Loss(scale, corner=WILD), matrix)
         problem, total = self._problem(far, theta), float(matrix.tally[0])
         found = self._robust(self._solved(problem, self._light(problem)), total)
         few = total - float(found.posterior.problem.count) <= _UNLIKELY * total
@@ -260,7 +260,7 @@ class _Passes:
         inflation = self._inflation(post)
         freedoms: tuple[float, ...] = FREEDOMS
         matrix, loss, about = post.problem.sums, Loss(), post.values
-        sums = self.over(about, Loss(), False)
+        sums = self.over(about, Loss(), matrix)
         converged = False
         trail: list[tuple[Vector, Vector]] = []
         for number in range(_PASSES):
@@ -271,14 +271,13 @@ class _Passes:
                 freedoms = (loss.freedom,)
             # With the same readings at work the matrix and its factor stay as they are.
             final = self.fixed is not None or (searches > 0 and not self.rough)
-            sums = self.over(about, loss, False)
+            sums = self.over(about, loss, matrix)
             changed = abs(float(sums.tally[0]) - active) / max(active, 1.0)
             full = changed > _CHANGED
             if full:
-                sums = self.over(about, loss, True)
-                matrix, active = sums, float(sums.tally[0])
+                matrix = sums = self.over(about, loss, None)
+                active = float(sums.tally[0])
             factor = None if full else post.factor
-            sums = sums.with_matrix(matrix)
             gain = max(float(sums.tally[1] / max(sums.tally[0], 1.0)), 0.1)
             problem = self._problem(sums, about, gain)
             weights = post.weights if self.fixed is None else self.fixed(problem)

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from ._effect import AbstractEffect, Design, TableEffect, design_of
+from ._effect import KEPT, AbstractEffect, Design, TableEffect, design_of
 from ._prior import AbstractPrior, Penalty
 from ._readings import Readings
 
@@ -94,7 +94,7 @@ class Stack:
     @cached_property
     def rows(self) -> Float[np.ndarray, "k r u"]:
         """Rows of each term over all unknowns of a small stack, filled up with zeros."""
-        parts = [np.asarray(term.penalty.rows.toarray()) for term in self.terms]
+        parts = [term.penalty.whole for term in self.terms]
         most = max((len(part) for part in parts), default=0)
         result = np.zeros((len(parts), most, self.size))
         for own, part, term in zip(result, parts, self.terms, strict=True):
@@ -120,11 +120,15 @@ class Stack:
         return np.hstack(nodes), np.hstack([shares for _, shares in parts])
 
     def matrix(self, readings: Readings) -> Matrix:
-        """Return the rows of all effects side by side as a matrix."""
-        nodes, shares = self.design(readings)
-        count, width = shares.shape
-        parts = (shares.reshape(-1), nodes.reshape(-1), np.arange(count + 1) * width)
-        return compact(sp.csr_array(parts, shape=(count, self.size)))
+        """Return the rows of all effects side by side as a matrix, kept as those are."""
+        kept = readings.matrices if len(readings) <= KEPT else {}
+        if self not in kept:
+            nodes, shares = self.design(readings)
+            count, width = shares.shape
+            ends = np.arange(count + 1) * width
+            parts = (shares.reshape(-1), nodes.reshape(-1), ends)
+            kept[self] = compact(sp.csr_array(parts, shape=(count, self.size)))
+        return kept[self]
 
 
 def compact(design: sp.csr_array) -> Matrix:

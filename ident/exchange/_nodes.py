@@ -40,11 +40,15 @@ class GridNodes:
     def _units(self) -> Int[np.ndarray, " n"]:
         return self.start + self.interval * np.arange(self.count)
 
+    @property
+    def places(self) -> tuple[Float[np.ndarray, ""], ...]:
+        """Start and interval in mm or °."""
+        return tuple(np.asarray(k / LIST_UNITS) for k in (self.start, self.interval))
+
     def model(self) -> EquidistantNodes:
         """Return the nodes of a model."""
-        return equidistant(
-            self.start / LIST_UNITS, self.interval / LIST_UNITS, self.count
-        )
+        start, interval = map(as_array, self.places)
+        return EquidistantNodes(start, interval, self.count)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,17 +62,22 @@ class PointNodes:
         """Positions in mm or °."""
         return np.asarray(self.integers, dtype=np.int64) / LIST_UNITS
 
+    @property
+    def count(self) -> int:
+        """Number of nodes."""
+        return len(self.integers)
+
+    @property
+    def places(self) -> tuple[Float[np.ndarray, " n"], ...]:
+        """Positions in mm or °, alone."""
+        return (self.positions,)
+
     def model(self) -> Setpoints:
         """Return the nodes of a model."""
         return Setpoints(as_array(self.positions))
 
 
 ListNodes = GridNodes | PointNodes
-
-
-def equidistant(start: float, interval: float, count: int) -> EquidistantNodes:
-    """Return the nodes of a model."""
-    return EquidistantNodes(as_array(start), as_array(interval), count)
 
 
 def grid_nodes(start: float, interval: float, count: int, name: str) -> GridNodes:

@@ -15,6 +15,7 @@ from ..core import (
     Posterior,
     Readings,
     Stack,
+    Sums,
     design_of,
     sums_of,
 )
@@ -75,7 +76,7 @@ def residual_of(
     stack: Stack, readings: Readings, values: Vector
 ) -> Float[np.ndarray, " t"]:
     """Return (reading − fit) × √weight."""
-    return sums_of(stack, readings, values, Loss(), False)[1]
+    return sums_of(stack, readings, values, Loss(), Sums.empty(stack))[1]
 
 
 def result_of(
@@ -171,11 +172,11 @@ def _run_effects(
     values = effect.by_group(post.values[stack.here(-1)])
     own = slice(stack.here(-1).start - stack.band, None)
     inverse = post.factor.border_inverse[own, own]
-    spread = np.sqrt(variance * effect.variances(inverse))
-    columns = [column for pair in zip(values, spread, strict=True) for column in pair]
-    columns += [np.zeros_like(values[0])] * (4 - len(columns))
-    rows = np.column_stack(columns)[effect.present].tolist()
-    return tuple(RunEffect(run, *row) for run, row in zip(runs, rows, strict=True))
+    rows = np.zeros((4, len(effect.present)))
+    rows[: 2 * effect.parts : 2] = values
+    rows[1 : 2 * effect.parts : 2] = np.sqrt(variance * effect.variances(inverse))
+    columns = rows[:, effect.present].T.tolist()
+    return tuple(RunEffect(run, *row) for run, row in zip(runs, columns, strict=True))
 
 
 def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
@@ -184,17 +185,21 @@ def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
     Each offset against mean and scatter of the others, by Student's t; a run counts as far
     where not even one of a thousand machines would have any run like it.
     """
-    count, found = len(runs), []
+    count = len(runs)
+    if count < 3:
+        return ()
     offset = np.array([run.offset for run in runs])
-    for k, run in enumerate(runs if count > 2 else ()):
-        others = np.delete(offset, k)
-        scatter = max(float(np.std(others, ddof=1)), run.offset_sd)
-        off = abs(offset[k] - others.mean())
-        t = off / (scatter * np.sqrt(1.0 + 1.0 / len(others)))
-        # Of two others the scatter is hardly known: as if of three.
-        if 2.0 * stdtr(max(count - 2, 2), -t) < _FAR / count:
-            found.append(run.run)
-    return tuple(found)
+    own = np.array([run.offset_sd for run in runs])
+    rest = count - 1
+    # Of the others alone, by the deviations from the mean of all.
+    away = offset - offset.mean()
+    square = np.sum(away**2) - away**2 * count / rest
+    scatter = np.maximum(np.sqrt(np.maximum(square, 0.0) / (rest - 1)), own)
+    off = np.abs(away) * count / rest
+    t = off / (scatter * np.sqrt(1.0 + 1.0 / rest))
+    # Of two others the scatter is hardly known: as if of three.
+    far = 2.0 * stdtr(max(count - 2, 2), -t) < _FAR / count
+    return tuple(run.run for run, is_far in zip(runs, far, strict=True) if is_far)
 
 
 def doubt_of_means(runs: Sequence[RunEffect]) -> tuple[float, float]:

@@ -157,13 +157,13 @@ def _attempt(
     stack = Stack((layout.effect,))
     looks: list[_Found] = []
 
-    def over(theta: Float[np.ndarray, " u"], by: Loss, full: bool) -> Sums:
+    def over(theta: Float[np.ndarray, " u"], by: Loss, known: Sums | None) -> Sums:
         groups = None if looks else grouping
-        found = ask(_SumUp(layout, theta, by, full, not looks, groups))
+        found = ask(_SumUp(layout, theta, by, known is None, not looks, groups))
         if found.extent is not None:
             found.extent.check(layout, stack.free, allow_gaps=False)
             looks.append(found)
-        return found.total
+        return found.total if known is None else found.total.with_matrix(known)
 
     whole = estimate_table(stack, over, first, smoothness, loss)
     last = looks[0]
@@ -251,15 +251,14 @@ class _SumUp:
     def _of(self, samples: Samples) -> _Found:
         extent = Extent.of(self.layout, samples) if self.look else None
         stack, parts = Stack((self.layout.effect,)), {0: samples}
+        known = None if self.full else Sums.empty(stack)
         if self.grouping is not None:
             labels = self.grouping(samples)
             parts = {int(g): samples.take(labels == g) for g in np.unique(labels)}
         groups, nodes = {}, np.zeros((3, 1))
         for label, own in parts.items():
             readings = own.readings
-            groups[label], _ = sums_of(
-                stack, readings, self.theta, self.loss, self.full
-            )
+            groups[label], _ = sums_of(stack, readings, self.theta, self.loss, known)
             if self.nodes:
                 judged = Judged.of(stack, readings, self.theta, self.loss)
                 nodes = nodes + judged.nodes

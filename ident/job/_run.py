@@ -109,9 +109,10 @@ def run_job(
     )
     if second is not None:
         result = measure_again(job, second, drafts, result, out)
+    programs = [name for name in program_names(job) if name in folder.digests]
     result = dataclasses.replace(
         result,
-        load_sheet=load_sheet(job, files, result.fits),
+        load_sheet=load_sheet(job, files, result.fits, programs),
         wall_time=time.perf_counter() - start,
     )
     folder.write(RESULT, result_json(result).encode())

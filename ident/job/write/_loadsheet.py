@@ -14,7 +14,7 @@ from ..file._load import Job
 from ..result._job_result import LoadStep
 from ..result._result import AbstractResult, Expectation
 from ..result._verdict import Code
-from ._first_run import first_run_programs, nameless
+from ._first_run import nameless
 from ._lists import AxisFiles
 
 _SHOWN = {"mm": ("µm", 1e3), "deg": ("· 0.001°", 1e3)}
@@ -46,7 +46,10 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
 
 
 def load_sheet(
-    job: Job, files: Sequence[AxisFiles], results: Sequence[AbstractResult]
+    job: Job,
+    files: Sequence[AxisFiles],
+    results: Sequence[AbstractResult],
+    programs: Sequence[str],
 ) -> tuple[LoadStep, ...]:
     """Return the steps that bring the lists of a job onto the controller.
 
@@ -57,6 +60,7 @@ def load_sheet(
         job: The job.
         files: The axes with their drafts and lists.
         results: What came of all fits, in the order of the job.
+        programs: Names of the NC programs of a first run that were written.
     """
     drafts = sorted((d for one in files for d in one.drafts), key=lambda d: d.index)
     pairs = [(d, r) for d, r in zip(drafts, results, strict=True) if d.written]
@@ -94,7 +98,7 @@ def load_sheet(
                 if one.machine is not None
                 and job.spec.axes[one.axis].machine_data is None
             ],
-            programs=list(first_run_programs(job, let_out)),
+            programs=programs,
             nameless=[
                 (axis, repr(job.spec.nc_word(axis))) for axis in nameless(job, axes)
             ],

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import jax
@@ -26,7 +26,6 @@ from ...exchange._machine_lists import Reading
 from ...exchange._nodes import (
     GridNodes,
     as_array,
-    equidistant,
     nodes_of_model,
     refuse_unequal_ends,
     refuse_unordered,
@@ -86,57 +85,59 @@ def read_leadscrew(
     )
     # An interval of 0, its default, asks for setpoints.
     interval = optional(listing, f"{PREFIX}.interval")
-    nodes: EquidistantNodes | Setpoints
+    places: tuple[np.ndarray, ...]
     if interval > 0:
         start = optional(listing, f"{PREFIX}.kw_startpos")
-        nodes = equidistant(scaled(start, size), scaled(interval, size), count)
+        places = tuple(np.asarray(scaled(each, size)) for each in (start, interval))
+        ends = places[0], places[0] + (count - 1) * places[1]
     else:
         given = column(listing, PREFIX, "setpoint")
         points = np.array([scaled(given.get(k, 0), size) for k in range(count)])
         refuse_unordered(points, f"{listing.source}: {PREFIX}.table[].setpoint")
-        nodes = Setpoints(as_array(points))
+        places, ends = (points,), (points[0], points[-1])
     wraps = None
     if flag(listing, f"{PREFIX}.modulo"):
-        ends = np.asarray(nodes.positions)
-        wraps = modulo or (float(ends[0]), float(ends[-1]))
-    return leadscrew_of(nodes, values, wraps, conventions)
+        wraps = modulo or (float(ends[0]), float(ends[1]))
+    return leadscrew_of(places, values, wraps, conventions)
 
 
 def leadscrew_of(
-    nodes: EquidistantNodes | Setpoints,
+    places: Sequence[Float[np.ndarray, "..."]],
     branches: Float[np.ndarray, "b n"],
     modulo: tuple[float, float] | None,
     conventions: Conventions,
 ) -> Leadscrew:
-    """Return a leadscrew table over some nodes, its entries as NumPy has them.
+    """Return a leadscrew table over some nodes, its numbers as NumPy has them.
 
     Args:
-        nodes: Of the table.
+        places: Start and interval of equidistant nodes, or the positions of all nodes.
         branches: Its entries in mm or °: one row for both directions, or one for each.
         modulo: Range of the axis where the table goes round.
         conventions: Sign rule.
     """
-    places, kind = jax.tree.flatten(nodes)
-    if isinstance(nodes, EquidistantNodes):
-        places = [np.asarray(place) for place in places]
-    structure = _structure(
-        kind, len(branches), modulo, float(conventions.leadscrew_sign)
-    )
-    found: Leadscrew = jax.tree.unflatten(structure, [*places, *branches])
+    sign = float(conventions.leadscrew_sign)
+    structure = _structure(len(places), branches.shape, modulo, sign)
+    # Setpoints are searched, which only JAX's own arrays can be where nothing is compiled.
+    nodes = places if len(places) == 2 else map(as_array, places)
+    found: Leadscrew = jax.tree.unflatten(structure, [*nodes, *branches])
     return found
 
 
 @functools.lru_cache(maxsize=256)
 def _structure(
-    kind: Any, branches: int, modulo: tuple[float, float] | None, sign: float
+    places: int,
+    shape: tuple[int, int],
+    modulo: tuple[float, float] | None,
+    sign: float,
 ) -> Any:
     """Return all of a table but its numbers: those of the nodes, then the entries.
 
     To put them in is a tenth of the work of making a table anew.
     """
-    nodes = jax.tree.unflatten(kind, [np.ones(1)] * kind.num_leaves)
-    entries = as_array(np.ones(nodes.count))
-    neg = entries if branches == 2 else None
+    branches, count = shape
+    entries = as_array(np.arange(count))
+    one, neg = as_array(1.0), entries if branches == 2 else None
+    nodes = EquidistantNodes(one, one, count) if places == 2 else Setpoints(entries)
     return jax.tree.structure(Leadscrew(nodes, entries, neg, modulo, sign))
 
 
@@ -161,7 +162,7 @@ class LeadscrewTable(AbstractTable):
 
     def model(self, integers: Int[np.ndarray, "..."]) -> Leadscrew:
         return leadscrew_of(
-            self.nodes[0].model(),
+            self.nodes[0].places,
             np.atleast_2d(from_list_units(integers)),
             self.modulo,
             self.conventions,

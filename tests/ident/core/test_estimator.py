@@ -208,7 +208,7 @@ def test_the_loop_over_a_plane_locates_cells_as_the_model_does_bit_for_bit(
     monkeypatch.setattr("axcomp.ident.core._sums.MANY", 1)
     nodes, shares = table.design(given)
     for node in rng.integers(0, table.size, 40):
-        _, residual = sums_of(stack, given, np.eye(table.size)[node], Loss(), False)
+        _, residual = sums_of(stack, given, np.eye(table.size)[node], Loss())
         own = np.where(nodes == node, shares, 0.0).sum(axis=1)
         np.testing.assert_array_equal(-residual, own)
 
