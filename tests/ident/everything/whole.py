@@ -138,7 +138,7 @@ def at_nodes(part: Part, machine: WorkingMachine) -> np.ndarray:
         rate = np.repeat([effect.acceleration, effect.deceleration], len(effect.points))
         return true(State({"Z": heights}, {}, {effect.master: rate}))
     if isinstance(effect, Backlash):
-        return 2.0 * true(State({}, {axis: np.array([-1.0])}))
+        return 2.0 * true(State({axis: np.zeros(1)}, {axis: np.array([-1.0])}))
     if isinstance(effect, Temperature):
         found = []
         for name, nodes in effect.nodes.items():
