@@ -240,7 +240,7 @@ def _descend(problem: Problem, start: Posterior, gain: float) -> Posterior:
         if found is None:
             return _SHARE * 1e6, np.zeros(len(scaled))
         value, slopes = found.evidence - start.evidence, found.slopes[alive]
-        if not np.isfinite(value + slopes.sum()):
+        if not np.isfinite([value, *slopes]).all():
             return _SHARE * 1e6, np.zeros(len(scaled))
         if value < best.evidence - start.evidence:
             best = found
