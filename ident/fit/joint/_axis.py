@@ -6,7 +6,8 @@ temperature, above all) like its own. The scores of stretches of the recording t
 their scatter, through the solution, is the variance that the values really have (the
 "sandwich" of robust statistics, clustered in time). It is compared per effect with that of the
 same residual in another order, so that values which few stretches touch are judged together.
-Of a recording too short for stretches the drift is estimated in their place (`DriftNoise`).
+Stretches of a short recording are no longer than what the noise remembers: there the drift is
+estimated as well (`DriftNoise`), and what leaves more open counts.
 """
 
 import dataclasses
@@ -48,6 +49,8 @@ _LAG_ROUNDS, _LAG_ENDED = 6, 0.1
 _STRETCHES, _FEWEST = 24, 20
 """Of the recording: long against the memory of the noise, and enough to scatter; and readings
 of a stretch below which nothing is judged."""
+_SHORT, _LARGE = 40, 1 << 18
+"""Readings of a stretch, and readings × unknowns, up to which the drift itself is estimated."""
 _DRAWS = 4
 """Other orders of the residual."""
 _CHANCE = 1.8
@@ -134,7 +137,8 @@ class AxisFit:
         def under_rules(post: Posterior) -> tuple[Vector, Vector]:
             return known.rules.project(post.values), known.variances(post)
 
-        variance = self.estimate.spread(under_rules) * self._swell() + self._drifted()
+        white: Vector = np.asarray(self.estimate.spread(under_rules))
+        variance = np.maximum(white * self._swell(), white + self._drifted())
         for sensor, found in self.lags.items():
             moved = known.rules.project(found.slope)
             variance = variance + np.square(moved * self.lag_deviation[sensor])
@@ -181,7 +185,9 @@ class AxisFit:
     @cached_property
     def _drift(self) -> DriftNoise | None:
         """Noise of a short recording with a clock, where it drifts."""
-        if self._stretches or self.data.time is None:
+        count = len(self._believed)
+        large = count > _SHORT * _STRETCHES or count * self.design.size > _LARGE
+        if self.data.time is None or large:
             return None
         basis, size, _ = pivoted(self.design.columns[self._believed].toarray())
         seen = basis[:, size > SINGULAR * size.max(initial=0.0)]

@@ -135,7 +135,7 @@ def _structure(
     To put them in is a tenth of the work of making a table anew.
     """
     branches, count = shape
-    entries = as_array(np.arange(count))
+    entries = as_array(np.arange(float(count)))
     one, neg = as_array(1.0), entries if branches == 2 else None
     nodes = EquidistantNodes(one, one, count) if places == 2 else Setpoints(entries)
     return jax.tree.structure(Leadscrew(nodes, entries, neg, modulo, sign))
