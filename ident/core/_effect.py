@@ -249,12 +249,12 @@ class ColumnsEffect(AbstractEffect):
     Attributes:
         given: Prior of the unknowns.
         count: Their number.
-        ridge: See `AbstractEffect`.
+        held: See `AbstractEffect.ridge`.
     """
 
     given: AbstractPrior
     count: int
-    ridge: float = 0.0
+    held: float = 0.0
 
     @property
     def prior(self) -> AbstractPrior:
@@ -265,6 +265,11 @@ class ColumnsEffect(AbstractEffect):
     def size(self) -> int:
         """See `AbstractEffect`."""
         return self.count
+
+    @property
+    def ridge(self) -> float:
+        """See `AbstractEffect`."""
+        return self.held
 
     def design(self, readings: Readings) -> Design:
         """See `AbstractEffect`; never called where the design is given."""
