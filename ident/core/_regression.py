@@ -82,6 +82,7 @@ def regress(
     loss: str = "student",
     quick: bool = False,
     noise: float | None = None,
+    plenty: bool = False,
 ) -> Regression:
     r"""Return the factors of columns that explain readings.
 
@@ -100,6 +101,7 @@ def regress(
         noise: Scatter of a reading of weight 1 as it is known beforehand, of readings that are
             independent: counts as two readings, lets as many unknowns be fitted as there are
             readings, and columns that cannot be separated are undetermined, not refused.
+        plenty: So many readings for each column that a start of least squares will do.
 
     Raises:
         FitError: If the columns cannot be separated or there are too few readings.
@@ -126,7 +128,9 @@ def regress(
         loss=loss,
         weights=lambda _: np.zeros(0),
         floor=least_scale(target, noise),
-        start=_least_magnitudes(part * root[:, None], target * root, loss),
+        start=None
+        if plenty
+        else _least_magnitudes(part * root[:, None], target * root, loss),
     )
     left = target - part @ found.centre
     share = found.loss.share(left * root / found.loss.scale)

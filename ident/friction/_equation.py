@@ -435,7 +435,7 @@ def weigh(recording: Recording, loss: str) -> Weights:
     own, limit, share = np.ones(count), np.inf, np.zeros(len(used))
     if loss != "gauss" and count > 2 * size:
         # Nothing is known of the noise, but columns without rows are not refused.
-        found = regress(rows, target, loss=loss, quick=True, noise=0.0)
+        found = regress(rows, target, loss=loss, quick=True, noise=0.0, plenty=True)
         own, limit = found.share, _WILD * found.noise.white
     share[used] = own
     return Weights(share, limit, free, sums(own))
