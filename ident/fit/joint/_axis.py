@@ -187,7 +187,7 @@ class AxisFit:
         """Noise of a short recording with a clock, where it drifts."""
         count = len(self._believed)
         large = count > _SHORT * _STRETCHES or count * self.design.size > _LARGE
-        if self.data.time is None or large:
+        if self.data.time is None or large or not np.isfinite(self._clock).all():
             return None
         basis, size, _ = pivoted(self.design.columns[self._believed].toarray())
         seen = basis[:, size > SINGULAR * size.max(initial=0.0)]

@@ -170,3 +170,16 @@ def test_a_short_log_that_drifts_says_how_little_it_tells(pieces: int) -> None:
         distances.append((part.values[1] - 0.036) / part.standard_deviation[1])
     # Eight draws of a unit deviation: their rms is 0.4 to 1.6 in 99 %; white noise said 4.
     assert 0.3 < np.sqrt(np.mean(np.square(distances))) < 1.6
+
+
+def test_a_short_log_with_a_missed_instant_is_fitted_as_one_without_a_clock() -> None:
+    rng = np.random.default_rng(0)
+    time, place = np.arange(200.0), np.tile(np.linspace(0.0, 100.0, 20), 10)
+    time[7] = np.nan
+    error = 0.01 * np.sin(place / 30.0) + 5e-4 * rng.normal(size=200)
+    screw = Leadscrew("X", start=0.0, interval=20.0, points=6)
+    one, other = (
+        fit_joint(JointData({"X": place}, {"X": error}, time=clock), [screw]).parts[0]
+        for clock in (time, None)
+    )
+    np.testing.assert_array_equal(one.standard_deviation, other.standard_deviation)
