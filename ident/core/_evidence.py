@@ -37,7 +37,7 @@ cross-validation by itself follows the noise of one sample in some."""
 _NEXT, _FARTHEST, _UNLIKELY = 10.0**0.5, 8, 0.02
 """Factor between weights that are asked how likely they are, how many on each side, and the
 likelihood relative to the best ones at which that ends."""
-_FINE, _COARSE = 1e-4, 0.3
+_FINE, _COARSE = 1e-2, 0.3
 """Gain of a step at which the search ends: on small stacks, on large ones."""
 _SHARE, _EPSILON = 1e-4, float(np.finfo(np.float64).eps)
 """Share of the evidence that the optimiser sees, and the unit of its limit."""

@@ -23,9 +23,9 @@ from ._sums import Sums, loop_axes, sums_of
 
 _PASSES, _SEARCHES = 60, 6
 """Robust passes and searches for the evidence, at most."""
-_ENDED, _NEAR = 0.005, 0.03
+_ENDED, _NEAR, _FIRST = 0.005, 0.03, 0.25
 """Last move of the predictions, in their typical deviation, at which passes end: at the last
-weights, at others."""
+weights, at others, and at those that passes begin with, which are nobody's choice."""
 _SAME = 0.05
 """Change of the values, in typical deviations, that asks for no new weights."""
 _FROZEN = 4
@@ -271,6 +271,7 @@ class _Passes:
                 freedoms = (loss.freedom,)
             # With the same readings at work the matrix and its factor stay as they are.
             final = self.fixed is not None or (searches > 0 and not self.rough)
+            near = _ENDED if final else _NEAR if searches else _FIRST
             sums = self.over(about, loss, matrix)
             changed = abs(float(sums.tally[0]) - active) / max(active, 1.0)
             full = changed > _CHANGED
@@ -285,7 +286,7 @@ class _Passes:
             trail = [*trail[-1:], (about, post.values - about)]
             step = self._step(post)
             moved = self._moved(sums, post.values - about)
-            converged = moved <= (_ENDED if final else _NEAR) * step
+            converged = moved <= near * step
             most = 1 if self.rough else _SEARCHES
             if converged and self.fixed is None and searches < most:
                 before = post.values
