@@ -65,6 +65,6 @@ from ._robust import (
     estimate as estimate,
     memory as memory,
 )
-from ._stack import Stack as Stack
+from ._stack import Stack as Stack, compact as compact
 from ._sums import Sums as Sums, sums_of as sums_of
 from ._threads import cores as cores, one_blas_thread as one_blas_thread

@@ -63,6 +63,7 @@ def leave_one_out(
     estimate: Estimate,
     groups: Mapping[int, Sums],
     present: Mapping[int, Bool[np.ndarray, " r"]],
+    pins: Mapping[int, Float[np.ndarray, " u"]],
 ) -> dict[int, Posterior]:
     """Return the posterior without each group of readings.
 
@@ -71,6 +72,7 @@ def leave_one_out(
         groups: Sums of each group about `Estimate.about`, by `Estimate.loss`.
         present: Runs that have readings beside each group, where the last effect is one of
             runs.
+        pins: Precision by which unknowns are held that nothing else determines beside a group.
 
     Raises:
         FitError: If there are fewer than two groups, or the others do not determine it.
@@ -86,7 +88,8 @@ def leave_one_out(
         gain = max(float(rest.tally[1] / max(rest.tally[0], 1.0)), 0.1)
         if label in present:
             rest, theta = _without_runs(rest, theta, present[label], gain)
-        post = Problem.of(rest, theta, gain).at(estimate.posterior.weights)
+        problem = Problem.of(rest, theta, gain, pins.get(label))
+        post = problem.at(estimate.posterior.weights)
         if post is None:
             msg = "the readings do not determine the table: the normal matrix is singular."
             raise FitError(msg)

@@ -150,7 +150,7 @@ def leave_out(
             if by_run:
                 rest = readings.inputs["run"][~own]
                 present[label] = np.bincount(rest, minlength=len(fit.runs)) > 0
-        left = leave_one_out(found, sums, present)
+        left = leave_one_out(found, sums, present, {})
         folds = [(label, fold_of(fit, post)) for label, post in left.items()]
     yield from folds
 

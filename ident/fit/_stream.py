@@ -182,7 +182,7 @@ def _attempt(
         spread=float(np.ptp(first)),
         nodes=nodes,
     )
-    left = {} if grouping is None else leave_one_out(whole, last.groups, {})
+    left = {} if grouping is None else leave_one_out(whole, last.groups, {}, {})
     folds = {label: fold_of(fit, post) for label, post in left.items()}
     wild = count - int(whole.posterior.problem.count)
     return StreamedFit(fit, count, wild, many, folds)

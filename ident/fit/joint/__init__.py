@@ -18,7 +18,6 @@ from ._fit import (
     examine_design as examine_design,
     fit_joint as fit_joint,
     held_out_errors as held_out_errors,
-    refit_joint as refit_joint,
 )
 from ._motion import Backlash as Backlash, Delay as Delay
 from ._result import (

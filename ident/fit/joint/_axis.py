@@ -317,7 +317,6 @@ def fit_axis(
     data: JointData,
     options: Options,
     use: Bool[np.ndarray, " t"] | None,
-    like: Identified | None = None,
 ) -> AxisFit:
     """Fit all effects of one axis.
 
@@ -327,7 +326,6 @@ def fit_axis(
         data: Readings.
         options: How to fit.
         use: Rows to fit; None = all.
-        like: What more rows told of the same effects: holds here too.
 
     Raises:
         FitError: If the readings do not determine them or an option is unknown.
@@ -348,15 +346,7 @@ def fit_axis(
     else:
         # Nothing to find, or no end to it.
         found = dataclasses.replace(found, converged=found.converged and not sensors)
-    if like is not None and _same_unknowns(like.design, design):
-        known = dataclasses.replace(like, design=design)
-    else:
-        known = identified(design, unheld, data, options.drift)
-    return AxisFit(data, known, found, lags)
-
-
-def _same_unknowns(one: Design, other: Design) -> bool:
-    return one.course.runs == other.course.runs and one.size == other.size
+    return AxisFit(data, identified(design, unheld, data, options.drift), found, lags)
 
 
 def _error(design: Design, data: JointData) -> Float[np.ndarray, " r"]:

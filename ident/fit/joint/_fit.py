@@ -1,19 +1,28 @@
 """The joint estimator: readings of several axes in, all effects with uncertainty out."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
-from ...core import FitError, cores, one_blas_thread
+from ...core import (
+    Estimate,
+    FitError,
+    Readings,
+    compact,
+    cores,
+    leave_one_out,
+    one_blas_thread,
+    sums_of,
+)
 from .._table import TOO_MANY
 from ._axis import AxisFit, fit_axis
 from ._design import design_of
-from ._effect import AbstractEffect
-from ._gauge import Unheld
+from ._effect import AbstractEffect, Rank
+from ._gauge import Rules, Unheld
 from ._identified import Identified, identified
 from ._result import (
     Identifiability,
@@ -58,26 +67,7 @@ def fit_joint(
         FitError: If an input is missing, or the readings do not determine the effects.
     """
     placed = [effect.placed(data) for effect in effects]
-    return _fit(data, placed, Options(loss, smoothness, drift), use, {})
-
-
-def refit_joint(
-    fit: JointFit, data: JointData, *, use: Bool[np.ndarray, " t"] | None = None
-) -> JointFit:
-    """Fit the same effects again to some of the rows: folds of a hold-out.
-
-    Smoothness, lags, loss and drift are those of ``fit``; noise and values are estimated anew.
-    What the readings tell, gauges and rules are taken over.
-
-    Args:
-        fit: Of all rows, by `fit_joint`.
-        data: Its readings.
-        use: Rows to fit now; None = all.
-
-    Raises:
-        FitError: If these rows do not determine the effects.
-    """
-    return _fit(data, [part.effect for part in fit.parts], fit.options, use, fit.known)
+    return _fit(data, placed, Options(loss, smoothness, drift), use)
 
 
 def held_out_errors(
@@ -85,8 +75,9 @@ def held_out_errors(
 ) -> dict[str, Float[np.ndarray, " t"]]:
     """Return each error less the sum that is fitted without its group, by axis in mm or °.
 
-    Fitted by `refit_joint`. Where the readings of the other groups do not determine the
-    effects, their median is all that they predict.
+    As `leave_one_out` has it: smoothness, lags and what the loss leaves of each reading are
+    those of the fit. Where the readings of the other groups do not determine the effects,
+    their median is all that they predict. NaN where a reading was not used.
 
     Args:
         fit: Of all rows, by `fit_joint`.
@@ -94,21 +85,53 @@ def held_out_errors(
         groups: What is left out together: the run, or the block of each row.
         runs: As for `JointFit.predict`.
     """
-    result = {axis: np.full(len(data), np.nan) for axis in fit.axes}
-    for group in np.unique(groups):
-        out = groups == group
-        try:
-            predicted = refit_joint(fit, data, use=~out).predict(data, runs=runs)
-        except FitError:
-            known = {axis: data.error[axis][~out] for axis in fit.axes}
-            known = {axis: error[np.isfinite(error)] for axis, error in known.items()}
-            predicted = {
-                axis: np.full(len(data), np.median(error) if error.size else 0.0)
-                for axis, error in known.items()
-            }
-        for axis, left in result.items():
-            left[out] = (data.error[axis] - predicted[axis])[out]
+    result = {}
+    for axis, known in fit.known.items():
+        rows = known.design.rows
+        result[axis] = np.full(len(data), np.nan)
+        with one_blas_thread():
+            result[axis][rows] = _held_out(
+                known, fit.estimates[axis], data.error[axis][rows], groups[rows], runs
+            )
     return result
+
+
+def _held_out(
+    known: Identified,
+    found: Estimate,
+    error: Float[np.ndarray, " r"],
+    groups: Int[np.ndarray, " r"],
+    runs: bool,
+) -> Float[np.ndarray, " r"]:
+    """Return what is left of the used readings of one axis, each fitted without its group."""
+    design, stack = known.design, known.design.stack
+    columns, labels = compact(design.columns), np.unique(groups).tolist()
+    left, sums, rest = np.array(error), {}, {}
+    for label in labels:
+        own = groups == label
+        readings = Readings(error[own], {})
+        sums[label], _ = sums_of(
+            stack, readings, found.about, found.loss, design=columns[own]
+        )
+        rest[label] = dataclasses.replace(
+            design, rows=design.rows[~own], columns=design.columns[~own]
+        )
+    if len(labels) < 2:
+        return left  # without its only group nothing is known
+    unheld = {label: Unheld.of(one) for label, one in rest.items()}
+    pins = {label: one.pins for label, one in unheld.items()}
+    told = np.ones(design.size, bool)
+    if not runs:
+        told[design.places_of_rank(Rank.RUNS)] = False
+        told[design.places_of_rank(Rank.WANDER)] = False
+    for label, post in leave_one_out(found, sums, {}, pins).items():
+        own, one = groups == label, rest[label]
+        if len(one.rows) <= unheld[label].free:
+            left[own] -= np.median(error[~own])
+            continue
+        rules = Rules.of(one, known.ideal).beside(one, unheld[label].null)
+        left[own] -= columns[own] @ np.where(told, rules.project(post.values), 0.0)
+    return left
 
 
 def examine_design(
@@ -178,17 +201,16 @@ def _fit(
     placed: Sequence[AbstractEffect],
     options: Options,
     use: Bool[np.ndarray, " t"] | None,
-    like: Mapping[str, Identified],
 ) -> JointFit:
     groups = _by_axis(placed)
 
     def one(axis: str) -> AxisFit:
-        found = fit_axis(axis, groups[axis], data, options, use, like.get(axis))
+        found = fit_axis(axis, groups[axis], data, options, use)
         wild = float((~found.active).mean())
         if options.loss == "student" and wild > TOO_MANY:
             # So many that agree with each other: not they are at fault.
             mild = dataclasses.replace(options, loss="huber")
-            return fit_axis(axis, groups[axis], data, mild, use, like.get(axis))
+            return fit_axis(axis, groups[axis], data, mild, use)
         return found
 
     with one_blas_thread():
@@ -203,7 +225,6 @@ def _fit(
         known = {axis: fit.known for axis, fit in fits.items()}
         runs = {axis: fit.runs() for axis, fit in fits.items()}
         gauges = tuple(each for own in known.values() for each in gauges_of(own))
-    weights = {k: own for fit in fits.values() for k, own in fit.smoothness().items()}
     messages = [
         (f"Axis {axis}: " if len(fits) > 1 else "")
         + fit.estimate.message(len(fit.left))
@@ -224,5 +245,4 @@ def _fit(
         message=" ".join(messages),
         known=known,
         estimates={axis: fit.estimate for axis, fit in fits.items()},
-        options=dataclasses.replace(options, smoothness=weights),
     )

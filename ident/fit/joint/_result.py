@@ -149,7 +149,6 @@ class JointFit:
         known: What the rows tell whatever was measured in them, with the rules of the gauge, by
             axis.
         estimates: Of the stack of each axis, by axis.
-        options: By which it was fitted, the smoothness as found.
     """
 
     parts: tuple[Part, ...]
@@ -166,7 +165,6 @@ class JointFit:
     message: str
     known: Mapping[str, Identified]
     estimates: Mapping[str, Estimate] = dataclasses.field(repr=False)
-    options: Options
 
     @property
     def axes(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from axcomp.ident.fit.joint import (
     Leadscrew,
     Temperature,
     fit_joint,
-    refit_joint,
+    held_out_errors,
 )
 
 from .gauge import in_gauge
@@ -132,12 +132,10 @@ def test_a_fold_keeps_the_walk_of_the_whole() -> None:
     data, _ = walked(5, WALK)
     fit = fitted(data)
     assert data.time is not None
-    again = refit_joint(fit, data, use=np.floor(data.time / 10.0) % 5 != 0)
-    for one, other in zip(fit.parts, again.parts, strict=True):
-        # A fifth of the rows less moves values by half a deviation.
-        moved = (one.values - other.values) / one.standard_deviation
-        assert np.sqrt(np.mean(np.square(moved))) < 1.2
-    assert again.noise["X"] == pytest.approx(fit.noise["X"], rel=0.03)
+    groups = np.floor(data.time / 10.0).astype(np.int64) % 5
+    left = held_out_errors(fit, data, groups, runs=True)["X"]
+    # For ten seconds that nobody saw the reference walks on: 0.047 µm per root of a second.
+    assert np.std(left) == pytest.approx(NOISE, rel=0.05)
 
 
 def test_few_readings_have_no_walk() -> None:
