@@ -18,11 +18,10 @@ It knows no file and no compensation by name. The route of one table (a leadscre
 
 Read `_readings`, `_effect`, `_chain`, `_prior`, `_stack`, `_sums`, `_factor`, `_posterior`,
 `_evidence`, `_loss`, `_robust`, `_hold_out` in this order. Beside them stand fits of few
-columns with noise that drifts (`_regression`, `_curve`, `_drift`).
+columns with noise that drifts (`_regression`, `_drift`).
 """
 
 from ._chain import chain as chain
-from ._curve import node_shares as node_shares, regress_curve as regress_curve
 from ._drift import (
     DriftNoise as DriftNoise,
     find_drift as find_drift,
@@ -42,6 +41,7 @@ from ._evidence import choose_weights as choose_weights
 from ._factor import ArrowFactor as ArrowFactor
 from ._hold_out import leave_one_out as leave_one_out, simplest as simplest
 from ._loss import Loss as Loss, choose_loss as choose_loss
+from ._polyline import node_shares as node_shares
 from ._posterior import (
     CellCovariance as CellCovariance,
     Posterior as Posterior,
