@@ -184,10 +184,10 @@ class AxisFit:
 
     @cached_property
     def _drift(self) -> DriftNoise | None:
-        """Noise of a short recording with a clock, where it drifts."""
+        """Noise of a short recording, where it drifts."""
         count = len(self._believed)
         large = count > _SHORT * _STRETCHES or count * self.design.size > _LARGE
-        if self.data.time is None or large or not np.isfinite(self._clock).all():
+        if large or not count:
             return None
         basis, size, _ = pivoted(self.design.columns[self._believed].toarray())
         seen = basis[:, size > SINGULAR * size.max(initial=0.0)]
@@ -202,9 +202,11 @@ class AxisFit:
 
     @property
     def _clock(self) -> Float[np.ndarray, " s"]:
-        """Their instants in s."""
-        time = np.asarray(self.data.time, float)[self.design.rows]
-        return np.asarray(time[self._believed])
+        """Their instants in s; their order where one of these was not recorded."""
+        rows = self.design.rows[self._believed]
+        time = None if self.data.time is None else np.asarray(self.data.time)[rows]
+        known = time is not None and bool(np.isfinite(time).all())
+        return np.asarray(time if known else rows, float)
 
     def _drifted(self) -> Float[np.ndarray, " n"]:
         """Return what a drift of the noise adds to each unknown's variance."""
