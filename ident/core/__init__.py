@@ -26,6 +26,7 @@ from ._curve import node_shares as node_shares, regress_curve as regress_curve
 from ._drift import (
     DriftNoise as DriftNoise,
     find_drift as find_drift,
+    scatter_of_sums as scatter_of_sums,
     variances_of_sums as variances_of_sums,
 )
 from ._effect import (

@@ -77,7 +77,8 @@ def refit_joint(
     Raises:
         FitError: If these rows do not determine the effects.
     """
-    return _fit(data, [part.effect for part in fit.parts], fit.options, use, fit.known)
+    known = {axis: own.known for axis, own in fit.fits.items()}
+    return _fit(data, [part.effect for part in fit.parts], fit.options, use, known)
 
 
 def held_out_errors(
@@ -222,7 +223,6 @@ def _fit(
         confusions=tuple(each for own in known.values() for each in confusions_of(own)),
         converged=all(fit.estimate.converged for fit in fits.values()),
         message=" ".join(messages),
-        known=known,
-        estimates={axis: fit.estimate for axis, fit in fits.items()},
+        fits=fits,
         options=dataclasses.replace(options, smoothness=weights),
     )

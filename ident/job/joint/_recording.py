@@ -107,7 +107,7 @@ def read_group(tables: Tables, members: Sequence["AbstractPlan"]) -> GroupRecord
         runs=dict.fromkeys(heated, beside),
     )
     order = np.arange(len(data), dtype=float) if time is None else time
-    fold, by_run = _folds(label, order)
+    fold, by_run = folds(label, order)
     if several and heated and beside is None:
         remarks.append(
             Remark.info(
@@ -221,7 +221,7 @@ def _way(rows: Rows, axis: str, fit: FitSpec) -> Float[np.ndarray, " t"]:
     return np.where(np.abs(place - place[turned]) < least, np.nan, found)
 
 
-def _folds(
+def folds(
     label: Int[np.ndarray, " t"] | None, order: Float[np.ndarray, " t"]
 ) -> tuple[Int[np.ndarray, " t"], bool]:
     """Return the turn of each reading, and whether runs are held out as a whole."""

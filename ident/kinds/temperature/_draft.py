@@ -158,7 +158,9 @@ class TemperatureDraft(AbstractDraft):
         assert isinstance(fit, Spec)
         from .plan import TemperaturePlan  # it makes such drafts
 
-        read = read_thermal(TemperaturePlan(tables.job, self.index, fit, tables)).data
+        again = TemperaturePlan(tables.job, self.index, fit, tables)
+        recording, rows = read_thermal(again)
+        read = recording.data.take(rows)
         known = np.isfinite(read.error[self.axis])
         error, count = read.error[self.axis][known], int(known.sum())
         place = read.position.get(self.axis)
