@@ -57,7 +57,6 @@ from ._prior import (
 from ._readings import Readings as Readings, filled as filled
 from ._regression import (
     Regression as Regression,
-    refuse_confounded as refuse_confounded,
     regress as regress,
 )
 from ._robust import (

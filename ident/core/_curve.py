@@ -9,7 +9,7 @@ problems, BIT 15, 1975.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -32,7 +32,7 @@ from ._regression import (
 
 _ROUNDS = 30
 """Searches of the shapes between robust fits of the factors, at most."""
-_ENDED, _ROUGH = 1e-3, 1e-2
+_ENDED = 1e-3
 """Last move of any fitted value, in deviations of the noise, at which they end."""
 _PLACES, _NODES = 1 << 12, 12
 """Places up to which nodes are filled up to so many: compiled code serves again."""
@@ -70,23 +70,17 @@ def regress_curve(
     width: Float[np.ndarray, " s"],
     bounds: tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"]],
     time: Float[np.ndarray, " t"] | None = None,
-    names: Sequence[str] = (),
-    loss: str = "student",
-    quick: bool = False,
 ) -> tuple[Float[np.ndarray, " s"], Regression]:
     """Return non-linear parameters of columns, and the regression at their best values.
 
     Args:
         columns_at: Columns per reading for values of the non-linear parameters.
         target: Readings.
-        start: Of these parameters, inside the bounds; empty: a regression is all.
+        start: Of these parameters, inside the bounds.
         width: Step to both sides for the derivative of the columns: small against their
             curvature, large against the noise in them.
         bounds: Lowest and highest values.
         time: As for `regress`.
-        names: Of the columns, then of the parameters.
-        loss: As for `regress`.
-        quick: As for `regress`.
 
     Returns:
         The parameters, and the regression with one coefficient per column, then one per
@@ -95,14 +89,9 @@ def regress_curve(
     Raises:
         FitError: If columns and parameters cannot be separated.
     """
-    first = columns_at(start)
-    size = first.shape[1]
-    if not len(start):
-        return start, regress(
-            first, target, time=time, names=names, loss=loss, quick=quick
-        )
-    if len(target) <= size + len(start):
-        msg = f"{len(target)} readings for {size + len(start)} unknowns, expected more."
+    size = columns_at(start).shape[1] + len(start)
+    if len(target) <= size:
+        msg = f"{len(target)} readings for {size} unknowns, expected more."
         raise FitError(msg)
 
     def slopes(
@@ -141,7 +130,7 @@ def regress_curve(
         found = solver(cost, near, change, bounds=bounds, x_scale="jac")
         return np.asarray(found.x)
 
-    factors = partial(regress, target=target, names=names, loss=loss, quick=True)
+    factors = partial(regress, target=target, quick=True)
     shapes = np.clip(start, *bounds)
     found = factors(columns_at(shapes))
     for _ in range(_ROUNDS):
@@ -149,13 +138,13 @@ def regress_curve(
         shapes = search(shapes, target - before + found.pseudo, ~found.wild)
         found = factors(columns_at(shapes))
         move = float(np.abs(found.residual - before).max())
-        if move <= (_ROUGH if quick else _ENDED) * found.noise.white:
+        if move <= _ENDED * found.noise.white:
             break
     else:
         found = dataclasses.replace(found, converged=False)
     steep = slopes(shapes, found.coefficients)
     design = np.hstack([columns_at(shapes), steep])
-    refuse_confounded(design, names)
+    refuse_confounded(design)
     known, scale = np.ones(len(target)), np.sqrt(np.square(design).sum(axis=0))
     count = design.shape[1]
     found = dataclasses.replace(
@@ -165,6 +154,4 @@ def regress_curve(
         independent=np.full(count, float(len(target))),
         undetermined=np.zeros(count, bool),
     )
-    if not quick:
-        found = with_covariance(found, design / scale, scale, known, time)
-    return shapes, found
+    return shapes, with_covariance(found, design / scale, scale, known, time)

@@ -13,8 +13,7 @@ from jaxtyping import Float, Int
 
 from ..._recording import JointData
 from ...core import FitError, one_blas_thread, simplest
-from ...fit.joint import LAWS, Leadscrew, Temperature, fit_joint
-from ._line import LawScore
+from ...fit.joint import Leadscrew, Temperature, fit_joint
 from ._recording import FEWEST
 
 _MANY = 3_000
@@ -23,9 +22,8 @@ _MOST_NODES = {"offset": 5, "coefficient": 4}
 """A law that the PLC interpolates needs no more."""
 _BENT = {"offset": 3, "coefficient": 2}
 """Laws with which a lag is looked for."""
-_BLOCKS, _MOST_TURNS, _FOLDS = 20, 10, 5
-"""Stretches of time that are left out one after the other; of more than so many, some
-together in so many turns."""
+_BLOCKS, _FOLDS = 20, 5
+"""Stretches of time, and turns in which they are left out."""
 _VISIT = 0.05
 """Share of the range of temperatures that counts as staying where it is."""
 _FEW = 20
@@ -37,8 +35,8 @@ _MATTERS = 0.02
 @one_blas_thread()
 def choose_line(
     data: JointData, rows: Int[np.ndarray, " t"], line: Temperature, loss: str
-) -> tuple[Temperature, tuple[LawScore, ...]]:
-    """Return a line with law and lag as they are given, or else chosen.
+) -> Temperature:
+    """Return a line with law and lag as they are given, or else chosen on readings held out.
 
     The simplest of constant, linear and piecewise linear laws that predicts readings left out
     as well as the best, and a lag where it predicts them better.
@@ -50,8 +48,7 @@ def choose_line(
         loss: As for `fit_joint`.
 
     Returns:
-        The line, its laws numbers of nodes and its lags in s; and what was compared: nothing
-        where the law is given.
+        The line, its laws numbers of nodes and its lags in s.
 
     Raises:
         FitError: If not even the simplest law can be held to readings left out.
@@ -60,7 +57,7 @@ def choose_line(
     wanted = [sensor for sensor, lag in line.lags.items() if lag == "fit"]
     line = line.lagging(dict.fromkeys(wanted, 0.0))
     if not wanted and len(given) == len(line.sensors):
-        return dataclasses.replace(line, law=given), ()
+        return dataclasses.replace(line, law=given)
     few = rows[:: -(-len(rows) // _MANY)]
     bent = dataclasses.replace(line, law={k: _BENT[k] for k in line.sensors} | given)
     trial = place_nodes(bent, data, few)
@@ -73,7 +70,7 @@ def choose_line(
     held = _HeldOut(data, few, fit.share[line.axis][few], fit.noise[line.axis])
     behind = {sensor: lag for sensor, (lag, _) in fit.parts[0].lags.items()}
     if any(behind.values()):
-        shown, _ = held.simplest([bent, bent.lagging(behind)], [0, 1])
+        shown = held.simplest([bent, bent.lagging(behind)], [0, 1])
         line = line.lagging(behind if shown else {})
     each = [
         [given[law]] if law in given else range(_MOST_NODES[law], 0, -1)
@@ -84,18 +81,14 @@ def choose_line(
         dataclasses.replace(line, law=dict(zip(line.sensors, shape, strict=True)))
         for shape in shapes
     ]
-    best, scores = 0, list[LawScore]()
+    best = 0
     if len(lines) > 1:
-        best, left = held.simplest(lines, [sum(shape) for shape in shapes])
-        scores = [
-            LawScore(*(lines[k].law.get(law, 0) for law in LAWS), rms, k == best)
-            for k, rms in left.items()
-        ]
+        best = held.simplest(lines, [sum(shape) for shape in shapes])
     # A sensor that no law follows has no lag.
     followed = zip(line.sensors.values(), shapes[best], strict=True)
     moved = {sensor for sensor, count in followed if count > 1}
     still = {name: 0.0 for name in wanted if name not in moved}
-    return lines[best].lagging(still), tuple(reversed(scores))
+    return lines[best].lagging(still)
 
 
 def place_nodes(
@@ -132,32 +125,24 @@ class _HeldOut:
     share: Float[np.ndarray, " t"]
     scale: float
 
-    def simplest(
-        self, lines: Sequence[Temperature], sizes: Sequence[int]
-    ) -> tuple[int, dict[int, float]]:
-        """Return which line is the simplest that predicts as well as the best.
-
-        Returns:
-            Its number, and the root mean square of the held-out residuals in mm of each line
-            that the readings tell where some are left out.
+    def simplest(self, lines: Sequence[Temperature], sizes: Sequence[int]) -> int:
+        """Return the number of the simplest line that predicts as well as the best.
 
         Raises:
-            FitError: If they tell none.
+            FitError: If they tell none where some are left out.
         """
-        blocks = self._blocks(lines[0])
-        turns = blocks % _FOLDS if blocks.max() + 1 > _MOST_TURNS else blocks
-        left = {}
+        blocks, left = self._blocks(lines[0]), dict[int, Float[np.ndarray, " t"]]()
         for number, line in enumerate(lines):
             try:
-                left[number] = self._left_out(line, turns)
+                left[number] = self._left_out(line, blocks % _FOLDS)
             except FitError:
                 continue
         if not left:
             msg = "too few readings to tell which law they follow: give the law."
             raise FitError(msg)
         kept = [sizes[number] for number in left]
-        best, rms = simplest([*left.values()], kept, self.scale, blocks, _MATTERS)
-        return [*left][best], dict(zip(left, rms.tolist(), strict=True))
+        best, _ = simplest([*left.values()], kept, self.scale, blocks, _MATTERS)
+        return [*left][best]
 
     def _left_out(
         self, line: Temperature, turns: Int[np.ndarray, " t"]

@@ -90,27 +90,11 @@ class Lag:
 
 
 @dataclasses.dataclass(frozen=True)
-class LawScore:
-    """How well a pair of laws predicts readings that it has not seen.
-
-    Attributes:
-        offset: Number of nodes of the offset; 0 = not fitted.
-        coefficient: Number of nodes of the coefficient; 0 = not fitted.
-        held_out: Root mean square of the held-out residuals in mm, wild ones limited.
-        chosen: Whether this is the one.
-    """
-
-    offset: int
-    coefficient: int
-    held_out: float
-    chosen: bool
-
-
-@dataclasses.dataclass(frozen=True)
 class TemperatureFit:
     """The thermal line of an axis; signs are those of the *error*.
 
-    $e = o(T) + c(T) (s - s_0)$.
+    $e = o(T) + c(T) (s - s_0)$, which is 0 at the reference temperature, or the measured one next
+    to it: a constant and a slope over the position belong to the tables of the axis.
 
     Attributes:
         line: Temperatures of its values, its reference $s_0$ in mm, its lags.
@@ -128,7 +112,6 @@ class TemperatureFit:
         meeting: Whether the lines of all temperatures meet at the reference, where the offset
             is a constant, or why that was not taken.
         reference_deviation: Standard deviation in mm of a reference where they meet.
-        scores: Laws compared by hold-out; empty where the law was given.
         missed: Number of readings that were incomplete.
     """
 
@@ -146,7 +129,6 @@ class TemperatureFit:
     converged: bool
     meeting: Meeting = "given"
     reference_deviation: float | None = None
-    scores: tuple[LawScore, ...] = ()
     missed: int = 0
 
     @property
@@ -225,19 +207,3 @@ class TemperatureFit:
         places = np.zeros(len(temperature)) if position is None else position
         inputs = [warm[law.sensor] for law in self.laws.values()]
         return np.asarray(self.line.rows([*inputs, places])[1] @ self.values)
-
-    def relative_to(self, temperature: float) -> "TemperatureFit":
-        """Return the laws with nothing to correct at this temperature in °C.
-
-        What is taken off is the same at all temperatures: a constant and a slope over the
-        position, which belong to the tables of the axis. Outside the measured temperatures
-        the nearest is taken. The deviations become those of the difference.
-        """
-        here, move = np.array([temperature]), np.eye(self.line.size)
-        for name, own in self.line.split(np.arange(self.line.size)).items():
-            move[np.ix_(own, own)] -= node_shares(here, self.line.nodes[name])
-        return dataclasses.replace(
-            self,
-            values=move @ self.values,
-            covariance=move @ self.covariance @ move.T,
-        )

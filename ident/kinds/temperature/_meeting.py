@@ -83,19 +83,18 @@ def about_meeting(fit: TemperatureFit) -> TemperatureFit:
         return stays("not one point")
     if not sure < max(10.0 * span, abs(fit.reference + away)):
         return stays("uncertain")
-    # The laws given that the lines meet, and what they are beside the position.
+    # The laws given that the lines meet.
     gain = fit.covariance @ rows.T @ weight
     value = fit.values - gain @ (rows @ fit.values)
     given = np.eye(size) - gain @ (rows + np.outer(change, moves))
-    level = (offset + away * slope).mean(axis=0)
-    moved = level @ given + float((slope @ value).mean()) * moves
-    turn = np.vstack([moved, given[own["coefficient"]]])
+    # Where they meet nothing is corrected at the reference temperature, so nowhere.
+    turn = np.vstack([np.zeros(size), given[own["coefficient"]]])
     warm = nodes["coefficient"]
     law = {"offset": warm.mean(keepdims=True), "coefficient": warm}
     return dataclasses.replace(
         fit,
         line=dataclasses.replace(line, law=law, reference=fit.reference + away),
-        values=np.append(level @ value, value[own["coefficient"]]),
+        values=np.append(0.0, value[own["coefficient"]]),
         covariance=turn @ fit.covariance @ turn.T,
         support=(int((~fit.wild).sum()), *fit.support[len(own["offset"]) :]),
         meeting="met",

@@ -97,21 +97,15 @@ class TemperaturePlan(AbstractPlan):
             line = dataclasses.replace(line, law={**line.law, "coefficient": 1})
             if "offset" not in line.sensors or self._confused(line, data):
                 raise FitError(lost)
-        line, scores = choose_line(data, rows, line, self.fit.loss)
+        line = choose_line(data, rows, line, self.fit.loss)
         recording = only_these(recording, rows)
-        draft = self._of(line, recording, rows)
-        meeting = draft.found.meeting
         bent = bent_to_meet(line) if self.meets and datum is None else line
-        if bent is not line:
-            met = self._of(bent, recording, rows)
-            draft = met if met.found.intersects else draft
-            meeting = met.found.meeting
-        found = dataclasses.replace(
-            draft.found,
-            missed=len(kept) - len(rows),
-            scores=scores,
-            meeting=meeting,
-        )
+        draft = self._of(bent, recording, rows)
+        meeting = draft.found.meeting
+        if bent is not line and meeting != "met":
+            draft = self._of(line, recording, rows)
+        missed = len(kept) - len(rows)
+        found = dataclasses.replace(draft.found, missed=missed, meeting=meeting)
         zero = None if datum is None else datum[0]
         return dataclasses.replace(
             draft, found=found, datum=zero, carriers=None, lost=lost
