@@ -25,6 +25,7 @@ from ._chain import chain as chain
 from ._drift import (
     DriftNoise as DriftNoise,
     find_drift as find_drift,
+    scatter_of_sums as scatter_of_sums,
     variances_of_sums as variances_of_sums,
 )
 from ._effect import (
@@ -56,7 +57,6 @@ from ._prior import (
 from ._readings import Readings as Readings, filled as filled
 from ._regression import (
     Regression as Regression,
-    refuse_confounded as refuse_confounded,
     regress as regress,
 )
 from ._robust import (

@@ -6,7 +6,6 @@ determine, and the covariance is that of the estimate under residuals that drift
 """
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,8 +27,6 @@ SINGULAR = 1e-9
 """Size of a combination of scaled columns, in that of the largest, from which on it is 0."""
 _EXACT = 1e-6
 """Smallest scatter relative to the spread of the readings."""
-_MEMBER = 0.3
-"""Share of a column in a direction without information from which it is named."""
 _LEAST_FREE = 3.0
 """Independent readings that are granted to a drift, however slow."""
 _BELIEF = 2.0
@@ -78,7 +75,6 @@ def regress(
     *,
     time: Float[np.ndarray, " t"] | None = None,
     weight: Float[np.ndarray, " t"] | None = None,
-    names: Sequence[str] = (),
     loss: str = "student",
     quick: bool = False,
     noise: float | None = None,
@@ -95,7 +91,6 @@ def regress(
         target: Readings.
         time: Of each reading; None = in the order of the rows, one per unit.
         weight: Known relative weights (1/variance ratio), or None.
-        names: Of the columns, for messages.
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
         quick: Coefficients only: covariance and drift are left out (hold-out folds).
         noise: Scatter of a reading of weight 1 as it is known beforehand, of readings that are
@@ -116,7 +111,7 @@ def regress(
         if count <= size:
             msg = f"{count} readings for {size} unknowns, expected more than {size}."
             raise FitError(msg)
-        refuse_confounded(columns * root[:, None], names)
+        refuse_confounded(columns * root[:, None])
     # In an orthonormal basis of the columns the information is a unit matrix.
     basis, _ = _spectrum(design * root[:, None])
     size = basis.shape[1]
@@ -216,28 +211,17 @@ def _spectrum(
     return right[seen].T / values[seen], right[~seen].T
 
 
-def refuse_confounded(
-    columns: Float[np.ndarray, "t k"], names: Sequence[str] = ()
-) -> None:
+def refuse_confounded(columns: Float[np.ndarray, "t k"]) -> None:
     """Refuse columns that the readings cannot tell apart.
 
     Raises:
-        FitError: Naming the columns between which a shift changes nothing.
+        FitError: If a shift between some of them changes nothing.
     """
     scale = np.sqrt(np.square(columns).sum(axis=0))
-    called = [
-        names[k] if k < len(names) else f"column {k + 1}" for k in range(len(scale))
-    ]
-    for k in np.flatnonzero(scale == 0.0):
-        msg = f"no reading tells {called[int(k)]}: it is 0 in all of them."
+    _, null = _spectrum(columns / np.where(scale > 0.0, scale, 1.0))
+    if null.shape[1]:
+        msg = "the readings cannot tell the columns apart."
         raise FitError(msg)
-    _, null = _spectrum(columns / scale)
-    if not null.shape[1]:
-        return
-    weak = np.abs(null[:, 0])
-    members = [called[k] for k in np.flatnonzero(weak > _MEMBER * weak.max())]
-    msg = f"the readings cannot tell apart {', '.join(members)}."
-    raise FitError(msg)
 
 
 def _least_magnitudes(

@@ -155,6 +155,16 @@ class AbstractPlan(AbstractOfFit):
         """Whether it shows what is its own only beside such a line."""
         return False
 
+    def nodes_beside(self, data: "JointData") -> Float[np.ndarray, " n"]:
+        """Return the nodes of a curve over the axis beside which it shows what is its own.
+
+        Fewer than two: it needs none.
+        """
+        if not self.needs_line:
+            return np.zeros(0)
+        place = data.position[self.axis]
+        return np.unique([np.nanmin(place), np.nanmax(place)])
+
     def unfit(self, recording: "GroupRecording") -> str:
         """Return why these readings tell nothing of it, whatever they are; else nothing."""
         return ""

@@ -95,7 +95,7 @@ class FitSpec(JobPart, frozen=True):
 
     @property
     def lengths(self) -> bool:
-        """Whether it is a table of lengths along its axis, which grow with the scale."""
+        """Whether its errors are lengths along its axis, which grow with the scale."""
         return self.kind.table and self.over == (self.axis,)
 
     @property

@@ -148,7 +148,6 @@ def test_trace_over_reversals_gives_the_size_too(tmp_path: Path) -> None:
         '"X.actual" = { column = "ref", unit = "mm" }\n'
     )
     found = run(tmp_path, columns=columns)
-    assert found.moving
     # 4 standard deviations, one seeded draw; and the deviation must mean something.
     assert abs(found.width - WIDTH) <= 4 * found.fit.standard_deviation
     assert found.fit.standard_deviation < 0.1 * WIDTH

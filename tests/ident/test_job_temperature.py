@@ -146,7 +146,7 @@ def test_table_reproduces_the_fit_to_half_a_unit(
         away = place - found.reference
         offset = np.interp(warm, table["temperature"], table["offset_0"])
         slope = np.interp(warm, table["temperature"], table["coefficient"])
-        fit = found.relative.predict(warm[:, None], np.full(50, place))
+        fit = found.fit.predict(warm[:, None], np.full(50, place))
         # Half of 0.1 µm.
         np.testing.assert_allclose(offset + 1e-6 * slope * away, -fit, atol=0.5e-4)
 
@@ -179,6 +179,16 @@ def test_lag_goes_into_program_and_proof(tmp_path: Path) -> None:
     assert f"LAG_FRAME : LREAL := {lag.time_constant:.1f};" in text
     unfiltered = run(tmp_path, PLAIN)
     assert unfiltered.error["from_file"].rms > 5 * NOISE
+
+
+def test_lag_that_is_given_goes_into_the_program_from_a_group_too(
+    tmp_path: Path,
+) -> None:
+    warm_up(tmp_path, lag=900.0)
+    keys = 'sensor = "frame"\nlag = 900.0\nreference = -200.0\ngroup = "all"'
+    run(tmp_path, keys, measured='remove = "none"')
+    text = (tmp_path / "out" / "temperature_X.st").read_text()
+    assert "LAG_FRAME : LREAL := 900.0;" in text
 
 
 def test_two_sensors_share_one_table(tmp_path: Path) -> None:
@@ -415,7 +425,6 @@ def test_result_and_report_say_what_was_found(tmp_path: Path) -> None:
     text = page.read_text()
     assert "NaN" not in text
     assert "The structure follows frame with" in text
-    assert "Readings left out are predicted within" in text
     assert "Take temperature_X.st into the PLC project" in text
     assert [plot.name.split("-")[-1] for plot in plots] == [
         "lines.svg", "time.svg", "law.svg",

@@ -1,10 +1,27 @@
 """A thermal line of X fitted to arrays: readings of its sensors, and what is asked for."""
 
+import tempfile
+from pathlib import Path
+
 import numpy as np
 
-from axcomp.ident.fit.joint import JointData, Temperature
-from axcomp.ident.kinds.temperature._fit import fit_temperature
+from axcomp.ident.fit.joint import JointData
+from axcomp.ident.job import load_job
+from axcomp.ident.kinds.temperature._draft import TemperatureDraft
 from axcomp.ident.kinds.temperature._line import TemperatureFit
+from axcomp.ident.readings import Tables
+
+JOB = """
+[axes.X]
+number = 1
+[measurements.warm]
+file = "warm.csv"
+remove = "none"
+[[fits]]
+compensation = "temperature"
+axis = "X"
+measurement = "warm"
+"""
 
 
 def readings(
@@ -29,24 +46,37 @@ def fitted(
     coefficient: str | None = "1",
     law: tuple[str | int, str | int] | None = None,
     reference: float | None = None,
-    lag: float | str = "fit",
+    lag: float | str = "auto",
 ) -> TemperatureFit:
     """Return the line of two sensors, as a job asks for it that leaves the rest open."""
-    laws = ("offset", "coefficient")
-    sensors = {
-        name: sensor
-        for name, sensor in zip(laws, (offset, coefficient), strict=True)
-        if sensor is not None
-    }
-    middle = 0.0
-    if "X" in data.position:
-        place = data.position["X"]
-        middle = 0.5 * float(place.min() + place.max())
-    line = Temperature(
-        "X",
-        sensors,
-        reference=middle if reference is None else reference,
-        law={} if law is None else dict(zip(laws, law, strict=True)),
-        lag=lag,
-    )
-    return fit_temperature(data, line, meet=reference is None)
+    sensors = {"offset": offset, "coefficient": coefficient}
+    sensors = {name: sensor for name, sensor in sensors.items() if sensor is not None}
+    columns = {"X.error": data.error["X"]}
+    columns |= {f"{axis}.position": place for axis, place in data.position.items()}
+    columns |= {f"temperature.{k}": warm for k, warm in data.temperature.items()}
+    if data.time is not None:
+        columns["time"] = data.time
+    keys = [f"sensors = {_table(sensors)}", f"lag = {lag!r}"]
+    if law is not None:
+        laws = dict(zip(("offset", "coefficient"), law, strict=True))
+        keys.append(f"law = {_table({k: laws[k] for k in sensors})}")
+    if reference is not None:
+        keys.append(f"reference = {reference}")
+    with tempfile.TemporaryDirectory() as folder:
+        rows = np.column_stack(list(columns.values()))
+        name = Path(folder, "warm.csv")
+        heads = ",".join(columns)
+        np.savetxt(name, rows, "%.17g", ",", header=heads, comments="")
+        path = Path(folder, "job.toml")
+        path.write_text(JOB + "\n".join(keys))
+        job = load_job(path)
+        tables = Tables(job)
+        (fit,) = job.spec.fits
+        draft = fit.kind.planner.plan(tables, 0, fit).alone(tables, {})
+    assert isinstance(draft, TemperatureDraft)
+    return draft.found
+
+
+def _table(values: dict[str, str] | dict[str, str | int]) -> str:
+    """Return values as a table of TOML."""
+    return "{ " + ", ".join(f"{k} = {v!r}" for k, v in values.items()) + " }"

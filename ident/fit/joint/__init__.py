@@ -31,5 +31,5 @@ from ._tables import (
     Leadscrew as Leadscrew,
     Plane as Plane,
 )
-from ._temperature import Temperature as Temperature
+from ._temperature import LAWS as LAWS, Temperature as Temperature
 from ._words import Confusion as Confusion, Gauge as Gauge

@@ -29,6 +29,7 @@ from ...core import (
     estimate,
     find_drift,
     memory,
+    scatter_of_sums,
     variances_of_sums,
 )
 from .._checks import check_smoothness
@@ -44,13 +45,15 @@ from ._result import Options, Part, RunCurve, Smoothness
 
 Vector = Float[np.ndarray, " _n"]
 
-_LAG_ROUNDS, _LAG_ENDED = 6, 0.1
-"""Rounds of lags and everything else; they end where no lag moves by that share of its sd."""
+_LAG_ROUNDS = 6
+"""Rounds of lags and everything else; they end where no lag moves any more."""
 _STRETCHES, _FEWEST = 24, 20
 """Of the recording: long against the memory of the noise, and enough to scatter; and readings
 of a stretch below which nothing is judged."""
-_SHORT, _LARGE = 40, 1 << 18
-"""Readings of a stretch, and readings × unknowns, up to which the drift itself is estimated."""
+_LARGE = 1 << 18
+"""Readings × unknowns up to which the drift itself is estimated."""
+_LEAST_FREE = 3.0
+"""Independent readings that are granted to a drift, however slow."""
 _DRAWS = 4
 """Other orders of the residual."""
 _CHANCE = 1.8
@@ -138,11 +141,16 @@ class AxisFit:
             return known.rules.project(post.values), known.variances(post)
 
         white: Vector = np.asarray(self.estimate.spread(under_rules))
-        variance = np.maximum(white * self._swell(), white + self._drifted())
+        if self.drift is None:
+            variance = white * self._swell
+        else:
+            sums = variances_of_sums(self.drift, self._clock, self._moves)
+            scatter = self.estimate.scatter[0] * np.square(self._moves).sum(axis=0)
+            variance = white + self._heavy * sums - scatter
         for sensor, found in self.lags.items():
             moved = known.rules.project(found.slope)
             variance = variance + np.square(moved * self.lag_deviation[sensor])
-        return np.where(known.lost, np.inf, np.sqrt(variance))
+        return np.where(known.lost, np.inf, np.sqrt(np.maximum(variance, 0.0)))
 
     @cached_property
     def _stretches(
@@ -166,6 +174,7 @@ class AxisFit:
         residuals = np.array_split(np.stack(orders, axis=1), _STRETCHES)
         return list(zip(rows, residuals, strict=True))
 
+    @cached_property
     def _swell(self) -> Float[np.ndarray, " n"]:
         """Return the factor of each unknown's variance that the noise's memory asks for, ≥ 1."""
         design = self.design
@@ -183,13 +192,17 @@ class AxisFit:
         return swell
 
     @cached_property
-    def _drift(self) -> DriftNoise | None:
-        """Noise of a short recording with a clock, where it drifts."""
+    def drift(self) -> DriftNoise | None:
+        """Noise of a recording with few unknowns, where it drifts."""
         count = len(self._believed)
-        large = count > _SHORT * _STRETCHES or count * self.design.size > _LARGE
-        if self.data.time is None or large or not np.isfinite(self._clock).all():
+        if not count or count * self.design.size > _LARGE:
             return None
-        basis, size, _ = pivoted(self.design.columns[self._believed].toarray())
+        columns = [self.design.columns[self._believed].toarray()]
+        for found in self.lags.values():
+            # What is left of a lag beside the columns, as large as they are.
+            own = found.direction[self._believed, None]
+            columns.append(own / max(float(np.abs(own).max()), 1e-300))
+        basis, size, _ = pivoted(np.hstack(columns))
         seen = basis[:, size > SINGULAR * size.max(initial=0.0)]
         pseudo, clock = self.pseudo[self._believed], self._clock
         noise = find_drift(clock, seen, pseudo, np.ones(len(pseudo)))
@@ -202,21 +215,63 @@ class AxisFit:
 
     @property
     def _clock(self) -> Float[np.ndarray, " s"]:
-        """Their instants in s."""
-        time = np.asarray(self.data.time, float)[self.design.rows]
-        return np.asarray(time[self._believed])
+        """Their instants in s; their order where one of these was not recorded."""
+        rows = self.design.rows[self._believed]
+        time = None if self.data.time is None else np.asarray(self.data.time)[rows]
+        known = time is not None and bool(np.isfinite(time).all())
+        return np.asarray(time if known else rows, float)
 
-    def _drifted(self) -> Float[np.ndarray, " n"]:
-        """Return what a drift of the noise adds to each unknown's variance."""
-        if self._drift is None:
-            return np.zeros(self.design.size)
+    @cached_property
+    def _moves(self) -> Float[np.ndarray, "s n"]:
+        """How each of them moves the values under the rules."""
         columns = self.design.columns[self._believed].toarray()
-        # How each reading moves the values under the rules.
         moves = self.estimate.posterior.factor.solve(np.ascontiguousarray(columns.T))
-        moves = self.known.rules.project(moves).T
-        drifting = variances_of_sums(self._drift, self._clock, moves)
-        white = self.estimate.scatter[0] * np.square(moves).sum(axis=0)
-        return np.asarray(np.maximum(drifting - white, 0.0))
+        return np.asarray(self.known.rules.project(moves).T)
+
+    @cached_property
+    def _heavy(self) -> Float[np.ndarray, " n"]:
+        """How much larger variances are since the drift is not known either.
+
+        It rests on as many independent readings as tell the values: Student's t.
+        """
+        assert self.drift is not None
+        drifting = variances_of_sums(self.drift, self._clock, self._moves)
+        total = self.drift.white**2 + self.drift.drift**2
+        plain, heavy = (
+            total * np.square(self._moves).sum(axis=0),
+            np.ones(len(drifting)),
+        )
+        for part in self.design.components:
+            swell = float((drifting / np.maximum(plain, 1e-300))[part.places].max())
+            free = max(len(self._moves) / max(swell, 1.0), _LEAST_FREE)
+            heavy[part.places] = free / (free - 2.0)
+        return heavy
+
+    def covariance(self, places: Int[np.ndarray, " p"]) -> Float[np.ndarray, "p p"]:
+        """Return the joint covariance of some unknowns, see `JointFit.covariance`."""
+        known, functionals = self.known, np.zeros((self.design.size, len(places)))
+        functionals[places, np.arange(len(places))] = 1.0
+
+        def of_places(post: Posterior) -> tuple[np.ndarray, np.ndarray]:
+            values = known.rules.project(post.values)[places]
+            return values, known.covariance(post, functionals)
+
+        found = self.estimate.spread(of_places)
+        if self.drift is None:
+            swell = np.sqrt(self._swell[places])
+            found = found * np.outer(swell, swell)
+        else:
+            moves, heavy = self._moves[:, places], np.sqrt(self._heavy[places])
+            sums = scatter_of_sums(self.drift, self._clock, moves, np.ones(len(moves)))
+            found = found + np.outer(heavy, heavy) * sums
+            found = found - self.estimate.scatter[0] * (moves.T @ moves)
+        for sensor, lag in self.lags.items():
+            moved = known.rules.project(lag.slope)[places] * self.lag_deviation[sensor]
+            found = found + np.outer(moved, moved)
+        lost = known.lost[places]
+        found[lost], found[:, lost] = np.nan, np.nan
+        found[lost, lost] = np.inf
+        return np.asarray(found)
 
     @cached_property
     def lag_deviation(self) -> dict[str, float]:
@@ -229,6 +284,11 @@ class AxisFit:
                 own = np.concatenate([rows for rows, _ in self._stretches])
                 white = np.var(self.pseudo[own]) * np.square(found.direction[own]).sum()
                 swell = _memory(float(np.var(seen)), float(white) / _STRETCHES)
+            if self.drift is not None and found.value > 0.0:
+                way = found.direction[self._believed, None]
+                white = self.estimate.scatter[0] * np.square(way).sum()
+                drifting = variances_of_sums(self.drift, self._clock, way)[0]
+                swell = max(swell, float(drifting / white))
             result[sensor] = found.deviation * float(np.sqrt(swell))
         return result
 
@@ -334,13 +394,13 @@ def fit_axis(
     lags: dict[str, FoundLag] = {}
     design = design_of(axis, effects, data, options.drift, use)
     unheld, found = _estimated(design, data, options, None, rough=bool(sensors))
+    values = dict.fromkeys(sensors, 0.0)
     for turn in range(_LAG_ROUNDS if sensors else 0):
-        before = {sensor: lags[sensor].value if turn else 0.0 for sensor in sensors}
+        before = values
         lags = find_lags(design, data, found, _pseudo(design, data, found), before)
-        ends = {sensor: _LAG_ENDED * lag.deviation for sensor, lag in lags.items()}
-        if turn and all(abs(lags[s].value - before[s]) <= ends[s] for s in sensors):
-            break
         values = {sensor: lag.value for sensor, lag in lags.items()}
+        if turn and values == before:
+            break
         design = lagging(design, data, values)
         unheld, found = _estimated(design, data, options, found)
     else:

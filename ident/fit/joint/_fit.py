@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
 from ...core import (
-    Estimate,
     FitError,
     Readings,
     compact,
@@ -23,7 +22,7 @@ from ._axis import AxisFit, fit_axis
 from ._design import design_of
 from ._effect import AbstractEffect, Rank
 from ._gauge import Rules, Unheld
-from ._identified import Identified, identified
+from ._identified import identified
 from ._result import (
     Identifiability,
     JointFit,
@@ -86,25 +85,24 @@ def held_out_errors(
         runs: As for `JointFit.predict`.
     """
     result = {}
-    for axis, known in fit.known.items():
-        rows = known.design.rows
+    for axis, own in fit.fits.items():
+        rows = own.design.rows
         result[axis] = np.full(len(data), np.nan)
         with one_blas_thread():
             result[axis][rows] = _held_out(
-                known, fit.estimates[axis], data.error[axis][rows], groups[rows], runs
+                own, data.error[axis][rows], groups[rows], runs
             )
     return result
 
 
 def _held_out(
-    known: Identified,
-    found: Estimate,
+    fit: AxisFit,
     error: Float[np.ndarray, " r"],
     groups: Int[np.ndarray, " r"],
     runs: bool,
 ) -> Float[np.ndarray, " r"]:
     """Return what is left of the used readings of one axis, each fitted without its group."""
-    design, stack = known.design, known.design.stack
+    design, stack, found = fit.design, fit.design.stack, fit.estimate
     columns, labels = compact(design.columns), np.unique(groups).tolist()
     left, sums, rest = np.array(error), {}, {}
     for label in labels:
@@ -129,7 +127,7 @@ def _held_out(
         if len(one.rows) <= unheld[label].free:
             left[own] -= np.median(error[~own])
             continue
-        rules = Rules.of(one, known.ideal).beside(one, unheld[label].null)
+        rules = Rules.of(one, fit.known.ideal).beside(one, unheld[label].null)
         left[own] -= columns[own] @ np.where(told, rules.project(post.values), 0.0)
     return left
 
@@ -243,6 +241,5 @@ def _fit(
         confusions=tuple(each for own in known.values() for each in confusions_of(own)),
         converged=all(fit.estimate.converged for fit in fits.values()),
         message=" ".join(messages),
-        known=known,
-        estimates={axis: fit.estimate for axis, fit in fits.items()},
+        fits=fits,
     )

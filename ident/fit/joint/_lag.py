@@ -25,6 +25,8 @@ _GRID, _SWEEPS, _FINE = 14, 3, 1e-4
 """Lags that are tried first; sweeps over several sensors; logarithm at which a search ends."""
 _WORTH = 4.0
 """Gain in evidence below which there is no lag."""
+_SETTLED = 0.01
+"""Gain below which lags stay where they were: a tenth of a deviation, for a single one."""
 _STEP = 0.02
 """Step in a lag for its slope, as a share of it."""
 _RIDGE = 1e-9
@@ -100,6 +102,8 @@ def find_lags(
 
         found = minimize_scalar(cost, bounds=near_by, options={"xatol": _FINE})
         lags[sensor] = float(np.exp(found.x))
+    if profile(near)[0] - profile(lags)[0] < _SETTLED:
+        lags = dict(near)
     return _with_deviations(design, data, fit, pseudo != 0.0, lags, profile(lags)[1])
 
 
@@ -224,7 +228,10 @@ def _profile(
         scaled = schur / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
         values = np.linalg.solve(scaled, right / scale) / scale
         square = max(rest - float(right @ values), 1e-300)
-        _, logdet = np.linalg.slogdet(scaled * np.outer(scale, scale))
+        alone = columns.T @ columns / np.outer(scale, scale)
+        alone = alone + _RIDGE * np.eye(len(scale))
+        # Relative to the columns alone: their size, and how alike they are, is no evidence.
+        logdet = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(alone)[1]
         theta = base - through @ values
         theta[own] = values
         degrees = fit.posterior.problem.degrees

@@ -2,16 +2,18 @@
 
 import dataclasses
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
-from ...core import Estimate, Posterior
 from .._types import RunEffect
 from ._effect import AbstractEffect
-from ._identified import Identified
 from ._words import Confusion, Gauge
+
+if TYPE_CHECKING:
+    from ._axis import AxisFit
 
 Smoothness = str | float | Mapping[str, Mapping[str, float]]
 """``"auto"``, a number, or weights by name of the table."""
@@ -146,9 +148,7 @@ class JointFit:
         confusions: What these data cannot tell apart.
         converged: Whether the iterations reached their tolerance.
         message: One sentence or more on how the fit went.
-        known: What the rows tell whatever was measured in them, with the rules of the gauge, by
-            axis.
-        estimates: Of the stack of each axis, by axis.
+        fits: Of each axis: its stack, and what its rows tell, with the rules of the gauge.
     """
 
     parts: tuple[Part, ...]
@@ -163,8 +163,7 @@ class JointFit:
     confusions: tuple[Confusion, ...]
     converged: bool
     message: str
-    known: Mapping[str, Identified]
-    estimates: Mapping[str, Estimate] = dataclasses.field(repr=False)
+    fits: Mapping[str, "AxisFit"] = dataclasses.field(repr=False)
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -222,7 +221,7 @@ class JointFit:
     def places_of(self, number: int) -> Int[np.ndarray, " p"]:
         """Return which unknowns of its axis the values of a part are."""
         part = self.parts[number]
-        return self.known[part.effect.axis].design.places_of(part.name)
+        return self.fits[part.effect.axis].design.places_of(part.name)
 
     def covariance(self, number: int) -> Float[np.ndarray, "p p"]:
         """Return the joint covariance of the values of a part, under the gauge of the fit.
@@ -233,20 +232,5 @@ class JointFit:
         Args:
             number: Which of the parts.
         """
-        part = self.parts[number]
-        axis, deviation = part.effect.axis, part.standard_deviation
-        known, own = self.known[axis], self.places_of(number)
-        functionals = np.zeros((known.design.size, len(own)))
-        functionals[own, np.arange(len(own))] = 1.0
-
-        def of_part(post: Posterior) -> tuple[np.ndarray, np.ndarray]:
-            values = known.rules.project(post.values)[own]
-            return values, known.covariance(post, functionals)
-
-        found = self.estimates[axis].spread(of_part)
-        stated = deviation / np.sqrt(np.maximum(np.diag(found), 1e-300))
-        told = np.isfinite(deviation)
-        stated = np.where(told, stated, np.nan)
-        found = np.asarray(found * np.outer(stated, stated))
-        found[np.diag_indices_from(found)] = np.where(told, deviation, np.inf) ** 2
-        return found
+        axis = self.parts[number].effect.axis
+        return self.fits[axis].covariance(self.places_of(number))

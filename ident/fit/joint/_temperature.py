@@ -179,8 +179,8 @@ class Temperature(AbstractEffect):
             law[name] = nodes
         return dataclasses.replace(self, law=law)
 
-    def lagging(self, lags: Mapping[str, float]) -> "Temperature":
-        """Return the effect with these time constants in s, by sensor; others are not its own."""
+    def lagging(self, lags: Mapping[str, Number | str]) -> "Temperature":
+        """Return the effect with these time constants in s or ``"fit"``, by sensor, if its own."""
         own = {sensor: lags.get(sensor, lag) for sensor, lag in self.lags.items()}
         return dataclasses.replace(self, lag=own)
 

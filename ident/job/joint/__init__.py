@@ -3,6 +3,7 @@
 from ._group import (
     IdentifiedGroup as IdentifiedGroup,
     confounded as confounded,
+    fit_alone as fit_alone,
     fit_group as fit_group,
 )
 from ._proof import (
@@ -11,6 +12,7 @@ from ._proof import (
     GroupResult as GroupResult,
     prove_group as prove_group,
 )
+from ._recording import GroupRecording as GroupRecording, read_group as read_group
 from ._share import (
     TOGETHER as TOGETHER,
     LeftOutDraft as LeftOutDraft,

@@ -122,14 +122,10 @@ def fit_group(
             raise FitError(
                 "; ".join(f"{one.name}: {unfit[one.index]}" for one in every)
             )
-        helpers = [*_helpers(members, recording)]
-        effects = _effects(members, recording, helpers)
-        fit = _fit(members, recording, [*effects, *helpers])
+        found = _identified(name, members, recording)
     except FitError as error:
         words = f"group {name!r} from {', '.join(every[0].fit.sources)}: {error}"
         raise every[0].refusal(words) from None
-    left = held_out_errors(fit, recording.data, recording.fold, runs=recording.drifting)
-    found = IdentifiedGroup(name, members, recording, fit, left)
     drafts = {
         one.index: one.left_out(unfit[one.index]) for one in every if one.index in unfit
     }
@@ -144,6 +140,32 @@ def fit_group(
         except FitError as error:
             drafts[one.index] = one.left_out(str(error), share)
     return found, drafts
+
+
+def fit_alone(one: AbstractPlan, recording: GroupRecording) -> Share:
+    """Fit a plan to its own measurements: a group of one.
+
+    Raises:
+        FitError: If the readings do not tell it.
+    """
+    why = one.unfit(recording) or one.confused([one], recording)
+    if why := why or one.undetermined(recording.data):
+        raise FitError(why)
+    share = Share(_identified("", (one,), recording), 0)
+    if not share.group.written[0]:
+        raise FitError(share.why_lost)
+    return share
+
+
+def _identified(
+    name: str, members: tuple[AbstractPlan, ...], recording: GroupRecording
+) -> IdentifiedGroup:
+    """Return the joint fit of the members, and what it leaves of readings held out."""
+    helpers = [*_helpers(members, recording)]
+    effects = _effects(members, recording, helpers)
+    fit = _fit(members, recording, [*effects, *helpers])
+    left = held_out_errors(fit, recording.data, recording.fold, runs=recording.drifting)
+    return IdentifiedGroup(name, members, recording, fit, left)
 
 
 def _effects(
@@ -187,16 +209,16 @@ def _helpers(
 ) -> Iterator[AbstractEffect]:
     """Return what must stand beside the members, so that they show what is theirs.
 
-    A line over the position that no temperature moves belongs to the leadscrew of its
+    A curve over the position that no temperature moves belongs to the leadscrew of its
     axis; where the group has none, it is fitted and left where it is.
     """
     screws = {one.axis for one in members if one.takes_line}
+    curves: dict[str, Float[np.ndarray, " n"]] = {}
     for one in members:
-        if one.needs_line and one.axis not in screws:
-            place = recording.data.position[one.axis]
-            ends = np.array([np.nanmin(place), np.nanmax(place)], dtype=float)
-            if ends[1] > ends[0]:
-                yield Leadscrew(one.axis, ends)
+        nodes = one.nodes_beside(recording.data)
+        if len(nodes) > max(len(curves.get(one.axis, ())), 1):
+            curves[one.axis] = nodes
+    yield from (Leadscrew(axis, n) for axis, n in curves.items() if axis not in screws)
     if recording.timed:
         # What is left of the delay of the instrument, and of the rate of its clock.
         own = dict.fromkeys(one.axis for one in members if one.axis in recording.moving)

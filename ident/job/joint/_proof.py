@@ -197,7 +197,7 @@ def _effects(
             yield _share_of(part, part.known, "the instrument's")
             continue
         share = _share_of(part, part.known, "no fit of the group holds it")
-        name = f"line of {part.effect.axis} over its own position"
+        name = f"error of {part.effect.axis} over its own position"
         yield dataclasses.replace(share, name=name)
 
 
@@ -296,8 +296,8 @@ def _remarks(
         if part.effect.compensation == "delay":
             continue
         yield Remark.info(
-            f"A line over {part.effect.axis} that no temperature moves was"
-            " fitted beside the group: it belongs to a leadscrew, and no list of"
+            f"An error over {part.effect.axis} that no fit of the group holds was"
+            " fitted beside it: it belongs to a leadscrew, and no list of"
             " this group holds it."
         )
 

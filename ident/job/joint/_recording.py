@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 _FOLDS, _BLOCKS = 5, 20
 """In how many turns readings are held out, and stretches of the recording."""
 _MOST_RUNS = 10
+_TAKEN_UP, _LONGEST = 0.02, 1.0
+"""Way after a reversal in which the play is taken up: share of the travel, and mm or °."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,7 +107,7 @@ def read_group(tables: Tables, members: Sequence["AbstractPlan"]) -> GroupRecord
         runs=dict.fromkeys(heated, beside),
     )
     order = np.arange(len(data), dtype=float) if time is None else time
-    fold, by_run = _folds(label, order)
+    fold, by_run = folds(label, order)
     if several and heated and beside is None:
         remarks.append(
             Remark.info(
@@ -198,7 +200,10 @@ def _has_error(rows: Rows, axis: str) -> bool:
 
 
 def _way(rows: Rows, axis: str, fit: FitSpec) -> Float[np.ndarray, " t"]:
-    """Return ±1, or NaN where this measurement does not tell it."""
+    """Return ±1, or NaN where this measurement does not tell it.
+
+    In motion neither does what follows a reversal, as long as the play is taken up.
+    """
     try:
         found = rows.way(axis, needed=True)
     except DirectionUnknown:
@@ -206,10 +211,17 @@ def _way(rows: Rows, axis: str, fit: FitSpec) -> Float[np.ndarray, " t"]:
             raise
         return np.full(len(rows), np.nan)
     assert found is not None  # else it has raised
-    return found
+    if axis not in rows.moving:
+        return found
+    place = rows.position(axis)
+    turned = np.maximum.accumulate(
+        np.where(np.diff(found, prepend=0.0), np.arange(len(found)), 0)
+    )
+    least = min(_TAKEN_UP * float(np.ptp(place[np.isfinite(place)])), _LONGEST)
+    return np.where(np.abs(place - place[turned]) < least, np.nan, found)
 
 
-def _folds(
+def folds(
     label: Int[np.ndarray, " t"] | None, order: Float[np.ndarray, " t"]
 ) -> tuple[Int[np.ndarray, " t"], bool]:
     """Return the turn of each reading, and whether runs are held out as a whole."""

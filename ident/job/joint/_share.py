@@ -167,9 +167,22 @@ class Share:
             slices=self.slices(),
         )
 
+    @property
+    def why_lost(self) -> str:
+        """Why nothing is written of it, in words."""
+        own = [c.sentence for c in self.fit.confusions if self.part.name in c.effects]
+        if own:
+            return " ".join(dict.fromkeys(own))
+        missing = lost(self.part, self.fit)
+        if not missing:
+            return "no reading reaches any of its values."
+        return f"these readings do not tell {some_of(missing, MOST)}."
+
     def remarks(self) -> list[Remark]:
         """Return what was taken for granted, and what the figures of this fit are."""
         group = self.group.name
+        if not group:
+            return [*self.recording.remarks]
         beside = ", ".join(self.group.parts[k].name for k in self.beside)
         words = (
             f"{TOGETHER}together with {beside} (group {group!r}): the error before"
@@ -286,15 +299,4 @@ class LeftOutDraft(AbstractDraft):
     def _words(self) -> str:
         if self.why or self.share is None:
             return f"The {self.name} is left out: {self.why}"
-        part = self.share.part
-        own = [c for c in self.share.fit.confusions if part.name in c.effects]
-        if own:
-            said = " ".join(dict.fromkeys(each.sentence for each in own))
-            return f"The {part.name} is left out. {said}"
-        missing = lost(part, self.share.fit)
-        if not missing:
-            return f"The {part.name} is left out: no reading reaches any of its values."
-        return (
-            f"The {part.name} is left out: these readings do not tell"
-            f" {some_of(missing, MOST)}."
-        )
+        return f"The {self.name} is left out: {self.share.why_lost}"

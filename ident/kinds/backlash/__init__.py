@@ -1,8 +1,8 @@
 """Backlash: the lost motion at a reversal.
 
-Read in this order: `effect` (readings in both directions in, the width out), `_trace` (reversals of
-a motion), `_recording` (the readings of a job), `plan`, `_draft` and `_result`. The other modules
-are the parts that every compensation has.
+Its fit is that of a group (`job.joint`), alone a group of one: `plan` says beside which curve,
+`_draft` what is written, `_result` what is known of it. The other modules are the parts that every
+compensation has.
 """
 
 from .._kind import Kind

@@ -3,30 +3,28 @@
 import dataclasses
 from typing import TYPE_CHECKING, final
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from ....data.lists import Value
 from ....models import Backlash
-from ...fit import FitError
 from ...job._draft import AbstractDraft
 from ...job._gating import spread_over
-from ...job.result._result import Remark, staged
+from ...job.result._result import staged
 from ...job.result._second import SecondMeasurement
 from ...proof import GateCheck, reversal_checks
 from ...proof.axis import check_switching
-from ...readings import Readings, Tables
+from ...readings import Tables
 from .._keys import FitSpec
-from ._recording import fit_readings, read_backlash
-from ._result import BacklashResult, remarks_of
-from .effect import BacklashFit
+from ._result import BacklashResult, Sides, change_along, is_sure, remarks_of
 from .entries import backlash_from_list, entries_of_backlash
 from .keys import Spec
 
 if TYPE_CHECKING:
+    from ...job.joint._share import Share
     from ...job.write._lists import AxisFiles
 
-_GROUPS = 5
 _SPREAD = "lr_param.n_backlash_cyc"
 """Entry that spreads a reversal over cycles (P-AXIS-00243)."""
 
@@ -54,40 +52,44 @@ class KnownBacklash:
         return float(self.old.width) if self.active and self.old is not None else 0.0
 
 
+def sides_of(share: "Share") -> Sides:
+    """Return the readings of a fitted backlash about the mean of both directions."""
+    axis, way = share.axis, share.column("direction", share.axis)
+    width = float(share.part.values[0])
+    return Sides(
+        share.column("position", axis),
+        way.astype(np.int64),
+        share.fit.residual[axis][share.rows] - 0.5 * way * width,
+        share.wild,
+    )
+
+
 @final
 @dataclasses.dataclass(frozen=True)
 class BacklashDraft(AbstractDraft):
     """A fitted backlash.
 
     Attributes:
-        readings: What was measured: a trace without directions, or readings with them.
-        remarks: What was taken for granted.
-        found: The estimate.
+        share: Its part of the joint fit.
         known: What the axis list holds.
-        joint: Error per reading under lists that were fitted without it, and whether these
-            left out whole runs, where a joint fit knows that; else the width is fitted anew
-            without each run or block.
     """
 
     fit: Spec
-    readings: Readings
-    remarks: tuple[Remark, ...]
-    found: BacklashFit
+    share: "Share"
     known: KnownBacklash
-    joint: tuple[Float[np.ndarray, " t"], bool] | None = None
 
     @property
     def width(self) -> float:
         """What is written, in mm or °."""
-        return self.found.width + self.known.acting
+        return float(self.share.part.values[0]) + self.known.acting
 
     @property
     def written(self) -> bool:
-        return self.found.significant
+        return is_sure(self.share.part)
 
     @property
     def settled(self) -> bool:
-        return self.found.converged
+        return self.share.fit.converged
 
     @property
     def needs(self) -> str:
@@ -103,9 +105,8 @@ class BacklashDraft(AbstractDraft):
         return abs(self.width)
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
-        model = dataclasses.replace(self.found, width=self.width).compensation(
-            self.known.reference, cycles or 0
-        )
+        reference = 1 if self.known.reference > 0 else -1
+        model = Backlash(jnp.asarray(self.width), reference, cycles or 0)
         return dict(entries_of_backlash(model, (), self.job.conventions))
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
@@ -128,63 +129,53 @@ class BacklashDraft(AbstractDraft):
         return tuple(lines)
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
+        from .plan import BacklashPlan  # draws on this module
+
         assert isinstance(fit, Spec)
-        readings = read_backlash(tables, fit)
-        sides = fit_readings(readings, fit.loss).sides
+        again = BacklashPlan(tables.job, self.index, fit, self.known)
+        sides = sides_of(again.shown(tables))
         return SecondMeasurement(
             ", ".join(fit.sources),
             sides.position[:, None],
             sides.before,
             sides.direction,
             wild=sides.wild,
-            added=0.5 * abs(self.found.width),
+            added=0.5 * abs(float(self.share.part.values[0])),
         )
 
     def prove(self, done: "AxisFiles") -> BacklashResult:
-        sides, half = self.found.sides, 0.5 * self.found.sides.direction
-        predicted, by_run = self._held_out() if self.joint is None else self.joint
-        back = self._read_back(done)
+        share, sides = self.share, sides_of(self.share)
         # About the mean of both directions, which the tables of the axis look after.
-        from_file = sides.before + half * (back - self.known.acting)
+        added = 0.5 * sides.direction * (self._read_back(done) - self.known.acting)
+        from_file = sides.before + added
         result = BacklashResult(
             **self.frame(done),
-            error=staged(sides.before, predicted, from_file, sides.wild),
+            error=staged(sides.before, self._held_out(), from_file, sides.wild),
             remarks=(),
             files=tuple(n for n in done.written if n.name == done.machine_name),
-            held_out="run" if by_run else "block",
+            held_out=share.recording.held_out,
             width=self.width if self.written else 0.0,
             reference=self.known.reference,
             cycles=done.cycles or 0,
-            fit=self.found,
+            fit=share.part,
+            noise=share.noise,
+            sides=sides,
             from_file=from_file,
-            moving=self.readings.direction is None,
+            dependence=change_along(float(share.part.values[0]), sides),
         )
         said = remarks_of(result, self.known.old is not None, self.known.active)
-        remarks = (*self.remarks, *said, *done.remarks)
+        remarks = (*share.remarks(), *said, *done.remarks)
         return dataclasses.replace(result, remarks=remarks)
 
-    def _held_out(self) -> tuple[Float[np.ndarray, " t"], bool]:
-        """Return the error under the width of the others, and whether runs are left out."""
-        readings, sides = self.readings, self.found.sides
-        if readings.direction is None:
-            widths, sound = np.diff(sides.before.reshape(-1, 2))[:, 0], ~sides.wild[::2]
-            others = (widths @ sound - widths * sound) / (sound.sum() - sound)
-            half = 0.5 * sides.direction * np.repeat(others, 2)
-            return sides.before + half, False
-        width = np.full(len(sides.before), self.found.width)
-        # Whole targets: those that stay must still be approached from both sides.
-        targets = np.unique(np.round(sides.position, 6), return_inverse=True)[1]
-        group, by_run = targets.reshape(-1) % _GROUPS, False
-        if readings.run is not None and len(np.unique(readings.run)) > 1:
-            group, by_run = readings.run, True
-        for each in np.unique(group):
-            try:
-                other = fit_readings(readings, self.fit.loss, group != each).width
-            except FitError:
-                # What is left tells nothing: neither does the prediction.
-                other = 0.0
-            width[group == each] = other
-        return sides.before + 0.5 * sides.direction * width, by_run
+    def _held_out(self) -> Float[np.ndarray, " t"]:
+        """Return the error under a fit to the others, about the middle of each run."""
+        share, run = self.share, self.share.recording.data.run
+        left = share.predicted[share.rows]
+        if run is not None:
+            for label in np.unique(run):
+                own = run[share.rows] == label
+                left[own] -= np.median(left[own]) if own.any() else 0.0
+        return left
 
     def _read_back(self, done: "AxisFiles") -> float:
         """Return the width that the written file holds."""

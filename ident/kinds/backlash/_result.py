@@ -5,10 +5,92 @@ from collections.abc import Iterator
 from typing import Any, final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
+from numpy.polynomial import legendre
+from scipy.special import fdtrc  # scipy.stats takes long to load
 
+from ...core import FitError, regress
+from ...fit.joint import Part
 from ...job.result._result import AbstractResult, Expectation, Remark
-from .effect import BacklashFit
+
+_SURE = 3.0
+"""Deviations from which on a backlash shows."""
+_CHANCE = 0.01
+_MATTERS = 0.1
+"""Change relative to the width that is worth a table."""
+_HIGHEST = 3
+"""Order of the polynomial along the axis."""
+_MOST = 5_000
+"""Readings that are enough to see whether a backlash changes along the axis."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Sides:
+    """Readings about the mean of both directions.
+
+    Attributes:
+        position: Of each in mm or °.
+        direction: ±1.
+        before: Half the reversal error, with the scatter of the reading, in mm or °.
+        wild: Which the loss rejected outright.
+    """
+
+    position: Float[np.ndarray, " t"]
+    direction: Int[np.ndarray, " t"]
+    before: Float[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Dependence:
+    """How the backlash changes along the axis.
+
+    Attributes:
+        probability: Of data like these if it did not change at all.
+        variation: Root mean square of the change over the measured positions, in mm or °.
+        slope: Change over the measured positions, first to last, in mm or °.
+        significant: Whether it changes by more than chance and by enough to matter.
+    """
+
+    probability: float
+    variation: float
+    slope: float
+    significant: bool
+
+
+def is_sure(part: Part) -> bool:
+    """Return whether there is a backlash by more than chance."""
+    return bool(np.abs(part.values[0]) > _SURE * part.standard_deviation[0])
+
+
+def change_along(width: float, sides: Sides) -> Dependence | None:
+    """Return how the width changes along the axis; None where the places are too few.
+
+    By Legendre polynomials over the measured range.
+    """
+    few = slice(None, None, max(len(sides.before) // _MOST, 1))
+    place, way, half = sides.position[few], sides.direction[few], sides.before[few]
+    order = min(_HIGHEST, len(np.unique(place)) - 1)
+    if order < 1:
+        return None
+    place = 2.0 * (place - place.min()) / np.ptp(place) - 1.0
+    try:
+        found = regress(-0.5 * way[:, None] * legendre.legvander(place, order), half)
+    except FitError:
+        return None
+    if found.undetermined.any():
+        return None
+    values, covariance = found.coefficients[1:], found.covariance[1:, 1:]
+    square = float(values @ np.linalg.pinv(covariance, hermitian=True) @ values)
+    # Readings without any scatter fit exactly: what they show is what there is.
+    square = square if covariance.any() else (np.inf if values.any() else 0.0)
+    free = max(float(found.independent.min()) - order - 1.0, 1.0)
+    probability = float(fdtrc(order, free, square / order))
+    orders = np.arange(1, order + 1)
+    variation = float(np.sqrt((values**2 / (2 * orders + 1)).sum()))
+    matters = variation > _MATTERS * abs(width)
+    slope = 2.0 * float(values[::2].sum())
+    return Dependence(probability, variation, slope, probability < _CHANCE and matters)
 
 
 @final
@@ -16,26 +98,58 @@ from .effect import BacklashFit
 class BacklashResult(AbstractResult):
     """The backlash of an axis.
 
+    The width has the sign of P-AXIS-00103: error moving positive − error moving negative is
+    minus the width.
+
     Attributes:
         width: As written (P-AXIS-00103), in ``unit``; what was active included.
         reference: Direction in which the axis is right without it (P-AXIS-00021).
         cycles: Over which a reversal is spread (P-AXIS-00243).
-        fit: The estimate behind it.
-        from_file: What the entry that was written, read back, leaves of each, in mm or °.
-        moving: Whether it was found from reversals in motion, not at standstill.
+        fit: The estimate behind it, its one value the width that was measured.
+        noise: Standard deviation of a reading, in ``unit``.
+        sides: The readings that it rests on.
+        from_file: What the entry that was written, read back, leaves of each, in ``unit``.
+        dependence: How it changes along the axis; None where the positions are too few.
     """
 
     width: float
     reference: int
     cycles: int
-    fit: BacklashFit
+    fit: Part
+    noise: float
+    sides: Sides
     from_file: Float[np.ndarray, " t"]
-    moving: bool
+    dependence: Dependence | None
+
+    @property
+    def measured_width(self) -> tuple[float, float]:
+        """What was measured, and its standard deviation, in ``unit``."""
+        return float(self.fit.values[0]), float(self.fit.standard_deviation[0])
+
+    @property
+    def significant(self) -> bool:
+        """Whether there is a backlash by more than chance."""
+        return is_sure(self.fit)
+
+    @property
+    def type(self) -> str:
+        """Where the play is, in words."""
+        if not self.significant:
+            return "no backlash shows"
+        if self.measured_width[0] > 0:
+            return "positive: play between drive and slide"
+        return "negative: play between slide and measuring system"
+
+    @property
+    def support(self) -> tuple[int, int]:
+        """Readings that count, moving positive and moving negative."""
+        way = self.sides.direction[~self.sides.wild]
+        return int((way > 0).sum()), int((way < 0).sum())
 
     @property
     def expectation(self) -> Expectation | None:
         """What a reversal loses at the middle of the readings."""
-        place = float(np.median(self.fit.sides.position))
+        place = float(np.median(self.sides.position))
         return Expectation(
             {self.axis: place},
             -self.reference,
@@ -46,22 +160,19 @@ class BacklashResult(AbstractResult):
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
-        along = self.fit.dependence
+        width, deviation = self.measured_width
+        along = self.dependence
         return {
             "parameters": {
                 "backlash": self.width,
                 "reference": self.reference,
                 "n_backlash_cyc": self.cycles,
-                "measured": self.fit.width,
-                "kind": self.fit.kind,
+                "measured": width,
+                "kind": self.type,
             },
-            "standard_deviations": {"backlash": self.fit.standard_deviation},
-            "support": {
-                "positive": self.fit.support[0],
-                "negative": self.fit.support[1],
-            },
-            "noise": self.fit.noise.white,
-            "independent": self.fit.independent,
+            "standard_deviations": {"backlash": deviation},
+            "support": dict(zip(("positive", "negative"), self.support, strict=True)),
+            "noise": self.noise,
             "dependence": None if along is None else vars(along),
         }
 
@@ -74,22 +185,25 @@ def remarks_of(result: BacklashResult, known: bool, active: bool) -> Iterator[Re
         known: An axis list says in which direction the axis is right.
         active: Whether backlash was active while measuring.
     """
-    found = result.fit
-
-    def warning(words: str) -> Remark:
-        turns = result.unit != "mm"
-        return Remark.warning(words.replace(" µm", " × 0.001°") if turns else words)
-
-    if not found.significant:
-        yield warning(
-            f"No backlash shows: {1e3 * found.width:.2f} µm ±"
-            f" {1e3 * found.standard_deviation:.2f} µm is less than 3 standard"
-            " deviations. Nothing is written."
-        )
+    unit = "µm" if result.unit == "mm" else "× 0.001°"
+    along = result.dependence
+    if result.significant:
+        yield Remark.info(f"{result.type.capitalize()}.")
     else:
-        yield Remark.info(f"{found.kind.capitalize()}.")
-    yield from map(warning, _warnings(found))
-    if not known and found.significant:
+        width, deviation = result.measured_width
+        yield Remark.warning(
+            f"No backlash shows: {1e3 * width:.2f} {unit} ± {1e3 * deviation:.2f} {unit} is"
+            " less than 3 standard deviations. Nothing is written."
+        )
+    if along is not None and along.significant:
+        yield Remark.warning(
+            f"The backlash changes along the axis by {1e3 * along.variation:.1f} {unit} rms"
+            f" ({1e3 * along.slope:+.1f} {unit} from one end to the other): one number"
+            " cannot take it away, a bilateral leadscrew table is the better answer. A drift"
+            " of the readings from the way out to the way back looks the same and counts as"
+            " backlash: measure again in another order to tell."
+        )
+    if not known and result.significant:
         yield Remark.warning(
             "The axis is taken as right when it moves in positive direction"
             " (anwahl_losekomp 1), since no axis list says otherwise. Where it"
@@ -99,27 +213,4 @@ def remarks_of(result: BacklashResult, known: bool, active: bool) -> Iterator[Re
     if active:
         yield Remark.info(
             "Backlash was active while measuring: the new size is old + what was left."
-        )
-
-
-def _warnings(found: BacklashFit) -> Iterator[str]:
-    """Return what must be known before the width is used, lengths in µm."""
-    if found.drift is not None:
-        drift, width = found.drift
-        yield (
-            f"The readings drift by {1e3 * drift:.1f} µm within a run, which counts as"
-            f" backlash: with the drift taken off it is {1e3 * width:.1f} µm."
-        )
-    if found.delay_gain is not None:
-        yield (
-            "All reversals run at one speed: a delay of 0.1 ms between the instruments"
-            f" would count as {0.1 * found.delay_gain:.2g} µm of backlash, and nothing"
-            " here tells them apart."
-        )
-    along = found.dependence
-    if along is not None and along.significant:
-        yield (
-            f"The backlash changes along the axis by {1e3 * along.variation:.1f} µm rms"
-            f" ({1e3 * along.slope:+.1f} µm from one end to the other): one number"
-            " cannot take it away, a bilateral leadscrew table is the better answer."
         )

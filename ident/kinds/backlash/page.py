@@ -13,9 +13,8 @@ from ._result import BacklashResult
 
 def body(fit: BacklashResult, scale: Scale) -> Body:
     """Return what the page shows of a fitted backlash."""
-    wild = int(np.sum(fit.fit.sides.wild)) // (2 if fit.moving else 1)
     plots, facts = [_along_the_axis(fit, scale)], [*_facts(fit, scale)]
-    return Body(plots=plots, facts=facts, wild_count=wild)
+    return Body(plots=plots, facts=facts, wild_count=int(np.sum(fit.sides.wild)))
 
 
 def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
@@ -23,23 +22,21 @@ def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
     across = f"{fit.axis} in {scale.position}"
     up = f"about the mean of both directions in {scale.error}"
     figure, panels = side_by_side(3.0, ("before", "from the file"), across, up)
-    view = fit.fit.sides
+    view, width = fit.sides, fit.measured_width[0]
     for way in (1, -1):
         rows = view.direction == way
         for panel, values in zip(panels, (view.before, fit.from_file), strict=True):
             shown = values[rows] * scale.factor
             directed_marks(panel, way, view.position[rows], shown)
-        half = -0.5 * way * fit.fit.width * scale.factor
+        half = -0.5 * way * width * scale.factor
         panels[0].axhline(half, color=style.DIRECTION_COLOR[way], linewidth=1.0)
     panels[0].legend(loc="best")
-    half = abs(fit.fit.width) / 2
-    where = "reversal" if fit.moving else "reading"
     caption = (
-        f"Each {where} about the mean of both directions: the two lie"
-        f" {scale.shown(half)} to either side before, and about the same line"
+        "Each reading about the mean of both directions: the two lie"
+        f" {scale.shown(abs(width) / 2)} to either side before, and about the same line"
         " with the entry that was written."
     )
-    if not fit.fit.significant:
+    if not fit.significant:
         caption = (
             "Each reading about the mean of both directions: the two directions do not"
             " differ by more than chance."
@@ -48,14 +45,14 @@ def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
 
 
 def _facts(fit: BacklashResult, scale: Scale) -> Iterator[tuple[str, str]]:
-    found = fit.fit
-    width = number(found.width * scale.factor, signed=True)
-    sd = scale.shown(found.standard_deviation)
-    yield ("Size", f"{width} ± {sd} (1 sd): {found.kind}.")
+    width, deviation = fit.measured_width
+    size = number(width * scale.factor, signed=True)
+    yield ("Size", f"{size} ± {scale.shown(deviation)} (1 sd): {fit.type}.")
+    forth, back = fit.support
     yield (
         "Readings",
-        f"{count(found.support[0], 'reading')} moving +, {found.support[1]} moving −;"
-        f" their scatter is {scale.shown(found.noise.white)}.",
+        f"{count(forth, 'reading')} moving +, {back} moving −;"
+        f" their scatter is {scale.shown(fit.noise)}.",
     )
     yield ("Along the axis", _dependence(fit, scale))
     if fit.width:
@@ -66,17 +63,10 @@ def _facts(fit: BacklashResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f" is taken as right when it moves in {way} direction; a reversal is"
             f" spread over {fit.cycles} cycles (n_backlash_cyc, P-AXIS-00243).",
         )
-    if found.delay is not None:
-        delay, deviation = (1e3 * each for each in found.delay)
-        yield (
-            "Delay",
-            f"The reference is {delay:.2f} ± {deviation:.2f} ms late behind the"
-            " encoder; that was taken off.",
-        )
 
 
 def _dependence(fit: BacklashResult, scale: Scale) -> str:
-    along = fit.fit.dependence
+    along = fit.dependence
     if along is None:
         return "Too few places to say whether it changes along the axis."
     size = scale.shown(along.variation)

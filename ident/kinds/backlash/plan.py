@@ -6,15 +6,12 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 from jaxtyping import Float
 
-from ...fit import DriftNoise, FitError
+from ..._recording import JointData
 from ...fit.joint import Backlash
 from ...job._draft import AbstractPlan, Leftovers
-from ...job.result._result import Remark
 from ...job.table._plan import was_active
-from ...readings import Readings, Tables
+from ...readings import Tables
 from ._draft import BacklashDraft, KnownBacklash
-from ._recording import fit_readings, read_backlash
-from .effect import BacklashFit, Dependence, Sides
 from .entries import backlash_from_list
 from .keys import Spec
 
@@ -22,8 +19,10 @@ if TYPE_CHECKING:
     from ...job.joint._recording import GroupRecording
     from ...job.joint._share import Share
 
-_MOST = 5_000
-"""Readings that are enough to see whether a backlash changes along the axis."""
+_TARGETS = 60
+"""Different positions up to which each has an error of its own."""
+_NODES = 24
+"""Nodes of the error along the axis where the positions are all different."""
 
 
 def plan(tables: Tables, index: int, fit: Spec) -> "BacklashPlan":
@@ -62,11 +61,18 @@ class BacklashPlan(AbstractPlan):
     known: KnownBacklash
 
     def alone(self, tables: Tables, left: Leftovers) -> BacklashDraft:
-        readings = read_backlash(tables, self.fit)
-        found = fit_readings(readings, self.fit.loss)
-        remarks = tuple(map(Remark.info, readings.remarks))
-        job, index = self.job, self.index
-        return BacklashDraft(job, index, self.fit, readings, remarks, found, self.known)
+        return self.draft(self.shown(tables))
+
+    def shown(self, tables: Tables) -> "Share":
+        """Return what its own measurements show of it, as if there was no other.
+
+        Raises:
+            MeasurementError: If a role is missing or a value cannot be used.
+            FitError: If the readings do not tell it.
+        """
+        from ...job.joint import fit_alone, read_group  # takes long to load
+
+        return fit_alone(self, read_group(tables, [self]))
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -76,43 +82,20 @@ class BacklashPlan(AbstractPlan):
     def turning(self) -> tuple[str, ...]:
         return (self.axis,)
 
+    def nodes_beside(self, data: JointData) -> Float[np.ndarray, " n"]:
+        # What both directions share is free along the axis.
+        place = data.position[self.axis]
+        place = place[np.isfinite(place) & np.isfinite(data.error[self.axis])]
+        targets = np.unique(place)
+        if len(targets) <= _TARGETS and 2 * len(targets) <= len(place):
+            return targets
+        count = int(np.clip(len(place) // 10, 2, _NODES))
+        return np.linspace(targets[0], targets[-1], count)
+
     def effect(
         self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
     ) -> Backlash:
         return Backlash(self.axis, reference=self.known.reference)
 
     def draft(self, share: "Share") -> BacklashDraft:
-        readings, part = share.readings((self.axis,), turns=True), share.part
-        width, way = float(part.values[0]), readings.direction
-        assert way is not None  # it was asked for
-        # Both directions about their mean: what lies between them is not the backlash's.
-        middle = 0.5 * self.known.reference * width
-        readings = dataclasses.replace(readings, error=readings.error - middle)
-        found = BacklashFit(
-            width=width,
-            standard_deviation=float(part.standard_deviation[0]),
-            noise=DriftNoise(share.noise),
-            independent=float(np.sum(~share.wild)),
-            support=(int(np.sum(way > 0)), int(np.sum(way < 0))),
-            dependence=self._dependence(readings),
-            sides=Sides(
-                readings.positions[:, 0],
-                way,
-                share.left - 0.5 * way * width,
-                share.wild,
-            ),
-            converged=share.fit.converged,
-        )
-        left_out = share.predicted[share.rows], share.recording.by_run
-        remarks, job = tuple(share.remarks()), self.job
-        return BacklashDraft(
-            job, self.index, self.fit, readings, remarks, found, self.known, left_out
-        )
-
-    def _dependence(self, readings: Readings) -> Dependence | None:
-        """Return how the width changes along the axis in what the other effects leave."""
-        few = slice(None, None, max(len(readings.error) // _MOST, 1))
-        try:
-            return fit_readings(readings, self.fit.loss, few).dependence
-        except FitError:
-            return None
+        return BacklashDraft(self.job, self.index, self.fit, share, self.known)

@@ -158,7 +158,9 @@ class TemperatureDraft(AbstractDraft):
         assert isinstance(fit, Spec)
         from .plan import TemperaturePlan  # it makes such drafts
 
-        read = read_thermal(TemperaturePlan(tables.job, self.index, fit, tables)).data
+        again = TemperaturePlan(tables.job, self.index, fit, tables)
+        recording, rows = read_thermal(again)
+        read = recording.data.take(rows)
         known = np.isfinite(read.error[self.axis])
         error, count = read.error[self.axis][known], int(known.sum())
         place = read.position.get(self.axis)
@@ -173,10 +175,9 @@ class TemperatureDraft(AbstractDraft):
         if self.written and table is not None:
             line = self._line_of(read_columns(table), done.machine)
             place, warm = found.position, found.structure
-            before = found.error - found.predict(np.full(warm.shape, self.zero), place)
+            before, predicted = found.error, found.predicted
             away = np.zeros(len(before)) if place is None else place
             from_file = before + np.asarray(line.offset(away, warm))
-            predicted = found.predicted
         names = {done.machine_name, *temperature_names(self.axis)}
         return TemperatureResult(
             **self.frame(done),
@@ -214,8 +215,8 @@ class TemperatureDraft(AbstractDraft):
 
     @functools.cached_property
     def _law(self) -> ThermalLaw:
-        zero, sign = self.zero, int(self.job.conventions.temperature_sign)
-        return thermal_law(self.found.relative_to(zero), zero, sign)
+        sign = int(self.job.conventions.temperature_sign)
+        return thermal_law(self.found, self.zero, sign)
 
     @functools.cached_property
     def _places(self) -> Float[np.ndarray, " p"]:

@@ -80,20 +80,20 @@ class ThermalLaw:
         return abs(float(added[row, place])), float(self.temperature[row]), int(place)
 
 
-def thermal_law(relative: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
+def thermal_law(found: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
     """Return the law that takes the error of a line away.
 
     Args:
-        relative: The line, nothing to correct at ``zero``.
-        zero: Temperature in °C; a row of its own where it lies inside.
+        found: The line.
+        zero: Temperature in °C where it is 0; a row of its own where it lies inside.
         sign: Offset per Δs.
     """
-    nodes = np.concatenate([law.temperature for law in relative.moving])
+    nodes = np.concatenate([law.temperature for law in found.moving])
     if nodes.min() < zero < nodes.max():
         nodes = np.append(nodes, zero)
     rows = np.unique(np.round(nodes, 4))
     rows = rows[np.append(True, np.diff(rows) > _SAME)]
-    offset, slope = relative.offset, relative.coefficient
+    offset, slope = found.offset, found.coefficient
     none = np.zeros(len(rows))
     coefficient = none if slope is None else -sign * 1e6 * slope.at(rows)
     return ThermalLaw(

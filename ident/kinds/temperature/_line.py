@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
-from ...core import DriftNoise, node_shares
+from ...core import DriftNoise, node_shares, variances_of_sums
 from ...fit.joint import Temperature
 
 Meeting = Literal[
-    "met", "given", "parallel", "two sensors", "too few", "not one point", "uncertain"
+    "met", "given", "parallel", "two sensors", "not one point", "uncertain"
 ]
 """Whether the lines of all temperatures meet at the reference, or why it was not taken."""
 
@@ -69,13 +69,11 @@ class Lag:
         sensor: Its name.
         time_constant: Of the first-order lag in s; 0 = none that the readings show.
         deviation: Standard deviation of it in s.
-        sensor_late: The sensor itself follows later than the structure; no filter undoes that.
     """
 
     sensor: str
     time_constant: float
     deviation: float = 0.0
-    sensor_late: bool = False
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -92,41 +90,21 @@ class Lag:
 
 
 @dataclasses.dataclass(frozen=True)
-class LawScore:
-    """How well a pair of laws predicts readings that it has not seen.
-
-    Attributes:
-        offset: Number of nodes of the offset.
-        coefficient: Number of nodes of the coefficient; 0 = not fitted.
-        held_out: Root mean square of the held-out residuals in mm, wild ones limited.
-        chosen: Whether this is the one.
-    """
-
-    offset: int
-    coefficient: int
-    held_out: float
-    chosen: bool
-
-
-@dataclasses.dataclass(frozen=True)
 class TemperatureFit:
     """The thermal line of an axis; signs are those of the *error*.
 
-    $e = o(T) + c(T) (s - s_0)$.
+    $e = o(T) + c(T) (s - s_0)$, which is 0 at the reference temperature, or the measured one next
+    to it: a constant and a slope over the position belong to the tables of the axis.
 
     Attributes:
         line: Temperatures of its values, its reference $s_0$ in mm, its lags.
         data: The complete readings.
         rows: Which of all readings each of them was.
-        missed: Number of readings that were incomplete.
         structure: Temperature of the structure behind each sensor of the line in °C.
         values: Of the offset $o(T)$ in mm, then of the coefficient $c(T)$ in mm/mm.
-        covariance: Of the values, then of the intersection (mm) and of the logarithms of the
-            time constants, where these were fitted.
+        covariance: Of the values.
         lags: One per sensor.
         noise: How residuals scatter, in mm and s.
-        independent: Independent readings that would leave the same uncertainty of the least
-            sure value.
         wild: Readings that the loss rejected outright (missed steps, glitches).
         predicted: Error − line fitted without the block of time of each reading, in mm.
         support: Readings that touch each value.
@@ -134,26 +112,33 @@ class TemperatureFit:
         meeting: Whether the lines of all temperatures meet at the reference, where the offset
             is a constant, or why that was not taken.
         reference_deviation: Standard deviation in mm of a reference where they meet.
-        scores: Laws compared by hold-out; empty where the law was given.
+        missed: Number of readings that were incomplete.
     """
 
     line: Temperature
     data: JointData
     rows: Int[np.ndarray, " t"]
-    missed: int
     structure: Float[np.ndarray, "t s"]
     values: Float[np.ndarray, " p"]
-    covariance: Float[np.ndarray, "k k"]
+    covariance: Float[np.ndarray, "p p"]
     lags: tuple[Lag, ...]
     noise: DriftNoise
-    independent: float
     wild: Bool[np.ndarray, " t"]
     predicted: Float[np.ndarray, " t"]
     support: tuple[int, ...]
     converged: bool
     meeting: Meeting = "given"
     reference_deviation: float | None = None
-    scores: tuple[LawScore, ...] = ()
+    missed: int = 0
+
+    @property
+    def independent(self) -> float:
+        """Readings without a drift that would tell a constant as well, about."""
+        count, noise = len(self.error), self.noise
+        rows = np.arange(count) if self.data.time is None else self.data.time
+        mean = np.full((count, 1), 1.0 / count)
+        variance = float(variances_of_sums(noise, rows, mean)[0])
+        return (noise.white**2 + noise.drift**2) / max(variance, 1e-300)
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -222,20 +207,3 @@ class TemperatureFit:
         places = np.zeros(len(temperature)) if position is None else position
         inputs = [warm[law.sensor] for law in self.laws.values()]
         return np.asarray(self.line.rows([*inputs, places])[1] @ self.values)
-
-    def relative_to(self, temperature: float) -> "TemperatureFit":
-        """Return the laws with nothing to correct at this temperature in °C.
-
-        What is taken off is the same at all temperatures: a constant and a slope over the
-        position, which belong to the tables of the axis. Outside the measured temperatures
-        the nearest is taken. The deviations become those of the difference.
-        """
-        size, here = self.line.size, np.array([temperature])
-        move = np.eye(len(self.covariance))
-        for name, own in self.line.split(np.arange(size)).items():
-            move[np.ix_(own, own)] -= node_shares(here, self.line.nodes[name])
-        return dataclasses.replace(
-            self,
-            values=move[:size, :size] @ self.values,
-            covariance=move @ self.covariance @ move.T,
-        )

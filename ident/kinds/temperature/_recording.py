@@ -1,45 +1,44 @@
-"""What was measured for a thermal line, and what is asked of it."""
+"""What was measured for a thermal line: its readings, and which of them are any."""
 
 import dataclasses
 import itertools
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.ndimage import median_filter
 
 from ..._recording import JointData
 from ...fit import FitError
 from ...fit.joint import Temperature
 from ...job.result._result import Remark
-from ...job.table._readings import datum_of
 from ...readings import sensor_name
 
 if TYPE_CHECKING:
     from ...job.joint._recording import GroupRecording
     from .plan import TemperaturePlan
 
-
-@dataclasses.dataclass(frozen=True)
-class ThermalRecording:
-    """Readings of one axis while temperatures changed.
-
-    Attributes:
-        data: Error, sensors, positions (or none) and instants (or None).
-        rows: Which row of all measurements, one after the other, each reading was.
-        line: What is fitted to them.
-        datum: Where the instrument was set to zero at all temperatures, or None.
-        remarks: What was taken for granted.
-    """
-
-    data: JointData
-    rows: Int[np.ndarray, " t"]
-    line: Temperature
-    datum: float | None
-    remarks: tuple[Remark, ...]
+FEWEST = 4
+"""Readings of a fit, and between two nodes below which no node is set."""
+_RANGE = 0.5
+"""Range of a sensor in K below which no law is determined."""
+_ABSOLUTE_ZERO = -273.15
+_WINDOW = 7
+"""Readings over which a temperature is compared with its neighbours."""
+_GLITCH, _LEAST_GLITCH, _MOST_GLITCHES = 8.0, 1.0, 0.1
+"""Distance from the neighbours that no structure can follow: in typical distances, and in K
+below which it is none in any case; share of the readings up to which there are such."""
 
 
-def read_thermal(plan: "TemperaturePlan") -> ThermalRecording:
+def read_thermal(
+    plan: "TemperaturePlan",
+) -> tuple["GroupRecording", Int[np.ndarray, " n"]]:
     """Return the readings of a temperature fit, all its measurements joined.
+
+    Returns:
+        The recording, what no sensor showed NaN; and the rows that count, which are all but
+        where a plateau is asked for.
 
     Raises:
         MeasurementError: If a role is missing or a value cannot be used.
@@ -51,11 +50,10 @@ def read_thermal(plan: "TemperaturePlan") -> ThermalRecording:
     group = read_group(plan.tables, [plan])
     time, words = _one_clock(group)
     remarks = [*group.remarks, *map(Remark.info, words)]
-    data = dataclasses.replace(group.data, time=time)
-    rows, datum = np.arange(len(data)), datum_of(plan.job, plan.index, plan.fit)
+    data, rows = group.data, np.arange(len(group.data))
+    clock = rows.astype(float) if time is None else time
     if (asked := plan.fit.steady) is not None:
         name = sensor_name(asked.sensor)
-        clock = rows.astype(float) if time is None else time
         warm = data.temperature[name]
         try:
             keep = steady(clock, warm, asked.within, asked.level)
@@ -68,14 +66,32 @@ def read_thermal(plan: "TemperaturePlan") -> ThermalRecording:
             f" ±{asked.within:g} K (steady)."
         )
         remarks.append(Remark.info(told))
-        data, rows = data.take(keep), rows[keep]
-    line = plan.line(data)
-    if datum is not None and "coefficient" in line.sensors:
-        # The instrument was set to zero there: what the offset does, nobody saw.
-        only = {"coefficient": line.sensors["coefficient"]}
-        line = dataclasses.replace(line, sensors=only, reference=datum[0])
-    zero = None if datum is None else datum[0]
-    return ThermalRecording(data, rows, line, zero, tuple(remarks))
+        rows = np.flatnonzero(keep)
+    data = without_glitches(data, plan.effects.values())
+    recording = dataclasses.replace(
+        group,
+        data=dataclasses.replace(data, time=time),
+        order=clock,
+        timed=time is not None,
+        remarks=tuple(remarks),
+    )
+    return recording, rows
+
+
+def only_these(
+    recording: "GroupRecording", rows: Int[np.ndarray, " n"]
+) -> "GroupRecording":
+    """Return a recording with errors in some rows only: lags remember the others."""
+    from ...job.joint._recording import folds  # takes long to load
+
+    (axis, error), *_ = recording.data.error.items()
+    known = np.full(len(error), np.nan)
+    known[rows] = error[rows]
+    fold = recording.fold.copy()
+    if not recording.by_run:
+        fold[rows], _ = folds(None, recording.order[rows])
+    data = dataclasses.replace(recording.data, error={axis: known})
+    return dataclasses.replace(recording, data=data, fold=fold)
 
 
 def _one_clock(
@@ -130,3 +146,63 @@ def steady(
     result = np.zeros(len(value), bool)
     result[longest] = inside[longest]
     return result
+
+
+def without_glitches(data: JointData, sensors: Iterable[str]) -> JointData:
+    """Return readings without temperatures that are none: impossible ones, and lone jumps."""
+    warm = dict(data.temperature)
+    for sensor in dict.fromkeys(sensors):
+        values = np.array(data.column("temperature", sensor, "temperature"))
+        values[values < _ABSOLUTE_ZERO] = np.nan
+        rows = np.flatnonzero(np.isfinite(values))
+        if len(rows) >= _WINDOW:
+            own = values[rows]
+            away = np.abs(own - median_filter(own, _WINDOW, mode="nearest"))
+            typical = 1.4826 * float(np.median(away))
+            glitch = away > max(_GLITCH * typical, _LEAST_GLITCH)
+            # So many that recur: not they are at fault.
+            if glitch.mean() < _MOST_GLITCHES:
+                values[rows[glitch]] = np.nan
+        warm[sensor] = values
+    return dataclasses.replace(data, temperature=warm)
+
+
+def complete_rows(
+    line: Temperature, data: JointData, rows: Int[np.ndarray, " n"]
+) -> Int[np.ndarray, " t"]:
+    """Return which of some rows have all that a line needs, in order of time.
+
+    Raises:
+        FitError: If they cannot tell what is asked for.
+    """
+    clock = np.arange(len(data), dtype=float) if data.time is None else data.time
+    columns = [data.column(*each, line.name) for each in line.inputs]
+    error = data.column("error", line.axis, line.name)
+    known = np.isfinite([error, clock, *columns]).all(axis=0)
+    found = rows[known[rows]]
+    if len(found) < FEWEST:
+        msg = (
+            f"{len(found)} of {len(rows)} readings are complete, expected at least"
+            f" {FEWEST}."
+        )
+        raise FitError(msg)
+    for sensor in line.sensor_names:
+        # What a noisy sensor shows of a temperature that stays is no range.
+        low, high = np.percentile(data.temperature[sensor][found], [1.0, 99.0])
+        if high - low < _RANGE:
+            msg = (
+                f"{sensor} stays at {0.5 * (low + high):.4g} °C within {high - low:.2g} K,"
+                f" expected a range of {_RANGE:g} K or more."
+            )
+            raise FitError(msg)
+    for axis in line.masters:
+        place = data.position[axis][found]
+        if np.ptp(place) == 0.0:
+            asked = line.sensor_names[0]
+            msg = (
+                f"found all readings at {place[0]:g} mm, expected two positions or more"
+                f" for the coefficient, or sensors = {{ offset = {asked!r} }}: at one position"
+                " only the offset can be fitted"
+            )
+            raise FitError(msg)
+    return found[np.argsort(clock[found], kind="stable")]

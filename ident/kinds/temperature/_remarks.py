@@ -23,7 +23,6 @@ _MEETINGS: Mapping[Meeting, str] = {
     "met": "The lines meet at {at:.5g} mm ± {sure:.2g} mm",
     "parallel": "The lines hardly change their slope, so they meet nowhere",
     "two sensors": "Two sensors move offset and slope, so the lines do not meet",
-    "too few": "Too few readings to find where the lines meet",
     "not one point": "The lines of the temperatures do not meet in one point",
     "uncertain": "Where the lines meet is uncertain, and far from what was measured",
 }
@@ -54,8 +53,7 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
     if fit.meeting != "given":
         level = "warning" if fit.meeting in _UNSURE else "info"
         yield Remark(level, _meeting_words(fit))
-    for lag in fit.lags:
-        yield Remark("warning" if lag.sensor_late else "info", _lag_words(lag))
+    yield from (Remark.info(_lag_words(lag)) for lag in fit.lags)
     if wild := int(fit.wild.sum()):
         yield Remark.warning(f"{wild} wild readings were left out.")
     if fit.missed:
@@ -84,11 +82,6 @@ def _meeting_words(fit: TemperatureFit) -> str:
 
 def _lag_words(lag: Lag) -> str:
     """Return what a lag means for the machine."""
-    if lag.sensor_late:
-        return (
-            f"The structure is ahead of {lag.sensor}: the sensor sits where it warms late."
-            " No filter undoes that; a sensor closer to the source would."
-        )
     if not lag.applied:
         return f"No lag between {lag.sensor} and the structure shows."
     low, high = lag.interval
@@ -195,12 +188,10 @@ def _state(draft: "TemperatureDraft") -> Iterator[Remark]:
         tables = " and the ".join(draft.carriers)
         yield Remark.info(f"{shown} is held by the {tables} of the same group.")
         return
-    words = f"{shown} belongs to its tables, not to this law"
+    words = f"{shown} belongs to its tables, not to this law."
     if fit.coefficient is not None and draft.carriers is None:
-        slope = 1e6 * float(fit.coefficient.at(np.array([zero]))[0])
-        words += f" (a slope of {slope:+.4g} µm/m among it)".replace("-", "−")
         words += (
-            ". A leadscrew table that was measured warmer holds a part of this"
-            " law as well: measure tables with this law active, or at that temperature"
+            " A leadscrew table that was measured warmer holds a part of this law as well:"
+            " measure tables with this law active, or at that temperature."
         )
-    yield Remark.info(words + ".")
+    yield Remark.info(words)

@@ -1,7 +1,6 @@
 """What a job found of the thermal line of an axis."""
 
 import dataclasses
-import functools
 from typing import Any, final
 
 import numpy as np
@@ -44,11 +43,6 @@ class TemperatureResult(AbstractResult):
     def sensors(self) -> tuple[str, ...]:
         """Names of the sensors, as columns of the temperatures."""
         return self.fit.sensors
-
-    @functools.cached_property
-    def relative(self) -> TemperatureFit:
-        """The estimate, zero at that temperature; sign of the error."""
-        return self.fit.relative_to(self.zero)
 
     @property
     def expectation(self) -> Expectation | None:
@@ -98,7 +92,6 @@ class TemperatureResult(AbstractResult):
             "drift": found.noise.drift,
             "drift_time": found.noise.time_constant,
             "independent": found.independent,
-            "laws": [vars(score) for score in found.scores],
             "converged": found.converged,
             "wild": int(found.wild.sum()),
             "missed": found.missed,

@@ -14,11 +14,8 @@ from ...report._body import Body, Plot, WildRow
 from ...report._scale import Scale, count, grouped, number, place
 from .._drawing import left_out_words, marks, side_by_side
 from ._law import RATE, ThermalLaw
-from ._line import LawScore, TemperatureFit
 from ._result import TemperatureResult
 
-_MOST_LAWS = 4
-_NODES = {1: "constant", 2: "linear"}
 _GROUPS = 5
 """Temperatures that are drawn as lines of their own."""
 _MINUTES = 3 * 3600.0
@@ -56,8 +53,6 @@ def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
 def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
     yield ("Law of the error", _law_words(fit, scale))
     yield ("Scatter", _scatter_words(fit, scale))
-    if fit.fit.scores:
-        yield ("Choice of the law", _choice_words(fit.fit, scale))
     words = "Nothing: see the remarks above."
     if fit.law is not None:
         warm = fit.law.temperature
@@ -89,25 +84,6 @@ def _law_words(fit: TemperatureResult, scale: Scale) -> str:
     return f"{words}."
 
 
-def _choice_words(found: TemperatureFit, scale: Scale) -> str:
-    """Return how well the best laws predict readings left out, and which was taken."""
-
-    def words(one: LawScore) -> str:
-        counts = {"offset": one.offset, "coefficient": one.coefficient}
-        laws = [
-            f"{law} {_NODES.get(n, f'{n} nodes')}" for law, n in counts.items() if n
-        ]
-        return f"{', '.join(laws)}: {scale.shown(one.held_out)}"
-
-    best = sorted(found.scores, key=lambda one: one.held_out)[:_MOST_LAWS]
-    chosen = next(one for one in found.scores if one.chosen)
-    return (
-        f"Readings left out are predicted within (rms) {'; '.join(map(words, best))}."
-        f" Taken is the simplest of {len(found.scores)} that is not worse than the best by"
-        f" more than chance ({words(chosen)})."
-    )
-
-
 def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
     own, noise = fit.fit, fit.fit.noise
     words = (
@@ -128,7 +104,7 @@ def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
 
 def law_plot(fit: TemperatureResult, law: ThermalLaw) -> Plot:
     """Draw the written parameters over the temperature with their uncertainty."""
-    found = fit.relative
+    found = fit.fit
     parts = [
         ("offset_0 in µm", found.offset, 1e3 * law.offset, 1e3 * law.offset_deviation)
     ]
@@ -173,7 +149,7 @@ def errors_plot(fit: TemperatureResult, scale: Scale) -> Plot:
 
     Over the position, or over the temperature where no coefficient was fitted.
     """
-    found, own = fit.relative, fit.relative.coefficient or fit.relative.offset
+    found, own = fit.fit, fit.fit.coefficient or fit.fit.offset
     warm = found.structure[:, fit.sensors.index(own.sensor)]
     across, label = warm, _over(fit)
     if along := found.coefficient is not None:
@@ -253,8 +229,7 @@ def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
         )  # fmt: skip
         after = (
             " and with the law that the other stretches of time give"
-            f" ({_rms(fit, 'predicted', scale)}): a stretch that alone reaches a"
-            " temperature is predicted by the value held there."
+            f" ({_rms(fit, 'predicted', scale)})."
         )
     panels[0].axhline(0, color=style.INK, linewidth=0.7)
     panels[0].set_ylabel(f"error of {fit.axis} in {scale.error}")

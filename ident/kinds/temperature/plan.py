@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ....data.measurements import MeasurementError
 from ..._recording import JointData
@@ -14,13 +14,14 @@ from ...fit import DriftNoise, FitError
 from ...fit.joint import Leadscrew, Temperature, examine_design
 from ...job._draft import AbstractPlan, Leftovers
 from ...job.table._plan import refuse_unstated
+from ...job.table._readings import datum_of
 from ...readings import Tables, sensor_name
 from . import KIND
+from ._choice import choose_line, place_nodes
 from ._draft import TemperatureDraft
-from ._fit import complete_rows, fit_temperature
 from ._line import Lag, TemperatureFit
-from ._meeting import about_meeting
-from ._recording import read_thermal
+from ._meeting import about_meeting, bent_to_meet
+from ._recording import complete_rows, only_these, read_thermal, without_glitches
 from .keys import Spec
 
 if TYPE_CHECKING:
@@ -51,10 +52,12 @@ class TemperaturePlan(AbstractPlan):
 
     Attributes:
         tables: Measurements of the job.
+        chosen: The line where its laws and lags are chosen already.
     """
 
     fit: Spec
     tables: Tables
+    chosen: Temperature | None = None
 
     @functools.cached_property
     def effects(self) -> dict[str, str]:
@@ -81,19 +84,47 @@ class TemperaturePlan(AbstractPlan):
         raise MeasurementError(str(measured.source), reason)
 
     def alone(self, tables: Tables, left: Leftovers) -> TemperatureDraft:
-        recording, fit = read_thermal(self), self.fit
-        data, line = recording.data, recording.line
+        recording, kept = read_thermal(self)
+        line, data = self.line(recording.data), recording.data
+        datum = datum_of(self.job, self.index, self.fit)
+        if datum is not None and "coefficient" in line.sensors:
+            # The instrument was set to zero there: what the offset does, nobody saw.
+            only = {"coefficient": line.sensors["coefficient"]}
+            line = dataclasses.replace(line, sensors=only, reference=datum[0])
+        rows = complete_rows(line, data, kept)
         if lost := self._confused(line, data):
             # Where the slope and its change are one, the offset may stand apart from both.
-            law = {**line.law, "coefficient": 1}
-            line = dataclasses.replace(line, law=law)
+            line = dataclasses.replace(line, law={**line.law, "coefficient": 1})
             if "offset" not in line.sensors or self._confused(line, data):
                 raise FitError(lost)
-        meet = recording.datum is None and not isinstance(fit.reference, float)
-        found = fit_temperature(data, line, meet=meet, loss=fit.loss)
-        found = dataclasses.replace(found, rows=recording.rows[found.rows])
-        read = recording.remarks, recording.datum
-        return TemperatureDraft(self.job, self.index, fit, found, *read, lost=lost)
+        line = choose_line(data, rows, line, self.fit.loss)
+        recording = only_these(recording, rows)
+        bent = bent_to_meet(line) if self.meets and datum is None else line
+        draft = self._of(bent, recording, rows)
+        meeting = draft.found.meeting
+        if bent is not line and meeting != "met":
+            draft = self._of(line, recording, rows)
+        missed = len(kept) - len(rows)
+        found = dataclasses.replace(draft.found, missed=missed, meeting=meeting)
+        zero = None if datum is None else datum[0]
+        return dataclasses.replace(
+            draft, found=found, datum=zero, carriers=None, lost=lost
+        )
+
+    def _of(
+        self,
+        line: Temperature,
+        recording: "GroupRecording",
+        rows: Int[np.ndarray, " n"],
+    ) -> TemperatureDraft:
+        """Return the draft of a line whose laws and lags are chosen."""
+        from ...job.joint import fit_alone  # takes long to load
+
+        asked = self.line(recording.data).lags
+        shown = {sensor: asked[sensor] for sensor, lag in line.lags.items() if lag}
+        line = place_nodes(line, recording.data, rows).lagging(shown)
+        one = dataclasses.replace(self, chosen=line)
+        return one.draft(fit_alone(one, recording))
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -112,8 +143,10 @@ class TemperaturePlan(AbstractPlan):
         )
 
     def unfit(self, recording: "GroupRecording") -> str:
+        line = self.effect(recording, None)
+        data = without_glitches(recording.data, line.sensor_names)
         try:
-            complete_rows(self.line(recording.data), recording.data)
+            complete_rows(line, data, np.arange(len(data)))
         except FitError as error:
             return str(error)
         return ""
@@ -129,7 +162,8 @@ class TemperaturePlan(AbstractPlan):
 
         Beside a leadscrew of the same axis the readings show that themselves.
         """
-        if any(one.takes_line and one.axis == self.axis for one in members):
+        beside = any(one.takes_line and one.axis == self.axis for one in members)
+        if beside or self.chosen is not None:
             return ""
         return self._confused(self.line(recording.data), recording.data)
 
@@ -149,7 +183,12 @@ class TemperaturePlan(AbstractPlan):
     def effect(
         self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
     ) -> Temperature:
-        return self.line(recording.data)
+        return self.chosen or self.line(recording.data)
+
+    @property
+    def meets(self) -> bool:
+        """Whether the line turns where those of all temperatures meet, if they do."""
+        return not isinstance(self.fit.reference, float)
 
     def line(self, data: JointData) -> Temperature:
         """Return the line that is asked for; it turns in the middle where no reference is given."""
@@ -185,29 +224,27 @@ class TemperaturePlan(AbstractPlan):
                 position={axis: own.position[axis] for axis in self.positions},
             ),
             rows=np.flatnonzero(rows),
-            missed=0,
             structure=np.stack(
                 [line.structure(whole, s)[rows] for s in sensors], axis=1
             ),
             values=part.values,
             # Of what these readings do not tell nothing is written.
             covariance=np.nan_to_num(share.fit.covariance(share.number), posinf=0.0),
-            lags=tuple(Lag(s, *part.lags.get(s, (0.0, 0.0))) for s in sensors),
-            noise=DriftNoise(share.noise),
-            independent=float(np.sum(~share.wild)),
+            lags=tuple(
+                Lag(s, float(lag), part.lags.get(s, (0.0, 0.0))[1])
+                for s, lag in line.lags.items()
+            ),
+            noise=share.fit.fits[self.axis].drift or DriftNoise(share.noise),
             wild=share.wild,
             predicted=share.predicted[rows],
             support=tuple(part.support.tolist()),
             converged=share.fit.converged,
         )
-        if len(fit.laws) > 1 and not isinstance(self.fit.reference, float):
-            met = about_meeting(fit)
-            fit = met if met.intersects else fit
         return TemperatureDraft(
             self.job,
             self.index,
             self.fit,
-            fit,
+            about_meeting(fit) if self.meets and len(fit.laws) > 1 else fit,
             tuple(share.remarks()),
             carriers=share.tables,
             held_out=share.recording.held_out,

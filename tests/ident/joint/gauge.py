@@ -21,7 +21,8 @@ def in_gauge(
     """
     result = [np.asarray(each, float) for each in values]
     constants = {}
-    for axis, known in fit.known.items():
+    for axis, fitted in fit.fits.items():
+        known = fitted.known
         design = known.design
         own = [k for k, part in enumerate(fit.parts) if part.effect.axis == axis]
         theta = np.zeros(design.size)

@@ -53,6 +53,21 @@ def test_rows_need_not_be_in_order_nor_all_there() -> None:
     assert found[40:] == pytest.approx(expected[40:], abs=1e-6)
 
 
+def test_a_law_of_many_nodes_takes_no_lag_where_there_is_none() -> None:
+    rng = np.random.default_rng(1)
+    time = 60.0 * np.arange(240.0)
+    heat = 20.0 + 18.0 * np.sin(time / 4600.0)
+    place = np.linspace(0.0, 1000.0, 6)[np.arange(240) % 6]
+    error = 1.1e-5 * (heat - 20.0) * (place + 200.0) + rng.normal(0.0, 5e-4, 240)
+    data = JointData({"X": place}, {"X": error}, temperature={"T": heat}, time=time)
+    laws = {"offset": 5, "coefficient": 4}
+    warm = Temperature("X", sensor="T", law=laws, lag="fit")
+    fit = fit_joint(data, [warm, Leadscrew("X", np.array([0.0, 1000.0]))])
+    # A lag as long as the log leaves a constant: 66 µm instead of the noise of 0.5.
+    assert fit.noise["X"] < 6e-4
+    assert fit.parts[0].lags["T"][0] < 60.0
+
+
 def _warm(seed: int, count: int) -> tuple[JointData, list[Any]]:
     """Return a large plane, a screw and a spindle that grows late."""
     rng = np.random.default_rng(seed)

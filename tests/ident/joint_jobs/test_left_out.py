@@ -114,7 +114,7 @@ def test_one_direction_leaves_the_backlash_out_and_writes_the_table(
     fits = entry("leadscrew", "X", LINE) + entry("backlash", "X")
     result = run_job(job(tmp_path, columns, fits), tmp_path / "out")
     assert (
-        "no reading was approached in negative direction"
+        "No reading shows the backlash of X: measure X in both"
         in left_out(result)["backlash"]
     )
     assert (tmp_path / "out" / "achskw1.lis").exists()
@@ -218,6 +218,6 @@ def test_a_terminal_reads_the_group_first_and_nothing_twice(
     assert any("backlash of X" in row and "written" in row for row in rows)
     assert sum("not known" in row and "LEFT OUT" in row for row in rows) == 2
     assert said.count("cannot tell the leadscrew of X and the temperature") == 1
-    assert said.count("error: The leadscrew of X is left out.") == 1
+    assert said.count("error: The leadscrew of X is left out:") == 1
     assert said.count("A straight line over X may be moved between") == 1
     assert "Identified together" not in said

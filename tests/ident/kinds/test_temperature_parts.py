@@ -184,7 +184,7 @@ def test_the_plateau_of_a_real_printer_gives_its_slope_and_its_missed_steps() ->
         readings(error, log["frame_t"], time=log["time"]).take(plateau),
         coefficient=None,
         law=("linear", "constant"),
-        lag=0.0,
+        lag="none",
     )
     slope, deviation = fit.offset.slope
     # Issue 5 asks for a slope near −0.0148 mm/K.

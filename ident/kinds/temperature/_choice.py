@@ -1,0 +1,192 @@
+"""Law and lag of a thermal line that stands alone: what predicts readings best left out.
+
+A line that can bend is fitted to all readings once, by the joint fit. With the weights that its
+loss left the readings every law is fitted again without each block, and judged on that block.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..._recording import JointData
+from ...core import FitError, one_blas_thread, simplest
+from ...fit.joint import Leadscrew, Temperature, fit_joint
+from ._recording import FEWEST
+
+_MANY = 3_000
+"""Readings by which laws and lags are chosen."""
+_MOST_NODES = {"offset": 5, "coefficient": 4}
+"""A law that the PLC interpolates needs no more."""
+_BENT = {"offset": 3, "coefficient": 2}
+"""Laws with which a lag is looked for."""
+_BLOCKS, _FOLDS = 20, 5
+"""Stretches of time, and turns in which they are left out."""
+_VISIT = 0.05
+"""Share of the range of temperatures that counts as staying where it is."""
+_FEW = 20
+"""Readings below which no lag is looked for."""
+_MATTERS = 0.02
+"""Share of the squared held-out residuals by which a richer law must be better."""
+
+
+@one_blas_thread()
+def choose_line(
+    data: JointData, rows: Int[np.ndarray, " t"], line: Temperature, loss: str
+) -> Temperature:
+    """Return a line with law and lag as they are given, or else chosen on readings held out.
+
+    The simplest of constant, linear and piecewise linear laws that predicts readings left out
+    as well as the best, and a lag where it predicts them better.
+
+    Args:
+        data: All readings; lags remember those that are not fitted, too.
+        rows: Those to fit, in order of time.
+        line: What is asked for.
+        loss: As for `fit_joint`.
+
+    Returns:
+        The line, its laws numbers of nodes and its lags in s.
+
+    Raises:
+        FitError: If not even the simplest law can be held to readings left out.
+    """
+    given = {k: len(v) for k, v in line.placed(data).nodes.items() if k in line.law}
+    wanted = [sensor for sensor, lag in line.lags.items() if lag == "fit"]
+    line = line.lagging(dict.fromkeys(wanted, 0.0))
+    if not wanted and len(given) == len(line.sensors):
+        return dataclasses.replace(line, law=given)
+    few = rows[:: -(-len(rows) // _MANY)]
+    bent = dataclasses.replace(line, law={k: _BENT[k] for k in line.sensors} | given)
+    trial = place_nodes(bent, data, few)
+    if len(few) >= _FEW:
+        trial = trial.lagging(dict.fromkeys(wanted, "fit"))
+    places = [data.position[axis][few] for axis in line.masters]
+    screw = [Leadscrew(line.axis, np.array([own.min(), own.max()])) for own in places]
+    use = np.isin(np.arange(len(data)), few)
+    fit = fit_joint(data, [trial, *screw], loss=loss, use=use)
+    held = _HeldOut(data, few, fit.share[line.axis][few], fit.noise[line.axis])
+    behind = {sensor: lag for sensor, (lag, _) in fit.parts[0].lags.items()}
+    if any(behind.values()):
+        shown = held.simplest([bent, bent.lagging(behind)], [0, 1])
+        line = line.lagging(behind if shown else {})
+    each = [
+        [given[law]] if law in given else range(_MOST_NODES[law], 0, -1)
+        for law in line.sensors
+    ]
+    shapes = list(itertools.product(*each))
+    lines = [
+        dataclasses.replace(line, law=dict(zip(line.sensors, shape, strict=True)))
+        for shape in shapes
+    ]
+    best = 0
+    if len(lines) > 1:
+        best = held.simplest(lines, [sum(shape) for shape in shapes])
+    # A sensor that no law follows has no lag.
+    followed = zip(line.sensors.values(), shapes[best], strict=True)
+    moved = {sensor for sensor, count in followed if count > 1}
+    still = {name: 0.0 for name in wanted if name not in moved}
+    return lines[best].lagging(still)
+
+
+def place_nodes(
+    line: Temperature, data: JointData, rows: Int[np.ndarray, " t"]
+) -> Temperature:
+    """Return a line with nodes over the temperatures of the structure in these rows.
+
+    Raises:
+        FitError: If two of them have too few readings between.
+    """
+    theta = {name: line.structure(data, name)[rows] for name in line.sensor_names}
+    line = line.placed(dataclasses.replace(data.take(rows), temperature=theta))
+    for law, nodes in line.nodes.items():
+        warm = theta[line.sensors[law]]
+        if len(nodes) > 2 and np.histogram(warm, nodes)[0].min() < FEWEST:
+            msg = f"too few readings between {len(nodes)} nodes."
+            raise FitError(msg)
+    return line
+
+
+@dataclasses.dataclass(frozen=True)
+class _HeldOut:
+    """Readings that laws are judged on.
+
+    Attributes:
+        data: All readings.
+        rows: Those that count, in order of time.
+        share: Weight that the loss left each of them.
+        scale: Of their residuals in mm.
+    """
+
+    data: JointData
+    rows: Int[np.ndarray, " t"]
+    share: Float[np.ndarray, " t"]
+    scale: float
+
+    def simplest(self, lines: Sequence[Temperature], sizes: Sequence[int]) -> int:
+        """Return the number of the simplest line that predicts as well as the best.
+
+        Raises:
+            FitError: If they tell none where some are left out.
+        """
+        blocks, left = self._blocks(lines[0]), dict[int, Float[np.ndarray, " t"]]()
+        for number, line in enumerate(lines):
+            try:
+                left[number] = self._left_out(line, blocks % _FOLDS)
+            except FitError:
+                continue
+        if not left:
+            msg = "too few readings to tell which law they follow: give the law."
+            raise FitError(msg)
+        kept = [sizes[number] for number in left]
+        best, _ = simplest([*left.values()], kept, self.scale, blocks, _MATTERS)
+        return [*left][best]
+
+    def _left_out(
+        self, line: Temperature, turns: Int[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " t"]:
+        """Return what a line fitted without its turn leaves of each reading in mm.
+
+        Beyond all temperatures of the others no law claims anything, and nothing counts:
+        judging there would reward what luckily extends.
+
+        Raises:
+            FitError: If the others do not tell the line.
+        """
+        own = self.data.take(self.rows)
+        theta = {s: line.structure(self.data, s)[self.rows] for s in line.sensor_names}
+        own = dataclasses.replace(own, temperature=theta)
+        line = line.lagging(dict.fromkeys(theta, 0.0))
+        error, left = own.error[line.axis], np.zeros(len(turns))
+        for turn in np.unique(turns):
+            out, rest = turns == turn, np.flatnonzero(turns != turn)
+            placed = place_nodes(line, own, rest)
+            columns = placed.rows(placed.columns_of(own))[1]
+            if "offset" not in line.sensors:
+                columns = np.column_stack([columns, np.ones(len(turns))])
+            root = np.sqrt(self.share[rest])
+            design = columns[rest] * root[:, None]
+            values, _, rank, _ = np.linalg.lstsq(design, error[rest] * root)
+            if rank < columns.shape[1]:
+                msg = "the others do not tell the law."
+                raise FitError(msg)
+            for warm in theta.values():
+                out &= (warm >= warm[rest].min()) & (warm <= warm[rest].max())
+            left[out] = (error - columns @ values)[out]
+        return left
+
+    def _blocks(self, line: Temperature) -> Int[np.ndarray, " t"]:
+        """Return stays at one temperature, left out together, or stretches of time."""
+        theta = self.data.temperature[line.sensor_names[0]][self.rows]
+        limit = _VISIT * max(float(np.ptp(theta)), 1e-9)
+        stay = np.zeros(len(theta), np.int64)
+        start, number = theta[0], 0
+        for row, value in enumerate(theta):
+            if abs(value - start) > limit:
+                start, number = value, number + 1
+            stay[row] = number
+        if 3 <= number + 1 < _BLOCKS:
+            return stay
+        return np.arange(len(stay)) * _BLOCKS // len(stay)
