@@ -21,6 +21,8 @@ _ALIKE = 0.5
 """Share of the scatter that the other file must explain."""
 _GRID = 81
 """Offsets that are tried before the best one is refined."""
+_STEPS = 2
+"""From the best offset of least magnitudes to that of the regression: slopes change on the way."""
 _FLAT = 0.98
 """Cost of the best offset, in those of the worst, that tells one from the other."""
 _SAME = (
@@ -80,8 +82,8 @@ def find_offset(
     twice; an error that follows a temperature), with positions as a line whose slope and
     offset both follow it. Searched over all offsets at which half of the shorter record
     meets the other: by correlation, on a grid, and around the best place of that. The last
-    step is that of a regression with the slope over the offset beside its columns, which
-    knows the deviation, too (a one-step estimate: P. J. Bickel, J. Am. Stat. Assoc. 70, 1975).
+    steps are those of a regression with the slope over the offset beside its columns, which
+    knows the deviation, too (P. J. Bickel, J. Am. Stat. Assoc. 70, 1975).
 
     Args:
         time: Of the first file in s, ascending.
@@ -144,13 +146,16 @@ def find_offset(
     near = start - reach, start + reach
     best = float(minimize_scalar(cost, bounds=near, args=(keep,), method="bounded").x)
     try:
-        rough = regress(columns(best, keep), signal[keep], quick=True).coefficients
-        change = columns(best + width, keep) - columns(best - width, keep)
-        design = np.column_stack([columns(best, keep), change @ rough / (2.0 * width)])
-        found = regress(design, signal[keep], time=time[keep])
+        factors = regress(columns(best, keep), signal[keep], quick=True).coefficients
+        for _ in range(_STEPS):
+            change = columns(best + width, keep) - columns(best - width, keep)
+            slope = change @ factors / (2.0 * width)
+            design = np.column_stack([columns(best, keep), slope])
+            found = regress(design, signal[keep], time=time[keep])
+            factors = found.coefficients[:-1]
+            best = float(np.clip(best + found.coefficients[-1], *near))
     except FitError as error:
         raise FitError(_SAME) from error
-    offset = float(np.clip(best + found.coefficients[-1], *near))
     deviation = float(found.standard_deviation[-1])
     if not deviation < search:
         msg = (
@@ -166,7 +171,7 @@ def find_offset(
             f" scatter of the other, expected {100 * _ALIKE:.0f} % at least."
         )
         raise FitError(msg)
-    return Offset(offset, deviation, explained)
+    return Offset(best, deviation, explained)
 
 
 def _coarse(
