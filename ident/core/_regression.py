@@ -111,7 +111,7 @@ def regress(
         if count <= size:
             msg = f"{count} readings for {size} unknowns, expected more than {size}."
             raise FitError(msg)
-        refuse_confounded(columns * root[:, None])
+        _refuse_confounded(columns * root[:, None])
     # In an orthonormal basis of the columns the information is a unit matrix.
     basis, _ = _spectrum(design * root[:, None])
     size = basis.shape[1]
@@ -147,10 +147,10 @@ def regress(
     )
     if quick:
         return result
-    return with_covariance(result, design, scale, known, time, noise)
+    return _with_covariance(result, design, scale, known, time, noise)
 
 
-def with_covariance(
+def _with_covariance(
     result: Regression,
     design: Float[np.ndarray, "t k"],
     scale: Float[np.ndarray, " k"],
@@ -211,7 +211,7 @@ def _spectrum(
     return right[seen].T / values[seen], right[~seen].T
 
 
-def refuse_confounded(columns: Float[np.ndarray, "t k"]) -> None:
+def _refuse_confounded(columns: Float[np.ndarray, "t k"]) -> None:
     """Refuse columns that the readings cannot tell apart.
 
     Raises:
