@@ -12,7 +12,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
-from matplotlib.patheffects import withStroke
 
 from ...data.files import write_atomically
 from ...data.measurements import (
@@ -204,17 +203,6 @@ def _draw_brackets(axes: Axes, test: Iso230, colour: str, at: int, name: str) ->
         _draw_height(
             axes, x, (low, high), "|-|,widthA=0.25,widthB=0.25", colour, beyond
         )
-        for end in (low, high):
-            axes.plot(
-                [0, x],
-                [end, end],
-                color=colour,
-                linewidth=0.5,
-                alpha=0.55,
-                linestyle=(0, (1, 2)),
-                clip_on=False,
-                transform=beyond,
-            )
         axes.text(
             x + 0.012,
             (low + high) / 2,
@@ -236,22 +224,7 @@ def _draw_reversal(
         return
     low, high = sorted((widest.mean_up * 1e3, widest.mean_down * 1e3))
     _draw_height(axes, widest.target, (low, high), "<->", colour, axes.transData)
-    targets = [item.target for item in test.positions]
-    right = widest.target > (min(targets) + max(targets)) / 2
-    axes.annotate(
-        "B",
-        xy=(widest.target, (low + high) / 2),
-        xytext=(-5 if right else 5, 0),
-        textcoords="offset points",
-        ha="right" if right else "left",
-        va="center",
-        fontsize=9,
-        fontweight="bold",
-        color=colour,
-        path_effects=[withStroke(linewidth=3, foreground="white")],
-        zorder=9,
-    )
-    # The figure stands in the legend: a label beside the arrow would cover the curves.
+    # What it is stands in the legend: a label beside the arrow would cover the curves.
     small, long = units
     label = f"B = {high - low:.1f} {small} at {widest.target:g} {long}"
     axes.plot([], [], linestyle="none", marker="d", color=colour, label=label)
@@ -261,21 +234,14 @@ def _draw_height(
     axes: Axes, x: float, ends: tuple[float, float], arrow: str, colour: str, place: Any
 ) -> None:
     """Draw a measured height as an arrow or a bracket."""
+    ends_at = (x, ends[0]), (x, ends[1])
+    look: dict[str, Any] = {"color": colour, "linewidth": 1.2, "mutation_scale": 10.0}
     axes.add_patch(
         FancyArrowPatch(
-            (x, ends[0]),
-            (x, ends[1]),
-            arrowstyle=arrow,
-            color=colour,
-            linewidth=1.2,
-            shrinkA=0.0,
-            shrinkB=0.0,
-            mutation_scale=10.0,
-            transform=place,
-            clip_on=False,
-            zorder=8,
+            *ends_at, arrowstyle=arrow, shrinkA=0.0, shrinkB=0.0, transform=place,
+            clip_on=False, zorder=8, **look,
         )
-    )
+    )  # fmt: skip
 
 
 def _draw_tolerance(axes: Axes, test: Iso230, tolerance: float, small: str) -> None:

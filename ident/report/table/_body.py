@@ -7,11 +7,10 @@ from ...job import TableResult
 from .._body import Body, Plot
 from .._iso_chart import draw_iso_chart, iso_chart_sentence
 from .._scale import Scale
-from ._lines import change_plot, curve_plot
-from ._maps import change_maps, coverage_maps, error_map, remainder_map
+from ._lines import curve_plot
+from ._maps import coverage_maps, error_map
 from ._readings import Readings, readings_of
-from ._residuals import residual_plot, runs_plot
-from ._spread import spread_plot
+from ._residuals import residual_plot
 from ._words import how_it_was_made, wild_rows
 
 
@@ -37,20 +36,13 @@ def _plots(
         drawn = [
             error_map(fit, readings, scale),
             coverage_maps(fit, scale),
-            change_maps(fit, scale),
-            remainder_map(fit, readings, scale),
         ]
     else:
         drawn = [
             curve_plot(fit, readings, scale),
-            change_plot(fit, scale),
             _iso_plot(fit),
         ]
-    drawn += [
-        residual_plot(fit, readings, scale),
-        runs_plot(fit, scale),
-        spread_plot(readings, scale),
-    ]
+    drawn.append(residual_plot(fit, readings, scale))
     return [plot for plot in drawn if plot is not None]
 
 
