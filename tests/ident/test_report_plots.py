@@ -18,7 +18,7 @@ from axcomp.ident.job import TableResult
 from axcomp.ident.report._body import Plot
 from axcomp.ident.report._scale import number, percent, place, scale_of
 from axcomp.ident.report._section import section_of
-from axcomp.ident.report._style import house_style, to_svg
+from axcomp.ident.report._style import house_style
 from axcomp.ident.report.table._fitted import Fitted
 from axcomp.ident.report.table._lines import curve_plot
 from axcomp.ident.report.table._maps import coverage_maps, error_map, hatch
@@ -250,15 +250,6 @@ def test_nothing_is_cut_off_and_every_axis_has_a_unit(
         for axes in figure.axes:
             for text in (axes.get_xlabel(), axes.get_ylabel()):
                 assert not text or any(unit in text for unit in units), text
-
-
-def test_many_equal_marks_carry_their_style_once(cross: Make) -> None:
-    fit = cross()
-    figure = curve_plot(fit, readings_of(fit, MM), MM).figure
-    svg = to_svg(figure, "curve")
-    marks = re.findall(r"<use [^>]*>", svg)
-    assert len(marks) > 100
-    assert sum("style=" in mark for mark in marks) < 0.2 * len(marks)
 
 
 def test_rotary_axes_are_shown_in_thousandths_of_a_degree(cross: Make) -> None:
