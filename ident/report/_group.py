@@ -93,12 +93,6 @@ def _sentence(group: "GroupResult", missing: int) -> str:
 
 
 def _facts(group: "GroupResult") -> Iterator[tuple[str, str]]:
-    what = "run" if group.held_out == "run" else "stretch of the recording"
-    yield (
-        "Held out",
-        f"A whole {what} at a time; all effects are fitted anew without it, and the"
-        " whole sum is compared with what was read there.",
-    )
     for one in group.axes:
         scale = scale_of(one.unit)
         words = f"{count(int(one.rows.size), 'reading')}"
