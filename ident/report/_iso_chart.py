@@ -1,7 +1,6 @@
 """The ISO 230-2 chart: all runs, the means with their ±2 s band, and A, E, B marked."""
 
 import io
-import math
 import textwrap
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -25,7 +24,6 @@ from . import _style as style
 
 _SERIES = ("#7d8590", style.GREEN, "#7a3e9d")
 _DASHES = {1: "-", -1: (0, (5, 1.6))}
-_LEGEND_COLUMNS = 4
 
 
 def draw_iso_chart(
@@ -51,16 +49,8 @@ def draw_iso_chart(
             gives it for documents that set it themselves.
     """
     with style.house_style():
-        figure = Figure(figsize=(7.2, 6.0), dpi=150)
-        margin = 0.135 + 0.07 * (len(tests) - 1)
-        sentence = iso_chart_sentence(tests, unit=unit) if caption else ""
-        lines = textwrap.wrap(sentence, 98)
-        bottom = 0.105 + 0.033 * len(lines)
-        entries = sum(3 if test.bidirectional else 1 for test in tests.values())
-        entries += tolerance is not None
-        rows = math.ceil(entries / _LEGEND_COLUMNS)
-        top = 0.92 - 0.035 * rows
-        axes = figure.add_axes((0.11, bottom, 0.89 - margin, top - bottom))
+        figure, (axes,) = style.new_figure(6.0)
+        figure.set_dpi(150)
         small, long = ("0.001°", "°") if unit == "deg" else ("µm", "mm")
         single = len(tests) == 1
         low, high = _extent(tests.values())
@@ -80,19 +70,15 @@ def draw_iso_chart(
         axes.set_xlabel(f"Position [{long}]")
         axes.set_ylabel(f"Deviation actual − commanded [{small}]")
         axes.axhline(0.0, color=style.GREY, linewidth=0.8, zorder=1)
-        title = _title(tests, axis)
-        axes.set_title(title, fontsize=10, weight="normal", pad=11 + 15 * rows)
-        axes.legend(
-            loc="lower left",
-            bbox_to_anchor=(-0.005, 1.0),
-            ncols=math.ceil(entries / rows),
-            fontsize=9.5,
-            handletextpad=0.5,
-            columnspacing=1.2,
-            borderaxespad=0.1,
-        )
-        text = "\n".join(lines)
-        figure.text(0.08, 0.022, text, fontsize=8.5, va="bottom", linespacing=1.35)
+        axes.set_title(_title(tests, axis), fontsize=10, weight="normal")
+        figure.legend(
+            loc="outside upper left", ncols=3, fontsize=9.5, handletextpad=0.5,
+            columnspacing=1.2, borderaxespad=0.1,
+        )  # fmt: skip
+        if caption:
+            lines = textwrap.wrap(iso_chart_sentence(tests, unit=unit), 98)
+            text = "\n".join(lines)
+            figure.supxlabel(text, x=0.02, ha="left", fontsize=8.5, linespacing=1.35)
     return figure
 
 
