@@ -25,16 +25,19 @@ _OPEN_TYPE = "the manual leaves the type open: set it before recording"
 @final
 @dataclasses.dataclass(frozen=True)
 class Observable:
-    """One thing to look at while a machine runs with its lists.
+    """One thing to look at while a machine runs with its lists: a row of the table.
 
     Attributes:
         axis: Logical number; None: of the whole controller.
         compensation: As in a job, ``external``, or empty for a position.
         name: Of the object, as the manual prints it.
+        index_offset: With the number of the axis; None: no manual gives it.
+        type: Of its value.
+        bytes: Of its value; None: not known, or the manual leaves the type open.
+        access: ``read`` or ``read/write``.
         unit: As printed.
         meaning: What it holds.
         source: Manual and page; empty: none names it.
-        found: The object with its address; None: no manual gives it.
         channel: Name under which a recording shows it, as `read_log` reads it; None: it
             cannot be recorded.
         note: What the user must do or know.
@@ -43,17 +46,15 @@ class Observable:
     axis: int | None
     compensation: str
     name: str
-    unit: str
-    meaning: str
-    source: str
-    found: CncObject | None = None
+    index_offset: int | None = None
+    type: str = ""
+    bytes: int | None = None
+    access: str = ""
+    unit: str = "mm or °"
+    meaning: str = ""
+    source: str = ""
     channel: str | None = None
     note: str = ""
-
-    @property
-    def index_offset(self) -> int | None:
-        """Index offset with the number of the axis; None: no manual gives it."""
-        return None if self.found is None else self.found.index_offset(self.axis or 0)
 
 
 def observables(
@@ -84,34 +85,19 @@ def observables(
 
 def objects_csv(rows: Iterable[Observable]) -> str:
     """Return the table as CSV text, one line per object."""
+    columns = [field.name for field in dataclasses.fields(Observable)]
+    columns.insert(columns.index("index_offset"), "index_group")
     sink = io.StringIO()
-    writer = csv.writer(sink, lineterminator="\n")
-    writer.writerow(
-        (
-            "axis", "compensation", "name", "index_group", "index_offset", "type",
-            "bytes", "access", "unit", "meaning", "source", "channel", "note",
-        )
-    )  # fmt: skip
+    writer = csv.DictWriter(sink, columns, lineterminator="\n")
+    writer.writeheader()
     for row in rows:
-        address = row.index_offset
-        known = row.found
-        writer.writerow(
-            (
-                "" if row.axis is None else f"A{row.axis}",
-                row.compensation,
-                row.name,
-                "" if address is None else f"0x{INDEX_GROUP:X}",
-                "" if address is None else f"0x{address:X}",
-                "" if known is None else known.type,
-                "" if known is None else known.size or "",
-                "" if known is None else "read/write" if known.writable else "read",
-                row.unit,
-                row.meaning,
-                row.source,
-                row.channel or "",
-                row.note,
-            )
-        )
+        shown = {}
+        if row.axis is not None:
+            shown["axis"] = f"A{row.axis}"
+        if row.index_offset is not None:
+            shown["index_group"] = f"0x{INDEX_GROUP:X}"
+            shown["index_offset"] = f"0x{row.index_offset:X}"
+        writer.writerow({**vars(row), **shown})
     return sink.getvalue()
 
 
@@ -122,27 +108,20 @@ def _compensation(one: InUse) -> list[Observable]:
         _object(each, one.axis) for each in CNC_OBJECTS if each.compensation == one.name
     ]
     meaning = "value that acts" + (", a current" if facts.adds_current else "")
-    rows.append(
-        Observable(
-            one.axis, one.name, facts.variable, "mm, inch", meaning, "[001] p.96",
-            note=_VARIABLE,
-        )
+    variable = Observable(
+        one.axis, one.name, facts.variable, unit="mm, inch", meaning=meaning,
+        source="[001] p.96", note=_VARIABLE,
     )  # fmt: skip
-    return rows
+    return [*rows, variable]
 
 
 def _object(each: CncObject, axis: int | None) -> Observable:
     return Observable(
-        axis,
-        each.compensation,
-        each.name,
-        each.unit,
-        each.meaning,
-        each.source,
-        found=each,
-        channel=each.name if axis is None else f"A{axis}.{each.name}",
-        note="" if each.size is not None else _OPEN_TYPE,
-    )
+        axis, each.compensation, each.name, each.index_offset(axis or 0), each.type,
+        each.size, "read/write" if each.writable else "read", each.unit, each.meaning,
+        each.source, each.name if axis is None else f"A{axis}.{each.name}",
+        "" if each.size is not None else _OPEN_TYPE,
+    )  # fmt: skip
 
 
 def _external(machine: MachineLists) -> list[Observable]:
@@ -164,17 +143,18 @@ def _positions(used: Iterable[InUse]) -> list[Observable]:
     pairs = [(one, kind(one.name).adds_current) for one in used]
     seen = sorted({axis for one, _ in pairs for axis in (one.axis, *one.masters)})
     moved = sorted({one.axis for one, is_current in pairs if not is_current})
+    commanded, bus = "commanded position, uncompensated", "position on the drive bus"
     rows = [
         Observable(
-            axis, "", f"A{axis}.position", "mm or °", "commanded position, uncompensated",
-            "", channel=f"A{axis}.position", note=_NO_ADDRESS,
+            axis, "", f"A{axis}.position", meaning=commanded, note=_NO_ADDRESS,
+            channel=f"A{axis}.position",
         )
         for axis in seen
     ]  # fmt: skip
     rows += [
         Observable(
-            axis, "", "dig_cmd_pos", "mm or °", "position on the drive bus, with all offsets",
-            "[001] p.19", channel=f"A{axis}.drive_position", note=_NO_ADDRESS,
+            axis, "", "dig_cmd_pos", meaning=f"{bus}, with all offsets", note=_NO_ADDRESS,
+            source="[001] p.19", channel=f"A{axis}.drive_position",
         )
         for axis in moved
     ]  # fmt: skip

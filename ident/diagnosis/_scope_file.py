@@ -74,14 +74,11 @@ def _group(row: Observable) -> str:
     if not row.compensation:
         return "Positions"
     where = "Controller" if row.axis is None else f"A{row.axis}"
-    of_state = row.found is not None and row.found.type == "BOOLEAN"
-    return f"{where} states" if of_state else f"{where} values"
+    return f"{where} states" if row.type == "BOOLEAN" else f"{where} values"
 
 
 def _acquisition(row: Observable, cycle_time: float | None, net_id: str) -> ET.Element:
-    known = row.found
-    scope_type = None if known is None else _TYPES.get(known.type)
-    address = row.index_offset
+    scope_type, address = _TYPES.get(row.type), row.index_offset
     return _member(
         "AdsAcquisition", _channel(row), [],
         {
@@ -93,7 +90,7 @@ def _acquisition(row: Observable, cycle_time: float | None, net_id: str) -> ET.E
             "IndexGroup": str(0 if address is None else INDEX_GROUP),
             "IndexOffset": str(address or 0),
             "DataType": scope_type or "REAL64",
-            "VariableSize": str((known.size if known else None) or 8),
+            "VariableSize": str(row.bytes or 8),
             "UseTaskSampleTime": _flag(cycle_time is None),
             "BaseSampleTime": str(round((cycle_time or 1e-3) * _TICKS)),
             "UseLocalServer": "true",

@@ -42,11 +42,9 @@ class Body:
         facts: Pairs of a heading and a plain sentence.
         wild: The largest rejected readings.
         wild_count: How many were rejected in all.
-        wild_runs: Whether readings belong to runs.
     """
 
     plots: Sequence[Plot]
     facts: Sequence[tuple[str, str]]
     wild: Sequence[WildRow] = ()
     wild_count: int = 0
-    wild_runs: bool = False

@@ -13,13 +13,13 @@ from matplotlib.axes import Axes
 from ..job import Code, Remark, by_level
 from . import _style as style
 from ._body import Plot
-from ._scale import Scale, count, grouped, number, scale_of
+from ._scale import Scale, count, number, scale_of
 from ._section import Section
+from .table._fitted import say_drawn
 from .table._readings import bin_means
-from .table._spread import draw_scatter
 
 if TYPE_CHECKING:
-    from ..job import AxisSum, EffectShare, GroupResult
+    from ..job import AxisSum, GroupResult
 
 _SLICES = 24
 
@@ -65,7 +65,7 @@ def group_section(
         level=level,
         sentence=opening + _sentence(group, len(missing)),
         remarks=by_level(group.remarks),
-        plots=(share_plot(group), sum_plot(group)),
+        plots=(sum_plot(group),),
         facts=tuple(_facts(group)),
         group=group,
     )
@@ -93,12 +93,6 @@ def _sentence(group: "GroupResult", missing: int) -> str:
 
 
 def _facts(group: "GroupResult") -> Iterator[tuple[str, str]]:
-    what = "run" if group.held_out == "run" else "stretch of the recording"
-    yield (
-        "Held out",
-        f"A whole {what} at a time; all effects are fitted anew without it, and the"
-        " whole sum is compared with what was read there.",
-    )
     for one in group.axes:
         scale = scale_of(one.unit)
         words = f"{count(int(one.rows.size), 'reading')}"
@@ -114,91 +108,23 @@ def _facts(group: "GroupResult") -> Iterator[tuple[str, str]]:
     yield ("The fit itself", group.message)
 
 
-def share_plot(group: "GroupResult") -> Plot:
-    """Draw the size of each effect and of what the sum leaves, axis by axis."""
-    counts = [len(_effects(group, one)) + 2 for one in group.axes]
-    figure, panels = style.new_figure(
-        0.34 * sum(counts) + 0.75 * len(counts),
-        rows=len(group.axes),
-        gridspec_kw={"height_ratios": counts},
-    )
-    words = []
-    for panel, one in zip(panels, group.axes, strict=True):
-        scale = scale_of(one.unit)
-        effects = _effects(group, one)
-        left = one.error["predicted"].sound.rms
-        names = [
-            each.name.replace(f" of {each.axis}", "", 1)
-            + (" (in no list)" if not each.written else "")
-            for each in effects
-        ]
-        sizes = [each.rms for each in effects]
-        colors = [style.BLUE if each.written else style.GREY for each in effects]
-        names += ["left over (predicted)", "scatter of a reading"]
-        sizes += [left, one.noise]
-        colors += [style.ORANGE, "white"]
-        places = np.arange(len(names))
-        values = np.array(sizes) * scale.factor
-        bars = panel.barh(places, values, color=colors, height=0.62)
-        bars[-1].set_edgecolor(style.INK)
-        bars[-1].set_linewidth(0.8)
-        for place, value in zip(places, values, strict=True):
-            panel.text(
-                float(value), float(place), f" {number(float(value))}", va="center"
-            )
-        panel.set_yticks(places, names)
-        panel.invert_yaxis()
-        panel.grid(visible=False, axis="y")
-        panel.set_xlim(0, 1.13 * float(values.max(initial=1e-9)))
-        panel.set_title(one.axis)
-        panel.set_xlabel(f"root mean square over the readings in {scale.error}")
-        if effects:
-            largest = max(effects, key=lambda each: each.rms)
-            words.append(
-                f"{one.axis}: most is the {largest.name}"
-                f" ({scale.shown(largest.rms)}); what"
-                f" is written leaves {scale.shown(left)}"
-            )
-    caption = (
-        f"{'; '.join(words)}. Each bar is what one effect does to the readings, about its"
-        " mean; effects may add up or cancel, so that the bars of an axis need not make"
-        " up its whole error."
-    )
-    if any(not each.written for each in group.effects):
-        caption += " Grey: in no list."
-    return Plot("share", "How much each effect is", figure, caption)
-
-
 def sum_plot(group: "GroupResult") -> Plot:
     """Draw the error before and what the sum leaves, over time or order, axis by axis."""
     rows = len(group.axes)
-    figure, panels = style.new_figure(
-        2.2 * rows + 0.4, rows=rows, columns=2, width_ratios=[3, 1]
-    )
+    figure, panels = style.new_figure(2.2 * rows + 0.4, rows)
     said = []
-    for k, one in enumerate(group.axes):
+    for k, (panel, one) in enumerate(zip(panels, group.axes, strict=True)):
         scale = scale_of(one.unit)
-        _over_order(panels[2 * k], group, one, scale, last=k == rows - 1)
-        beside = panels[2 * k + 1]
-        left = one.predicted[~one.wild] / max(one.noise, 1e-12)
-        draw_scatter(beside, left)
-        beside.set_yticks([])
-        if k == rows - 1:
-            beside.set_xlabel("left / scatter")
+        _over_order(panel, group, one, scale, last=k == rows - 1)
         said.append(_say(one, scale))
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=2, markerscale=2.5)
     what = "run" if group.held_out == "run" else "stretch of the recording"
+    drawn = say_drawn(style.DRAWN_POINTS, max(one.rows.size for one in group.axes))
     caption = (
         f"{' '.join(said)} Each reading is predicted by lists that were fitted without"
-        f" its {what}."
+        f" its {what}.{drawn}"
     )
-    drawn = max(int(one.rows.size) for one in group.axes)
-    if drawn > style.DRAWN_POINTS:
-        caption += (
-            f" {grouped(style.DRAWN_POINTS)} of {grouped(drawn)} readings are drawn; the"
-            " means use all of them."
-        )
     over = "time" if group.timed else "the order of measuring"
     return Plot(
         "sum", f"The whole error over {over}, before and after", figure, caption
@@ -244,10 +170,5 @@ def _say(one: "AxisSum", scale: Scale) -> str:
     return (
         f"{one.axis}: {before} {scale.error} rms before,"
         f" {scale.shown(after)} predicted,"
-        f" {ratio:.2f} times the scatter of a reading (line at the right)."
+        f" {ratio:.2f} times the scatter of a reading."
     )
-
-
-def _effects(group: "GroupResult", one: "AxisSum") -> "list[EffectShare]":
-    own = [each for each in group.effects if each.axis == one.axis]
-    return sorted(own, key=lambda each: -each.rms)

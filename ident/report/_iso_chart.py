@@ -1,7 +1,6 @@
 """The ISO 230-2 chart: all runs, the means with their ±2 s band, and A, E, B marked."""
 
 import io
-import math
 import textwrap
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -12,7 +11,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
-from matplotlib.patheffects import withStroke
 
 from ...data.files import write_atomically
 from ...data.measurements import (
@@ -26,7 +24,6 @@ from . import _style as style
 
 _SERIES = ("#7d8590", style.GREEN, "#7a3e9d")
 _DASHES = {1: "-", -1: (0, (5, 1.6))}
-_LEGEND_COLUMNS = 4
 
 
 def draw_iso_chart(
@@ -52,16 +49,8 @@ def draw_iso_chart(
             gives it for documents that set it themselves.
     """
     with style.house_style():
-        figure = Figure(figsize=(7.2, 6.0), dpi=150)
-        margin = 0.135 + 0.07 * (len(tests) - 1)
-        sentence = iso_chart_sentence(tests, unit=unit) if caption else ""
-        lines = textwrap.wrap(sentence, 98)
-        bottom = 0.105 + 0.033 * len(lines)
-        entries = sum(3 if test.bidirectional else 1 for test in tests.values())
-        entries += tolerance is not None
-        rows = math.ceil(entries / _LEGEND_COLUMNS)
-        top = 0.92 - 0.035 * rows
-        axes = figure.add_axes((0.11, bottom, 0.89 - margin, top - bottom))
+        figure, (axes,) = style.new_figure(6.0)
+        figure.set_dpi(150)
         small, long = ("0.001°", "°") if unit == "deg" else ("µm", "mm")
         single = len(tests) == 1
         low, high = _extent(tests.values())
@@ -81,19 +70,15 @@ def draw_iso_chart(
         axes.set_xlabel(f"Position [{long}]")
         axes.set_ylabel(f"Deviation actual − commanded [{small}]")
         axes.axhline(0.0, color=style.GREY, linewidth=0.8, zorder=1)
-        title = _title(tests, axis)
-        axes.set_title(title, fontsize=10, weight="normal", pad=11 + 15 * rows)
-        axes.legend(
-            loc="lower left",
-            bbox_to_anchor=(-0.005, 1.0),
-            ncols=math.ceil(entries / rows),
-            fontsize=9.5,
-            handletextpad=0.5,
-            columnspacing=1.2,
-            borderaxespad=0.1,
-        )
-        text = "\n".join(lines)
-        figure.text(0.08, 0.022, text, fontsize=8.5, va="bottom", linespacing=1.35)
+        axes.set_title(_title(tests, axis), fontsize=10, weight="normal")
+        figure.legend(
+            loc="outside upper left", ncols=3, fontsize=9.5, handletextpad=0.5,
+            columnspacing=1.2, borderaxespad=0.1,
+        )  # fmt: skip
+        if caption:
+            lines = textwrap.wrap(iso_chart_sentence(tests, unit=unit), 98)
+            text = "\n".join(lines)
+            figure.supxlabel(text, x=0.02, ha="left", fontsize=8.5, linespacing=1.35)
     return figure
 
 
@@ -204,17 +189,6 @@ def _draw_brackets(axes: Axes, test: Iso230, colour: str, at: int, name: str) ->
         _draw_height(
             axes, x, (low, high), "|-|,widthA=0.25,widthB=0.25", colour, beyond
         )
-        for end in (low, high):
-            axes.plot(
-                [0, x],
-                [end, end],
-                color=colour,
-                linewidth=0.5,
-                alpha=0.55,
-                linestyle=(0, (1, 2)),
-                clip_on=False,
-                transform=beyond,
-            )
         axes.text(
             x + 0.012,
             (low + high) / 2,
@@ -236,22 +210,7 @@ def _draw_reversal(
         return
     low, high = sorted((widest.mean_up * 1e3, widest.mean_down * 1e3))
     _draw_height(axes, widest.target, (low, high), "<->", colour, axes.transData)
-    targets = [item.target for item in test.positions]
-    right = widest.target > (min(targets) + max(targets)) / 2
-    axes.annotate(
-        "B",
-        xy=(widest.target, (low + high) / 2),
-        xytext=(-5 if right else 5, 0),
-        textcoords="offset points",
-        ha="right" if right else "left",
-        va="center",
-        fontsize=9,
-        fontweight="bold",
-        color=colour,
-        path_effects=[withStroke(linewidth=3, foreground="white")],
-        zorder=9,
-    )
-    # The figure stands in the legend: a label beside the arrow would cover the curves.
+    # What it is stands in the legend: a label beside the arrow would cover the curves.
     small, long = units
     label = f"B = {high - low:.1f} {small} at {widest.target:g} {long}"
     axes.plot([], [], linestyle="none", marker="d", color=colour, label=label)
@@ -261,21 +220,14 @@ def _draw_height(
     axes: Axes, x: float, ends: tuple[float, float], arrow: str, colour: str, place: Any
 ) -> None:
     """Draw a measured height as an arrow or a bracket."""
+    ends_at = (x, ends[0]), (x, ends[1])
+    look: dict[str, Any] = {"color": colour, "linewidth": 1.2, "mutation_scale": 10.0}
     axes.add_patch(
         FancyArrowPatch(
-            (x, ends[0]),
-            (x, ends[1]),
-            arrowstyle=arrow,
-            color=colour,
-            linewidth=1.2,
-            shrinkA=0.0,
-            shrinkB=0.0,
-            mutation_scale=10.0,
-            transform=place,
-            clip_on=False,
-            zorder=8,
+            *ends_at, arrowstyle=arrow, shrinkA=0.0, shrinkB=0.0, transform=place,
+            clip_on=False, zorder=8, **look,
         )
-    )
+    )  # fmt: skip
 
 
 def _draw_tolerance(axes: Axes, test: Iso230, tolerance: float, small: str) -> None:

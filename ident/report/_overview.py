@@ -1,6 +1,5 @@
 """The whole job in one picture: each error before and after, at the same scale."""
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,35 +12,17 @@ from ..job import AbstractResult, JobResult, TableResult
 from . import _style as style
 from ._body import Plot
 from ._scale import Scale, number, scale_of
-from .table._fitted import branches_of
-from .table._maps import mean_by_cell
-from .table._plane import bar, heat, label, symmetric
+from .table._fitted import Fitted, branches_of
+from .table._maps import bar, heat, label, symmetric
 from .table._readings import readings_of
 
 _MOST = 6
 """Fits that are drawn; the picture is a summary."""
 
-
-@dataclasses.dataclass(frozen=True)
-class Cloud:
-    """Sound readings, for drawing.
-
-    Attributes:
-        positions: In mm.
-        error: In µm.
-        direction: ±1, or 0 where the table does not ask for it.
-    """
-
-    positions: Float[np.ndarray, "t d"]
-    error: Float[np.ndarray, " t"]
-    direction: Int[np.ndarray, " t"]
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the error in µm."""
-        if not self.error.size:
-            return float("nan")
-        return float(np.sqrt(np.mean(self.error**2)))
+_Cloud = tuple[
+    Float[np.ndarray, "_t _d"], Float[np.ndarray, " _t"], Int[np.ndarray, " _t"]
+]
+"""Sound readings, for drawing: positions in mm, error in µm, direction (±1, or 0)."""
 
 
 def overview_plot(fits: Sequence[AbstractResult]) -> Plot | None:
@@ -93,7 +74,10 @@ def _draw_fit(
         _draw_clouds(panels, fit, scale, clouds)
     over = f" over {', '.join(fit.over)}" if fit.over else ""
     name = f"{fit.axis}{over}"
-    sizes = [cloud.rms for cloud in clouds]
+    sizes = [
+        float(np.sqrt(np.mean(error**2))) if error.size else float("nan")
+        for _, error, _ in clouds
+    ]
     for panel, size, word in zip(panels, sizes, ("before", kind), strict=True):
         panel.set_title(
             f"{name}, {word}: {number(size)} {scale.error} rms", fontsize=10
@@ -103,12 +87,12 @@ def _draw_fit(
     )
 
 
-def _clouds(fit: TableResult, scale: Scale) -> tuple[Cloud, Cloud]:
+def _clouds(fit: TableResult, scale: Scale) -> tuple[_Cloud, _Cloud]:
     """Return the errors before, and those with the list: verified, else predicted."""
     seen = readings_of(fit, scale)
 
-    def cloud(error: Float[np.ndarray, " t"], keep: Bool[np.ndarray, " t"]) -> Cloud:
-        return Cloud(seen.positions[keep], error[keep], seen.direction[keep])
+    def cloud(error: Float[np.ndarray, " t"], keep: Bool[np.ndarray, " t"]) -> _Cloud:
+        return seen.positions[keep], error[keep], seen.direction[keep]
 
     before = cloud(seen.before, ~seen.wild)
     if (second := fit.measured) is None:
@@ -116,18 +100,18 @@ def _clouds(fit: TableResult, scale: Scale) -> tuple[Cloud, Cloud]:
     keep, ways = second.sound, second.direction
     ways = np.zeros(len(keep), dtype=np.int64) if ways is None else ways
     error = second.error[keep] * scale.factor
-    return before, Cloud(second.positions[keep], error, ways[keep])
+    return before, (second.positions[keep], error, ways[keep])
 
 
 def _draw_clouds(
-    panels: list[Axes], fit: TableResult, scale: Scale, both: tuple[Cloud, Cloud]
+    panels: list[Axes], fit: TableResult, scale: Scale, both: tuple[_Cloud, _Cloud]
 ) -> None:
-    for panel, cloud in zip(panels, both, strict=True):
+    for panel, (positions, error, direction) in zip(panels, both, strict=True):
         style.draw_cloud(
             panel,
-            cloud.positions[:, 0],
-            cloud.error,
-            cloud.direction,
+            positions[:, 0],
+            error,
+            direction,
             size=2.4,
             names=style.DIRECTION_NAME,
             alpha=0.7,
@@ -135,10 +119,8 @@ def _draw_clouds(
         )
         panel.axhline(0, color=style.INK, linewidth=0.7)
         panel.set_xlabel(f"{fit.masters[0]} in {scale.position}")
-    low, high = (
-        pick(pick(cloud.error.tolist(), default=0.0) for cloud in both)
-        for pick in (min, max)
-    )
+    every = np.concatenate([error for _, error, _ in both])
+    low, high = float(every.min()), float(every.max())
     room = 0.08 * (high - low or 1.0)
     for panel in panels:
         panel.set_ylim(low - room, high + room)
@@ -150,10 +132,10 @@ def _draw_maps(
     panels: list[Axes],
     fit: TableResult,
     scale: Scale,
-    both: tuple[Cloud, Cloud],
+    both: tuple[_Cloud, _Cloud],
 ) -> None:
     (table,) = branches_of(fit, scale)
-    means = [mean_by_cell(table, each.positions, each.error)[0] for each in both]
+    means = [_mean_by_cell(table, places, error) for places, error, _ in both]
     span = symmetric(np.stack(means))
     layers = [
         heat(panel, table, mean, limits=(-span, span), diverging=True)
@@ -162,3 +144,16 @@ def _draw_maps(
     for panel in panels:
         label(panel, table, scale)
     bar(figure, layers[0], panels, f"error in {scale.error}")
+
+
+def _mean_by_cell(
+    table: Fitted, positions: Float[np.ndarray, "t 2"], value: Float[np.ndarray, " t"]
+) -> Float[np.ndarray, "j i"]:
+    """Return the mean of the readings nearest to each node, NaN where there are none."""
+    shape = len(table.nodes[1]), len(table.nodes[0])
+    i = np.searchsorted(style.middles(table.nodes[0]), positions[:, 0])
+    j = np.searchsorted(style.middles(table.nodes[1]), positions[:, 1])
+    cell, count = j * shape[1] + i, shape[0] * shape[1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.bincount(cell, value, count) / np.bincount(cell, minlength=count)
+    return np.asarray(mean.reshape(shape))

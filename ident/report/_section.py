@@ -152,10 +152,10 @@ def body_of(fit: AbstractResult, scale: Scale) -> Body:
     from ..job import LeftOutResult
 
     assert isinstance(fit, LeftOutResult)
-    return _left_out_body(fit, scale)
+    return _left_out_body(fit)
 
 
-def _left_out_body(fit: "LeftOutResult", scale: Scale) -> Body:
+def _left_out_body(fit: "LeftOutResult") -> Body:
     """Return the sentences on a fit that nothing was written of."""
     nothing = ("As written", "Nothing: see the remarks above.")
     part = fit.part
@@ -169,12 +169,6 @@ def _left_out_body(fit: "LeftOutResult", scale: Scale) -> Body:
             f"{told} of {count(len(part.values), 'value')} are determined; readings touch"
             f" {reached} of them.",
         ),
-        (
-            "Information",
-            f"Beside the other effects of the group {percent(part.share)} of what these"
-            " readings would tell of it alone is left.",
-        ),
-        ("Scatter of a reading", f"{scale.shown(fit.noise)}."),
     ]
     lost = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
     if lost.size:

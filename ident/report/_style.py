@@ -10,8 +10,6 @@ import matplotlib as mpl
 import numpy as np
 from jaxtyping import Float, Int
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_mixed import MixedModeRenderer
-from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.figure import Figure
 
 # Okabe-Ito: distinguishable with every common kind of colour blindness and in grey.
@@ -172,35 +170,6 @@ def as_raster(size: int) -> bool:
     return size > VECTOR_POINTS
 
 
-def _svg_renderer(width: float, height: float, text: io.StringIO) -> Any:
-    """Return what draws an SVG, of many equal markers their style once and not at each."""
-    # No date, no creator: the bytes depend on the data alone.
-    empty = {"Date": None, "Creator": None, "Format": None, "Type": None}
-    svg: Any = RendererSVG(  # type: ignore[no-untyped-call]
-        72 * width, 72 * height, text, image_dpi=_DPI, metadata=empty
-    )
-    each = svg.draw_markers
-
-    def draw_markers(
-        gc: Any, marker: Any, turn: Any, path: Any, trans: Any, face: Any = None
-    ) -> None:
-        if len(path.vertices) < 4:
-            each(gc, marker, turn, path, trans, face)
-            return
-        style = svg._get_style_dict(gc, face)
-        # Inherited by each marker; the opacity of a group would be that of all of them.
-        opacity = style.pop("opacity", "")
-        style |= {"fill-opacity": opacity, "stroke-opacity": opacity} if opacity else {}
-        svg.writer.start("g", style="; ".join(f"{k}: {v}" for k, v in style.items()))
-        svg._get_style = lambda *_: ""
-        each(gc, marker, turn, path, trans, face)
-        del svg._get_style
-        svg.writer.end("g")
-
-    svg.draw_markers = draw_markers
-    return svg
-
-
 def to_svg(figure: Figure, name: str) -> str:
     """Return a figure as the text of an SVG file, the same text every time.
 
@@ -208,16 +177,10 @@ def to_svg(figure: Figure, name: str) -> str:
     """
     text = io.StringIO()
     # Ids are hashed with the salt: equal shapes of two plots in one page stay apart.
+    # No date, no creator: the bytes depend on the data alone.
+    empty = {"Date": None, "Creator": None, "Format": None, "Type": None}
     with mpl.rc_context({**_RC, "svg.hashsalt": name}):
-        width, height = figure.get_size_inches()
-        figure.dpi = 72
-        FigureCanvasSVG(figure)  # whose widths of texts the layout goes by
-        # `savefig` would draw twice, once for the layout alone: half of a report's time.
-        renderer: Any = MixedModeRenderer(  # type: ignore[no-untyped-call]
-            figure, width, height, _DPI, _svg_renderer(width, height, text)
-        )
-        figure.draw(renderer)
-        renderer.finalize()
+        figure.savefig(text, format="svg", dpi=_DPI, metadata=empty)
     # `clear` would make all axes anew.
     for axes in figure.axes:
         axes.remove()

@@ -27,17 +27,18 @@ class Headline:
 
 
 _LOOK = {
-    Verdict.GOOD: ("good", "good"),
-    Verdict.UNPROVEN: ("warn", "unproven"),
-    Verdict.UNDETERMINED: ("bad", "stop"),
-    Verdict.REJECTED: ("bad", "stop"),
+    Verdict.GOOD: ("good", "good", "ready"),
+    Verdict.UNPROVEN: ("warn", "unproven", "unproven"),
+    Verdict.UNDETERMINED: ("bad", "stop", "not determined"),
+    Verdict.REJECTED: ("bad", "stop", "do not load"),
 }
+"""Level and word of each verdict, and what stands for it in one line over several fits."""
 
 
 def headline_of(fit: AbstractResult, scale: Scale) -> Headline:
     """Return the headline that stands at the top of a fit's section."""
     judged = fit.judgement
-    level, word = _LOOK[judged.verdict]
+    level, word, _ = _LOOK[judged.verdict]
     if not judged.reasons:
         return Headline(level, word, f"Ready to load: {_fall(fit, scale)}.")
     reason = judged.reasons[0]
@@ -56,12 +57,7 @@ def short_verdict(verdict: Verdict, *, assumed: bool) -> str:
     """Return a verdict in a few words, for one line over several fits."""
     if verdict is Verdict.UNPROVEN and assumed:
         return "computed; sign unproven"
-    return {
-        Verdict.GOOD: "ready",
-        Verdict.UNPROVEN: "unproven",
-        Verdict.UNDETERMINED: "not determined",
-        Verdict.REJECTED: "do not load",
-    }[verdict]
+    return _LOOK[verdict][2]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,7 +92,7 @@ def front_of(fits: Sequence[tuple[str, AbstractResult]], worst: Verdict) -> Fron
         for reason in judged.reasons:
             if reason.code is Code.ASSUMED:
                 unproven |= dict.fromkeys(reason.fields["conventions"])
-    level, _ = _LOOK[worst]
+    level = _LOOK[worst][0]
     found = tuple((words, "; ".join(names)) for words, names in verdicts.items())
     return Front(level, found, ", ".join(name.replace("_", " ") for name in unproven))
 

@@ -53,7 +53,6 @@ def _fit(
     support: np.ndarray,
     runs: tuple[RunEffect, ...],
     sign: float,
-    old: bool,
 ) -> TableResult:
     rng = np.random.default_rng(5)
     sd = np.where(support > 0, 0.0005 / np.sqrt(np.maximum(support, 1)), 0.004)
@@ -89,7 +88,6 @@ def _fit(
         unit="mm",
         nodes=layout.nodes,
         table=entries,
-        old_table={k: 0.8 * v + 0.002 for k, v in entries.items()} if old else None,
         standard_deviation=dict(
             zip(names, np.reshape(sd, np.shape(shaped)), strict=True)
         ),
@@ -139,7 +137,7 @@ def _view(
     )
 
 
-def make_leadscrew(count: int = 41, runs: int = 5, old: bool = False) -> TableResult:
+def make_leadscrew(count: int = 41, runs: int = 5) -> TableResult:
     nodes = np.linspace(0.0, 800.0, count)
     up = 0.02 * np.sin(nodes / 130) + 5e-5 * nodes
     layout = TableLayout((nodes,), branches=2)
@@ -158,12 +156,10 @@ def make_leadscrew(count: int = 41, runs: int = 5, old: bool = False) -> TableRe
         RunEffect(r, 1e-3 * (r - 2), 3e-4, 5e-4 * r, 4e-4) for r in range(runs)
     )
     view = _view(positions[:, None], error, direction, run)
-    return _fit(
-        "leadscrew", "X", ("X",), layout, truth, view, support, effects, 1.0, old
-    )
+    return _fit("leadscrew", "X", ("X",), layout, truth, view, support, effects, 1.0)
 
 
-def make_cross(count: int = 33, old: bool = True) -> TableResult:
+def make_cross(count: int = 33) -> TableResult:
     nodes = np.linspace(0.0, 800.0, count)
     truth = 0.03 * (nodes / 800) * (1 - nodes / 800)
     positions = np.tile(nodes, 4)
@@ -171,7 +167,7 @@ def make_cross(count: int = 33, old: bool = True) -> TableResult:
     support = np.full(count, 4)
     view = _view(positions[:, None], error, None, np.repeat(np.arange(4), count))
     return _fit(
-        "cross", "Y", ("X",), TableLayout((nodes,)), truth, view, support, (), -1.0, old
+        "cross", "Y", ("X",), TableLayout((nodes,)), truth, view, support, (), -1.0
     )
 
 
@@ -179,7 +175,6 @@ def make_plane(
     columns: int = 33,
     rows: int = 17,
     readings: int = 4000,
-    old: bool = False,
     width: float = 800.0,
 ) -> TableResult:
     rng = np.random.default_rng(3)
@@ -201,7 +196,7 @@ def make_plane(
     truth = surface(*np.meshgrid(x, y))
     layout = TableLayout((x, y))
     view = _view(positions, error, None, None)
-    return _fit("plane", "Z", ("X", "Y"), layout, truth, view, support, (), -1.0, old)
+    return _fit("plane", "Z", ("X", "Y"), layout, truth, view, support, (), -1.0)
 
 
 def make_job(*fits: TableResult, **changes: object) -> JobResult:

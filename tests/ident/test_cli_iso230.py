@@ -231,8 +231,7 @@ def test_chart_overlays_before_predicted_and_verified(tmp_path: Path) -> None:
         "verified": figures("c", 0),
     }
     figure = draw_iso_chart(tests, caption=False)
-    legend = figure.axes[0].get_legend()
-    assert legend is not None
+    (legend,) = figure.legends
     shown = [text.get_text() for text in legend.get_texts()]
     assert [label for label in shown if "↑" in label] == [
         "before ↑",

@@ -197,8 +197,7 @@ def test_configuration_records_every_object_that_has_an_address() -> None:
         if row.channel is None:
             continue
         own = found[row.channel]
-        certain = row.found is not None and row.found.size is not None
-        assert own["Enabled"] == ("true" if certain else "false")
+        assert own["Enabled"] == ("true" if row.bytes is not None else "false")
         assert int(own["IndexOffset"]) == (row.index_offset or 0)
         assert int(own["BaseSampleTime"]) == 50_000  # 5 ms in ticks of 100 ns
 

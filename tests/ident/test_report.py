@@ -68,7 +68,7 @@ def drawn(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> tuple[Path, ...]:  # fmt: skip
     """Page and plots of a job of three tables."""
-    result = job(leadscrew(old=True), cross(), plane())
+    result = job(leadscrew(), cross(), plane())
     return write_report(result, tmp_path_factory.mktemp("drawn"))
 
 
@@ -89,7 +89,7 @@ def test_every_plot_is_in_the_page_and_a_readable_file(
     drawn: tuple[Path, ...],
 ) -> None:
     page, *plots = drawn
-    assert page.read_text("utf-8").count("<svg ") == len(plots) > 12
+    assert page.read_text("utf-8").count("<svg ") == len(plots) > 8
     for plot in plots:
         assert plot.parent == page.parent / "plots"
         assert ET.parse(plot).getroot().tag.endswith("svg")

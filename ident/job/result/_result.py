@@ -244,7 +244,6 @@ class TableResult(AbstractResult):
             entries: ``{"": …}`` for plane (shape ``[j, i]``) and cross,
             ``{"pos": …, "neg": …}`` for a bilateral leadscrew, ``{"pos": …}`` for a
             unilateral one.
-        old_table: Entries of the list that was there, at the same nodes, or None.
         standard_deviation: Like ``table``.
         support: Samples per node, like ``table``; 0 = not measured.
         fit: The estimate behind it (sign of the error).
@@ -260,7 +259,6 @@ class TableResult(AbstractResult):
     masters: tuple[str, ...]
     nodes: tuple[Float[Array, " _n"], ...]
     table: Mapping[str, Float[Array, "..."]]
-    old_table: Mapping[str, Float[Array, "..."]] | None
     standard_deviation: Mapping[str, Float[Array, "..."]]
     support: Mapping[str, Int[Array, "..."]]
     fit: TableFit

@@ -301,13 +301,12 @@ class TableDraft(AbstractDraft):
         if self.in_memory:
             places = places_of(samples, own["wild"], self.fit.over)
         error = {name: each.figures for name, each in tally.items()}
-        old, deviation = plan.old_offset, written_deviation(self.estimate)
+        deviation = written_deviation(self.estimate)
         return TableResult(
             **self.frame(done),
             masters=self.fit.over,
             nodes=tuple(nodes.positions for nodes in table.nodes),
             table=by_branch(table, table.sign * self.offset),
-            old_table=None if old is None else by_branch(table, table.sign * old),
             standard_deviation=by_branch(table, deviation),
             support=by_branch(table, self.estimate.support),
             fit=dataclasses.replace(self.estimate, share=samples.share, **own),

@@ -85,24 +85,3 @@ def say_drawn(drawn: int, total: int) -> str:
     if drawn >= total:
         return ""
     return f" {grouped(drawn)} of {grouped(total)} readings are drawn."
-
-
-def say_change(fit: TableResult, scale: Scale) -> str:
-    """Return the largest change of an entry against the old list, and where."""
-    assert fit.old_table is not None  # it is compared
-    changes = {
-        branch: (new - fit.old_table[branch]) * scale.factor
-        for branch, new in fit.table.items()
-        if branch in fit.old_table
-    }
-    branch = max(changes, key=lambda name: np.abs(changes[name]).max())
-    every = np.concatenate([each.ravel() for each in changes.values()])
-    most = int(np.argmax(np.abs(changes[branch])))
-    way = {"pos": ", moving +", "neg": ", moving −"}.get(branch, "")
-    where = branches_of(fit, scale)[0].where(most)
-    return (
-        f"The largest change is {number(changes[branch].flat[most], signed=True)}"
-        f" {scale.error} at {where} {scale.position}{way if len(fit.table) > 1 else ''};"
-        f" rms of the change {number(float(np.sqrt(np.mean(every**2))))} {scale.error}."
-        " Values have the sign of the list entries."
-    )

@@ -1,4 +1,4 @@
-"""One-dimensional tables: error curve with its uncertainty, old list against new."""
+"""One-dimensional tables: error curve with its uncertainty."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from ...job import TableResult
 from .. import _style as style
 from .._body import Plot
 from .._scale import Scale, number
-from ._fitted import Fitted, branches_of, say_change, say_drawn, say_empty
+from ._fitted import Fitted, branches_of, say_drawn, say_empty
 from ._readings import Readings
 
 _ERROR_BARS = 130
@@ -31,41 +31,6 @@ def curve_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     figure.legend(*_unique(axes), loc="outside upper right", ncols=2)
     caption = _say_curve(branches, readings, scale, drawn)
     return Plot("error-curve", "Measured error and the fitted table", figure, caption)
-
-
-def change_plot(fit: TableResult, scale: Scale) -> Plot | None:
-    """Draw the old list entries against the new ones, where there was an old list."""
-    if len(fit.masters) != 1 or not set(fit.old_table or ()) & set(fit.table):
-        return None
-    assert fit.old_table is not None  # it shares a branch
-    nodes = fit.nodes[0]
-    figure, (upper, lower) = style.new_figure(
-        4.2, 2, 1, sharex=True, height_ratios=[3, 2]
-    )
-    for branch, new in fit.table.items():
-        direction = {"pos": 1, "neg": -1}.get(branch, 0) if len(fit.table) > 1 else 0
-        old = fit.old_table.get(branch)
-        colour = style.DIRECTION_COLOR[direction]
-        label = "" if direction == 0 else f", {style.DIRECTION_NAME[direction]}"
-        dots: dict[str, Any] = {
-            "marker": style.DIRECTION_MARKER[direction],
-            "markersize": 3.5 if len(nodes) <= _ERROR_BARS else 0,
-        }
-        upper.plot(nodes, new * scale.factor, color=colour, label=f"new{label}", **dots)
-        if old is None:
-            continue
-        upper.plot(nodes, old * scale.factor, "--", color=style.GREY,
-                   label=f"old{label}", **dots)  # fmt: skip
-        change = (new - old) * scale.factor
-        lower.plot(nodes, change, color=colour, **dots)
-    upper.set_ylabel(f"list entry in {scale.error}")
-    lower.set_ylabel(f"new − old in {scale.error}")
-    lower.set_xlabel(f"{fit.masters[0]} in {scale.position}")
-    lower.axhline(0, color=style.INK, linewidth=0.8)
-    figure.legend(*_unique(upper), loc="outside upper right", ncols=4)
-    return Plot(
-        "old-and-new", "Old list against new list", figure, say_change(fit, scale)
-    )
 
 
 def _draw_readings(axes: Axes, readings: Readings) -> int:

@@ -1,27 +1,19 @@
-"""The plane as maps: error, uncertainty, coverage, change against the old list."""
-
-import dataclasses
+"""The plane as maps: error, uncertainty, coverage."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from ...job import TableResult
 from .. import _style as style
 from .._body import Plot
 from .._scale import Scale, count, grouped, number
-from ._fitted import Fitted, branches_of, say_change, say_drawn, say_empty
-from ._plane import (
-    bar,
-    hatch,
-    hatch_key,
-    heat,
-    label,
-    map_height,
-    spread_limits,
-    symmetric,
-)
+from ._fitted import Fitted, branches_of, say_drawn, say_empty
 from ._readings import Readings
 
 _TALL = 3.8
@@ -86,105 +78,6 @@ def coverage_maps(fit: TableResult, scale: Scale) -> Plot:
     return Plot("coverage", "How well each node is known", figure, caption)
 
 
-def change_maps(fit: TableResult, scale: Scale) -> Plot | None:
-    """Draw the old entries, the new ones and the difference, where there was a list."""
-    if not fit.old_table or len(fit.masters) != 2:
-        return None
-    (table,) = branches_of(fit, scale)
-    (name, new), *_ = fit.table.items()
-    old = fit.old_table.get(name)
-    if old is None:
-        return None
-    both = np.stack([old, new]) * scale.factor
-    span = symmetric(both)
-    change = both[1] - both[0]
-    size = (7.2, 1.62 * map_height(table) + 0.5)
-    figure = Figure(figsize=size, layout="constrained")
-    # Old and new beside each other, their difference below.
-    mosaic = figure.subplot_mosaic("ab\ncc", height_ratios=[0.62, 1.0])
-    panels = [mosaic[name] for name in "abc"]
-    layers = [
-        heat(axes, table, value, limits=(-span, span), diverging=True)
-        for axes, value in zip(panels, both, strict=False)
-    ]
-    for axes, title in zip(panels, ("old list", "new list", "new − old"), strict=True):
-        axes.set_title(title)
-    bar(figure, layers[0], panels[:2], f"entry in {scale.error}")
-    mesh = heat(panels[2], table, change, diverging=True)
-    bar(figure, mesh, panels[2:], f"change in {scale.error}")
-    for axes in panels:
-        hatch(axes, table)
-        label(axes, table, scale)
-    return Plot(
-        "old-and-new", "Old list against new list", figure, say_change(fit, scale)
-    )
-
-
-@dataclasses.dataclass(frozen=True)
-class CellMeans:
-    """Mean of what remains in the cell around each node, in µm, and readings there."""
-
-    mean: Float[np.ndarray, "j i"]
-    count: Int[np.ndarray, "j i"]
-    chance: float
-    """Rms of the means in µm that chance alone would make."""
-    basis: str
-    """What `chance` rests on, in words."""
-
-
-def cell_means(table: Fitted, readings: Readings) -> CellMeans:
-    """Return the mean predicted error of the sound readings nearest to each node."""
-    keep = readings.sound
-    value = readings.predicted[keep]
-    mean, number_of, cell = mean_by_cell(table, readings.positions[keep], value)
-    seen = number_of > 0
-    free = len(value) - int(seen.sum())
-    if free >= seen.sum() / 2:
-        scatter = np.sum((value - mean.ravel()[cell]) ** 2) / free
-        chance = np.sqrt(scatter * np.mean(1 / number_of[seen]))
-        return CellMeans(mean, number_of, float(chance), "scatter of the readings")
-    # About one reading per cell says nothing of their scatter: ask the prediction.
-    variance = np.bincount(cell, readings.predicted_sd[keep] ** 2, number_of.size)
-    each = variance.reshape(seen.shape)[seen] / number_of[seen] ** 2
-    chance = np.sqrt(np.mean(each)) if each.size else 0.0
-    return CellMeans(mean, number_of, float(chance), "predicted scatter")
-
-
-def mean_by_cell(
-    table: Fitted,
-    positions: Float[np.ndarray, "t 2"],
-    value: Float[np.ndarray, " t"],
-) -> tuple[Float[np.ndarray, "j i"], Int[np.ndarray, "j i"], Int[np.ndarray, " t"]]:
-    """Return mean and number of the readings nearest to each node, and their node."""
-    columns, rows = len(table.nodes[0]), len(table.nodes[1])
-    i = np.searchsorted(style.middles(table.nodes[0]), positions[:, 0])
-    j = np.searchsorted(style.middles(table.nodes[1]), positions[:, 1])
-    cell = j * columns + i
-    number_of = np.bincount(cell, minlength=rows * columns)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.bincount(cell, value, rows * columns) / number_of
-    shape = (rows, columns)
-    return mean.reshape(shape), number_of.reshape(shape), cell
-
-
-def remainder_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
-    """Draw what the list leaves behind, as the mean around each node."""
-    (table,) = branches_of(fit, scale)
-    cells = cell_means(table, readings)
-    figure, (axes,) = style.new_figure(map_height(table) + 0.5)
-    mesh = heat(axes, table, cells.mean, diverging=True)
-    bar(figure, mesh, [axes], f"remaining error in {scale.error}")
-    hatch(axes, table, cells.count > 0)
-    label(axes, table, scale)
-    if not (cells.count > 0).all():
-        figure.legend(handles=[hatch_key("no reading near the node")],
-                      loc="outside upper right")  # fmt: skip
-    caption = _say_remainder(table, cells, scale)
-    return Plot(
-        "remainder-map", "What the list leaves behind (predicted)", figure, caption
-    )
-
-
 def _say_coverage(table: Fitted, scale: Scale) -> str:
     known = table.measured
     if not known.any():
@@ -210,22 +103,80 @@ def _say_coverage(table: Fitted, scale: Scale) -> str:
     return text
 
 
-def _say_remainder(table: Fitted, cells: CellMeans, scale: Scale) -> str:
-    seen = cells.count > 0
-    if not seen.any():
-        return "No reading has a prediction."
-    mean = cells.mean[seen]
-    worst = int(np.argmax(np.where(seen, np.abs(np.nan_to_num(cells.mean)), -1.0)))
-    chance = cells.chance
-    found = float(np.sqrt(np.mean(mean**2)))
-    if chance > 0 and found <= 1.3 * chance:
-        verdict = "no pattern beyond chance is left"
-    else:
-        verdict = "more than chance: look for a pattern that the table cannot follow"
-    return (
-        f"Mean of what remains around each node, on readings left out of the fit: rms "
-        f"{number(found)} {scale.error}, largest "
-        f"{number(cells.mean.ravel()[worst])} {scale.error} at {table.where(worst)} "
-        f"{scale.position}. The {cells.basis} alone would give "
-        f"{number(chance)} {scale.error}: {verdict}."
+def heat(
+    axes: Axes,
+    table: Fitted,
+    value: Float[np.ndarray, "j i"],
+    *,
+    limits: tuple[float, float] | None = None,
+    diverging: bool = False,
+) -> QuadMesh:
+    if limits is None:
+        span = symmetric(value)
+        limits = (-span, span)
+    axes.grid(False)
+    mesh = axes.pcolormesh(
+        style.borders(table.nodes[0]),
+        style.borders(table.nodes[1]),
+        value,
+        cmap=style.DIVERGING if diverging else style.SEQUENTIAL,
+        vmin=limits[0],
+        vmax=limits[1],
+        rasterized=True,
     )
+    if 0.25 <= _ratio(table) <= 1.2:
+        axes.set_aspect("equal")
+    return mesh
+
+
+def hatch(axes: Axes, table: Fitted, colour: str = "#444444") -> None:
+    """Hatch the cells of all nodes without readings."""
+    empty = ~table.measured
+    if not empty.any():
+        return
+    # Each border twice: the contour of a cell is the cell.
+    across, up = (np.repeat(style.borders(nodes), 2)[1:-1] for nodes in table.nodes)
+    cells = empty.repeat(2, axis=0).repeat(2, axis=1)
+    drawn = axes.contourf(
+        across, up, cells, levels=[0.5, 1.5], colors="none", hatches=["////"]
+    )
+    drawn.set_edgecolor(colour)
+    drawn.set_linewidth(0)
+    drawn.set_gid("not-measured")
+
+
+def hatch_key() -> Patch:
+    return Patch(facecolor="none", edgecolor="#444444", hatch="////", linewidth=0.5,
+                 label="not measured")  # fmt: skip
+
+
+def bar(figure: Figure, mesh: QuadMesh, panels: list[Axes], label: str) -> Colorbar:
+    """Draw the colour bar of one layer beside its panels."""
+    drawn = figure.colorbar(mesh, ax=panels, pad=0.015, fraction=0.05, aspect=22)
+    drawn.set_label(label)
+    drawn.outline.set_visible(False)
+    return drawn
+
+
+def label(axes: Axes, table: Fitted, scale: Scale) -> None:
+    axes.set_xlabel(f"{table.masters[0]} in {scale.position}")
+    axes.set_ylabel(f"{table.masters[1]} in {scale.position}")
+
+
+def _ratio(table: Fitted) -> float:
+    return float(np.ptp(table.nodes[1])) / (float(np.ptp(table.nodes[0])) or 1.0)
+
+
+def map_height(table: Fitted) -> float:
+    return float(np.clip(5.6 * _ratio(table), 1.9, 4.8)) + 0.3
+
+
+def symmetric(value: Float[np.ndarray, "..."]) -> float:
+    known = np.abs(value[np.isfinite(value)])
+    return float(known.max(initial=0.0)) or 1.0
+
+
+def spread_limits(table: Fitted) -> tuple[float, float]:
+    """Return colour limits that unmeasured nodes, always the worst, do not stretch."""
+    known = table.sd[table.measured] if table.measured.any() else table.sd
+    return 0.0, float(known.max()) * 1.05 or 1.0

@@ -59,13 +59,15 @@ class Bins:
         return np.asarray((self.edges[1:] + self.edges[:-1]) / 2)
 
     @property
-    def worst(self) -> int | None:
-        """The slice whose mean stands out most against its standard error, if any."""
+    def beyond_chance(self) -> bool:
+        """Whether a mean stands out more than that of so many slices does by chance.
+
+        The largest of n independent normal means is expected below about sqrt(2 ln 2n)
+        standard errors; one more allows for few readings per slice.
+        """
         known = (self.count >= 3) & (self.error > 0)
-        if not known.any():
-            return None
-        size = np.abs(self.mean) / np.where(known, self.error, np.inf)
-        return int(np.nanargmax(np.where(known, size, -1.0)))
+        usual = np.sqrt(2 * np.log(2 * max(known.sum(), 1))) + 1.0
+        return bool(np.any(np.abs(self.mean[known]) > usual * self.error[known]))
 
 
 def readings_of(fit: TableResult, scale: Scale) -> Readings:

@@ -1,19 +1,17 @@
-"""What a fit found, in sentences: the verdict, and how the table was made."""
+"""How a table was made, in sentences, and its wild readings."""
 
-import math
-import re
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from scipy.optimize import brentq
 
+from ...fit import RunEffect
 from ...job import TableResult, largest_wild
 from .._body import WildRow
 from .._scale import Scale, grouped, number, percent, place
 from ._readings import Readings
 
-_WEIGHT = re.compile(r"order (\d+), axis (\d+)")
+_INSIDE = 0.9545
+"""Share of a normal distribution within ± 2 sd."""
 
 
 def how_it_was_made(
@@ -36,8 +34,12 @@ def how_it_was_made(
             "probing cannot show it. Probe twice to know."
         )
     yield ("Noise", noise)
+    if honesty := _honesty(readings, scale):
+        yield ("Uncertainty", honesty)
     yield ("Wild readings", _loss(own.loss, readings))
-    yield ("Smoothness", smoothness_sentence(fit, scale))
+    yield ("Smoothness", _smoothness(own.smoothness))
+    if own.runs:
+        yield ("Runs", _runs(own.runs, scale))
     yield (
         "Rounding",
         f"Rounding to whole list units moves the table by at most "
@@ -86,72 +88,60 @@ def _loss(loss: str, readings: Readings) -> str:
     )
 
 
-def smoothness_sentence(fit: TableResult, scale: Scale) -> str:
-    """Say which details of the error the table follows and which it treats as noise."""
-    weights = fit.fit.smoothness
+def _smoothness(weights: Mapping[str, float]) -> str:
+    """Return the weights of the prior, or that there is none."""
     if not any(weight > 0 for weight in weights.values()):
         return "None: every node rests on its own readings (smoothness 0)."
-    parts = []
-    for master, wavelength in damped_wavelengths(fit).items():
-        axis = fit.masters[master]
-        if wavelength is None:
-            parts.append(
-                f"along {axis} every detail that the nodes can hold is followed"
-            )
-        else:
-            parts.append(
-                f"along {axis} waves of the error shorter than about "
-                f"{wavelength:.3g} {scale.position} are damped to less than half, "
-                "longer ones are followed"
-            )
     named = ", ".join(f"{name}: {weight:.3g}" for name, weight in weights.items())
-    stated = f"Weights of the prior relative to 1/noise²: {named}."
-    if not parts:
-        return stated
-    text = "; ".join(parts)
-    return f"{text[0].upper()}{text[1:]}. {stated}"
+    return f"Weights of the prior relative to 1/noise²: {named}."
 
 
-def damped_wavelengths(fit: TableResult) -> dict[int, float | None]:
-    r"""Return per master the wavelength that the prior damps to one half, in mm or °.
-
-    Nodes at distance $h$ with $\rho$ readings each, smoothed with weights $w_m$ on the
-    squared differences of order $m$, pass a wave of $\omega$ radians per node with the
-    gain $1 / (1 + \sum_m w_m (2 \sin(\omega/2))^{2m} / \rho)$, as a smoothing spline
-    does (Green and Silverman 1994, section 2.3). It is ½ where the sum equals $\rho$.
-    None where even the shortest wave that the nodes hold, two node distances, passes.
-    Masters without a weight of their own are left out.
-    """
-    orders: dict[int, list[tuple[int, float]]] = {}
-    for name, weight in fit.fit.smoothness.items():
-        match = _WEIGHT.search(name)
-        if match and weight > 0:
-            order, master = int(match[1]), int(match[2]) - 1
-            orders.setdefault(master, []).append((order, weight))
-    # Every reading belongs to one place between nodes: its share of the measured nodes.
-    measured = int(np.count_nonzero(fit.fit.support))
-    density = fit.readings / measured if measured else 0.0
-    found: dict[int, float | None] = {}
-    for master, weights in sorted(orders.items()):
-        if master >= len(fit.fit.layout.nodes) or density <= 0:
-            continue
-        nodes = fit.fit.layout.nodes[master]
-        spacing = float(np.median(np.diff(nodes))) if len(nodes) > 1 else 0.0
-        found[master] = _half_gain(weights, density, spacing)
-    return found
+def _runs(effects: Sequence[RunEffect], scale: Scale) -> str:
+    """Return by how much the runs lie apart, which is kept out of the table."""
+    far = max(effects, key=lambda effect: abs(effect.offset))
+    text = (
+        f"Run {far.run} lies farthest from the mean of the {len(effects)} runs: "
+        f"{number(far.offset * scale.factor, signed=True)} ± "
+        f"{scale.shown(2 * far.offset_sd)} (2 sd)."
+    )
+    fast = max(effects, key=lambda effect: abs(effect.drift))
+    if fast.drift:
+        text += (
+            f" Run {fast.run} drifts most, by "
+            f"{scale.shown(fast.drift, signed=True)} from its "
+            "start to its end against the mean drift of all runs."
+        )
+    return text + " This belongs to the runs and is kept out of the table."
 
 
-def _half_gain(
-    weights: list[tuple[int, float]], density: float, spacing: float
-) -> float | None:
-    def damping(omega: float) -> float:
-        wave = 2 * math.sin(omega / 2)
-        return sum(weight * wave ** (2 * order) for order, weight in weights)
-
-    if damping(math.pi) <= density:
-        return None
-    half: Any = brentq(lambda omega: damping(omega) - density, 0.0, math.pi)
-    return 2 * math.pi / max(float(half), 1e-9) * spacing
+def _honesty(readings: Readings, scale: Scale) -> str:
+    """Return how far residuals scatter against what was predicted; empty: too few are."""
+    keep = readings.sound & np.isfinite(readings.predicted_sd)
+    keep &= readings.predicted_sd > 0
+    if np.count_nonzero(keep) < 10:
+        return ""
+    sd = readings.predicted_sd[keep]
+    z = readings.predicted[keep] / sd
+    inside, ratio = float(np.mean(np.abs(z) <= 2)), float(np.sqrt(np.mean(z**2)))
+    # The median: readings far from all others, as at the end of a left-out block, have
+    # a predicted sd that is many times as large.
+    text = (
+        f"Half of the left-out readings are predicted to {number(float(np.median(sd)))} "
+        f"{scale.error} (1 sd) or better; what remains is {ratio:.2f} × the "
+        f"predicted sd (rms). {percent(inside)} of the readings lie "
+        f"within ± 2 predicted sd ({percent(_INSIDE)} expected of a normal law): "
+    )
+    if ratio <= 1.25 and inside < 0.9:
+        return (
+            text + "right on the whole, but not everywhere: some places scatter more."
+        )
+    if 0.8 <= ratio <= 1.25:
+        return text + "the error bars in this report can be taken at their word."
+    if ratio > 1.25:
+        return (
+            text + "the error bars in this report are too small by about that factor."
+        )
+    return text + "the error bars in this report are on the safe side."
 
 
 def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRow]:

@@ -128,7 +128,6 @@ def test_report_shows_the_group_before_its_fits(
     ]
     assert place == sorted(place)
     for words in (
-        "How much each effect is",
         "The whole error over time, before and after",
         "What these readings cannot tell apart",
         "What may be moved between effects without changing their sum",
