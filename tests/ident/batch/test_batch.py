@@ -21,7 +21,6 @@ from axcomp.ident.batch import (
     summarise,
 )
 from axcomp.ident.batch._folder import locked
-from axcomp.ident.batch._rows import failed_row
 from axcomp.ident.batch._table import write_results
 from axcomp.ident.batch._work import (
     Order,
