@@ -1,4 +1,4 @@
-"""The folder of a batch: its jobs, what is done so far, and who works in it."""
+"""The folder of a batch: its manifest, and who works in it."""
 
 import contextlib
 import datetime
