@@ -31,7 +31,10 @@ from ._registry import (
     BuildError as BuildError,
     Registry as Registry,
     add_parameters as add_parameters,
+    build_has as build_has,
+    parse_build as parse_build,
     registry as registry,
 )
 from ._remarks import RemarkCode as RemarkCode
+from ._values import parse_real as parse_real
 from ._write import new_list as new_list

@@ -1,9 +1,10 @@
 """Many jobs: one or a hundred thousand, resumable, on one machine or a cluster.
 
-Read in this order: `_run` (the whole), `_collect` (which jobs there are), `_folder` (what was
-done so far, on disk), `_workers` (chunks of jobs on workers that may die), `_work` (what a worker
-does), `_rows` (a row per fit), `_table` (questions to them) and `_summary` (what they say of all
-machines). `_log` spreads one huge log over the same workers.
+Read in this order: `_run` (the whole), `_collect` (which jobs there are), `_folder` (its
+manifest and its lock), `_workers` (chunks of jobs on workers that may die), `_work` (what a worker
+does, and what the folder of a finished job tells), `_rows` (a row per fit), `_table` (questions to
+them) and `_summary` (what they say of all machines). `_log` spreads one huge log over the same
+workers.
 
 Fitting a log is imported when it is first asked for: it needs the estimators, while the process
 that looks after a batch leaves them to its workers.

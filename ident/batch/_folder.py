@@ -1,4 +1,4 @@
-"""The folder of a batch: its jobs, what is done so far, and who works in it."""
+"""The folder of a batch: its manifest, and who works in it."""
 
 import contextlib
 import datetime
@@ -12,7 +12,7 @@ from typing import Any
 
 from ...data.errors import AxcompError
 from ...data.files import write_atomically
-from ._rows import VERSION, Row
+from ._rows import VERSION
 
 
 class BatchError(AxcompError, RuntimeError):
@@ -49,23 +49,20 @@ def refuse_used(folder: Path) -> None:
             )
 
 
-def resumed(
-    folder: Path, jobs: Mapping[str, str], rows: Mapping[str, list[Row]]
-) -> dict[str, list[Row]]:
-    """Return the rows of jobs that are done; those whose file changed are not.
+def refuse_others(folder: Path, jobs: Mapping[str, str]) -> None:
+    """Raise where a folder holds a batch of other jobs.
 
     Args:
-        folder: Of the batch.
+        folder: Of the batch; one without a batch is as good as new.
         jobs: Hash of every job file of now, by name of the job.
-        rows: Of jobs that were done (`Journal`).
 
     Raises:
-        BatchError: If the folder holds a batch of other jobs.
+        BatchError: Naming a job that is not among them.
     """
     try:
         before = json.loads((folder / _MANIFEST).read_bytes())["jobs"]
     except FileNotFoundError:
-        return {}
+        return
     except (ValueError, KeyError):
         reason = "found no manifest of a batch, expected one"
         raise BatchError(str(folder / _MANIFEST), reason) from None
@@ -76,7 +73,6 @@ def resumed(
             f"found a batch with the job {lost[0]!r}, which is not among the"
             f" {len(jobs)} given now, expected the same jobs (or more)",
         )
-    return {n: own for n, own in rows.items() if before.get(n) == jobs.get(n)}
 
 
 def manifest_of(
@@ -107,59 +103,6 @@ def write_manifest(folder: Path, tree: Mapping[str, Any]) -> None:
 def now() -> str:
     """Return the time of now, to the second."""
     return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-
-
-_JOURNAL = "journal.jsonl"
-
-
-class Journal:
-    """Rows of finished jobs, in the order in which they finished.
-
-    Args:
-        folder: Of the batch.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self._path = folder / _JOURNAL
-
-    def read(self) -> dict[str, list[Row]]:
-        """Return the rows by job; a line that a crash cut off is taken away."""
-        found: dict[str, list[Row]] = {}
-        try:
-            raw = self._path.read_bytes()
-        except FileNotFoundError:
-            return found
-        good = 0
-        for line in raw.splitlines(keepends=True):
-            try:
-                name, rows = json.loads(line)
-            except ValueError:
-                break
-            if not line.endswith(b"\n"):
-                break
-            found[name] = rows
-            good += len(line)
-        if good < len(raw):
-            with self._path.open("r+b") as file:
-                file.truncate(good)
-        return found
-
-    def add(self, entries: Sequence[tuple[str, list[Row]]]) -> None:
-        """Write rows of jobs so that they survive whatever comes next.
-
-        Raises:
-            OSError: If there is no room for them; none of them counts then.
-        """
-        text = "".join(json.dumps(entry) + "\n" for entry in entries)
-        with self._path.open("ab") as file:
-            start = file.tell()
-            try:
-                file.write(text.encode())
-                file.flush()
-                os.fsync(file.fileno())
-            except OSError:
-                os.ftruncate(file.fileno(), start)
-                raise
 
 
 _LOCK = "batch.lock"

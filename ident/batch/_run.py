@@ -13,12 +13,11 @@ from typing import Any
 from ._collect import collect_jobs
 from ._folder import (
     BatchError,
-    Journal,
     locked,
     manifest_of,
     now,
+    refuse_others,
     refuse_used,
-    resumed,
     write_manifest,
 )
 from ._rows import Row
@@ -43,20 +42,14 @@ class Progress:
     """
 
     total: int
-    done: int
-    _fresh: int = 0
+    done: int = 0
     _start: float = dataclasses.field(default_factory=time.monotonic)
-
-    def count(self, jobs: int) -> None:
-        """Note that jobs were finished."""
-        self.done += jobs
-        self._fresh += jobs
 
     def __str__(self) -> str:
         words = f"{self.done} of {self.total} jobs"
-        if not self._fresh:
+        if not self.done:
             return words
-        rate = self._fresh / max(time.monotonic() - self._start, 1e-9)
+        rate = self.done / max(time.monotonic() - self._start, 1e-9)
         left = datetime.timedelta(seconds=round((self.total - self.done) / rate))
         return f"{words}, {rate:.1f} per second, {left} left"
 
@@ -138,9 +131,9 @@ def run_batch(
             Task(item.name, str(item.path.resolve()), item.sha256) for item in items
         ]
         hashes = {task.name: task.sha256 for task in tasks}
-        journal = Journal(out)
-        done = resumed(out, hashes, journal.read()) if resume else {}
-        if not resume:
+        if resume:
+            refuse_others(out, hashes)
+        else:
             refuse_used(out)
         manifest = manifest_of(jobs, hashes)
         write_manifest(out, manifest)
@@ -149,11 +142,9 @@ def run_batch(
                 item.path.parent.mkdir(exist_ok=True)
                 item.path.write_bytes(item.text.encode())
         order = Order(str(out), secrets.token_hex(4), reports, time_limit)
-        stand = Progress(len(tasks), len(done))
+        stand, done = Progress(len(tasks)), dict[str, list[Row]]()
         try:
-            for name, rows in _run(
-                tasks, done, order, scheduler, workers, journal, stand
-            ):
+            for name, rows in _run(tasks, order, scheduler, workers, stand):
                 done[name] = rows
                 if progress is not None:
                     progress(stand)
@@ -196,31 +187,23 @@ def _take_away(work: Path) -> None:
 
 def _run(
     tasks: Sequence[Task],
-    done: dict[str, list[Row]],
     order: Order,
     scheduler: str | None,
     workers: int | None,
-    journal: Journal,
     stand: Progress,
 ) -> Iterator[tuple[str, list[Row]]]:
-    """Yield the rows of every job still to do, once they are in the journal.
-
-    What was done before with other files than those of now is to do again.
-    """
+    """Yield the rows of every job, made of its files where these are there already."""
     if not tasks:
         return
     try:
         with workers_of(scheduler, workers) as client:
             crew = max(workers or 0, len(client.scheduler_info()["workers"]), 1)
-            good, bad = _examined(client, tasks, done, crew)
-            stand.done = len(tasks) - len(good) - len(bad)
+            good, bad = _examined(client, tasks, crew)
             # Enough chunks that nobody works on a last one while the others have none left.
             size = max(1, min(_CHUNK, -(-len(good) // (_ROUNDS * crew))))
-            run = run_chunks(client, good, order, size)
-            for outcomes in chain([bad] if bad else [], run):
+            for outcomes in chain([bad], run_chunks(client, good, order, size)):
                 kept = [one for one in outcomes if not one.full]
-                journal.add([(one.name, one.rows) for one in kept])
-                stand.count(len(kept))
+                stand.done += len(kept)
                 yield from ((one.name, one.rows) for one in kept)
                 if len(kept) < len(outcomes):
                     raise BatchError(
@@ -242,24 +225,13 @@ def _what_is_done(stand: Progress) -> str:
 
 
 def _examined(
-    client: Any, tasks: Sequence[Task], done: Mapping[str, list[Row]], crew: int
+    client: Any, tasks: Sequence[Task], crew: int
 ) -> tuple[list[Task], list[Outcome]]:
     """Return the jobs to run, those of equal shape together, and those that cannot run."""
-    known = {name: rows[0].get("inputs_sha256") for name, rows in done.items() if rows}
-    open_ = [
-        (task, known.get(task.name))
-        for task in tasks
-        # Of rows without a hash there is nothing to compare.
-        if task.name not in done or known.get(task.name) is not None
-    ]
-    size = max(1, len(open_) // (_ROUNDS * crew))
-    parts = [open_[start : start + size] for start in range(0, len(open_), size)]
-    found = client.gather(client.map(examine, parts, pure=False))
-    good: list[tuple[str, int, Task]] = []
-    bad: list[Outcome] = []
-    for (task, _), (shape, row) in zip(open_, chain.from_iterable(found), strict=True):
-        if row is not None:
-            bad.append(Outcome(task.name, [row]))
-        elif shape is not None:
-            good.append((shape, len(good), task))
-    return [task for _, _, task in sorted(good, key=lambda one: one[:2])], bad
+    size = max(1, len(tasks) // (_ROUNDS * crew))
+    parts = [tasks[start : start + size] for start in range(0, len(tasks), size)]
+    found = chain.from_iterable(client.gather(client.map(examine, parts, pure=False)))
+    pairs = list(zip(tasks, found, strict=True))
+    bad = [Outcome(task.name, [row]) for task, row in pairs if not isinstance(row, str)]
+    good = [(shape, task) for task, shape in pairs if isinstance(shape, str)]
+    return [task for _, task in sorted(good, key=lambda one: one[0])], bad

@@ -1,9 +1,7 @@
 """``results.parquet``: all rows of a batch, and questions to it."""
 
-import difflib
 import io
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -72,17 +70,12 @@ def query_results(
         limit: Rows at most.
 
     Raises:
-        BatchError: If the question cannot be answered: a column that is not there with
-            the nearest one, else the message is DuckDB's.
+        BatchError: If the question cannot be answered, with DuckDB's reason, which names
+            the nearest columns.
     """
     import duckdb
 
     table = read_results(folder)
-    asked = {"--where": where, "--select": select, "--order": order}
-    for name, words in asked.items():
-        if words is not None and ";" in _without_texts(words):
-            reason = f"found {words!r}, expected a part of one question, without ';'"
-            raise BatchError(name, reason)
     text = f"SELECT {select} FROM results"
     text += f" WHERE {where}" if where else ""
     text += f" ORDER BY {order}" if order else ""
@@ -94,25 +87,5 @@ def query_results(
         try:
             return connection.sql(text).to_arrow_table()
         except duckdb.Error as error:
-            raise _unanswered(asked, str(error), table.column_names) from None
-
-
-def _without_texts(words: str) -> str:
-    return re.sub(r"'[^']*'", "", words)
-
-
-def _unanswered(
-    asked: Mapping[str, str | None], error: str, columns: Sequence[str]
-) -> BatchError:
-    """Return what is wrong with a question, and with which part of it."""
-    line = error.splitlines()[0]
-    unknown = re.search(r'column "([^"]+)" not found', line)
-    given = {name: words for name, words in asked.items() if words and words != "*"}
-    if unknown is None:
-        where = next((n for n in ("--where", "--order") if n in given), "--select")
-        return BatchError(f"{where} {asked[where]}", line)
-    column = unknown[1]
-    where = next((name for name, words in given.items() if column in words), "--select")
-    near = difflib.get_close_matches(column, columns, 1, cutoff=0.0)
-    reason = f"found column {column!r}, expected one of docs/batch.md"
-    return BatchError(where, f"{reason} (nearest: {near[0]!r})")
+            reason = " ".join(str(error).partition("\nLINE ")[0].split())
+            raise BatchError(text, reason) from None

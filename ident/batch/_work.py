@@ -68,25 +68,14 @@ class Outcome:
     full: bool = False
 
 
-def examine(
-    jobs: Sequence[tuple[Task, str | None]],
-) -> list[tuple[str | None, Row | None]]:
-    """Return the shape of each job that is to run, or the row of one that cannot run.
-
-    Neither is there for a job that is done and whose files are what they were.
-
-    Args:
-        jobs: Each with the hash of the files that it read when it was done, or None.
-    """
-    found: list[tuple[str | None, Row | None]] = []
-    for task, known in jobs:
-        if known is not None and known == inputs_hash(Path(task.path)):
-            found.append((None, None))
-            continue
+def examine(tasks: Sequence[Task]) -> list[str | Row]:
+    """Return the shape of each job, or the row of one that cannot run."""
+    found: list[str | Row] = []
+    for task in tasks:
         try:
-            found.append((_shape(Path(task.path)), None))
+            found.append(_shape(Path(task.path)))
         except (AxcompError, OSError) as error:
-            found.append((None, _failed(task, str(error))))
+            found.append(_failed(task, str(error)))
     return found
 
 

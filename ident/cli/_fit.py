@@ -1,8 +1,6 @@
 """The command ``fit``: a job file → lists, report, result, and what it found for a terminal."""
 
-import dataclasses
 import time
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +14,7 @@ from ._said import print_remarks, table_of, tell, working
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..job import AbstractResult, EffectShare, GroupResult, JobResult, Remark
+    from ..job import AbstractResult, EffectShare, GroupResult, JobResult
 
 _STAGES = ("before", "predicted", "from_file")
 """Errors of a sum that are shown."""
@@ -71,25 +69,15 @@ def fit(
 
 def _print_fits(console: "Console", result: "JobResult") -> None:
     """Print what a person wants to know first; what several fits say alike, once."""
-    counts = Counter(
-        remark.message for one in result.fits for remark in set(one.remarks)
-    )
-    shared = {words for words, count in counts.items() if count > 1}
+    said = set[str]()
     alone = dict(enumerate(result.fits))
     for group in result.groups:
-        _print_group(console, group, result.fits)
+        _print_group(console, group, result.fits, said)
         for index in group.fits:
-            _print_fit(console, alone.pop(index), shared, group)
+            _print_fit(console, alone.pop(index), said, grouped=True)
     for one in alone.values():
-        _print_fit(console, one, shared)
-    said = {remark.message for group in result.groups for remark in group.remarks}
-    every = dict.fromkeys(
-        remark
-        for one in result.fits
-        for remark in one.remarks
-        if remark.message in shared - said
-    )
-    print_remarks(console, [*every, *result.remarks])
+        _print_fit(console, one, said)
+    print_remarks(console, result.remarks, said)
 
 
 def _verdict_of(result: "JobResult") -> str:
@@ -119,39 +107,22 @@ def _verdict_of(result: "JobResult") -> str:
 def _print_fit(
     console: "Console",
     found: "AbstractResult",
-    shared: set[str],
-    group: "GroupResult | None" = None,
+    said: set[str],
+    *,
+    grouped: bool = False,
 ) -> None:
     """Print figures, gate, verdict and remarks of a fit, without what is said elsewhere."""
     from ..report import headline_of
 
-    name, remarks = "", [r for r in found.remarks if r.message not in shared]
-    if group is not None:
-        name = f"{found.compensation} of {found.axis}: "
-        remarks = _not_of_group(remarks, group)
-    elif not found.left_out:
+    name = f"{found.compensation} of {found.axis}: " if grouped else ""
+    if not (grouped or found.left_out):
         _print_figures(console, found)
     if found.gate:
         _print_gate(console, found, name)
     if not found.left_out:
         sentence = headline_of(found, scale_of(found.unit)).sentence
         tell(console, f"{name}verdict: {sentence}")
-    print_remarks(console, remarks)
-
-
-def _not_of_group(remarks: Sequence["Remark"], group: "GroupResult") -> list["Remark"]:
-    """Return the remarks of a fit, without the sentences that the group has said."""
-    from ..job.joint import TOGETHER  # takes long to load
-
-    own, found = {remark.message for remark in group.remarks}, []
-    for remark in remarks:
-        message = remark.message
-        if message in own or message.startswith(TOGETHER):
-            continue
-        for pair in group.lost:
-            message = message.replace(pair.sentence, "").strip()
-        found.append(dataclasses.replace(remark, message=message))
-    return found
+    print_remarks(console, found.remarks, said)
 
 
 def _print_figures(console: "Console", found: "AbstractResult") -> None:
@@ -186,21 +157,27 @@ def _print_gate(console: "Console", found: "AbstractResult", name: str) -> None:
 
 
 def _print_group(
-    console: "Console", group: "GroupResult", fits: Sequence["AbstractResult"]
+    console: "Console",
+    group: "GroupResult",
+    fits: Sequence["AbstractResult"],
+    said: set[str],
 ) -> None:
     """Print what was identified together, what of it is written, and what is undetermined."""
+    from ..job.joint import TOGETHER  # takes long to load
+
     _print_sums(console, group)
     _print_effects(console, group, fits)
     lost = dict.fromkeys(pair.sentence for pair in group.lost)
     for sentence in lost:
         tell(console, f"undetermined: {sentence}")
-    said = " ".join(lost)
     for each in group.effects:
-        if each.written and each.why and each.name not in said:
+        if each.written and each.why and each.name not in " ".join(lost):
             tell(console, f"undetermined: of the {each.name}: {each.why}")
     for freedom in group.freedoms:
         tell(console, f"free: {freedom.sentence} {freedom.rule}")
-    print_remarks(console, [r for r in group.remarks if r.message not in lost])
+    own = [remark.message for index in group.fits for remark in fits[index].remarks]
+    said |= {*lost, *(message for message in own if message.startswith(TOGETHER))}
+    print_remarks(console, group.remarks, said)
 
 
 def _print_sums(console: "Console", group: "GroupResult") -> None:

@@ -20,12 +20,19 @@ _SOON, _LONG = 2.0, 10.0
 """Seconds after which a terminal shows what goes on, and after which other places do."""
 
 
-def print_remarks(console: "Console", remarks: Iterable["Remark"]) -> None:
-    """Print remarks, errors first."""
+def print_remarks(
+    console: "Console", remarks: Iterable["Remark"], said: set[str]
+) -> None:
+    """Print remarks, errors first, without what was said before them; now they are said."""
     from ..job import by_level
 
     for remark in by_level(remarks):
-        tell(console, f"{remark.level}: {remark.message}")
+        message = remark.message
+        for sentence in said:
+            message = message.replace(sentence, "").strip()
+        if message:
+            tell(console, f"{remark.level}: {message}")
+        said.add(remark.message)
 
 
 def tell(console: "Console", line: str) -> None:

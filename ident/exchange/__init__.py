@@ -14,7 +14,7 @@ from ._axis_models import (
     load_model as load_model,
     write_lists as write_lists,
 )
-from ._capacity import ListTarget as ListTarget, build_number as build_number
+from ._capacity import ListTarget as ListTarget
 from ._conventions_file import (
     StoredConventions as StoredConventions,
     read_conventions as read_conventions,

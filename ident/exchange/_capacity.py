@@ -1,30 +1,10 @@
 """How many entries a table may have, and from which build that can be changed."""
 
 import dataclasses
-import re
 from typing import final
 
-from ...data.lists import ListFile
-from ._units import ExchangeError, expect
-
-FIRST_WITH_MAX_POINTS = (3, 1, 3079, 6)
-"""Build V3.1.3079.06, from which the size of the tables can be set."""
-
-_BUILD = re.compile(r"[Vv]?(\d+(?:\.\d+){1,4})\s*")
-
-
-def build_number(build: str) -> tuple[int, ...]:
-    """Return a build such as ``V3.1.3108.4`` as numbers that can be compared.
-
-    Raises:
-        ExchangeError: If the text is no build.
-    """
-    match = _BUILD.fullmatch(build)
-    if match is None:
-        raise ExchangeError(
-            where="build", found=repr(build), expected="a build such as V3.1.3108.4"
-        )
-    return tuple(int(part) for part in match[1].split("."))
+from ...data.lists import ListFile, build_has, registry
+from ._units import expect
 
 
 @final
@@ -70,7 +50,7 @@ class ListTarget:
         if wanted is None or wanted == stated:
             return {}
         expect(
-            build is None or build_number(build) >= FIRST_WITH_MAX_POINTS,
+            build_has(registry().by_key[name], build),
             name,
             f"a table that needs {needed} on build {build}",
             "a table within the fixed size (max_points: V3.1.3079.06 on)",

@@ -2,8 +2,12 @@
 
 import re
 from collections.abc import Mapping
+from typing import Any
 
-from ...data.lists import ListFile
+import numpy as np
+from jaxtyping import Int
+
+from ...data.lists import ListFile, parse_real, registry
 from ._units import LIST_UNITS, ExchangeError, expect
 
 Increments = float | Mapping[int, float] | None
@@ -12,7 +16,6 @@ Increments = float | Mapping[int, float] | None
 MOST_REVERSAL_CYCLES = 19
 """For a reversal and for the temperature: fewer than 20 (S-25, S-44)."""
 _TABLES = ("table[]", "table[][]", "position[]")
-_REAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,2})?")
 _LONGEST = 60
 """Characters of a number that somebody meant."""
 _DIGITS = re.compile(r"([0-9]{1,5})\D*$")
@@ -57,12 +60,15 @@ def required(listing: ListFile, name: str) -> int:
 
 
 def optional(listing: ListFile, name: str) -> int:
-    """Return an integer entry, 0 where the list leaves it out, as in the controller.
+    """Return an integer entry, its default where the list leaves it out.
 
     Raises:
         ExchangeError: If it stands there and is unreadable.
     """
-    return 0 if listing.get(name) is None else required(listing, name)
+    if listing.get(name) is not None:
+        return required(listing, name)
+    row = registry().by_key.get(name)
+    return row.default if row is not None and isinstance(row.default, int) else 0
 
 
 def not_negative(listing: ListFile, name: str) -> int:
@@ -105,11 +111,10 @@ def real(listing: ListFile, name: str) -> float:
         ExchangeError: If it stands there and is no finite number.
     """
     entry = listing.get(name)
-    if entry is None:
-        return 0.0
-    if len(entry.value) > _LONGEST or _REAL.fullmatch(entry.value) is None:
+    value = 0.0 if entry is None else parse_real(entry.value)
+    if value is None:
         raise _unreadable(listing, name, "a number")
-    return float(entry.value)
+    return value
 
 
 def values_of(
@@ -133,17 +138,16 @@ def values_of(
     return listing.table(prefix, field)
 
 
-def column(listing: ListFile, prefix: str, field: str) -> dict[int, int]:
-    """Return a column of a table with one index, in list units.
+def column(
+    listing: ListFile, prefix: str, field: str, count: int
+) -> Int[np.ndarray, " n"]:
+    """Return the first values of a column in list units; what is missing is 0 (S-57).
 
     Raises:
         ExchangeError: If an entry is unreadable.
     """
-    return {
-        index: value
-        for index, value in values_of(listing, prefix, field).items()
-        if isinstance(index, int)
-    }
+    given: dict[Any, int] = dict(values_of(listing, prefix, field))
+    return np.array([given.get(k, 0) for k in range(count)], dtype=np.int64)
 
 
 def unit_size(
@@ -175,6 +179,6 @@ def unit_size(
     return size
 
 
-def scaled(value: int, size: float) -> float:
-    """Return an integer of the list in mm or °, exact for list units."""
-    return value / LIST_UNITS if size == 1.0 / LIST_UNITS else value * size
+def scaled(values: Any, size: float) -> Any:
+    """Return integers of the list in mm or °, exact for list units."""
+    return values / LIST_UNITS if size == 1.0 / LIST_UNITS else values * size

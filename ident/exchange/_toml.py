@@ -9,7 +9,6 @@ from typing import Any
 
 from ...data.errors import AxcompError
 
-_KEY = re.compile(r"""\s*("[^"]*"|'[^']*'|[\w.-]+)\s*=""")
 _AT = re.compile(r"(.*?) \(at (?:line (\d+), column (\d+)|end of document)\)")
 
 
@@ -53,34 +52,24 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
             raise TomlError(str(path), None, f"not TOML: {error}") from None
         line = int(match[2]) if match[2] else text.count("\n") + 1
         place = f" in column {match[3]}" if match[3] else ""
-        reason = _stated_twice(text, line) or f"not TOML: {match[1]}{place}"
+        twice = _stated_twice(text, line) if "Cannot" in match[1] else None
+        reason = twice or f"not TOML: {match[1]}{place}"
         raise TomlError(str(path), line, reason) from None
 
 
 def _stated_twice(text: str, line: int) -> str | None:
-    """Return what is wrong with a line whose key stands above it in the same table, or None.
+    """Return what is wrong with a line whose key or heading stands above it, or None.
 
     Args:
-        text: That is TOML up to there.
-        line: Where a key or the heading of a table ends (1-based).
+        text: In which something stands twice in one table.
+        line: Where the second one ends (1-based).
     """
-    above = text.splitlines()[:line]
-    table = [at for at, each in enumerate(above) if each.lstrip().startswith("[")]
-    first = table[-1] if table else 0
-    if len(above) < line:
-        return None  # it ends too early
-    if first == line - 1:  # a heading
-        same = [at for at in table if above[at].strip() == above[-1].strip()]
-    else:
-        keys = {at: _KEY.match(above[at]) for at in range(first, line)}
-        named = {at: match[1] for at, match in keys.items() if match is not None}
-        last = named.get(max(named, default=first))
-        same = [at for at, name in named.items() if name == last]
-    if len(same) < 2:
+    *above, last = (each.partition("=")[0].strip() for each in text.splitlines()[:line])
+    same = [number for number, head in enumerate(above, 1) if head == last]
+    if not same:
         return None
-    what = " ".join(above[same[-1]].partition("=")[0].split())
     return (
-        f"found {what} a second time, after line {same[0] + 1}, expected one of both: the"
+        f"found {last} a second time, after line {same[-1]}, expected one of both: the"
         " other one is no answer, and has a # in front"
     )
 

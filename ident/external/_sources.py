@@ -19,7 +19,7 @@ from ..exchange import (
     axes_in_use,
     machine_lists,
 )
-from ..job import tree_json
+from ..job import Job, JobFile, tree_json
 from ..kinds import kind
 from ._law import external_from_lists
 
@@ -89,9 +89,9 @@ def list_source(
         ExchangeError: If a result or a list cannot be used, or there is no such table.
         OSError: If a file cannot be read.
     """
-    job = _Job.read(paths[0]) if len(paths) == 1 and _is_result(paths[0]) else _Job()
-    lists = [ListFile.read(path) for path in (job.lists if job.result else paths)]
-    rules = conventions or job.conventions
+    given = _given(paths)
+    job, rules = given.job, conventions or given.job.conventions
+    lists = [ListFile.read(path) for path in given.lists]
     machine = machine_lists(lists)
     used = machine.in_use(rules)
     held = [one for one in used if one.kind.table]
@@ -101,11 +101,13 @@ def list_source(
             found="no active cross, plane or leadscrew table",
             expected="at least one: all else needs more than positions",
         )
-    numbers = tuple(axes or sorted({*job.axes, *axes_in_use(used, machine)}))
-    ranges = {**job.modulo, **(modulo or {})}
+    own = job.spec.axes.values()
+    stated = {*(one.number for one in own), *axes_in_use(used, machine)}
+    numbers = tuple(axes or sorted(stated))
+    ranges = {**job.ranges, **(modulo or {})}
     steps = increment if increment is not None else job.increments or None
     law = external_from_lists(lists, Reading(rules, steps, ranges), axes=numbers)
-    left = {(f"A{one.axis}", one.name) for one in used} | set(job.fits)
+    left = {(f"A{one.axis}", one.name) for one in used} | given.fits
     remarks = [
         f"{axis}: the {name} compensation is left out, as {_reason(name)}. Leave it active."
         for axis, name in sorted(left)
@@ -114,9 +116,10 @@ def list_source(
     replaced: dict[int, list[str]] = {}
     for one in held:
         replaced.setdefault(one.axis, []).append(one.name)
-    workspace = {**_reach(law.law, numbers), **ranges, **job.limits}
-    said = (*job.remarks, *remarks)
-    return ListSource(law, numbers, workspace, replaced, said, job.result)
+    limits = {one.number: (one.limits[0], one.limits[1]) for one in own if one.limits}
+    workspace = {**_reach(law.law, numbers), **ranges, **limits}
+    said = (*given.remarks, *remarks)
+    return ListSource(law, numbers, workspace, replaced, said, given.result)
 
 
 def _reason(name: str) -> str:
@@ -138,78 +141,60 @@ def _reach(law: Any, numbers: Sequence[int]) -> dict[int, tuple[float, float]]:
     return found
 
 
-def _is_result(path: Path) -> bool:
-    return path.is_dir() or path.suffix == ".json"
-
-
 @dataclasses.dataclass(frozen=True)
-class _Job:
-    """What the result of a job says of lists and machine; empty where there is none."""
+class _Given:
+    """Lists to export, and what a job says of their machine; of nothing where there is none."""
 
-    lists: tuple[Path, ...] = ()
-    conventions: Conventions = dataclasses.field(default_factory=Conventions)
-    axes: tuple[int, ...] = ()
-    limits: Ranges = dataclasses.field(default_factory=dict)
-    modulo: Ranges = dataclasses.field(default_factory=dict)
-    increments: Mapping[int, float] = dataclasses.field(default_factory=dict)
-    fits: tuple[tuple[str, str], ...] = ()
+    job: Job
+    lists: Sequence[Path]
+    fits: frozenset[tuple[str, str]] = frozenset()
     remarks: tuple[str, ...] = ()
     result: Path | None = None
 
-    @classmethod
-    def read(cls, path: Path) -> "_Job":
-        file = path / "result.json" if path.is_dir() else path
-        try:
-            tree = json.loads(file.read_bytes())
-            axes = tree["job"]["axes"].values()
-            numbers = {one["number"]: one for one in axes}
-            fits, files = tree["fits"], tree["files"]
-            bad = [fit for fit in fits if fit["verdict"] == "rejected"]
-            stated = [rule for fit in fits for rule in fit["conventions"]]
-            rules = _conventions({rule["name"]: rule["value"] for rule in stated})
-            lists = [name for name in files if name.endswith(".lis")]
-            known = tuple((fit["axis"], fit["compensation"]) for fit in fits)
-        except (ValueError, KeyError, TypeError, AttributeError):
-            raise ExchangeError(
-                where=str(file),
-                found="no result of a job",
-                expected="that of axcomp fit",
-            ) from None
-        if bad:
-            raise ExchangeError(
-                where=str(file),
-                found=f"the {bad[0]['compensation']} of {bad[0]['axis']} rejected",
-                expected="fits whose gate passed",
-            )
+
+def _given(paths: Sequence[Path]) -> _Given:
+    """Return lists as they are, or those of a job with what its result says.
+
+    Raises:
+        ExchangeError: If a result is none, or one of its fits is rejected.
+    """
+    file = paths[0] / "result.json" if paths[0].is_dir() else paths[0]
+    if len(paths) > 1 or file.suffix != ".json":
+        spec = JobFile.model_construct(axes={}, measurements={})
+        return _Given(Job(file, spec, Conventions(), frozenset(), "", ()), paths)
+    try:
+        tree = json.loads(file.read_bytes())
+        spec = JobFile.model_validate_json(json.dumps(tree["job"]))
+        fits = tree["fits"]
+        bad = [fit for fit in fits if fit["verdict"] == "rejected"]
         unproven = sorted({fit["axis"] for fit in fits if fit["verdict"] == "unproven"})
-        remark = f"Signs of {', '.join(unproven)} are assumed: no measurement has shown them."
-        return cls(
-            lists=tuple(
-                file.parent / name
-                for name in lists
-                if not name.endswith(".add.lis") and "/" not in name
-            ),
-            conventions=rules,
-            axes=tuple(sorted(numbers)),
-            limits=_ranges(numbers, "limits"),
-            modulo=_ranges(numbers, "modulo"),
-            increments={
-                number: one["increment"]
-                for number, one in numbers.items()
-                if one.get("increment") is not None
-            },
-            fits=known,
-            remarks=(remark,) if unproven else (),
-            result=file,
+        stated = [rule for fit in fits for rule in fit["conventions"]]
+        rules = _conventions({rule["name"]: rule["value"] for rule in stated})
+        known = frozenset((fit["axis"], fit["compensation"]) for fit in fits)
+        names = [name for name in tree["files"] if _is_list(name)]
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise ExchangeError(
+            where=str(file),
+            found="no result of a job",
+            expected="that of axcomp fit",
+        ) from None
+    if bad:
+        raise ExchangeError(
+            where=str(file),
+            found=f"the {bad[0]['compensation']} of {bad[0]['axis']} rejected",
+            expected="fits whose gate passed",
         )
+    job = Job(file, spec, rules, frozenset(), "", ())
+    remark = (
+        f"Signs of {', '.join(unproven)} are assumed: no measurement has shown them."
+    )
+    lists = [file.parent / name for name in names]
+    return _Given(job, lists, known, (remark,) if unproven else (), file)
 
 
-def _ranges(axes: Mapping[int, Mapping[str, Any]], key: str) -> Ranges:
-    return {
-        number: (float(one[key][0]), float(one[key][1]))
-        for number, one in axes.items()
-        if one.get(key) is not None
-    }
+def _is_list(name: str) -> bool:
+    """Return whether a file of a job is a whole list that may be loaded."""
+    return name.endswith(".lis") and not name.endswith(".add.lis") and "/" not in name
 
 
 def _conventions(texts: Mapping[str, str]) -> Conventions:

@@ -16,18 +16,30 @@ theirs: they need no ``plan.py`` and no ``page.py``.
 """
 
 import abc
+import functools
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
+import numpy as np
+
 from ...data.lists import ListFile, Value
 from ...models import Conventions, Coupled
-from ..diagnosis.probe._probe import Masters, Outcomes, Places, ProbeAxis, Probed
+from ..diagnosis.probe._probe import (
+    HEIGHT,
+    Masters,
+    Outcomes,
+    Places,
+    ProbeAxis,
+    Probed,
+    plateau,
+)
 from ..exchange._capacity import ANY_LIST, ListTarget
 from ..exchange._identity import Increments, axis_number, flag, not_negative
 from ..exchange._machine_lists import InUse, Reading
 from ..exchange._nodes import Ranges
-from ..exchange._units import ExchangeError, ModelUnit
+from ..exchange._units import LIST_UNITS, ExchangeError, ModelUnit
 from ..exchange.controller._motion import Motion
+from . import kind
 from ._kind import Kind
 
 if TYPE_CHECKING:
@@ -269,7 +281,15 @@ class AbstractProbe(abc.ABC):
         self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
     ) -> Mapping[str, Value]:
         """Return the entries of the compensation list, 10 µm whatever sign they get."""
-        return {}
+        own = kind(one.name).entries.table
+        if own is None:
+            return {}
+        masters = [axes[number] for number in one.masters]
+        nodes, turns = (each.grid for each in masters), any(m.modulo for m in masters)
+        table = own(one.axis, one.masters, tuple(nodes), conventions, turns)
+        shares = [plateau(each) / HEIGHT for each in reversed(self.plateaus)]
+        heights = HEIGHT * functools.reduce(np.multiply.outer, shares)
+        return table.entries(np.rint(heights * LIST_UNITS).astype(np.int64))
 
     def additions(self, axis: ProbeAxis) -> dict[str, int | str]:
         """Return what only stands in the axis list; else it is switched on there."""

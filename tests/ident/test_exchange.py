@@ -14,7 +14,6 @@ from axcomp.ident.exchange import (
     ListTarget,
     PointNodes,
     axis_number,
-    build_number,
     grid_nodes,
     offset_at,
     point_nodes,
@@ -358,15 +357,6 @@ def test_larger_max_points_that_is_there_stays() -> None:
     small = parse("kopf.achs_nr 3\nkw.crosscomp.max_points 500\n")
     assert "kw.crosscomp.max_points" not in table.entries(values, ListTarget(there))
     assert table.entries(values, ListTarget(small))["kw.crosscomp.max_points"] == 1001
-
-
-def test_builds_compare_by_number() -> None:
-    assert build_number("V3.1.3079.06") == build_number("3.1.3079.6")
-    assert build_number("V3.1.3108.4") > build_number("V3.1.3079.06")
-    with pytest.raises(
-        ExchangeError, match="build: found 'new', expected a build such"
-    ):
-        build_number("new")
 
 
 def test_rectangular_list_keeps_its_kind_of_grid() -> None:

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
+from ....data.lists import BuildError, parse_build
 from ....data.measurements import find_role
-from ...exchange import ExchangeError, build_number
 from ...kinds._keys import Fault, FitSpec, KeyPath, unknown
 from ._schema import ColumnOfRun, JobFile, MeasurementSpec
 
@@ -19,9 +19,9 @@ def find_fault(job: JobFile) -> Fault | None:
 def _controller(job: JobFile) -> Iterator[Fault]:
     if job.controller.build is not None:
         try:
-            build_number(job.controller.build)
-        except ExchangeError as error:
-            reason = f"found {error.found}, expected {error.expected}"
+            parse_build(job.controller.build)
+        except BuildError as error:
+            reason = f"found {error.build!r}, expected a build such as V3.1.3108.4"
             yield ("controller", "build"), reason
 
 

@@ -98,18 +98,11 @@ class CrossEntries(AbstractEntries):
         conventions, increment = reading.conventions, reading.increment
         count = required(listing, f"{PREFIX}.last_index") + 1
         refuse_huge(count, f"{listing.source}: {PREFIX}.last_index")
-        setpoints = column(listing, PREFIX, "setpoint")
-        corrections = column(listing, PREFIX, "correction")
         slave, master = _axes(listing, conventions)
         by_master = unit_size(listing, PREFIX, master, increment)
         by_slave = unit_size(listing, PREFIX, slave, increment)
-        # A missing setpoint or correction is 0 in the controller (S-57).
-        points = np.array(
-            [scaled(setpoints.get(k, 0), by_master) for k in range(count)]
-        )
-        values = np.array(
-            [scaled(corrections.get(k, 0), by_slave) for k in range(count)]
-        )
+        points = scaled(column(listing, PREFIX, "setpoint", count), by_master)
+        values = scaled(column(listing, PREFIX, "correction", count), by_slave)
         refuse_unordered(points, f"{listing.source}: {PREFIX}.table[].setpoint")
         return Cross(
             nodes=wrapped(Setpoints(as_array(points)), reading.modulo.get(master)),

@@ -1,9 +1,7 @@
 """The step of a probe for a cross table."""
 
-from collections.abc import Mapping
 from typing import final
 
-from ....models import Conventions, Cross
 from ...diagnosis.probe._probe import (
     SECOND,
     Masters,
@@ -13,11 +11,8 @@ from ...diagnosis.probe._probe import (
     Probed,
     both_signs,
     number_text,
-    plateau,
 )
-from ...exchange._nodes import PointNodes, as_array
 from .._protocol import AbstractProbe
-from .entries import entries_of_cross
 
 
 @final
@@ -25,13 +20,6 @@ class CrossProbe(AbstractProbe):
     """A plateau along the master."""
 
     plateaus = (SECOND,)
-
-    def entries(
-        self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
-    ) -> dict[str, int | str]:
-        points = PointNodes(axes[one.masters[0]].grid.integers)
-        cross = Cross(nodes=points.model(), values=as_array(plateau(SECOND)))
-        return entries_of_cross(cross, one.masters)
 
     def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         (master,) = masters

@@ -1,6 +1,6 @@
 """Crosstalk compensation: ``kw.crosstalk`` in a list ↔ `Crosstalk`, old form read."""
 
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float
@@ -17,7 +17,14 @@ from ....models import (
     surface_through,
 )
 from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
-from ...exchange._identity import column, flag, not_negative, optional, required
+from ...exchange._identity import (
+    column,
+    flag,
+    not_negative,
+    optional,
+    required,
+    values_of,
+)
 from ...exchange._machine_lists import InUse, Reading
 from ...exchange._nodes import as_array
 from ...exchange._units import (
@@ -86,8 +93,7 @@ def _is_old(listing: ListFile) -> bool:
 
 
 def _mode(listing: ListFile) -> int:
-    given = listing.get(f"{PREFIX}.mode") is not None
-    mode = required(listing, f"{PREFIX}.mode") if given else 1
+    mode = optional(listing, f"{PREFIX}.mode")
     expect(mode in (1, 2, 3), f"{listing.source}: {PREFIX}.mode", mode, "1 to 3")
     return mode
 
@@ -96,7 +102,9 @@ def _tests(listing: ListFile) -> int:
     count = optional(listing, f"{PREFIX}.max_points")
     if not count:
         # The manuals' own example leaves it out: then all tests that stand there (S-40).
-        used = [column(listing, PREFIX, name) for name in VALUES]
+        used: list[dict[Any, int]] = [
+            dict(values_of(listing, PREFIX, name)) for name in VALUES
+        ]
         count = 1 + max(max(given, default=-1) for given in used)
     refuse_huge(count, f"{listing.source}: {PREFIX}.max_points")
     return count
@@ -105,16 +113,14 @@ def _tests(listing: ListFile) -> int:
 def _old_from_list(listing: ListFile, conventions: Conventions) -> LegacyCrosstalk:
     count = optional(listing, f"{PREFIX}.last_index") + 1
     refuse_huge(count, f"{listing.source}: {PREFIX}.last_index")
-    rates = column(listing, PREFIX, "acceleration")
-    values = column(listing, PREFIX, "correction")
-    nodes = np.array([rates.get(k, 0) for k in range(count)], dtype=np.int64)
+    nodes = column(listing, PREFIX, "acceleration", count)
     expect(
         count >= 1 and (np.diff(nodes) > 0).all(),
         f"{listing.source}: {PREFIX}.table[].acceleration",
         ", ".join(map(str, nodes[:8].tolist())) or "no entry",
         "ascending accelerations (70659)",
     )
-    table = np.array([values.get(k, 0) for k in range(count)], dtype=np.int64)
+    table = column(listing, PREFIX, "correction", count)
     return LegacyCrosstalk(
         nodes=Setpoints(as_array(nodes.astype(float))),
         values=as_array(from_list_units(table)),
@@ -167,14 +173,9 @@ class CrosstalkEntries(AbstractEntries):
             return _old_from_list(listing, conventions)
         mode = _mode(listing)
         count = 1 if mode == 1 else _tests(listing)
-        columns = [column(listing, PREFIX, f"ax_{k}") for k in range(1, mode)]
-        # What the list leaves out is 0 in the controller.
-        points = np.array(
-            [[given.get(k, 0) for given in columns] for k in range(count)],
-            dtype=np.int64,
-        ).reshape(count, mode - 1)
-        values = [column(listing, PREFIX, name) for name in VALUES]
-        table = np.array([[given.get(k, 0) for k in range(count)] for given in values])
+        axes = [column(listing, PREFIX, f"ax_{k}", count) for k in range(1, mode)]
+        points = np.array(axes, dtype=np.int64).reshape(mode - 1, count).T
+        table = np.stack([column(listing, PREFIX, name, count) for name in VALUES])
         rates = {name: required(listing, f"{PREFIX}.{name}") for name in _RATES}
         for name, sign in _RATES.items():
             where, words = f"{listing.source}: {PREFIX}.{name}", f"{rates[name]} mm/s²"

@@ -7,10 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.signals import quantile
-from ....models import FrictionCompensation
+from ....models import FrictionCompensation, FrictionTable, Setpoints
 from ...friction import DriveSamples, Knots, Laws, ReversalFit
 from ._identify import Identified
-from .entries import FrictionNumbers
 from .keys import Spec
 
 _POINTS = 400
@@ -174,12 +173,12 @@ def law_curve(found: Identified, samples: DriveSamples) -> LawCurve | None:
     )
 
 
-def numbers_of(
+def compensation_of(
     knots: Knots,
     reversal: ReversalFit | None,
     before: FrictionCompensation | None,
     sign: int = 1,
-) -> FrictionNumbers:
+) -> FrictionCompensation:
     """Return what the list says, currents in list units.
 
     Args:
@@ -195,10 +194,8 @@ def numbers_of(
         if "position_delay" in around:
             around["position_delay"] = min(around["position_delay"], _MOST_DELAY)
     elif before is not None:
-        around = {
-            "reversal_lookahead": before.reversal_lookahead,
-            "position_delay": float(before.position_delay),
-            "delay_cycles": before.delay_cycles,
-        }
-    entries = FrictionNumbers(knots.velocity / 1000.0, sign * knots.out.astype(float))
-    return dataclasses.replace(entries, **around)
+        names = ("reversal_lookahead", "position_delay", "delay_cycles")
+        around = {name: getattr(before, name) for name in names}
+    speeds = Setpoints(knots.velocity / 1000.0)
+    law = FrictionTable(speeds, sign * knots.out.astype(float))
+    return FrictionCompensation(law, **around)

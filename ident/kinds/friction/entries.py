@@ -1,6 +1,5 @@
 """Friction compensation: ``frict_comp`` in a list ↔ `FrictionCompensation`."""
 
-import dataclasses
 from typing import final
 
 import equinox as eqx
@@ -37,25 +36,6 @@ _FASTEST_ENTRY = 2**31 - 2
 _MOST = {"position_delay": 10, "reversal_lookahead": 4, "delay_cycles": 248}
 
 
-@dataclasses.dataclass(frozen=True)
-class FrictionNumbers:
-    """What a friction list says, before it is rounded.
-
-    Attributes:
-        speeds: Of the entries in mm/s or °/s, ascending.
-        currents: Of the entries in list units, held at both ends.
-        position_delay: In mm or °.
-        reversal_lookahead: In cycles.
-        delay_cycles: In cycles.
-    """
-
-    speeds: Float[np.ndarray, " p"]
-    currents: Float[np.ndarray, " p"]
-    position_delay: float = 0.0
-    reversal_lookahead: int = 0
-    delay_cycles: int = 0
-
-
 def has_friction(listing: ListFile) -> bool:
     """Whether the list holds a friction table that is not switched off by its mode."""
     return (
@@ -80,25 +60,19 @@ def friction_from_list(
     expect(mode == BY_SPEED, f"{listing.source}: {PREFIX}.mode", mode, "3")
     count = required(listing, f"{PREFIX}.table_entries")
     refuse_huge(count, f"{listing.source}: {PREFIX}.table_entries")
-    # A missing entry is 0 in the controller.
-    speeds = column(listing, PREFIX, "in")
-    currents = column(listing, PREFIX, "out")
-    knots = np.array([speeds.get(k, 0) for k in range(count)], dtype=np.int64)
+    knots = column(listing, PREFIX, "in", count)
     expect(
         count >= 1 and (knots >= 0).all() and (np.diff(knots) > 0).all(),
         f"{listing.source}: {PREFIX}.table[].in",
         ", ".join(map(str, knots[:8].tolist())) or "no entry",
         "ascending velocities, none below 0 (110591)",
     )
-    scale = listing.integer(f"{PREFIX}.scaling_factor")
-    if scale is None:
-        stated = listing.get(f"{PREFIX}.scaling_factor") is not None
-        scale = required(listing, f"{PREFIX}.scaling_factor") if stated else _PER_MILLE
+    scale = optional(listing, f"{PREFIX}.scaling_factor")
     delay, ahead, late = (not_negative(listing, f"{PREFIX}.{name}") for name in _MOST)
     return FrictionCompensation(
         law=FrictionTable(
             nodes=Setpoints(knots / VELOCITY_UNITS),
-            values=np.array([currents.get(k, 0) for k in range(count)], float),
+            values=column(listing, PREFIX, "out", count).astype(float),
             scaling=scale / _PER_MILLE,
             held_below=conventions.friction_below == "hold",
             held_above=conventions.friction_above == "hold",
@@ -117,8 +91,7 @@ def friction_from_list(
 
 
 def entries_of_friction(
-    friction: FrictionCompensation | FrictionNumbers,
-    target: ListTarget = ANY_LIST,
+    friction: FrictionCompensation, target: ListTarget = ANY_LIST
 ) -> dict[str, int | str]:
     """Return the list entries of a friction compensation, rounded to list units.
 
@@ -128,15 +101,13 @@ def entries_of_friction(
     engineer; the scaling of the model goes into the entries.
 
     Args:
-        friction: Its law must be a table whose ends are held; or just its numbers.
+        friction: Its law must be a table whose ends are held.
         target: The list that they are written for.
 
     Raises:
         ExchangeError: If something does not fit into a list.
     """
-    if isinstance(friction, FrictionCompensation):
-        friction = _numbers_of(friction)
-    speeds, currents = _with_ends(friction)
+    speeds, currents = _with_ends(_table_of(friction))
     entries = target.max_points_entry(
         PREFIX, len(speeds) + 1, len(speeds) <= DEFAULT_COUNT
     )
@@ -165,7 +136,7 @@ def entries_of_friction(
     return entries
 
 
-def _numbers_of(friction: FrictionCompensation) -> FrictionNumbers:
+def _table_of(friction: FrictionCompensation) -> FrictionTable:
     table = friction.law
     if not isinstance(table, FrictionTable):
         raise ExchangeError(
@@ -179,20 +150,15 @@ def _numbers_of(friction: FrictionCompensation) -> FrictionNumbers:
         "a table that is not held at its ends",
         "one that is held: only the list can say what happens there",
     )
-    return FrictionNumbers(
-        speeds=np.asarray(table.nodes.points),
-        currents=np.asarray(table.scaling) * np.asarray(table.values),
-        position_delay=float(friction.position_delay),
-        reversal_lookahead=friction.reversal_lookahead,
-        delay_cycles=friction.delay_cycles,
-    )
+    return table
 
 
 def _with_ends(
-    friction: FrictionNumbers,
+    table: FrictionTable,
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
     """Return velocities and currents in list units, from 1 µm/s to a flat end."""
-    knots, level = friction.speeds, friction.currents
+    knots = np.asarray(table.nodes.points)
+    level = np.asarray(table.scaling) * np.asarray(table.values)
     speeds = _round(knots * VELOCITY_UNITS, f"{PREFIX}.table[].in", (0, _FASTEST_ENTRY))
     if (np.diff(speeds) <= 0).any():
         at = int(np.argmax(np.diff(speeds) <= 0))

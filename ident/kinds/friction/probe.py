@@ -6,6 +6,7 @@ from typing import final
 from ....data.lists import Value
 from ....models import Conventions
 from ...diagnosis.probe._probe import Masters, Outcome, Outcomes, ProbeAxis, Probed
+from ...exchange._identity import optional
 from ...exchange._machine_lists import InUse
 from ...exchange._units import ExchangeError
 from .._protocol import AbstractProbe
@@ -33,8 +34,7 @@ class FrictionProbe(AbstractProbe):
             value = one.listing.integer(entry.name)
             if entry.name.startswith(f"{PREFIX}.") and value is not None:
                 kept[entry.name] = value
-        full = one.listing.integer(f"{PREFIX}.scaling_factor")
-        full = 1000 if full is None else full
+        full = optional(one.listing, f"{PREFIX}.scaling_factor")
         low = round(LEVEL * full)
         if not 0.1 <= low / max(full, 1) <= 0.2:
             raise ExchangeError(

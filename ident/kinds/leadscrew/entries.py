@@ -76,12 +76,9 @@ def read_leadscrew(
     count = required(listing, f"{PREFIX}.kw_nr_max")
     expect(count >= 1, f"{listing.source}: {PREFIX}.kw_nr_max", count, "1 or more")
     refuse_huge(count, f"{listing.source}: {PREFIX}.kw_nr_max")
-    # Missing values are 0 in the controller.
-    columns = [column(listing, PREFIX, "pos")]
-    if flag(listing, f"{PREFIX}.bilateral"):
-        columns.append(column(listing, PREFIX, "neg"))
-    values = np.array(
-        [[scaled(given.get(k, 0), size) for k in range(count)] for given in columns]
+    branches = ("pos", "neg") if flag(listing, f"{PREFIX}.bilateral") else ("pos",)
+    values = scaled(
+        np.stack([column(listing, PREFIX, each, count) for each in branches]), size
     )
     # An interval of 0, its default, asks for setpoints.
     interval = optional(listing, f"{PREFIX}.interval")
@@ -91,8 +88,7 @@ def read_leadscrew(
         places = tuple(np.asarray(scaled(each, size)) for each in (start, interval))
         ends = places[0], places[0] + (count - 1) * places[1]
     else:
-        given = column(listing, PREFIX, "setpoint")
-        points = np.array([scaled(given.get(k, 0), size) for k in range(count)])
+        points = scaled(column(listing, PREFIX, "setpoint", count), size)
         refuse_unordered(points, f"{listing.source}: {PREFIX}.table[].setpoint")
         places, ends = (points,), (points[0], points[-1])
     wraps = None

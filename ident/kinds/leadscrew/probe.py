@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import final
 
-from ....models import Conventions, Leadscrew
+from ....data.lists import Value
+from ....models import Conventions
 from ...diagnosis.probe._probe import (
     FIRST,
     Masters,
@@ -11,11 +12,9 @@ from ...diagnosis.probe._probe import (
     ProbeAxis,
     Probed,
     both_signs,
-    plateau,
 )
-from ...exchange._nodes import as_array
 from .._protocol import AbstractProbe
-from .entries import PREFIX, entries_of_leadscrew
+from .entries import PREFIX
 
 
 @final
@@ -26,15 +25,10 @@ class LeadscrewProbe(AbstractProbe):
 
     def entries(
         self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
-    ) -> dict[str, int | str]:
-        axis = axes[one.axis]
-        screw = Leadscrew(
-            nodes=axis.grid.model(),
-            pos=as_array(plateau(FIRST)),
-            modulo=axis.travel if axis.modulo else None,
-        )
+    ) -> dict[str, Value]:
+        entries = super().entries(one, axes, conventions)
         # The input without other offsets: the plateau stays where it is (S-23).
-        return entries_of_leadscrew(screw) | {f"{PREFIX}.set_pos_without_comp": 1}
+        return {**entries, f"{PREFIX}.set_pos_without_comp": 1}
 
     def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         return both_signs(axis, "leadscrew_sign", entry="error")

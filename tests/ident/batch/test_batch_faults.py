@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from axcomp.ident.batch import query_results, read_results
 from axcomp.ident.cli import main
 
 pytestmark = pytest.mark.slow
@@ -39,9 +40,7 @@ def wait_for(what: Callable[[], bool]) -> None:
 
 
 def done(out: Path) -> int:
-    with contextlib.suppress(FileNotFoundError):
-        return len((out / "journal.jsonl").read_bytes().splitlines())
-    return 0
+    return len(list(out.glob("unverified/*")))
 
 
 def children(parent: int) -> list[int]:
@@ -58,11 +57,9 @@ def children(parent: int) -> list[int]:
 
 def check_lists(out: Path, names: list[str]) -> None:
     """Every good job's list is there once, complete, and its row as well."""
-    rows = [
-        json.loads(line) for line in (out / "journal.jsonl").read_text().splitlines()
-    ]
-    own = [name for name, _ in rows]
+    own = read_results(out)["job"].to_pylist()
     assert len(own) == len(set(own))
+    assert set(names) <= set(own)
     places = sorted(path.name for path in (out / "unverified").iterdir())
     assert places == sorted(names)
     for name in names:
@@ -98,13 +95,8 @@ def test_a_killed_worker_a_corrupt_job_and_an_endless_one_cost_only_themselves(
     assert "Traceback" not in said
     names.remove("00007")
     check_lists(out, names)
-    reasons = {
-        name: rows[0]["reason"]
-        for name, rows in map(
-            json.loads, (out / "journal.jsonl").read_text().splitlines()
-        )
-        if rows[0]["state"] == "failed"
-    }
+    rows = query_results(out, "state = 'failed'", "job, reason").to_pylist()
+    reasons = {row["job"]: row["reason"] for row in rows}
     assert set(reasons) == {"corrupt", "00007", "endless"}
     assert "corrupt.toml:2: not TOML" in reasons["corrupt"]
     assert "00007.csv" in reasons["00007"]
