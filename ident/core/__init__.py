@@ -56,6 +56,7 @@ from ._prior import (
 from ._readings import Readings as Readings, filled as filled
 from ._regression import (
     Regression as Regression,
+    least_scale as least_scale,
     refuse_confounded as refuse_confounded,
     regress as regress,
 )

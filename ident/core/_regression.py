@@ -9,7 +9,6 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
 from ._drift import DriftNoise, find_drift, scatter_of_sums
@@ -82,7 +81,6 @@ def regress(
     loss: str = "student",
     quick: bool = False,
     noise: float | None = None,
-    plenty: bool = False,
 ) -> Regression:
     r"""Return the factors of columns that explain readings.
 
@@ -101,7 +99,6 @@ def regress(
         noise: Scatter of a reading of weight 1 as it is known beforehand, of readings that are
             independent: counts as two readings, lets as many unknowns be fitted as there are
             readings, and columns that cannot be separated are undetermined, not refused.
-        plenty: So many readings for each column that a start of least squares will do.
 
     Raises:
         FitError: If the columns cannot be separated or there are too few readings.
@@ -124,13 +121,11 @@ def regress(
     part = design @ basis
     found = estimate(
         stack,
-        memory(stack, Readings(target, {}, weight), sp.csr_array(part)),
+        memory(stack, Readings(target, {}, weight), part),
         loss=loss,
         weights=lambda _: np.zeros(0),
         floor=least_scale(target, noise),
-        start=None
-        if plenty
-        else _least_magnitudes(part * root[:, None], target * root, loss),
+        start=_least_magnitudes(part * root[:, None], target * root, loss),
     )
     left = target - part @ found.centre
     share = found.loss.share(left * root / found.loss.scale)

@@ -17,7 +17,16 @@ from jaxtyping import Bool, Float, Int
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import firwin
 
-from ..core import FitError, regress
+from ..core import (
+    ColumnsEffect,
+    FitError,
+    NoPrior,
+    Readings,
+    Stack,
+    estimate,
+    least_scale,
+    memory,
+)
 from ._samples import DriveSamples, check_samples
 from ._structures import (
     KNOTS,
@@ -37,6 +46,8 @@ _RATE = 100.0
 """Rows per s where nothing else is asked for."""
 _WILD = 4.0
 """Error in scales beyond which a row says nothing of the law."""
+_HELD = 1e-9
+"""Precision that holds a column without rows, relative to that of all others."""
 _RIDGE = 1e-12
 """Added to scaled normal matrices that are inverted as they stand."""
 
@@ -434,9 +445,18 @@ def weigh(recording: Recording, loss: str) -> Weights:
 
     own, limit, share = np.ones(count), np.inf, np.zeros(len(used))
     if loss != "gauss" and count > 2 * size:
-        # Nothing is known of the noise, but columns without rows are not refused.
-        found = regress(rows, target, loss=loss, quick=True, noise=0.0, plenty=True)
-        own, limit = found.share, _WILD * found.noise.white
+        length = np.sqrt(np.maximum(every[:, :-1].diagonal(), 1e-300))
+        design = rows / length
+        stack = Stack((ColumnsEffect(NoPrior(size), size, _HELD),), banded=False)
+        found = estimate(
+            stack,
+            memory(stack, Readings(target, {}, None), design),
+            loss=loss,
+            weights=lambda _: np.zeros(0),
+            floor=least_scale(target),
+        )
+        ratio = (target - design @ found.centre) / found.loss.scale
+        own, limit = found.loss.share(ratio), _WILD * found.loss.scale
     share[used] = own
     return Weights(share, limit, free, sums(own))
 

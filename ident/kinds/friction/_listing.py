@@ -13,7 +13,7 @@ from ._identify import Identified
 from .entries import FrictionNumbers
 from .keys import Spec
 
-_POINTS = 400
+_POINTS = 200
 _BINS = 60
 _ENOUGH = 0.05
 """Samples at a speed, as a share of the mean, at which a direction counts half."""
