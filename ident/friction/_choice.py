@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -51,7 +52,7 @@ class Candidate:
     window_error: Float[np.ndarray, " w"]
     fitted_error: float
 
-    @property
+    @cached_property
     def error(self) -> float:
         """Root of the mean square of the error over the windows."""
         return float(np.sqrt(np.mean(self.window_error**2)))

@@ -15,6 +15,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import block_diag
 from scipy.signal import firwin
 
 from ..core import (
@@ -32,6 +33,7 @@ from ._structures import (
     KNOTS,
     WAYS,
     AbstractStructure,
+    CoulombViscous,
     KnotTable,
     Stribeck,
     default_knots,
@@ -206,6 +208,11 @@ class Recording:
         return range_of(self.speed)
 
     @cached_property
+    def signs(self) -> Float[np.ndarray, "t 2"]:
+        """Sign of the motion in each direction; 0 elsewhere."""
+        return CoulombViscous(True).signs(self.samples.velocity).T
+
+    @cached_property
     def beside(self) -> Float[np.ndarray, "s f"]:
         """Acceleration, a constant load, and further loads."""
         samples, even = self.samples, np.ones(len(self.samples.time))
@@ -229,10 +236,11 @@ class Recording:
         self, structure: AbstractStructure, profile: Float[np.ndarray, "t k"]
     ) -> Float[np.ndarray, "s w k"]:
         """Return columns over speed with the signs of each direction, filtered."""
-        signs = structure.signs(self.samples.velocity)
-        both = signs.T[:, :, None] * profile[:, None]
-        found = self.lowpass(both.reshape(len(both), len(signs) * profile.shape[1]))
-        return found.reshape(len(found), len(signs), profile.shape[1])
+        signs = self.signs if structure.directional else self.signs.sum(1)[:, None]
+        both = signs[:, :, None] * profile[:, None]
+        shape = both.shape[1:]
+        found = self.lowpass(both.reshape(len(both), shape[0] * shape[1]))
+        return found.reshape(len(found), *shape)
 
 
 @final
@@ -310,13 +318,9 @@ class Equation:
     def tangent(self, factors: Float[np.ndarray, " k"]) -> Float[np.ndarray, "c p"]:
         """Return the map from `rows` but the target to derivatives by factors and shape."""
         shapes, ways = len(self.structure.shapes), self.structure.ways
-        last = factors[len(self.fixed_names) :].reshape(ways, -1)[:, -1:]
-        by_shape = np.kron(last, np.eye(shapes))
-        count = len(factors)
-        found = np.zeros((count + ways * shapes, count + shapes))
-        found[:count, :count] = np.eye(count)
-        found[count:, count:] = by_shape
-        return found
+        last = factors[len(self.fixed_names) :].reshape(ways, -1)[:, -1]
+        by_shape = np.concatenate([each * np.eye(shapes) for each in last])
+        return block_diag(np.eye(len(factors)), by_shape)
 
     @cached_property
     def reading(
@@ -342,7 +346,7 @@ class Equation:
             offset = 0.5 * both @ to_law / one.sum()
             names, beside = (*names, "offset"), np.vstack([beside, offset])
             to_law = to_law - np.outer(both, offset)
-        law = np.kron(np.eye(structure.ways), sums) @ to_law
+        law = block_diag(*[sums] * structure.ways) @ to_law
         return (*names, *words), np.vstack([beside, law]), to_law
 
     @cached_property
@@ -352,7 +356,7 @@ class Equation:
         found = np.zeros((fixed + len(structure.names),) * 2)
         bends = structure.bends
         if bends is not None:
-            found[fixed:, fixed:] = np.kron(np.eye(structure.ways), bends.T @ bends)
+            found[fixed:, fixed:] = block_diag(*[bends.T @ bends] * structure.ways)
         return found
 
 
@@ -465,8 +469,8 @@ def ridged(
     matrix: Float[np.ndarray, "*w k k"], right: Float[np.ndarray, "*w k"]
 ) -> Float[np.ndarray, "*w k"]:
     """Return the solutions of normal equations; 0 where columns have no rows."""
-    size = np.sqrt(np.maximum(np.einsum("...kk->...k", matrix), 0.0))
-    size = np.where(size > 0, size, 1.0)
+    size = np.sqrt(np.maximum(matrix.diagonal(0, -2, -1), 0.0))
+    size[size == 0.0] = 1.0
     scaled = matrix / (size[..., :, None] * size[..., None, :])
-    scaled = scaled + _RIDGE * np.eye(matrix.shape[-1])
+    scaled += _RIDGE * np.eye(matrix.shape[-1])
     return np.asarray(np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from ..core import one_blas_thread
 from ._equation import Equation, Known, Weights, record, ridged, weigh
-from ._result import FrictionFit
+from ._result import FrictionFit, score_covariance
 from ._samples import DriveSamples
 from ._separable import fit_equation
 from ._structures import GAUSS, AbstractStructure, CoulombViscous, Stribeck
@@ -98,8 +98,11 @@ def fit_competing(
         begin = np.append(begin, np.log(GAUSS))
         held = fit_equation(equation, weights, begin, searched=1)
         sums, near = held.rows.sums, held.shape
-        step = ridged(sums[:, :-1], sums[:, -1])[-1]
-        asked = abs(step) > _OTHER * np.sqrt(held.state_covariance[-1, -1])
+        # What each row adds to the next step of the exponent.
+        away = held.rows.left @ ridged(sums[:, :-1], np.eye(len(sums))[-1])
+        push = (away * held.error)[:, None]
+        spread = score_covariance(push, equation.recording.piece)[0][0, 0]
+        asked = push.sum() ** 2 > _OTHER**2 * spread
         fit = dataclasses.replace(
             held,
             equation=usual,
