@@ -203,6 +203,11 @@ class Recording:
         return np.asarray(np.abs(self.samples.velocity[self.samples.in_motion]))
 
     @cached_property
+    def knots(self) -> tuple[float, ...]:
+        """Knots of a free table in mm/s."""
+        return default_knots(self.speed, KNOTS)
+
+    @cached_property
     def speed_range(self) -> tuple[float, float]:
         """Slowest and fastest speed in mm/s (`range_of`)."""
         return range_of(self.speed)
@@ -310,10 +315,6 @@ class Equation:
         columns = [self.unbent[:, :fixed], *itertools.chain(*each)]
         target = self.recording.target[:, None]
         return np.hstack([*columns, in_line(last[:, :, 1:]), target])
-
-    def design(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s k"]:
-        """Return the columns of all linear factors, those beside friction first."""
-        return self.rows(shape)[:, : len(self.fixed_names) + len(self.structure.names)]
 
     def tangent(self, factors: Float[np.ndarray, " k"]) -> Float[np.ndarray, "c p"]:
         """Return the map from `rows` but the target to derivatives by factors and shape."""
@@ -434,7 +435,7 @@ def weigh(recording: Recording, loss: str) -> Weights:
     Raises:
         FitError: If the loss is unknown.
     """
-    free = Equation(recording, KnotTable(True, default_knots(recording.speed, KNOTS)))
+    free = Equation(recording, KnotTable(True, recording.knots))
     used = recording.usable
     right = free.rows(np.zeros(0))[used]
     rows, target = right[:, :-1], right[:, -1]

@@ -166,5 +166,6 @@ def force_error(fit: FrictionFit, samples: DriveSamples) -> Float[np.ndarray, " 
         samples: A recording, the one fitted or another; its rows in motion count.
     """
     recording = record(samples, fit.known, fit.decimate)
-    design = Equation(recording, fit.structure).design(fit.shape)
-    return np.asarray((recording.target - design @ fit.state)[recording.usable])
+    rows = Equation(recording, fit.structure).rows(fit.shape)
+    left = recording.target - rows[:, : len(fit.state)] @ fit.state
+    return np.asarray(left[recording.usable])

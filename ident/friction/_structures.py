@@ -191,12 +191,10 @@ class AbstractStructure(abc.ABC):
         shape: Float[np.ndarray, " h"],
     ) -> Float[np.ndarray, "t p"]:
         """Return the derivatives of the friction by the factors and by the shape."""
-        speed, signs = np.abs(velocity), self.signs(velocity)
-        steady, last = self.steady(speed), self.falling(speed, shape[None])[:, 0].T
-        profile = np.hstack([steady, last[:, :1]])
+        shapes, signs = shape[None], self.signs(velocity)
+        last = self.falling(np.abs(velocity), shapes)[1:, 0].T
         by_shape = factors.reshape(self.ways, -1)[:, -1] @ signs
-        own = [sign[:, None] * profile for sign in signs]
-        return np.hstack([*own, by_shape[:, None] * last[:, 1:]])
+        return np.hstack([self.columns(velocity, shapes)[0], by_shape[:, None] * last])
 
 
 @final

@@ -7,7 +7,6 @@ import pytest
 from axcomp.data.lists import ListFile, check, new_list
 from axcomp.ident.exchange import ExchangeError, ListTarget
 from axcomp.ident.kinds.friction.entries import (
-    FrictionNumbers,
     entries_of_friction,
     friction_from_list,
     has_friction,
@@ -137,18 +136,6 @@ def test_written_table_begins_at_1_and_ends_flat() -> None:
     assert entries["frict_comp.position_delay"] == 4
     assert entries["frict_comp.scaling_factor"] == 1000
     assert "frict_comp.max_points" not in entries
-
-
-def test_numbers_alone_are_written_as_the_compensation_that_has_them() -> None:
-    speeds, currents = [0.5, 20.0, 300.0], [100.0, 60.0, 81.0]
-    model = FrictionCompensation(
-        table(speeds, currents),
-        reversal_lookahead=2,
-        position_delay=np.array(0.0004),
-        delay_cycles=3,
-    )
-    numbers = FrictionNumbers(np.array(speeds), np.array(currents), 0.0004, 2, 3)
-    assert entries_of_friction(numbers) == entries_of_friction(model)
 
 
 def test_what_is_written_is_read_back_as_the_same_currents_and_without_findings() -> (

@@ -7,10 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.signals import quantile
-from ....models import FrictionCompensation
+from ....models import FrictionCompensation, FrictionTable, Setpoints
 from ...friction import DriveSamples, Knots, Laws, ReversalFit
 from ._identify import Identified
-from .entries import FrictionNumbers
 from .keys import Spec
 
 _POINTS = 200
@@ -174,12 +173,12 @@ def law_curve(found: Identified, samples: DriveSamples) -> LawCurve | None:
     )
 
 
-def numbers_of(
+def compensation_of(
     knots: Knots,
     reversal: ReversalFit | None,
     before: FrictionCompensation | None,
     sign: int = 1,
-) -> FrictionNumbers:
+) -> FrictionCompensation:
     """Return what the list says, currents in list units.
 
     Args:
@@ -188,17 +187,14 @@ def numbers_of(
         before: What the list said, or None where there was none.
         sign: Of the current that the controller adds per entry.
     """
+    nodes = Setpoints(knots.velocity / 1000.0)
+    law = FrictionTable(nodes, sign * knots.out.astype(float))
+    if reversal is None and before is not None:
+        return dataclasses.replace(before, law=law)
     around: dict[str, Any] = {}
     if reversal is not None:
         found, unknown = reversal.numbers, reversal.undetermined
         around = {name: found[name] for name in found if name not in unknown}
         if "position_delay" in around:
             around["position_delay"] = min(around["position_delay"], _MOST_DELAY)
-    elif before is not None:
-        around = {
-            "reversal_lookahead": before.reversal_lookahead,
-            "position_delay": float(before.position_delay),
-            "delay_cycles": before.delay_cycles,
-        }
-    entries = FrictionNumbers(knots.velocity / 1000.0, sign * knots.out.astype(float))
-    return dataclasses.replace(entries, **around)
+    return FrictionCompensation(law, **around)

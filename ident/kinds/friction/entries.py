@@ -1,6 +1,5 @@
 """Friction compensation: ``frict_comp`` in a list ↔ `FrictionCompensation`."""
 
-import dataclasses
 from typing import final
 
 import equinox as eqx
@@ -8,7 +7,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....data.lists import ListFile
-from ....models import Conventions, FrictionCompensation, FrictionTable, Setpoints
+from ....models import (
+    AbstractFriction,
+    Conventions,
+    FrictionCompensation,
+    FrictionTable,
+    Setpoints,
+)
 from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._identity import column, not_negative, optional, required
 from ...exchange._machine_lists import InUse, Reading
@@ -35,25 +40,6 @@ BY_SPEED = 3
 _PER_MILLE = 1000
 _FASTEST_ENTRY = 2**31 - 2
 _MOST = {"position_delay": 10, "reversal_lookahead": 4, "delay_cycles": 248}
-
-
-@dataclasses.dataclass(frozen=True)
-class FrictionNumbers:
-    """What a friction list says, before it is rounded.
-
-    Attributes:
-        speeds: Of the entries in mm/s or °/s, ascending.
-        currents: Of the entries in list units, held at both ends.
-        position_delay: In mm or °.
-        reversal_lookahead: In cycles.
-        delay_cycles: In cycles.
-    """
-
-    speeds: Float[np.ndarray, " p"]
-    currents: Float[np.ndarray, " p"]
-    position_delay: float = 0.0
-    reversal_lookahead: int = 0
-    delay_cycles: int = 0
 
 
 def has_friction(listing: ListFile) -> bool:
@@ -117,7 +103,7 @@ def friction_from_list(
 
 
 def entries_of_friction(
-    friction: FrictionCompensation | FrictionNumbers,
+    friction: FrictionCompensation,
     target: ListTarget = ANY_LIST,
 ) -> dict[str, int | str]:
     """Return the list entries of a friction compensation, rounded to list units.
@@ -128,21 +114,18 @@ def entries_of_friction(
     engineer; the scaling of the model goes into the entries.
 
     Args:
-        friction: Its law must be a table whose ends are held; or just its numbers.
+        friction: Its law must be a table whose ends are held.
         target: The list that they are written for.
 
     Raises:
         ExchangeError: If something does not fit into a list.
     """
-    if isinstance(friction, FrictionCompensation):
-        friction = _numbers_of(friction)
-    speeds, currents = _with_ends(friction)
+    speeds, currents = _with_ends(friction.law)
     entries = target.max_points_entry(
         PREFIX, len(speeds) + 1, len(speeds) <= DEFAULT_COUNT
     )
-    delay = round_to_list(
-        np.asarray(friction.position_delay), f"{PREFIX}.position_delay", (0, 10)
-    )
+    delay = np.asarray(friction.position_delay, float)
+    delay = round_to_list(delay, f"{PREFIX}.position_delay", (0, 10))
     numbers = {
         "position_delay": int(delay),
         "reversal_lookahead": friction.reversal_lookahead,
@@ -165,8 +148,10 @@ def entries_of_friction(
     return entries
 
 
-def _numbers_of(friction: FrictionCompensation) -> FrictionNumbers:
-    table = friction.law
+def _with_ends(
+    table: AbstractFriction,
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Return velocities and currents of a table in list units, from 1 µm/s to a flat end."""
     if not isinstance(table, FrictionTable):
         raise ExchangeError(
             where=PREFIX,
@@ -179,20 +164,8 @@ def _numbers_of(friction: FrictionCompensation) -> FrictionNumbers:
         "a table that is not held at its ends",
         "one that is held: only the list can say what happens there",
     )
-    return FrictionNumbers(
-        speeds=np.asarray(table.nodes.points),
-        currents=np.asarray(table.scaling) * np.asarray(table.values),
-        position_delay=float(friction.position_delay),
-        reversal_lookahead=friction.reversal_lookahead,
-        delay_cycles=friction.delay_cycles,
-    )
-
-
-def _with_ends(
-    friction: FrictionNumbers,
-) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    """Return velocities and currents in list units, from 1 µm/s to a flat end."""
-    knots, level = friction.speeds, friction.currents
+    knots = np.asarray(table.nodes.points)
+    level = np.asarray(table.scaling) * np.asarray(table.values)
     speeds = _round(knots * VELOCITY_UNITS, f"{PREFIX}.table[].in", (0, _FASTEST_ENTRY))
     if (np.diff(speeds) <= 0).any():
         at = int(np.argmax(np.diff(speeds) <= 0))

@@ -14,7 +14,14 @@ from ...job.result._result import Remark
 from ...proof import CircularTest, GateCheck, circular_test
 from ...readings import Tables
 from ._identify import Identified, identify
-from ._listing import FIRST_LEVEL, LawCurve, OutUnit, law_curve, numbers_of, out_unit
+from ._listing import (
+    FIRST_LEVEL,
+    LawCurve,
+    OutUnit,
+    compensation_of,
+    law_curve,
+    out_unit,
+)
 from ._recording import DriveRecording, read_drive
 from ._result import FrictionResult, FrictionView, choice_sentence, view_of
 from .entries import entries_of_friction, friction_from_list, has_friction
@@ -104,10 +111,10 @@ class FrictionDraft(AbstractDraft):
         rules = self.job.conventions
         if existing is not None and has_friction(existing):
             before = friction_from_list(existing, rules)
-        numbers = numbers_of(
+        found = compensation_of(
             self.knots, self.found.reversal, before, rules.friction_sign
         )
-        return dict(entries_of_friction(numbers, self.target))
+        return dict(entries_of_friction(found, self.target))
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         assert self.knots is not None  # it is written
