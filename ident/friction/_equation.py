@@ -321,7 +321,7 @@ class Equation:
         shapes, ways = len(self.structure.shapes), self.structure.ways
         last = factors[len(self.fixed_names) :].reshape(ways, -1)[:, -1]
         by_shape = np.concatenate([each * np.eye(shapes) for each in last])
-        return block_diag(np.eye(len(factors)), by_shape)
+        return np.asarray(block_diag(np.eye(len(factors)), by_shape))
 
     @cached_property
     def reading(

@@ -1,8 +1,7 @@
 """The entries of a friction list: few knots on a curve, whole velocities, whole currents.
 
-Found by dynamic programming, coarse to fine: lines between places all along the curve, then
-whole places and heights ever nearer to the best so far. Source: R. Bellman, R. Roth, Curve
-fitting by segmented straight lines, J. Am. Stat. Assoc. 64, 1969.
+Found by dynamic programming (R. Bellman, R. Roth, J. Am. Stat. Assoc. 64, 1969): lines between
+places all along the curve, then whole places and heights ever nearer to the best so far.
 """
 
 import dataclasses
@@ -41,7 +40,8 @@ class Knots:
 
     def current(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Return the current at speeds in mm/s, linear between knots, edges held."""
-        return np.interp(velocity, self.velocity / _PER_MM, self.out * self.unit)
+        places, currents = self.velocity / _PER_MM, self.out * self.unit
+        return np.asarray(np.interp(velocity, places, currents))
 
 
 def place_knots(
