@@ -347,7 +347,7 @@ class Equation:
             offset = 0.5 * both @ to_law / one.sum()
             names, beside = (*names, "offset"), np.vstack([beside, offset])
             to_law = to_law - np.outer(both, offset)
-        law = block_diag(*[sums] * structure.ways) @ to_law
+        law = np.asarray(block_diag(*[sums] * structure.ways)) @ to_law
         return (*names, *words), np.vstack([beside, law]), to_law
 
     @cached_property
