@@ -32,7 +32,8 @@ _FEWEST = 3
 
 def is_matrix(head: str) -> bool:
     """Whether a line begins with a cell that names two axes, or the first with none."""
-    return _CORNER.search(head) is not None or _unnamed_corner(head) is not None
+    named = ("/" in head or "\\" in head) and _CORNER.search(head) is not None
+    return named or _unnamed_corner(head) is not None
 
 
 def _unnamed_corner(head: str) -> str | None:

@@ -1,6 +1,7 @@
 """Bytes of a file as text with plain line ends; refuses what is no text."""
 
 import codecs
+import contextlib
 import dataclasses
 import gzip
 import re
@@ -111,9 +112,9 @@ def decode(raw: bytes, path: Path) -> Text:
 
 
 def _of_bytes(raw: bytes) -> tuple[str, str]:
-    for encoding in ("utf-8", "cp850" if _DOS.search(raw) else "cp1252"):
-        try:
-            return raw.decode(encoding), encoding
-        except UnicodeDecodeError:
-            continue
+    with contextlib.suppress(UnicodeDecodeError):
+        return raw.decode(), "utf-8"
+    encoding = "cp850" if _DOS.search(raw) else "cp1252"
+    with contextlib.suppress(UnicodeDecodeError):
+        return raw.decode(encoding), encoding
     return raw.decode("latin-1"), "latin-1"

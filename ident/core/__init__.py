@@ -57,6 +57,7 @@ from ._prior import (
 from ._readings import Readings as Readings, filled as filled
 from ._regression import (
     Regression as Regression,
+    least_scale as least_scale,
     regress as regress,
 )
 from ._robust import (

@@ -8,7 +8,6 @@ determine, and the covariance is that of the estimate under residuals that drift
 import dataclasses
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Bool, Float
 
 from ._drift import DriftNoise, find_drift, scatter_of_sums
@@ -78,7 +77,6 @@ def regress(
     loss: str = "student",
     quick: bool = False,
     noise: float | None = None,
-    plenty: bool = False,
 ) -> Regression:
     r"""Return the factors of columns that explain readings.
 
@@ -96,7 +94,6 @@ def regress(
         noise: Scatter of a reading of weight 1 as it is known beforehand, of readings that are
             independent: counts as two readings, lets as many unknowns be fitted as there are
             readings, and columns that cannot be separated are undetermined, not refused.
-        plenty: So many readings for each column that a start of least squares will do.
 
     Raises:
         FitError: If the columns cannot be separated or there are too few readings.
@@ -119,13 +116,11 @@ def regress(
     part = design @ basis
     found = estimate(
         stack,
-        memory(stack, Readings(target, {}, weight), sp.csr_array(part)),
+        memory(stack, Readings(target, {}, weight), part),
         loss=loss,
         weights=lambda _: np.zeros(0),
         floor=least_scale(target, noise),
-        start=None
-        if plenty
-        else _least_magnitudes(part * root[:, None], target * root, loss),
+        start=_least_magnitudes(part * root[:, None], target * root, loss),
     )
     left = target - part @ found.centre
     share = found.loss.share(left * root / found.loss.scale)

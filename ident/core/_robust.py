@@ -18,7 +18,7 @@ from ._evidence import Spread, View, choose_weights, spread_of
 from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
 from ._posterior import Posterior, Problem
 from ._readings import Readings
-from ._stack import Stack, compact
+from ._stack import Matrix, Stack, compact
 from ._sums import Sums, loop_axes, sums_of
 
 _PASSES, _SEARCHES = 60, 6
@@ -150,9 +150,7 @@ class Estimate:
         return " ".join(filter(None, said))
 
 
-def memory(
-    stack: Stack, readings: Readings, columns: sp.csr_array | None = None
-) -> Pass:
+def memory(stack: Stack, readings: Readings, columns: Matrix | None = None) -> Pass:
     """Return the pass over readings in memory; their design is made once.
 
     Args:
@@ -160,7 +158,7 @@ def memory(
         readings: Any number.
         columns: Their design, where it is known.
     """
-    design = None if columns is None else compact(columns)
+    design = compact(columns) if isinstance(columns, sp.csr_array) else columns
     if design is None and loop_axes(stack, readings) is None:
         design = stack.matrix(readings)
 

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -14,13 +15,11 @@ from ._result import FrictionFit
 from ._samples import DriveSamples
 from ._separable import View
 from ._structures import (
-    KNOTS,
     AbstractStructure,
     CoulombViscous,
     KnotTable,
     Laws,
     Stribeck,
-    default_knots,
 )
 
 WINDOWS = 10
@@ -51,7 +50,7 @@ class Candidate:
     window_error: Float[np.ndarray, " w"]
     fitted_error: float
 
-    @property
+    @cached_property
     def error(self) -> float:
         """Root of the mean square of the error over the windows."""
         return float(np.sqrt(np.mean(self.window_error**2)))
@@ -234,7 +233,7 @@ def choose_law(
 
 def default_structures(recording: Recording) -> tuple[AbstractStructure, ...]:
     """Return the kinds of law to compare: simple, Stribeck, table, alike and per direction."""
-    knots, ways = default_knots(recording.speed, KNOTS), (False, True)
+    knots, ways = recording.knots, (False, True)
     laws: list[AbstractStructure] = [CoulombViscous(way) for way in ways]
     laws += [Stribeck(way) for way in ways]
     if len(knots) > 2:

@@ -15,14 +15,25 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import block_diag
 from scipy.signal import firwin
 
-from ..core import FitError, regress
+from ..core import (
+    ColumnsEffect,
+    FitError,
+    NoPrior,
+    Readings,
+    Stack,
+    estimate,
+    least_scale,
+    memory,
+)
 from ._samples import DriveSamples, check_samples
 from ._structures import (
     KNOTS,
     WAYS,
     AbstractStructure,
+    CoulombViscous,
     KnotTable,
     Stribeck,
     default_knots,
@@ -37,6 +48,8 @@ _RATE = 100.0
 """Rows per s where nothing else is asked for."""
 _WILD = 4.0
 """Error in scales beyond which a row says nothing of the law."""
+_HELD = 1e-9
+"""Precision that holds a column without rows, relative to that of all others."""
 _RIDGE = 1e-12
 """Added to scaled normal matrices that are inverted as they stand."""
 
@@ -190,9 +203,19 @@ class Recording:
         return np.asarray(np.abs(self.samples.velocity[self.samples.in_motion]))
 
     @cached_property
+    def knots(self) -> tuple[float, ...]:
+        """Knots of a free table in mm/s."""
+        return default_knots(self.speed, KNOTS)
+
+    @cached_property
     def speed_range(self) -> tuple[float, float]:
         """Slowest and fastest speed in mm/s (`range_of`)."""
         return range_of(self.speed)
+
+    @cached_property
+    def signs(self) -> Float[np.ndarray, "t 2"]:
+        """Sign of the motion in each direction; 0 elsewhere."""
+        return CoulombViscous(True).signs(self.samples.velocity).T
 
     @cached_property
     def beside(self) -> Float[np.ndarray, "s f"]:
@@ -218,10 +241,11 @@ class Recording:
         self, structure: AbstractStructure, profile: Float[np.ndarray, "t k"]
     ) -> Float[np.ndarray, "s w k"]:
         """Return columns over speed with the signs of each direction, filtered."""
-        signs = structure.signs(self.samples.velocity)
-        both = signs.T[:, :, None] * profile[:, None]
-        found = self.lowpass(both.reshape(len(both), len(signs) * profile.shape[1]))
-        return found.reshape(len(found), len(signs), profile.shape[1])
+        signs = self.signs if structure.directional else self.signs.sum(1)[:, None]
+        both = signs[:, :, None] * profile[:, None]
+        shape = both.shape[1:]
+        found = self.lowpass(both.reshape(len(both), shape[0] * shape[1]))
+        return found.reshape(len(found), *shape)
 
 
 @final
@@ -292,20 +316,12 @@ class Equation:
         target = self.recording.target[:, None]
         return np.hstack([*columns, in_line(last[:, :, 1:]), target])
 
-    def design(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s k"]:
-        """Return the columns of all linear factors, those beside friction first."""
-        return self.rows(shape)[:, : len(self.fixed_names) + len(self.structure.names)]
-
     def tangent(self, factors: Float[np.ndarray, " k"]) -> Float[np.ndarray, "c p"]:
         """Return the map from `rows` but the target to derivatives by factors and shape."""
         shapes, ways = len(self.structure.shapes), self.structure.ways
-        last = factors[len(self.fixed_names) :].reshape(ways, -1)[:, -1:]
-        by_shape = np.kron(last, np.eye(shapes))
-        count = len(factors)
-        found = np.zeros((count + ways * shapes, count + shapes))
-        found[:count, :count] = np.eye(count)
-        found[count:, count:] = by_shape
-        return found
+        last = factors[len(self.fixed_names) :].reshape(ways, -1)[:, -1]
+        by_shape = np.concatenate([each * np.eye(shapes) for each in last])
+        return np.asarray(block_diag(np.eye(len(factors)), by_shape))
 
     @cached_property
     def reading(
@@ -331,7 +347,7 @@ class Equation:
             offset = 0.5 * both @ to_law / one.sum()
             names, beside = (*names, "offset"), np.vstack([beside, offset])
             to_law = to_law - np.outer(both, offset)
-        law = np.kron(np.eye(structure.ways), sums) @ to_law
+        law = np.asarray(block_diag(*[sums] * structure.ways)) @ to_law
         return (*names, *words), np.vstack([beside, law]), to_law
 
     @cached_property
@@ -341,7 +357,7 @@ class Equation:
         found = np.zeros((fixed + len(structure.names),) * 2)
         bends = structure.bends
         if bends is not None:
-            found[fixed:, fixed:] = np.kron(np.eye(structure.ways), bends.T @ bends)
+            found[fixed:, fixed:] = block_diag(*[bends.T @ bends] * structure.ways)
         return found
 
 
@@ -419,7 +435,7 @@ def weigh(recording: Recording, loss: str) -> Weights:
     Raises:
         FitError: If the loss is unknown.
     """
-    free = Equation(recording, KnotTable(True, default_knots(recording.speed, KNOTS)))
+    free = Equation(recording, KnotTable(True, recording.knots))
     used = recording.usable
     right = free.rows(np.zeros(0))[used]
     rows, target = right[:, :-1], right[:, -1]
@@ -434,9 +450,18 @@ def weigh(recording: Recording, loss: str) -> Weights:
 
     own, limit, share = np.ones(count), np.inf, np.zeros(len(used))
     if loss != "gauss" and count > 2 * size:
-        # Nothing is known of the noise, but columns without rows are not refused.
-        found = regress(rows, target, loss=loss, quick=True, noise=0.0, plenty=True)
-        own, limit = found.share, _WILD * found.noise.white
+        length = np.sqrt(np.maximum(every[:, :-1].diagonal(), 1e-300))
+        design = rows / length
+        stack = Stack((ColumnsEffect(NoPrior(size), size, _HELD),), banded=False)
+        found = estimate(
+            stack,
+            memory(stack, Readings(target, {}, None), design),
+            loss=loss,
+            weights=lambda _: np.zeros(0),
+            floor=least_scale(target),
+        )
+        ratio = (target - design @ found.centre) / found.loss.scale
+        own, limit = found.loss.share(ratio), _WILD * found.loss.scale
     share[used] = own
     return Weights(share, limit, free, sums(own))
 
@@ -445,8 +470,8 @@ def ridged(
     matrix: Float[np.ndarray, "*w k k"], right: Float[np.ndarray, "*w k"]
 ) -> Float[np.ndarray, "*w k"]:
     """Return the solutions of normal equations; 0 where columns have no rows."""
-    size = np.sqrt(np.maximum(np.einsum("...kk->...k", matrix), 0.0))
-    size = np.where(size > 0, size, 1.0)
+    size = np.sqrt(np.maximum(matrix.diagonal(0, -2, -1), 0.0))
+    size[size == 0.0] = 1.0
     scaled = matrix / (size[..., :, None] * size[..., None, :])
-    scaled = scaled + _RIDGE * np.eye(matrix.shape[-1])
+    scaled += _RIDGE * np.eye(matrix.shape[-1])
     return np.asarray(np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from ..core import one_blas_thread
 from ._equation import Equation, Known, Weights, record, ridged, weigh
-from ._result import FrictionFit
+from ._result import FrictionFit, score_covariance
 from ._samples import DriveSamples
 from ._separable import fit_equation
 from ._structures import GAUSS, AbstractStructure, CoulombViscous, Stribeck
@@ -98,8 +98,11 @@ def fit_competing(
         begin = np.append(begin, np.log(GAUSS))
         held = fit_equation(equation, weights, begin, searched=1)
         sums, near = held.rows.sums, held.shape
-        step = ridged(sums[:, :-1], sums[:, -1])[-1]
-        asked = abs(step) > _OTHER * np.sqrt(held.state_covariance[-1, -1])
+        # What each row adds to the next step of the exponent.
+        away = held.rows.left @ ridged(sums[:, :-1], np.eye(len(sums))[-1])
+        push = (away * held.error)[:, None]
+        spread = score_covariance(push, equation.recording.piece)[0][0, 0]
+        asked = push.sum() ** 2 > _OTHER**2 * spread
         fit = dataclasses.replace(
             held,
             equation=usual,
@@ -163,5 +166,6 @@ def force_error(fit: FrictionFit, samples: DriveSamples) -> Float[np.ndarray, " 
         samples: A recording, the one fitted or another; its rows in motion count.
     """
     recording = record(samples, fit.known, fit.decimate)
-    design = Equation(recording, fit.structure).design(fit.shape)
-    return np.asarray((recording.target - design @ fit.state)[recording.usable])
+    rows = Equation(recording, fit.structure).rows(fit.shape)
+    left = recording.target - rows[:, : len(fit.state)] @ fit.state
+    return np.asarray(left[recording.usable])

@@ -1,13 +1,10 @@
 """The entries of a friction list: few knots on a curve, whole velocities, whole currents.
 
-Found by dynamic programming, coarse to fine: lines between places all along the curve, then
-whole places and heights ever nearer to the best so far. Source: R. Bellman, R. Roth, Curve
-fitting by segmented straight lines, J. Am. Stat. Assoc. 64, 1969.
+Found by dynamic programming (R. Bellman, R. Roth, J. Am. Stat. Assoc. 64, 1969): lines between
+places all along the curve, then whole places and heights ever nearer to the best so far.
 """
 
 import dataclasses
-import math
-from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -43,8 +40,8 @@ class Knots:
 
     def current(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Return the current at speeds in mm/s, linear between knots, edges held."""
-        places = self.velocity / _PER_MM
-        return np.asarray(np.interp(velocity, places, self.out * self.unit))
+        places, currents = self.velocity / _PER_MM, self.out * self.unit
+        return np.asarray(np.interp(velocity, places, currents))
 
 
 def place_knots(
@@ -58,9 +55,8 @@ def place_knots(
 ) -> Knots:
     """Return the knots whose straight lines follow a curve best, by least squares.
 
-    The first knot lies at 1 µm/s and the last beyond the fastest speed, both level with
-    their neighbours: what the controller does outside a friction table is not documented
-    (S-27), and nobody measured there.
+    The first knot lies at 1 µm/s and the last beyond the fastest speed, both level with their
+    neighbours: what happens outside a table is not documented (S-27), and nobody measured there.
 
     Args:
         velocity: Speeds in mm/s, ascending, positive: those that the axis drives.
@@ -74,26 +70,23 @@ def place_knots(
         FitError: If there are fewer than 3 entries or 2 speeds.
     """
     if entries < 3 or len(velocity) < 2:
-        found = f"found {entries} entries and {len(velocity)} speeds"
-        msg = f"{found}, expected at least 3 entries and 2 speeds for a friction table"
+        msg = f"found {entries} entries and {len(velocity)} speeds, expected 3 and 2 or more"
         raise FitError(msg)
-    low = max(1, round(velocity[0] * _PER_MM))
-    high = max(low + 1, math.ceil(velocity[-1] * _PER_MM - 1e-6))
-    beyond = max(high + 1, math.ceil(1.05 * (reach or velocity[-1]) * _PER_MM))
-    before = 1 if low > 1 and entries > 3 else 0
-    low = low if before else 1  # three entries: one line from 1 µm/s on
+    low = round(velocity[0] * _PER_MM) if entries > 3 else 1
+    before, low = int(low > 1), max(1, low)
+    high = max(low + 1, int(np.ceil(velocity[-1] * _PER_MM - 1e-6)))
+    beyond = max(high + 1, int(np.ceil(1.05 * (reach or velocity[-1]) * _PER_MM)))
     count = min(max(2, entries - 1 - before), high - low + 1)
     curve = _Curve(velocity * _PER_MM, current / unit, weight / weight.sum())
     places, heights = _finer(curve, _lines(curve, low, high, count))
     # Where nobody measured, no more than at the slowest speed that was driven.
     if places[0] < curve.place[0] and heights[0] > curve.height[0]:
-        heights[0] = math.floor(curve.height[0])
+        heights[0] = np.floor(curve.height[0])
     error = np.interp(curve.place, places, heights) - curve.height
     rms = unit * float(np.sqrt(curve.weight @ error**2))
     places = np.concatenate([np.ones(before), places, [beyond]])
     heights = np.concatenate([heights[:1]] * before + [heights, heights[-1:]])
-    # What lies on the straight line of its neighbours is left out; the last two stay: they
-    # say that the table is flat from there on.
+    # What lies on the line of its neighbours is left out, but for the level end.
     wide, rise = np.diff(places), np.diff(heights)
     needed = np.ones(len(places), bool)
     needed[1:-2] = (rise[1:] * wide[:-1] != rise[:-1] * wide[1:])[:-1]
@@ -104,10 +97,8 @@ def place_knots(
 class _Curve:
     """A curve with weights, and sums that tell the misfit of any straight line at once."""
 
-    def __init__(
-        self, place: np.ndarray, height: np.ndarray, weight: np.ndarray
-    ) -> None:
-        self.place, self.height, self.weight = place, height, weight
+    def __init__(self, *curve: Float[np.ndarray, " m"]) -> None:
+        self.place, self.height, self.weight = place, height, weight = curve
         self._level = float(weight @ height)
         x, y = place / place[-1], height - self._level
         products = np.stack([np.ones_like(x), x, x * x, y, x * y, y * y])
@@ -117,8 +108,7 @@ class _Curve:
         """Return the heights at which a polyline with these knots follows the curve best."""
         hats = KnotTable(knots=tuple(places)).steady(self.place)
         told = hats.T * self.weight
-        # What stays where no point tells a height.
-        chord = np.interp(places, self.place, self.height)
+        chord = np.interp(places, self.place, self.height)  # where no point tells one
         off = told @ (self.height - hats @ chord)
         return np.asarray(chord + ridged(told @ hats, off))
 
@@ -135,10 +125,9 @@ class _Curve:
         gain = y * y / one + both**2 / np.where(spread > 1e-12 * xx, spread, np.inf)
         return np.where(right > left, np.maximum(yy - gain, 0.0), np.inf)
 
-    def misfit(
-        self, left: np.ndarray, right: np.ndarray, low: np.ndarray, high: np.ndarray
-    ) -> Float[np.ndarray, "*n"]:
-        """Return the weighted squares that lines of given heights at their ends leave."""
+    def misfit(self, *ends: np.ndarray) -> Float[np.ndarray, "*n"]:
+        """Return the weighted squares that lines leave: places, then heights of their ends."""
+        left, right, low, high = ends
         one, x, xx, y, xy, yy = self._between(left, right)
         width = (right - left) / self.place[-1]
         lean = (high - low) / np.where(width > 0, width, 1.0)
@@ -159,21 +148,21 @@ def _lines(curve: _Curve, low: int, high: int, count: int) -> Float[np.ndarray, 
     share = np.log(place / place[0]) / np.log(place[-1] / place[0])
     share += 3.0 * dense / max(float(dense[-1]), 1e-300)
     among = np.linspace(share[0], share[-1], max(_PLACES, 3 * count))
-    among = np.clip(np.round(np.interp(among, share, place)), low, high)
-    among = np.unique([low, *among, high])
+    among = np.round(np.interp(among, share, place))
+    among = np.unique(np.clip([low, *among, high], low, high))
     costs = [curve.apart(among[:, None], among)] * (min(count, len(among)) - 1)
     costs[0], costs[-1] = costs[0][:1], costs[-1][:, -1:]
     return np.asarray(among[[0, *_cheapest(costs)[1:-1], -1]])
 
 
-def _cheapest(costs: Sequence[np.ndarray]) -> Int[np.ndarray, " k"]:
+def _cheapest(costs: list[np.ndarray]) -> Int[np.ndarray, " k"]:
     """Return the candidates on the cheapest way, by costs from one knot's to the next's."""
     total, came = np.zeros(len(costs[0])), []
     for cost in costs:
         ways = total[:, None] + cost
-        came.append(np.argmin(ways, axis=0))
-        total = np.min(ways, axis=0)
-    path = [int(np.argmin(total))]
+        came.append(ways.argmin(axis=0))
+        total = ways.min(axis=0)
+    path = [int(total.argmin())]
     for before in reversed(came):
         path.append(int(before[path[-1]]))
     return np.array(path[::-1])
@@ -191,19 +180,16 @@ def _finer(
     heights, count = np.round(curve.heights(places)), len(places)
     lines = places[:-1], places[1:], heights[:-1], heights[1:]
     typical = np.sqrt(curve.misfit(*lines).sum())
-    slope = np.gradient(curve.height, curve.place)
-    slope = np.where(np.abs(slope) > 1e-12, slope, 1e-12)
+    slope = np.gradient(curve.height, curve.place) + 1e-300
     for reach in _REACHES:
         gap = reach * np.diff(places, prepend=places[0], append=places[-1])[:, None]
         near = places[:, None] + _STEPS * np.where(_STEPS > 0, gap[1:], gap[:-1])
         near[[0, -1]] = places[[0, -1], None]
         on = np.interp(np.column_stack([places, near]), curve.place, curve.height)
-        off = curve.heights(places)[:, None] - on[:, :1]
-        wanted = (on[:, 1:] + off)[:, :, None]
+        wanted = (on[:, 1:] - on[:, :1] + curve.heights(places)[:, None])[:, :, None]
         aside = max(1.0, np.round(2.0 * reach * typical))
         whole = np.floor(wanted) + aside * np.arange(-1.0, 3.0)
-        lean = np.interp(near, curve.place, slope)[:, :, None]
-        shift = (whole - wanted) / lean
+        shift = (whole - wanted) / np.interp(near, curve.place, slope)[:, :, None]
         room = np.ptp(near, axis=1)[:, None, None] / (2 * len(_STEPS))
         tried = np.round(near[:, :, None] + np.clip(shift, -room, room))
         x = np.column_stack([places, tried.reshape(count, -1)])

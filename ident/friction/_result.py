@@ -219,7 +219,7 @@ class FrictionFit:
         found = self._jacobian @ self.state_covariance @ self._jacobian.T
         return np.where(np.outer(known, known), found, np.nan)
 
-    @property
+    @cached_property
     def parameters(self) -> dict[str, float]:
         """By the names of the result file, in load units over mm/s and mm/s².
 
@@ -233,7 +233,7 @@ class FrictionFit:
             if name not in self.undetermined
         } | {name: value for name, value in given.items() if value is not None}
 
-    @property
+    @cached_property
     def standard_deviations(self) -> dict[str, float]:
         """Of the same."""
         return {
@@ -295,24 +295,13 @@ class FrictionFit:
             return ()
         mean = structure.levels / structure.levels.sum()
         levels = self.state[len(fixed) :].reshape(structure.ways, -1) @ mean
-        if not self._parted:
-            offset = self.state[fixed.index("offset")]
-            if seen[0]:
-                way, level = "+", levels[0] + offset
-            else:
-                way, level = "−", levels[0] - offset
-            return (f"Seen is only Coulomb level {way} offset = {level:.4g}.",)
-        parts = [f"level⁺ + offset = {levels[0]:.4g}"] * seen[0]
-        parts += [f"level⁻ − offset = {levels[1]:.4g}"] * seen[1]
-        end = (
-            "; the offset is chosen so that both levels are equal."
-            if all(seen)
-            else "."
-        )
+        offset = 0.0 if self._parted else self.state[fixed.index("offset")]
+        parts = [f"level⁺ + offset = {levels[0] + offset:.4g}"] * seen[0]
+        parts += [f"level⁻ − offset = {levels[-1] - offset:.4g}"] * seen[1]
+        rule = "; the offset is chosen so that both levels are equal"
         return (
-            "A constant load and a difference of the Coulomb levels of both directions"
-            " cannot be told apart in motion: only"
-            f" {' and '.join(parts)} are seen{end}",
+            "A constant load and the levels of friction cannot be told apart in motion:"
+            f" only {' and '.join(parts)} are seen{rule * all(seen)}.",
         )
 
     @cached_property

@@ -21,7 +21,6 @@ from ._equation import Equation, Known, Recording, record, ridged
 from ._samples import DriveSamples
 from ._simulate import LOOKAHEADS, share_of
 from ._structures import (
-    KNOTS,
     AbstractStructure,
     CoulombViscous,
     KnotTable,
@@ -153,7 +152,7 @@ def fit_reversal(
         raise FitError(msg)
     rows, share = _rows(samples, position, starts), share_of(position, velocity)
     given = position, velocity, *rows, share
-    kinds = Stribeck(True), KnotTable(True, default_knots(recording.speed, KNOTS))
+    kinds = Stribeck(True), KnotTable(True, recording.knots)
     with one_blas_thread():
         # A rough table shows where the delay is, whatever the law.
         few = KnotTable(True, default_knots(recording.speed, _ROUGH))

@@ -13,7 +13,6 @@ from typing import final
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.interpolate import PchipInterpolator
 
 from ...data.signals import quantile
 from ...models import (
@@ -192,12 +191,10 @@ class AbstractStructure(abc.ABC):
         shape: Float[np.ndarray, " h"],
     ) -> Float[np.ndarray, "t p"]:
         """Return the derivatives of the friction by the factors and by the shape."""
-        speed, signs = np.abs(velocity), self.signs(velocity)
-        steady, last = self.steady(speed), self.falling(speed, shape[None])[:, 0].T
-        profile = np.hstack([steady, last[:, :1]])
+        shapes, signs = shape[None], self.signs(velocity)
+        last = self.falling(np.abs(velocity), shapes)[1:, 0].T
         by_shape = factors.reshape(self.ways, -1)[:, -1] @ signs
-        own = [sign[:, None] * profile for sign in signs]
-        return np.hstack([*own, by_shape[:, None] * last[:, 1:]])
+        return np.hstack([self.columns(velocity, shapes)[0], by_shape[:, None] * last])
 
 
 @final
@@ -345,12 +342,14 @@ class KnotTable(AbstractStructure):
     def bent(
         self, velocity: Float[np.ndarray, " t"], factors: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, " t"]:
-        """See `AbstractStructure`: the curve is a monotone cubic between the knots."""
-        knots, speed = np.asarray(self.knots), np.abs(velocity)
-        values = factors.reshape(self.ways, -1)
-        cubic = PchipInterpolator(knots, values, axis=1)
-        smooth = cubic(np.clip(speed, knots[0], knots[-1]))
-        off = smooth - values @ self.steady(speed).T
+        """See `AbstractStructure`: the curve has the second differences of the values."""
+        knots, values = np.asarray(self.knots), factors.reshape(self.ways, -1)
+        first, (before, after) = linear_weights(knots, np.abs(velocity))
+        wide = np.diff(knots)
+        turn = np.diff(np.diff(values) / wide) / (0.5 * (wide[1:] + wide[:-1]))
+        turn = np.pad(turn, ((0, 0), (1, 1)), "edge")
+        turn = before * turn[:, first] + after * turn[:, first + 1]
+        off = -0.5 * before * after * wide[first] ** 2 * turn
         return np.asarray((self.signs(velocity) * off).sum(axis=0))
 
     def law(

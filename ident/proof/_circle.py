@@ -16,12 +16,12 @@ from ...models import (
     FrictionTable,
 )
 
-_FORGOTTEN = 40.0
+_FORGOTTEN = 30.0
 """Time constants of the loop after which nothing is left of how it began."""
 _GAINS = 50.0, 300.0, 100.0
 """Of a cascade with velocity feed-forward, in 1/s: position gain Kv, bandwidth of the velocity
 loop, and one over its integral time."""
-_ARCS = 8
+_ARCS = 16
 """Arcs of the turn that are followed side by side, each from when it would be forgotten."""
 _ENTRIES = 32
 """Entries to which a list is filled up: lists of any length are one program."""

@@ -12,7 +12,7 @@ from ...friction import DriveSamples, Knots, Laws, ReversalFit
 from ._identify import Identified
 from .keys import Spec
 
-_POINTS = 400
+_POINTS = 200
 _BINS = 60
 _ENOUGH = 0.05
 """Samples at a speed, as a share of the mean, at which a direction counts half."""
@@ -187,15 +187,14 @@ def compensation_of(
         before: What the list said, or None where there was none.
         sign: Of the current that the controller adds per entry.
     """
+    nodes = Setpoints(knots.velocity / 1000.0)
+    law = FrictionTable(nodes, sign * knots.out.astype(float))
+    if reversal is None and before is not None:
+        return dataclasses.replace(before, law=law)
     around: dict[str, Any] = {}
     if reversal is not None:
         found, unknown = reversal.numbers, reversal.undetermined
         around = {name: found[name] for name in found if name not in unknown}
         if "position_delay" in around:
             around["position_delay"] = min(around["position_delay"], _MOST_DELAY)
-    elif before is not None:
-        names = ("reversal_lookahead", "position_delay", "delay_cycles")
-        around = {name: getattr(before, name) for name in names}
-    speeds = Setpoints(knots.velocity / 1000.0)
-    law = FrictionTable(speeds, sign * knots.out.astype(float))
     return FrictionCompensation(law, **around)

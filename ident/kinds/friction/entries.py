@@ -7,7 +7,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....data.lists import ListFile
-from ....models import Conventions, FrictionCompensation, FrictionTable, Setpoints
+from ....models import (
+    AbstractFriction,
+    Conventions,
+    FrictionCompensation,
+    FrictionTable,
+    Setpoints,
+)
 from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._identity import column, not_negative, optional, required
 from ...exchange._machine_lists import InUse, Reading
@@ -91,7 +97,8 @@ def friction_from_list(
 
 
 def entries_of_friction(
-    friction: FrictionCompensation, target: ListTarget = ANY_LIST
+    friction: FrictionCompensation,
+    target: ListTarget = ANY_LIST,
 ) -> dict[str, int | str]:
     """Return the list entries of a friction compensation, rounded to list units.
 
@@ -107,13 +114,12 @@ def entries_of_friction(
     Raises:
         ExchangeError: If something does not fit into a list.
     """
-    speeds, currents = _with_ends(_table_of(friction))
+    speeds, currents = _with_ends(friction.law)
     entries = target.max_points_entry(
         PREFIX, len(speeds) + 1, len(speeds) <= DEFAULT_COUNT
     )
-    delay = round_to_list(
-        np.asarray(friction.position_delay), f"{PREFIX}.position_delay", (0, 10)
-    )
+    delay = np.asarray(friction.position_delay, float)
+    delay = round_to_list(delay, f"{PREFIX}.position_delay", (0, 10))
     numbers = {
         "position_delay": int(delay),
         "reversal_lookahead": friction.reversal_lookahead,
@@ -136,8 +142,10 @@ def entries_of_friction(
     return entries
 
 
-def _table_of(friction: FrictionCompensation) -> FrictionTable:
-    table = friction.law
+def _with_ends(
+    table: AbstractFriction,
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Return velocities and currents of a table in list units, from 1 µm/s to a flat end."""
     if not isinstance(table, FrictionTable):
         raise ExchangeError(
             where=PREFIX,
@@ -150,13 +158,6 @@ def _table_of(friction: FrictionCompensation) -> FrictionTable:
         "a table that is not held at its ends",
         "one that is held: only the list can say what happens there",
     )
-    return table
-
-
-def _with_ends(
-    table: FrictionTable,
-) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    """Return velocities and currents in list units, from 1 µm/s to a flat end."""
     knots = np.asarray(table.nodes.points)
     level = np.asarray(table.scaling) * np.asarray(table.values)
     speeds = _round(knots * VELOCITY_UNITS, f"{PREFIX}.table[].in", (0, _FASTEST_ENTRY))

@@ -111,10 +111,10 @@ class FrictionDraft(AbstractDraft):
         rules = self.job.conventions
         if existing is not None and has_friction(existing):
             before = friction_from_list(existing, rules)
-        numbers = compensation_of(
+        found = compensation_of(
             self.knots, self.found.reversal, before, rules.friction_sign
         )
-        return dict(entries_of_friction(numbers, self.target))
+        return dict(entries_of_friction(found, self.target))
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         assert self.knots is not None  # it is written

@@ -190,7 +190,8 @@ def test_one_direction_alone_does_not_tell_friction_from_load() -> None:
     assert {"coulomb", "breakaway", "offset"} <= set(fit.undetermined)
     assert fit.law is None
     assert "viscous" in fit.parameters
-    assert "Coulomb level + offset" in fit.gauges[0]
+    assert "level⁺ + offset" in fit.gauges[0]
+    assert "level⁻" not in fit.gauges[0]
 
 
 def test_no_motion_in_the_stribeck_range_is_said() -> None:
