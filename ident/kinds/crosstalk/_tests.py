@@ -20,25 +20,6 @@ Nodes = tuple[Float[np.ndarray, " _n"], ...]
 
 
 @dataclasses.dataclass(frozen=True)
-class ModeScore:
-    """How well a choice of tests predicts events that it has not seen.
-
-    Attributes:
-        mode: 1, 2 or 3.
-        axes: Adaptation axes, columns of the positions.
-        counts: Number of tests along each.
-        held_out: Root mean square of the held-out events in mm, wild ones limited.
-        chosen: Whether this is the one.
-    """
-
-    mode: int
-    axes: Axes
-    counts: tuple[int, ...]
-    held_out: float
-    chosen: bool
-
-
-@dataclasses.dataclass(frozen=True)
 class Table:
     """Events as readings of the values of tests.
 
@@ -115,31 +96,55 @@ class Table:
             for axis, count in zip(axes, counts, strict=True)
         )
 
-    def left(
-        self, columns: Float[np.ndarray, "n p"], others: Bool[np.ndarray, " n"]
+    def held_out(
+        self,
+        columns: Float[np.ndarray, "n p"],
+        place: Int[np.ndarray, " n"],
+        wild: Bool[np.ndarray, " n"],
     ) -> Float[np.ndarray, " n"]:
-        """Return (event − value) · √weight of each event under the values of the others.
+        """Return what values fitted to other events leave of each, in mm.
 
         Of all values that fit, those nearest to the median: it is that of a test that no event
         tells.
+
+        Args:
+            columns: Weight of each test in each event.
+            place: Of each event; those of one are held out together.
+            wild: Events to which no values are fitted.
         """
-        result, root = np.zeros(len(self.amount)), np.sqrt(self.weight)
-        for group in np.unique(self.group):
-            mine = self.group == group
-            use = mine & others
-            centre = float(np.median(self.amount[use])) if use.any() else 0.0
-            aim, design = (self.amount[use] - centre) * root[use], columns[use]
-            value = np.linalg.lstsq(design * root[use, None], aim, rcond=1e-6)[0]
-            result[mine] = self.amount[mine] - centre - columns[mine] @ value
-        return np.asarray(result * root)
+        left, root = np.zeros(len(self.amount)), np.sqrt(self.weight)
+        turns = np.arange(int(place.max()) + 1) % _FOLDS
+        turn = np.random.default_rng(0).permutation(turns)[place]
+        for each, group in itertools.product(range(_FOLDS), np.unique(self.group)):
+            out = (turn == each) & (self.group == group)
+            others = ~wild & (turn != each) & (self.group == group)
+            known = self.amount[others]
+            centre = float(np.median(known)) if known.size else 0.0
+            design = columns[others] * root[others, None]
+            aim = (known - centre) * root[others]
+            value = np.linalg.lstsq(design, aim, rcond=1e-6)[0]
+            left[out] = self.amount[out] - centre - columns[out] @ value
+        return left
+
+    @property
+    def cell(self) -> Int[np.ndarray, " n"]:
+        """Number of the place of each event, among about as many as can be held out."""
+        if not self.positions.shape[1]:
+            return np.arange(len(self.positions)) % _FOLDS
+        parts = []
+        for column in self.positions.T:
+            edges = np.quantile(column, np.linspace(0.0, 1.0, _CELLS + 1)[1:-1])
+            parts.append(np.searchsorted(np.unique(edges), column, side="right"))
+        _, index = np.unique(np.column_stack(parts), axis=0, return_inverse=True)
+        return np.asarray(index.reshape(-1))
 
 
 def choose_tests(
     table: Table, modes: tuple[int, ...], most: int
-) -> tuple[Axes, Float[np.ndarray, "p k"], tuple[ModeScore, ...]]:
+) -> tuple[Axes, Float[np.ndarray, "p k"]]:
     """Return adaptation axes and places of tests that predict held-out events best.
 
-    The fewest tests whose loss is not above the least by more than chance over the cells.
+    The fewest tests whose loss is not above the least by more than chance over the turns.
     They stand on a grid, evenly spaced over the events, the last axis fastest.
 
     Raises:
@@ -153,31 +158,34 @@ def choose_tests(
             "axes that it needs."
         )
         raise FitError(msg)
+    if len(candidates) == 1:
+        return candidates[0][0], _grid(table.even_nodes(*candidates[0]))
     sizes = [math.prod(counts) for _, counts in candidates]
+    grids = [table.even_nodes(*candidate) for candidate in candidates]
     # What the finest choice rejects has no part in the search.
-    finest = candidates[int(np.argmax(sizes))]
-    columns = table.by_grid(finest[0], table.even_nodes(*finest))
+    finest = int(np.argmax(sizes))
+    columns = table.by_grid(candidates[finest][0], grids[finest])
     sound = np.ones(len(table.amount), bool)
     for _, mine, found in table.each(columns, "student"):
         sound[mine] = ~found.wild
     table = table.take(sound)
-    cells = _cells(table.positions)
-    rng = np.random.default_rng(0)
-    fold = rng.permutation(np.arange(int(cells.max()) + 1) % _FOLDS)[cells]
-    tried = np.zeros((len(candidates), len(cells)))
-    for left, (axes, counts) in zip(tried, candidates, strict=True):
-        columns = table.by_grid(axes, table.even_nodes(axes, counts))
-        for number in np.unique(fold) if np.ptp(fold) else ():
-            out = fold == number
-            left[out] = table.left(columns, ~out)[out]
-    scale = min(max(1.4826 * float(np.median(np.abs(left))), 1e-9) for left in tried)
-    chosen, held_out = simplest(list(tried), sizes, scale, cells)
-    scores = tuple(
-        ModeScore(1 + len(axes), axes, counts, float(held_out[k]), k == chosen)
-        for k, (axes, counts) in enumerate(candidates)
+    root, cell, none = (
+        np.sqrt(table.weight),
+        table.cell,
+        np.zeros(int(sound.sum()), bool),
     )
-    nodes = table.even_nodes(*candidates[chosen])
-    return candidates[chosen][0], np.array(list(itertools.product(*nodes))), scores
+    tried = [
+        table.held_out(table.by_grid(axes, grid), cell, none) * root
+        for (axes, _), grid in zip(candidates, grids, strict=True)
+    ]
+    scale = min(max(1.4826 * float(np.median(np.abs(left))), 1e-9) for left in tried)
+    chosen, _ = simplest(tried, sizes, scale, cell)
+    return candidates[chosen][0], _grid(grids[chosen])
+
+
+def _grid(nodes: Nodes) -> Float[np.ndarray, "p k"]:
+    shape = math.prod(map(len, nodes)), len(nodes)
+    return np.array([*itertools.product(*nodes)]).reshape(shape)
 
 
 def _candidates(
@@ -199,18 +207,6 @@ def _candidates(
         )
         if math.prod(counts) <= most
     ]
-
-
-def _cells(positions: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
-    """Return the cell of each event: events at the same place are held out together."""
-    if positions.shape[1] == 0:
-        return np.arange(len(positions)) % _FOLDS
-    parts = []
-    for column in positions.T:
-        edges = np.quantile(column, np.linspace(0.0, 1.0, _CELLS + 1)[1:-1])
-        parts.append(np.searchsorted(np.unique(edges), column, side="right"))
-    _, index = np.unique(np.column_stack(parts), axis=0, return_inverse=True)
-    return np.asarray(index.reshape(-1))
 
 
 def _rounded(places: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

@@ -1,6 +1,5 @@
 """Plots and sentences of a crosstalk and its list."""
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -66,28 +65,6 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f"{count(len(own.events), 'acceleration')} cut out of the log; one scatters"
             f" by {scale.shown(float(noise.max()))} (1 sd) about the list at most.",
         )
-    if own.scores:
-        yield ("Choice of tests", _choice(fit, scale))
-
-
-def _choice(fit: CrosstalkResult, scale: Scale) -> str:
-    scores = fit.fit.scores
-    best = [
-        min((each for each in scores if each.mode == mode), key=lambda s: s.held_out)
-        for mode in sorted({each.mode for each in scores})
-    ]
-    chosen = next(each for each in scores if each.chosen)
-    parts = [
-        f"mode {each.mode} {scale.shown(each.held_out)} with"
-        f" {count(math.prod(each.counts), 'test')}"
-        for each in best
-    ]
-    return (
-        f"Events held out at other places are predicted within (rms, best of each mode):"
-        f" {'; '.join(parts)}. Taken: mode {chosen.mode} with"
-        f" {count(math.prod(chosen.counts), 'test')}, the fewest that are not worse than"
-        " the best by more than chance."
-    )
 
 
 def _at(fit: CrosstalkResult, point: np.ndarray) -> str:
