@@ -179,10 +179,13 @@ class CrosstalkDraft(AbstractDraft):
         added = self.added_to_log(done)
         corrected = dataclasses.replace(log, error=log.error + added)
         left = cut_events(corrected, fit.effect).value
-        model, workspace = self.model if self.written else None, self._workspace()
+        before, workspace = fit.events.value, self._workspace()
+        model, predicted = (
+            (self.model, fit.predicted) if self.written else (None, before)
+        )
         result = CrosstalkResult(
             **self.frame(done),
-            error=staged(fit.events.value, fit.predicted, left, fit.events.wild),
+            error=staged(before, predicted, left, fit.events.wild),
             remarks=(),
             files=() if model is None else done.written,
             held_out="event",

@@ -241,7 +241,7 @@ def remarks_of(result: CrosstalkResult, draft: "CrosstalkDraft") -> Iterator[Rem
     """
     yield from _of_the_events(result, draft)
     yield from _of_missing_tests(result)
-    if not len(result.points):
+    if result.model is None:
         yield from _why_nothing(result)
         return
     if result.coverage < _COVERED:
@@ -325,8 +325,7 @@ def _of_missing_tests(result: CrosstalkResult) -> Iterator[Remark]:
 def _why_nothing(result: CrosstalkResult) -> Iterator[Remark]:
     fit = result.fit
     if not fit.significant:
-        known = np.abs(fit.values[np.isfinite(fit.values)])
-        largest = 1e3 * float(known.max(initial=0.0))
+        largest = 1e3 * float(np.nanmax(np.abs(fit.values), initial=0.0))
         yield Remark.warning(
             f"No crosstalk from {result.master} shows: no value exceeds what chance over"
             f" all of them would give (the largest is {largest:.2f} µm). Nothing is"

@@ -19,7 +19,7 @@ from ...core import FitError, filled, one_blas_thread
 from ...fit.joint import Crosstalk
 from . import BRANCHES, SAFE_TESTS
 from ._events import Events
-from ._tests import Table, choose_tests
+from ._tests import TOUCHED, choose_tests, fitted, held_out
 
 _CHANCE = 0.01
 """Probability under equal directions below which they differ."""
@@ -27,7 +27,6 @@ _SURE = 0.0027
 """Probability of three standard deviations, shared by all values that are looked at."""
 _APART, _ALIKE = (0, 1, 2, 3), (0, 0, 1, 1)
 """Values per branch: each its own, or both directions alike."""
-_TOUCHED = 1e-9
 _SAME = 1e-6
 """mm within which two tests stand at the same place."""
 
@@ -195,20 +194,20 @@ def fit_crosstalk(
         FitError: If the arguments cannot be met.
     """
     if isinstance(velocity_dependent, str):
-        fitted = functools.partial(
+        fit = functools.partial(
             fit_crosstalk, events, form, adaptation, mode=mode, positions=positions,
             most_tests=most_tests, loss=loss,
         )  # fmt: skip
-        found = fitted(velocity_dependent=True)
-        return found if found.directed else fitted(velocity_dependent=False)
+        found = fit(velocity_dependent=True)
+        return found if found.directed else fit(velocity_dependent=False)
     groups = _APART if velocity_dependent else _ALIKE
-    table = Table.of(events, groups)
+    group = np.array(groups)[events.branch]
     if positions is not None:
         axes, points = tuple(range(positions.shape[1])), positions
     else:
-        every = tuple(range(1, table.positions.shape[1] + 2))
+        every = tuple(range(1, events.positions.shape[1] + 2))
         modes = (mode,) if isinstance(mode, int) else every
-        axes, points = choose_tests(table, modes, most_tests)
+        axes, points = choose_tests(events, group, modes, most_tests)
     places = events.positions[:, list(axes)]
     try:
         stencil = surface_through(points).stencil(jnp.asarray(filled(places)))
@@ -219,11 +218,11 @@ def fit_crosstalk(
     values, deviation = np.full(shape, np.nan), np.full(shape, np.inf)
     support, noise = np.zeros(shape, np.int64), np.full(len(BRANCHES), np.nan)
     wild, converged = np.zeros(len(events), bool), True
-    for group, mine, found in table.each(columns, loss):
-        rows = np.array(groups) == group
+    for number, mine, found in fitted(events, group, columns, loss):
+        rows = np.array(groups) == number
         wild[mine] = found.wild
         converged &= found.converged
-        touching = (columns[mine][~found.wild] > _TOUCHED).sum(axis=0)
+        touching = (columns[mine][~found.wild] > TOUCHED).sum(axis=0)
         known = ~found.undetermined & (touching > 0)
         values[rows] = np.where(known, found.coefficients, np.nan)
         deviation[rows] = np.where(known, found.standard_deviation, np.inf)
@@ -240,6 +239,6 @@ def fit_crosstalk(
         support=support,
         noise=noise,
         events=dataclasses.replace(events, positions=places, wild=wild),
-        predicted=table.held_out(columns, np.arange(len(events)), wild),
+        predicted=held_out(events, group, columns, np.arange(len(events)), wild),
         converged=converged,
     )

@@ -174,20 +174,13 @@ class CrosstalkPlan(AbstractPlan):
     def unfit(self, recording: "GroupRecording") -> str:
         rate = recording.data.acceleration[self.fit.master]
         known = np.isfinite(recording.data.error[self.axis]) & np.isfinite(rate)
-        missing = [
-            words
-            for words, there in (
-                ("speeds up", (rate[known] > 0).any()),
-                ("slows down", (rate[known] < 0).any()),
-            )
-            if not there
-        ]
-        if not missing:
-            return ""
-        return (
-            f"{self.fit.master} never {' and never '.join(missing)} in these readings,"
-            " expected accelerations of both signs."
-        )
+        for sign, words in ((1.0, "speeds up"), (-1.0, "slows down")):
+            if not (sign * rate[known] > 0).any():
+                return (
+                    f"{self.fit.master} never {words} in these readings, expected"
+                    " accelerations of both signs."
+                )
+        return ""
 
     def may_be_written(self, part: "Part", fit: "JointFit") -> bool:
         # Written test by test: those that are told.

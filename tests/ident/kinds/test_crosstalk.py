@@ -16,7 +16,7 @@ from axcomp.ident.kinds.crosstalk._events import (
     cut_events,
     specified,
 )
-from axcomp.ident.kinds.crosstalk._tests import Table
+from axcomp.ident.kinds.crosstalk._tests import columns_of
 from axcomp.ident.kinds.crosstalk.effect import CrosstalkFit, fit_crosstalk
 from axcomp.models import Conventions, surface_through
 
@@ -353,12 +353,11 @@ def test_columns_of_the_search_are_those_of_the_controller() -> None:
     rng = np.random.default_rng(0)
     nodes = (np.array([0.0, 150.0, 400.0]), np.array([-50.0, 80.0]))
     places = rng.uniform(-100.0, 500.0, (40, 2))
-    table = Table(np.zeros(40, int), places, np.zeros(40), np.ones(40), 1.0)
     points = np.array(list(itertools.product(*nodes)))
     stencil = surface_through(points).stencil(jnp.asarray(places))
     # Two ways of writing the same few products.
     np.testing.assert_allclose(
-        table.by_grid((0, 1), nodes), stencil.matrix(), atol=1e-12
+        columns_of(places, (0, 1), nodes), stencil.matrix(), atol=1e-12
     )
 
 
