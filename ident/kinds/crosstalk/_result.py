@@ -146,7 +146,7 @@ class CrosstalkResult(AbstractResult):
     @property
     def points(self) -> Float[np.ndarray, "p k"]:
         """Places of the written tests in mm."""
-        return self.fit.effect.points[self.written]
+        return np.asarray(self.fit.effect.points[self.written])
 
     @property
     def standard_deviation(self) -> Float[np.ndarray, "4 p"]:

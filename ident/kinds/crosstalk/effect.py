@@ -198,8 +198,8 @@ def fit_crosstalk(
             fit_crosstalk, events, form, adaptation, mode=mode, positions=positions,
             most_tests=most_tests, loss=loss,
         )  # fmt: skip
-        found = fit(velocity_dependent=True)
-        return found if found.directed else fit(velocity_dependent=False)
+        apart = fit(velocity_dependent=True)
+        return apart if apart.directed else fit(velocity_dependent=False)
     groups = _APART if velocity_dependent else _ALIKE
     group = np.array(groups)[events.branch]
     if positions is not None:
