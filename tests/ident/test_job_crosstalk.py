@@ -277,7 +277,7 @@ def test_report_of_what_is_not_known_says_so(tmp_path: Path) -> None:
     path.write_text(JOB.format(axis="", active="[]", keys="", columns=""))
     page, *plots = write_report(run_job(path, tmp_path / "out"), tmp_path / "out")
     text = page.read_text()
-    assert "Not known: acceleration in negative direction" in text
+    assert "Nothing is known for acceleration in negative direction" in text
     assert "NaN" not in text
     assert len(plots) == 1
 

@@ -170,7 +170,7 @@ class BacklashDraft(AbstractDraft):
     def _held_out(self) -> Float[np.ndarray, " t"]:
         """Return the error under a fit to the others, about the middle of each run."""
         share, run = self.share, self.share.recording.data.run
-        left = share.predicted[share.rows]
+        left = np.array(share.predicted[share.rows])
         if run is not None:
             for label in np.unique(run):
                 own = run[share.rows] == label

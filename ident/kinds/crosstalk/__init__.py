@@ -1,10 +1,9 @@
 """Crosstalk: an offset of the axis while another one accelerates.
 
 Read in this order: `_events` (accelerations cut out of a log, one value each), `_tests` (where the
-tests of a list stand), `effect` (their values; their form is the effect of a joint fit), `_log`
-(the delay of a log, and events predicted by the others), `plan` (all of it, alone and with other
-compensations), `_draft` and `_result` (list, gate, result and remarks). The other modules are the
-parts that every compensation has.
+tests of a list stand), `effect` (their values, alone and in what others of a group leave; their
+form is the effect of a joint fit), `plan` (all of it), `_draft` and `_result` (list, gate, result
+and remarks). The other modules are the parts that every compensation has.
 """
 
 from .._kind import Kind

@@ -5,7 +5,7 @@ import functools
 from typing import TYPE_CHECKING, final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ....data.lists import Value
 from ....models import Crosstalk, LegacyCrosstalk
@@ -15,7 +15,7 @@ from ...job._gating import spread_over
 from ...job.file._load import Job
 from ...job.result._result import Remark, staged
 from ...job.table._plan import was_active
-from ...proof import GateCheck, error_figures
+from ...proof import GateCheck
 from ._events import CrosstalkReadings, cut_events
 from ._result import (
     CrosstalkResult,
@@ -104,8 +104,6 @@ class CrosstalkDraft(AbstractDraft):
         remarks: What was taken for granted while reading.
         found: The estimate.
         readings: What it saw: positions of its own adaptation axes only, no delay.
-        held_out: Value of each event in mm under the list fitted without it; NaN where what
-            remains determines none.
         old: Crosstalk of the list that is there.
         delay: By how much the error follows the acceleration, in s; taken off.
     """
@@ -114,7 +112,6 @@ class CrosstalkDraft(AbstractDraft):
     remarks: tuple[Remark, ...]
     found: CrosstalkFit
     readings: CrosstalkReadings
-    held_out: Float[np.ndarray, " n"]
     old: Existing
     delay: float = 0.0
 
@@ -129,11 +126,6 @@ class CrosstalkDraft(AbstractDraft):
         if not (self.found.significant and self.found.complete.any()):
             return None
         return self.found.compensation(self.old.active)
-
-    @property
-    def judged(self) -> Bool[np.ndarray, " n"]:
-        """Events that others predict."""
-        return np.asarray(np.isfinite(self.held_out))
 
     @property
     def written(self) -> bool:
@@ -187,33 +179,21 @@ class CrosstalkDraft(AbstractDraft):
         added = self.added_to_log(done)
         corrected = dataclasses.replace(log, error=log.error + added)
         left = cut_events(corrected, fit.effect).value
-        before, wild, judged = fit.events.value, fit.events.wild, self.judged
-        error = staged(before, before, left, wild)
-        if judged.any():
-            predicted = error_figures(self.held_out[judged], wild=wild[judged])
-            error["predicted"] = predicted
-        model = self.model if self.written else None
-        shown = np.zeros(len(fit.effect.points), dtype=bool)
-        if model is not None:
-            shown = fit.kept(self.old.active)
-        workspace = self._workspace()
+        before, workspace = fit.events.value, self._workspace()
+        model, predicted = (
+            (self.model, fit.predicted) if self.written else (None, before)
+        )
         result = CrosstalkResult(
             **self.frame(done),
-            error=error,
+            error=staged(before, predicted, left, fit.events.wild),
             remarks=(),
             files=() if model is None else done.written,
             held_out="event",
-            master=self.fit.master,
-            adaptation=self.masters,
-            points=fit.effect.points[shown],
-            entries=np.zeros((4, 0)) if model is None else np.asarray(model.values),
-            standard_deviation=fit.standard_deviation[:, shown],
-            support=fit.support[:, shown],
-            cycles=0 if model is None else model.cycles,
+            model=model,
+            written=fit.kept(self.old.active) & self.written,
             coverage=0.0 if model is None else coverage_of(model, workspace),
             workspace=workspace,
             fit=fit,
-            predicted=np.where(judged, self.held_out, before),
             from_file=left,
             time=log.time[fit.events.start],
         )

@@ -1,8 +1,9 @@
 """Acceleration events cut out of a log of master and slave, each reduced to one value."""
 
 import dataclasses
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -13,7 +14,7 @@ from . import BRANCHES
 
 _LEAST = 0.3
 """Share of the specified acceleration that an event reaches."""
-QUIET = 0.02
+_QUIET = 0.02
 """Share of the specified acceleration up to which the master does not accelerate."""
 _TURN = 0.1
 """Share of the impulse of an acceleration that a direction has at least where the master
@@ -26,6 +27,12 @@ _BLIND = 1e6
 """Variance of an event, relative to one reading, from which on it says nothing."""
 _DEARER = 4.0
 """Variance by impulses, in that of least squares, up to which impulses are preferred."""
+_FARTHEST = 0.02
+"""s: a delay beyond this is another event."""
+_MOST_ROWS, _MOST_EVENTS = 25, 60
+"""Rows of a delay, and about how many events are looked at for it."""
+_GAIN = 0.05
+"""Relative fall of the residual's standard deviation below which there is no delay."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,6 +46,7 @@ class CrosstalkReadings:
         error: Of the slave, actual − encoder (or commanded at rest) in mm; NaN = missed.
         positions: Of the axes on which it may depend (adaptation axes) in mm, shape
             ``(t, k)``; k = 0 where there are none.
+        log: Number of the log that each row belongs to: no event sees another log.
     """
 
     time: Float[np.ndarray, " t"]
@@ -46,10 +54,7 @@ class CrosstalkReadings:
     velocity: Float[np.ndarray, " t"]
     error: Float[np.ndarray, " t"]
     positions: Float[np.ndarray, "t k"]
-
-    def take(self, rows: slice) -> "CrosstalkReadings":
-        """Return some of the rows."""
-        return CrosstalkReadings(*(column[rows] for column in vars(self).values()))
+    log: Int[np.ndarray, " t"]
 
     def directed(self, form: Crosstalk) -> "CrosstalkReadings":
         """Return the log with one direction per acceleration, or two where it turns.
@@ -63,8 +68,8 @@ class CrosstalkReadings:
         velocity = self.velocity.copy()
         full = np.where(self.acceleration < 0, -form.deceleration, form.acceleration)
         share = np.abs(self.acceleration) / full
-        sign = np.where(share < QUIET, 0, np.sign(self.acceleration))
-        for start, stop in _stretches(sign):
+        sign = np.where(share < _QUIET, 0, np.sign(self.acceleration))
+        for start, stop in _stretches(sign, self.log):
             rows = slice(start, stop)
             push, speed = share[rows], np.abs(velocity[rows])
             net = push * np.sign(velocity[rows])
@@ -108,35 +113,21 @@ class Events:
     def __len__(self) -> int:
         return len(self.value)
 
-    def take(self, rows: Bool[np.ndarray, " n"] | Int[np.ndarray, " m"]) -> "Events":
+    @functools.cached_property
+    def own_noise(self) -> float:
+        """Scatter of an event of weight 1 as the events tell themselves, in mm."""
+        return float(np.median(self.standard_deviation))
+
+    @functools.cached_property
+    def weight(self) -> Float[np.ndarray, " n"]:
+        """Relative weights, median 1: none is so sure of itself that it outvotes the others."""
+        least = np.maximum(self.standard_deviation, 0.3 * self.own_noise)
+        return np.asarray(np.square(self.own_noise / least))
+
+    def take(self, rows: Bool[np.ndarray, " n"]) -> "Events":
         """Return some of the events."""
-        return Events(*(column[rows] for column in vars(self).values()))
-
-
-def joined_logs(parts: Sequence[CrosstalkReadings]) -> CrosstalkReadings:
-    """Put logs one after the other, far enough apart that no event sees another log."""
-    if len(parts) == 1:
-        return parts[0]
-    rows = np.arange(1, 2 + max(map(_longest, parts)))
-    none, missing = np.zeros(len(rows)), np.full(len(rows), np.nan)
-    found, start = [], 0.0
-    for part in parts:
-        step = float(np.median(np.diff(part.time)))
-        time = start + part.time - part.time[0]
-        between = time[-1] + step * rows
-        places = np.repeat(part.positions[-1:], len(rows), axis=0)
-        found.append(dataclasses.replace(part, time=time))
-        found.append(CrosstalkReadings(between, none, none, missing, places))
-        start = between[-1] + step
-    columns = zip(*(vars(each).values() for each in found), strict=True)
-    return CrosstalkReadings(*map(np.concatenate, columns))
-
-
-def _longest(part: CrosstalkReadings) -> int:
-    """Return the rows of the longest acceleration of one sign."""
-    size = np.abs(part.acceleration)
-    sign = np.sign(part.acceleration) * (size > QUIET * size.max(initial=0.0))
-    return max((b - a for a, b in _stretches(sign) if sign[a]), default=0)
+        names = (field.name for field in dataclasses.fields(self))
+        return Events(*(getattr(self, name)[rows] for name in names))
 
 
 def specified(
@@ -185,51 +176,97 @@ def cut_events(readings: CrosstalkReadings, form: Crosstalk) -> Events:
             row = int(np.flatnonzero(bad.any(axis=1))[0])
             msg = f"reading {row + 1}: {name} is not finite, expected numbers."
             raise FitError(msg)
-    back = np.flatnonzero(np.diff(readings.time) <= 0)
+    same = np.diff(readings.log) == 0
+    back = np.flatnonzero((np.diff(readings.time) <= 0) & same)
     if back.size:
         msg = (
             f"reading {back[0] + 2}: found time that does not ascend, expected a log in the"
             " order of time."
         )
         raise FitError(msg)
-    share, label = shares_of(readings, form)
-    found = []
-    for start, stop in _stretches(label):
-        if label[start] < 0 or share[start:stop].max() < _LEAST:
-            continue
-        rows, events, line = window_of(readings, label, share, start, stop)
-        solved = _amplitude(share[rows], events, line, readings.error[rows])
-        if solved is not None:
-            found.append((start, stop, solved))
-    if not found:
+    solved = [
+        (window, *found)
+        for window in _windows(readings, form)
+        if (found := _amplitude(window, readings.error[window.rows])) is not None
+    ]
+    if not solved:
         msg = (
             f"no acceleration of the master reaches {100 * _LEAST:.0f} % of "
             f"{form.acceleration:g} mm/s² or {form.deceleration:g} mm/s² for {_ROWS} rows: "
             "nothing to fit."
         )
         raise FitError(msg)
-    spans = [slice(start, stop) for start, stop, _ in found]
-    weights = [share[rows] ** 2 for rows in spans]
+    cut, value, deviation = zip(*solved, strict=True)
+    spans = [slice(one.start, one.stop) for one in cut]
+    weights = [one.push**2 for one in cut]
     places = [
         weight @ readings.positions[rows] / weight.sum()
         for rows, weight in zip(spans, weights, strict=True)
     ]
     pushes = [readings.acceleration[rows] for rows in spans]
-    first, last = np.array([ends for *ends, _ in found]).T
-    value, deviation = np.array([solved for *_, solved in found]).T
     return Events(
-        start=first,
-        stop=last,
-        branch=label[first],
-        positions=np.array(places).reshape(len(found), -1),
+        start=np.array([one.start for one in cut]),
+        stop=np.array([one.stop for one in cut]),
+        branch=np.array([one.branch for one in cut]),
+        positions=np.array(places).reshape(len(cut), -1),
         peak=np.array([push[np.argmax(np.abs(push))] for push in pushes]),
-        value=value,
-        standard_deviation=deviation,
-        wild=np.zeros(len(found), dtype=bool),
+        value=np.array(value),
+        standard_deviation=np.array(deviation),
+        wild=np.zeros(len(cut), dtype=bool),
     )
 
 
-def shares_of(
+@dataclasses.dataclass(frozen=True)
+class _Window:
+    """An event, and as much of its log on both sides.
+
+    Attributes:
+        start: First row of the event.
+        stop: Row after the last.
+        branch: Row of `BRANCHES`.
+        push: Share of the specified acceleration in each of them.
+        rows: Those of the window in which the slave was read.
+        design: What they may show: an amplitude of each event in them, this one first, then
+            level and drift.
+        impulses: The same with 1 in place of a share.
+    """
+
+    start: int
+    stop: int
+    branch: int
+    push: Float[np.ndarray, " e"]
+    rows: Int[np.ndarray, " w"]
+    design: Float[np.ndarray, "w c"]
+    impulses: Float[np.ndarray, "w c"]
+
+
+def _windows(readings: CrosstalkReadings, form: Crosstalk) -> Iterator[_Window]:
+    """Yield the events of a log that are strong and long enough."""
+    share, label = _shares_of(readings, form)
+    for start, stop in _stretches(label, readings.log):
+        push, length = share[start:stop], stop - start
+        if label[start] < 0 or push.max() < _LEAST:
+            continue
+        rows = np.arange(max(start - length, 0), min(stop + length, len(share)))
+        here = readings.log[rows] == readings.log[start]
+        rows = rows[here & np.isfinite(readings.error[rows])]
+        own = (rows >= start) & (rows < stop)
+        if own.sum() < _ROWS:
+            continue
+        beside = [~own & (label[rows] == other) for other in range(len(BRANCHES))]
+        each = np.stack([own, *(one for one in beside if one.sum() >= _ROWS)], axis=1)
+        keep = each.any(axis=1) | (label[rows] < 0)
+        rows, events = rows[keep], each[keep].astype(float)
+        clock = readings.time[rows] - readings.time[rows].mean()
+        clock /= max(float(np.abs(clock).max()), 1e-300)
+        line = np.stack([np.ones(len(rows)), clock], axis=1)
+        design, impulses = events * share[rows, None], np.hstack([events, line])
+        branch = int(label[start])
+        both = np.hstack([design, line]), impulses
+        yield _Window(start, stop, branch, push, rows, *both)
+
+
+def _shares_of(
     readings: CrosstalkReadings, form: Crosstalk
 ) -> tuple[Float[np.ndarray, " t"], Int[np.ndarray, " t"]]:
     """Return the share of the specified acceleration in each row, and its row of `BRANCHES`.
@@ -245,71 +282,33 @@ def shares_of(
     count = len(readings.time)
     share = np.asarray(stencil.weights)[:count].sum(axis=1)
     branch = np.asarray(stencil.nodes)[:count, 0].astype(np.int64)
-    return share, np.where(share < QUIET, -1, branch)
+    return share, np.where(share < _QUIET, -1, branch)
 
 
-def _stretches(
-    label: Float[np.ndarray, " t"] | Int[np.ndarray, " t"],
-) -> list[tuple[int, int]]:
-    """Return first row and row after the last of each stretch of equal labels."""
-    edges = (np.flatnonzero(np.diff(label)) + 1).tolist()
-    return list(zip([0, *edges], [*edges, len(label)], strict=True))
-
-
-def window_of(
-    readings: CrosstalkReadings,
-    label: Int[np.ndarray, " t"],
-    share: Float[np.ndarray, " t"],
-    start: int,
-    stop: int,
-) -> tuple[Int[np.ndarray, " w"], Float[np.ndarray, "w e"], Float[np.ndarray, "w l"]]:
-    """Return the rows of an event and of what lies beside it, and what they may show.
-
-    That are the events in these rows, 1 or 0 for each and this one first, then level and
-    drift. No rows where the event has too few; arguments as of `shares_of`.
-    """
-    length = stop - start
-    rows = np.arange(max(start - length, 0), min(stop + length, len(share)))
-    rows = rows[np.isfinite(readings.error[rows])]
-    own = (rows >= start) & (rows < stop)
-    if own.sum() < _ROWS:
-        return rows[:0], np.zeros((0, 1)), np.zeros((0, 2))
-    beside = [~own & (label[rows] == other) for other in range(len(BRANCHES))]
-    events = np.stack([own, *(each for each in beside if each.sum() >= _ROWS)], axis=1)
-    keep = events.any(axis=1) | (label[rows] < 0)
-    rows, events = rows[keep], events[keep].astype(float)
-    clock = readings.time[rows] - readings.time[rows].mean()
-    clock /= max(float(np.abs(clock).max()), 1e-300)
-    return rows, events, np.stack([np.ones(len(rows)), clock], axis=1)
+def _stretches(*labels: np.ndarray) -> list[tuple[int, int]]:
+    """Return first row and row after the last of each stretch in which no label changes."""
+    changed = np.any([np.diff(label) != 0 for label in labels], axis=0)
+    edges = (np.flatnonzero(changed) + 1).tolist()
+    return list(zip([0, *edges], [*edges, len(labels[0])], strict=True))
 
 
 def _amplitude(
-    share: Float[np.ndarray, " w"],
-    events: Float[np.ndarray, "w e"],
-    line: Float[np.ndarray, "w l"],
-    error: Float[np.ndarray, " w"],
+    window: _Window, error: Float[np.ndarray, " w"]
 ) -> tuple[float, float] | None:
-    """Return the size of the first event, and its deviation; None where it is open.
+    """Return the size of an event, and its deviation; None where it is open.
 
     Least squares make the factor too large where a filter has smeared the acceleration but not
     the error, and too small where the acceleration is noisy. What a filter keeps is the
     impulse: sums over each event, instead of products with its shares, are the instruments
     that hit the factor all the same (A. Wald, Ann. Math. Stat. 11, 1940). Where the master
     accelerates all the time they tell no level, and least squares have to do.
-
-    Args:
-        share: Of the specified acceleration, per row.
-        events: Rows of each event.
-        line: Level and drift.
-        error: Of the slave in mm.
     """
-    design = np.hstack([events * share[:, None], line])
-    impulses = np.hstack([events, line])
+    design = window.design
     free = len(error) - design.shape[1]
     if free <= 0 or np.linalg.matrix_rank(design, 1.0 / _BLIND) < design.shape[1]:
         return None
     found = []
-    for instruments in (design, impulses):
+    for instruments in (design, window.impulses):
         matrix = instruments.T @ design
         if np.linalg.cond(matrix) > _BLIND**2:
             continue
@@ -323,3 +322,38 @@ def _amplitude(
         return None
     variance, value, square = found[0]
     return value, math.sqrt(max(square * variance, 1e-18))
+
+
+def without_delay(
+    readings: CrosstalkReadings, form: Crosstalk
+) -> tuple[CrosstalkReadings, float]:
+    """Return a log whose error is not late, and by how many s it was; 0 if that is not seen.
+
+    The residuals of all events together say how far the error is to be moved. This is the
+    delay of an error that was recorded as such, beside a slave that stands still; that of an
+    instrument against the encoder of the same axis is taken off before any fit.
+    """
+    windows = [*_windows(readings, form)]
+    step = float(np.median(np.diff(readings.time)))
+    reach = min(math.ceil(_FARTHEST / step), _MOST_ROWS)
+    lags = np.arange(-reach, reach + 1)
+    # The log with as many missing rows before and after it as the error is moved by.
+    padded = np.pad(readings.error, reach, constant_values=np.nan)
+    cost, count = np.zeros(len(lags)), 0
+    for window in windows[:: max(-(-len(windows) // _MOST_EVENTS), 1)]:
+        shifted = padded[window.rows[:, None] + reach + lags]
+        known = np.isfinite(shifted).all(axis=1)
+        shifted, design = shifted[known], window.design[known]
+        if len(shifted) > 2 * design.shape[1]:
+            base, _ = np.linalg.qr(design)
+            left = shifted - base @ (base.T @ shifted)
+            spread = np.maximum((left**2).mean(axis=0), 1e-24)
+            # A contradicting event has large residuals whatever the delay.
+            cost += 0.5 * len(shifted) * np.log(spread)
+            count += len(shifted)
+    late = int(lags[np.argmin(cost)])
+    # Mean fall of the logarithm of the standard deviation.
+    if not late or cost[reach] - cost.min() <= _GAIN * count:
+        return readings, 0.0
+    error = padded[reach + late :][: len(readings.error)]
+    return dataclasses.replace(readings, error=error), late * step

@@ -121,35 +121,57 @@ class CrosstalkResult(AbstractResult):
     """The crosstalk of an axis; errors of events are those at full acceleration, in mm.
 
     Attributes:
-        master: Axis that accelerates.
-        adaptation: Axes on whose positions it depends.
-        points: Of the written tests in mm, shape ``(p, k)``.
-        entries: Written entries in mm by row of `BRANCHES`, with the sign of the list;
-            no tests where nothing is written.
-        standard_deviation: Of the entries.
-        support: Events that touch each entry.
-        cycles: Of the sin² filter on the values (P-COMP-00064).
+        model: The written list as the controller runs it; None: nothing is written.
+        written: Which tests of the fit stand in it.
         coverage: Share of the workspace that the tests cover, 0 to 1.
         workspace: From where to where each adaptation axis goes in mm.
         fit: The estimate behind it with its events (sign of the error).
-        predicted: What the list fitted to other events leaves of each event.
         from_file: What the written file, read back, leaves of each event.
         time: When each event begins, in s.
     """
 
-    master: str
-    adaptation: tuple[str, ...]
-    points: Float[np.ndarray, "p k"]
-    entries: Float[np.ndarray, "4 p"]
-    standard_deviation: Float[np.ndarray, "4 p"]
-    support: Int[np.ndarray, "4 p"]
-    cycles: int
+    model: Crosstalk | None
+    written: Bool[np.ndarray, " q"]
     coverage: float
     workspace: Float[np.ndarray, "k 2"]
     fit: CrosstalkFit
-    predicted: Float[np.ndarray, " n"]
     from_file: Float[np.ndarray, " n"]
     time: Float[np.ndarray, " n"]
+
+    @property
+    def entries(self) -> Float[np.ndarray, "4 p"]:
+        """Written entries in mm by row of `BRANCHES`, with the sign of the list."""
+        return np.zeros((4, 0)) if self.model is None else np.asarray(self.model.values)
+
+    @property
+    def points(self) -> Float[np.ndarray, "p k"]:
+        """Places of the written tests in mm."""
+        return np.asarray(self.fit.effect.points[self.written])
+
+    @property
+    def standard_deviation(self) -> Float[np.ndarray, "4 p"]:
+        """Of the entries."""
+        return self.fit.standard_deviation[:, self.written]
+
+    @property
+    def support(self) -> Int[np.ndarray, "4 p"]:
+        """Events that touch each entry."""
+        return self.fit.support[:, self.written]
+
+    @property
+    def cycles(self) -> int:
+        """Of the sin² filter on the values (P-COMP-00064)."""
+        return 0 if self.model is None else self.model.cycles
+
+    @property
+    def master(self) -> str:
+        """Axis that accelerates."""
+        return self.fit.effect.master
+
+    @property
+    def adaptation(self) -> tuple[str, ...]:
+        """Axes on whose positions it depends."""
+        return self.fit.effect.adaptation
 
     @property
     def over(self) -> tuple[str, ...]:
@@ -201,13 +223,12 @@ class CrosstalkResult(AbstractResult):
                     "peak": events.peak[k],
                     "error": events.value[k],
                     "standard_deviation": events.standard_deviation[k],
-                    "predicted": self.predicted[k],
+                    "predicted": fit.predicted[k],
                     "from_file": self.from_file[k],
                     "wild": events.wild[k],
                 }
                 for k in range(len(events))
             ],
-            "choice": [dataclasses.asdict(score) for score in fit.scores],
         }
 
 
@@ -220,7 +241,7 @@ def remarks_of(result: CrosstalkResult, draft: "CrosstalkDraft") -> Iterator[Rem
     """
     yield from _of_the_events(result, draft)
     yield from _of_missing_tests(result)
-    if not len(result.points):
+    if result.model is None:
         yield from _why_nothing(result)
         return
     if result.coverage < _COVERED:
@@ -261,11 +282,6 @@ def _of_the_events(
     if result.wild.any():
         words = f"{result.wild.sum()} events contradict the others and were left out."
         yield Remark.warning(words)
-    if not draft.judged.all():
-        yield Remark.warning(
-            f"{(~draft.judged).sum()} of {len(draft.judged)} events could not be held"
-            " out, since what remains determines no test: nothing is predicted for them."
-        )
     if delay:
         way = "late" if delay > 0 else "early"
         yield Remark.warning(
@@ -309,8 +325,7 @@ def _of_missing_tests(result: CrosstalkResult) -> Iterator[Remark]:
 def _why_nothing(result: CrosstalkResult) -> Iterator[Remark]:
     fit = result.fit
     if not fit.significant:
-        known = np.abs(fit.values[np.isfinite(fit.values)])
-        largest = 1e3 * float(known.max(initial=0.0))
+        largest = 1e3 * float(np.nanmax(np.abs(fit.values), initial=0.0))
         yield Remark.warning(
             f"No crosstalk from {result.master} shows: no value exceeds what chance over"
             f" all of them would give (the largest is {largest:.2f} µm). Nothing is"

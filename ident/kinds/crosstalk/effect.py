@@ -5,6 +5,7 @@ tests stand, by events held out).
 """
 
 import dataclasses
+import functools
 from typing import Literal
 
 import jax.numpy as jnp
@@ -18,19 +19,14 @@ from ...core import FitError, filled, one_blas_thread
 from ...fit.joint import Crosstalk
 from . import BRANCHES, SAFE_TESTS
 from ._events import Events
-from ._tests import ModeScore, Table, choose_tests
+from ._tests import TOUCHED, choose_tests, fitted, held_out
 
 _CHANCE = 0.01
 """Probability under equal directions below which they differ."""
 _SURE = 0.0027
 """Probability of three standard deviations, shared by all values that are looked at."""
-_FEW = 3
-"""Events below which their scatter is believed from within them."""
-_MEDIAN = 1.57
-"""Variance of the median of Gaussian values, in that of the mean."""
 _APART, _ALIKE = (0, 1, 2, 3), (0, 0, 1, 1)
 """Values per branch: each its own, or both directions alike."""
-_TOUCHED = 1e-9
 _SAME = 1e-6
 """mm within which two tests stand at the same place."""
 
@@ -47,8 +43,8 @@ class CrosstalkFit:
         support: Events that touch each value.
         noise: Standard deviation of one event of median weight in mm, per row of `BRANCHES`.
         events: All that were cut out; their positions are those of the adaptation axes.
+        predicted: What values fitted to other events leave of each, in mm.
         converged: Whether the robust passes converged.
-        scores: Choices compared by hold-out; empty where the tests were given.
     """
 
     effect: Crosstalk
@@ -57,8 +53,8 @@ class CrosstalkFit:
     support: Int[np.ndarray, "4 p"]
     noise: Float[np.ndarray, "4"]
     events: Events
+    predicted: Float[np.ndarray, " n"]
     converged: bool
-    scores: tuple[ModeScore, ...] = ()
 
     @property
     def rates(self) -> tuple[float, float]:
@@ -85,6 +81,17 @@ class CrosstalkFit:
             return False
         limit = -float(ndtri(0.5 * _SURE / int(known.sum())))
         return bool((np.abs(value[known]) > limit * spread[known]).any())
+
+    @property
+    def directed(self) -> bool:
+        """Whether values differ by direction, by more than chance or as far as is known."""
+        apart = self.values[::2] - self.values[1::2]
+        spread = np.hypot(self.standard_deviation[::2], self.standard_deviation[1::2])
+        known = np.isfinite(apart)
+        if not known.any(axis=1).all():
+            return True
+        square = float(np.square(apart[known] / spread[known]).sum())
+        return bool(chdtrc(int(known.sum()), square) < _CHANCE)
 
     def kept(self, active: models.Crosstalk | None) -> Bool[np.ndarray, " p"]:
         """Return which tests are written: all four values measured, or known from before.
@@ -186,18 +193,21 @@ def fit_crosstalk(
     Raises:
         FitError: If the arguments cannot be met.
     """
-    apart = velocity_dependent
-    if isinstance(apart, str):
-        apart = _directions_differ(events)
-    groups = _APART if apart else _ALIKE
-    table = Table.of(events, groups)
-    scores: tuple[ModeScore, ...] = ()
+    if isinstance(velocity_dependent, str):
+        fit = functools.partial(
+            fit_crosstalk, events, form, adaptation, mode=mode, positions=positions,
+            most_tests=most_tests, loss=loss,
+        )  # fmt: skip
+        apart = fit(velocity_dependent=True)
+        return apart if apart.directed else fit(velocity_dependent=False)
+    groups = _APART if velocity_dependent else _ALIKE
+    group = np.array(groups)[events.branch]
     if positions is not None:
         axes, points = tuple(range(positions.shape[1])), positions
     else:
-        every = tuple(range(1, table.positions.shape[1] + 2))
+        every = tuple(range(1, events.positions.shape[1] + 2))
         modes = (mode,) if isinstance(mode, int) else every
-        axes, points, scores = choose_tests(table, modes, most_tests)
+        axes, points = choose_tests(events, group, modes, most_tests)
     places = events.positions[:, list(axes)]
     try:
         stencil = surface_through(points).stencil(jnp.asarray(filled(places)))
@@ -208,11 +218,11 @@ def fit_crosstalk(
     values, deviation = np.full(shape, np.nan), np.full(shape, np.inf)
     support, noise = np.zeros(shape, np.int64), np.full(len(BRANCHES), np.nan)
     wild, converged = np.zeros(len(events), bool), True
-    for group, mine, found in table.each(columns, loss):
-        rows = np.array(groups) == group
+    for number, mine, found in fitted(events, group, columns, loss):
+        rows = np.array(groups) == number
         wild[mine] = found.wild
         converged &= found.converged
-        touching = (columns[mine][~found.wild] > _TOUCHED).sum(axis=0)
+        touching = (columns[mine][~found.wild] > TOUCHED).sum(axis=0)
         known = ~found.undetermined & (touching > 0)
         values[rows] = np.where(known, found.coefficients, np.nan)
         deviation[rows] = np.where(known, found.standard_deviation, np.inf)
@@ -222,44 +232,13 @@ def fit_crosstalk(
             form,
             adaptation=tuple(adaptation[k] for k in axes),
             positions=points,
-            velocity_dependent=apart,
+            velocity_dependent=velocity_dependent,
         ),
         values=values,
         standard_deviation=deviation,
         support=support,
         noise=noise,
         events=dataclasses.replace(events, positions=places, wild=wild),
+        predicted=held_out(events, group, columns, np.arange(len(events)), wild),
         converged=converged,
-        scores=scores,
     )
-
-
-def _directions_differ(events: Events) -> bool:
-    """Return whether values differ by direction, from events at the same places.
-
-    They do where a direction has no event: nothing is known of it.
-    """
-    table = Table.of(events, _APART)
-    if (np.bincount(table.group, minlength=len(BRANCHES)) == 0).any():
-        return True
-    statistic, free = 0.0, 0
-    # Medians over thirds of the events by place, so that a difference anywhere counts.
-    place = np.zeros(len(events), np.int64)
-    for column in table.positions.T:
-        edges = np.quantile(column, [1 / 3, 2 / 3])
-        place = 3 * place + np.searchsorted(edges, column)
-    for pair in ((0, 1), (2, 3)):
-        for third in np.unique(place):
-            parts = [table.amount[(table.group == k) & (place == third)] for k in pair]
-            fewest = min(len(part) for part in parts)
-            if not fewest:
-                continue
-            seen = [np.var(part, ddof=1) if fewest >= _FEW else 0.0 for part in parts]
-            variance = sum(
-                max(float(each), table.own_noise**2) / len(part)
-                for each, part in zip(seen, parts, strict=True)
-            )
-            apart = float(np.median(parts[0]) - np.median(parts[1]))
-            statistic += apart**2 / (_MEDIAN * variance)
-            free += 1
-    return bool(free and float(chdtrc(free, statistic)) < _CHANCE)

@@ -1,8 +1,6 @@
 """Plots and sentences of a crosstalk and its list."""
 
-import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +9,6 @@ from ...report import _style as style
 from ...report._body import Body, Plot
 from ...report._scale import Scale, count, number, percent, place
 from .._drawing import directed_marks, left_out_words, side_by_side
-from . import BRANCHES
 from ._result import SHORT, CrosstalkResult
 
 _WAY = (1, -1, 1, -1)
@@ -43,6 +40,8 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
     )
     numbers = fit.entries, fit.standard_deviation, fit.support
     for k, point in enumerate(fit.points):
+        pairs = zip(fit.adaptation, map(place, point), strict=True)
+        where = ", ".join(f"{name} = {value}" for name, value in pairs)
         parts = [
             f"{name} {number(entry * scale.factor, signed=True)} ± {scale.shown(sd)}"
             f" ({count(int(support), 'event')})"
@@ -50,15 +49,8 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
                 SHORT, *(each[:, k] for each in numbers), strict=True
             )
         ]
-        yield (f"Test {k + 1}{_at(fit, point)}", "; ".join(parts) + ".")
-    for k in np.flatnonzero(~own.complete).tolist():
-        values = zip(BRANCHES, own.values[:, k], strict=True)
-        known = {name: value for name, value in values if np.isfinite(value)}
-        words = f"Not known: {', '.join(b for b in BRANCHES if b not in known)}."
-        if known:
-            shown = [f"{b} {scale.shown(v, signed=True)}" for b, v in known.items()]
-            words += f" Error measured: {', '.join(shown)}."
-        yield (f"Not measured{_at(fit, form.points[k])}", words)
+        where = f" at {where} mm" if where else ""
+        yield (f"Test {k + 1}{where}", "; ".join(parts) + ".")
     noise = own.noise[np.isfinite(own.noise)]
     if noise.size:
         yield (
@@ -66,42 +58,13 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f"{count(len(own.events), 'acceleration')} cut out of the log; one scatters"
             f" by {scale.shown(float(noise.max()))} (1 sd) about the list at most.",
         )
-    if own.scores:
-        yield ("Choice of tests", _choice(fit, scale))
-
-
-def _choice(fit: CrosstalkResult, scale: Scale) -> str:
-    scores = fit.fit.scores
-    best = [
-        min((each for each in scores if each.mode == mode), key=lambda s: s.held_out)
-        for mode in sorted({each.mode for each in scores})
-    ]
-    chosen = next(each for each in scores if each.chosen)
-    parts = [
-        f"mode {each.mode} {scale.shown(each.held_out)} with"
-        f" {count(math.prod(each.counts), 'test')}"
-        for each in best
-    ]
-    return (
-        f"Events held out at other places are predicted within (rms, best of each mode):"
-        f" {'; '.join(parts)}. Taken: mode {chosen.mode} with"
-        f" {count(math.prod(chosen.counts), 'test')}, the fewest that are not worse than"
-        " the best by more than chance."
-    )
-
-
-def _at(fit: CrosstalkResult, point: np.ndarray) -> str:
-    words = [
-        f"{name} = {place(value)}"
-        for name, value in zip(fit.adaptation, point, strict=True)
-    ]
-    return f" at {', '.join(words)} mm" if words else ""
 
 
 def _events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     """Draw the error that each event shows over its acceleration, before and after."""
     own, sound = fit.fit, ~fit.wild
-    across, up = f"acceleration of {fit.master} in mm/s²", _error_of(fit, scale)
+    across = f"acceleration of {fit.master} in mm/s²"
+    up = f"error of {fit.axis} in {scale.error}"
     figure, panels = side_by_side(3.2, ("before", "from the file"), across, up)
     branch, peak = own.events.branch, np.abs(own.events.peak)
     share = np.minimum(peak / own.full, 1.0) * scale.factor
@@ -135,10 +98,6 @@ def _events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     return Plot("events", "Every acceleration, before and after", figure, caption)
 
 
-def _error_of(fit: CrosstalkResult, scale: Scale) -> str:
-    return f"error of {fit.axis} in {scale.error}"
-
-
 def _mean_lines(panel: Axes, fit: CrosstalkResult, scale: Scale) -> None:
     """Draw the fitted lines through 0, mean of the tests, held above."""
     form = fit.fit.effect
@@ -155,62 +114,37 @@ def _mean_lines(panel: Axes, fit: CrosstalkResult, scale: Scale) -> None:
 
 
 def _tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
-    """Draw the tests over the adaptation axes with the events that tell them."""
+    """Draw the tests over each adaptation axis with the events that tell them."""
     own, sound, points = fit.fit, ~fit.wild, fit.fit.effect.points
-    alone = len(fit.adaptation) == 1
-    up = _error_of(fit, scale) if alone else f"{fit.adaptation[-1]} in mm"
-    figure, panels = style.new_figure(6.0, rows=2, columns=2, sharex=True, sharey=True)
-    limit = float(np.max(np.abs(fit.before[sound]), initial=0.0)) * scale.factor or 1.0
-    # Any: matplotlib gives every keyword a type of its own.
-    colours: dict[str, Any] = {"cmap": style.DIVERGING, "vmin": -limit, "vmax": limit}
-    for row, panel in enumerate(panels):
-        rows, told = (own.events.branch == row) & sound, np.isfinite(own.values[row])
-        places = own.events.positions[rows]
-        errors, values = (
-            each * scale.factor for each in (fit.before[rows], own.values[row])
-        )
-        panel.set_title(BRANCHES[row], fontsize=10)
-        if alone:
-            directed_marks(panel, _WAY[row], places[:, 0], errors, 3.5, 0.45)
+    columns = len(fit.adaptation)
+    figure, panels = style.new_figure(
+        5.5, rows=2, columns=columns, sharex="col", sharey=True
+    )
+    for k, panel in enumerate(panels):
+        pair, axis = divmod(k, columns)
+        for row in (2 * pair, 2 * pair + 1):
+            rows, told = (
+                (own.events.branch == row) & sound,
+                np.isfinite(own.values[row]),
+            )
+            places, errors = own.events.positions[rows, axis], fit.before[rows]
+            directed_marks(panel, _WAY[row], places, errors * scale.factor, 3.5, 0.45)
             panel.errorbar(
-                points[told, 0], values[told],
+                points[told, axis], own.values[row, told] * scale.factor,
                 yerr=own.standard_deviation[row, told] * scale.factor,
-                marker="s", markersize=4, capsize=2, linewidth=1.2,
+                fmt="s", markersize=5, capsize=2, markeredgecolor=style.INK,
                 color=style.DIRECTION_COLOR[_WAY[row]],
             )  # fmt: skip
-            continue
-        first, second = points.T
-        panel.scatter(
-            places[:, 0], places[:, 1], s=14, linewidths=0, c=errors, **colours
-        )
-        panel.scatter(
-            first[told], second[told], s=70, marker="s", edgecolors=style.INK,
-            c=values[told], **colours,
-        )  # fmt: skip
-        panel.scatter(
-            first[~told], second[~told], s=60, marker="x", color=style.INK,
-            linewidths=1.2,
-        )  # fmt: skip
-        (x0, x1), (y0, y1) = fit.workspace
-        panel.plot(
-            [x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=style.GREY, linewidth=0.8
-        )
-    for panel in panels[2:]:
-        panel.set_xlabel(f"{fit.adaptation[0]} in mm")
-    for panel in panels[::2]:
-        panel.set_ylabel(up)
-    shown = "the tests with 1 sd"
-    if not alone:
-        label = _error_of(fit, scale)
-        dots = panels[0].collections[0]
-        figure.colorbar(dots, ax=panels, label=label, shrink=0.7)
-        shown = (
-            "squares the tests, crosses tests without events, the frame the workspace"
-        )
+        panel.set_title(("accelerating", "decelerating")[pair], fontsize=10)
+        if pair:
+            panel.set_xlabel(f"{fit.adaptation[axis]} in mm")
+        if not axis:
+            panel.set_ylabel(f"error of {fit.axis} in {scale.error}")
+    panels[0].legend(loc="best")
     caption = (
         f"Error at full acceleration over {' and '.join(fit.adaptation)}: dots are"
-        f" events, {shown}. Between tests the controller goes along the surface, beyond"
-        " them it is taken to hold the last value; they cover"
+        " events, squares the tests with 1 sd. Between tests the controller goes along the"
+        " surface, beyond them it is taken to hold the last value; they cover"
         f" {percent(fit.coverage)} of the workspace. The entries are the negative of this."
     )
     return Plot("tests", "Tests over the adaptation axes", figure, caption)

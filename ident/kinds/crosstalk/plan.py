@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -11,11 +12,11 @@ from ...fit import FitError
 from ...fit.joint import Crosstalk
 from ...job._draft import AbstractPlan, Leftovers
 from ...job.joint._recording import read_group
+from ...job.result._result import Remark
 from ...readings import Tables
-from . import BRANCHES, SAFE_TESTS
+from . import SAFE_TESTS
 from ._draft import CrosstalkDraft, Existing, existing_crosstalk
-from ._events import CrosstalkReadings, cut_events, joined_logs, specified
-from ._log import held_out_events, without_delay
+from ._events import CrosstalkReadings, cut_events, specified, without_delay
 from .effect import CrosstalkFit, are_among, fit_crosstalk
 from .keys import Spec
 
@@ -105,31 +106,62 @@ class CrosstalkPlan(AbstractPlan):
         )
         raise FitError(msg)
 
-    def _found(self, log: CrosstalkReadings) -> CrosstalkFit:
-        """Return the fit to a log of all axes that the tests may adapt to."""
-        fit, rules = self.fit, self.job.conventions
-        rates = specified(log, *self.rates)
-        form = Crosstalk(fit.axis, fit.master, *rates, conventions=rules)
-        events = cut_events(log, form)
-        return fit_crosstalk(events, form, fit.adapts_to, **self.options)
+    def _found(
+        self, log: CrosstalkReadings, form: Crosstalk | None = None
+    ) -> CrosstalkFit:
+        """Return the fit to a log of all axes that the tests may adapt to.
+
+        Args:
+            log: Of master and slave.
+            form: Where it is known: then the log has its adaptation axes only.
+        """
+        fit, rules, options = self.fit, self.job.conventions, self.options
+        names = fit.adapts_to
+        if form is None:
+            rates = specified(log, *self.rates)
+            form = Crosstalk(fit.axis, fit.master, *rates, conventions=rules)
+        else:
+            names = form.adaptation
+            apart = {"velocity_dependent": form.velocity_dependent}
+            options = {**options, "positions": form.points, **apart}
+        return fit_crosstalk(cut_events(log, form), form, names, **options)
 
     def alone(self, tables: Tables, left: Leftovers) -> CrosstalkDraft:
         recording = read_group(tables, [self])
         log = self._log(recording, recording.data.error[self.axis])
         found = self._found(log)
-        log, delay = without_delay(log, found)
+        log, delay = without_delay(log, found.effect)
         if delay:
             found = self._found(log)
+        return self._draft(recording, log.error, found, recording.remarks, delay)
+
+    def draft(self, share: "Share") -> CrosstalkDraft:
+        part, form, rows = share.part, share.part.effect, share.rows
+        assert isinstance(form, Crosstalk)  # of `effect`
+        error = np.full(len(rows), np.nan)
+        error[rows] = share.error
+        log = self._log(share.recording, error, form.adaptation)
+        found = self._found(log, form)
+        told = form.table(part.determined.astype(float)) > 0.5
+        values = np.where(told, found.values, np.nan)
+        deviation = np.where(told, found.standard_deviation, np.inf)
+        found = dataclasses.replace(found, values=values, standard_deviation=deviation)
+        return self._draft(share.recording, error, found, share.remarks())
+
+    def _draft(
+        self,
+        recording: "GroupRecording",
+        error: Float[np.ndarray, " t"],
+        found: CrosstalkFit,
+        remarks: Sequence[Remark],
+        delay: float = 0.0,
+    ) -> CrosstalkDraft:
+        log = self._log(recording, error, found.effect.adaptation)
         # What a list adds beside an event is that of the direction of the event.
         log = log.directed(found.effect)
-        names = self.fit.adapts_to
-        own = [names.index(name) for name in found.effect.adaptation]
-        log = dataclasses.replace(log, positions=log.positions[:, own])
-        held_out = held_out_events(found, self.options)
         return CrosstalkDraft(
-            self.job, self.index, self.fit, recording.remarks, found, log, held_out,
-            self.old, delay,
-        )  # fmt: skip
+            self.job, self.index, self.fit, tuple(remarks), found, log, self.old, delay
+        )
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -142,20 +174,13 @@ class CrosstalkPlan(AbstractPlan):
     def unfit(self, recording: "GroupRecording") -> str:
         rate = recording.data.acceleration[self.fit.master]
         known = np.isfinite(recording.data.error[self.axis]) & np.isfinite(rate)
-        missing = [
-            words
-            for words, there in (
-                ("speeds up", (rate[known] > 0).any()),
-                ("slows down", (rate[known] < 0).any()),
-            )
-            if not there
-        ]
-        if not missing:
-            return ""
-        return (
-            f"{self.fit.master} never {' and never '.join(missing)} in these readings,"
-            " expected accelerations of both signs."
-        )
+        for sign, words in ((1.0, "speeds up"), (-1.0, "slows down")):
+            if not (sign * rate[known] > 0).any():
+                return (
+                    f"{self.fit.master} never {words} in these readings, expected"
+                    " accelerations of both signs."
+                )
+        return ""
 
     def may_be_written(self, part: "Part", fit: "JointFit") -> bool:
         # Written test by test: those that are told.
@@ -187,7 +212,7 @@ class CrosstalkPlan(AbstractPlan):
         error: Float[np.ndarray, " t"],
         adaptation: tuple[str, ...] | None = None,
     ) -> CrosstalkReadings:
-        """Return the recording as logs of one axis, one measurement after the other.
+        """Return the recording as logs of one axis, one per measurement.
 
         Args:
             recording: What was measured.
@@ -200,40 +225,12 @@ class CrosstalkPlan(AbstractPlan):
             raise FitError(msg)
         names = self.fit.adapts_to if adaptation is None else adaptation
         places = [data.position[name] for name in names]
-        whole = CrosstalkReadings(
+        counts = [rows.stop - rows.start for rows in recording.slices.values()]
+        return CrosstalkReadings(
             time=data.time,
             acceleration=data.acceleration[master],
             velocity=data.velocity[self.mover],
             error=np.asarray(error, dtype=float),
             positions=np.column_stack([np.zeros((len(data), 0)), *places]),
+            log=np.repeat(np.arange(len(counts)), counts),
         )
-        return joined_logs([whole.take(rows) for rows in recording.slices.values()])
-
-    def draft(self, share: "Share") -> CrosstalkDraft:
-        part, effect = share.part, share.part.effect
-        assert isinstance(effect, Crosstalk)  # of `effect`
-        error = np.full((2, len(share.rows)), np.nan)
-        error[:, share.rows] = share.error, share.predicted[share.rows]
-        logs = [
-            self._log(share.recording, own, effect.adaptation).directed(effect)
-            for own in error
-        ]
-        events, left = (cut_events(log, effect) for log in logs)
-        told = effect.table(part.determined.astype(float)) > 0.5
-        scatter = [
-            events.standard_deviation[events.branch == row]
-            for row in range(len(BRANCHES))
-        ]
-        found = CrosstalkFit(
-            effect=effect,
-            values=np.where(told, part.table, np.nan),
-            standard_deviation=np.where(told, part.deviation_table, np.inf),
-            support=effect.table(part.support.astype(float)).astype(np.int64),
-            noise=np.array([np.median(own) if own.size else np.nan for own in scatter]),
-            events=events,
-            converged=share.fit.converged,
-        )
-        return CrosstalkDraft(
-            self.job, self.index, self.fit, tuple(share.remarks()), found, logs[0],
-            left.value, self.old,
-        )  # fmt: skip
