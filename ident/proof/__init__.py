@@ -33,7 +33,6 @@ from ._heldout import (
     blocks_of as blocks_of,
     held_out as held_out,
     held_out_deviation as held_out_deviation,
-    run_groups as run_groups,
 )
 from ._reversal import (
     choose_cycles as choose_cycles,

@@ -98,12 +98,6 @@ def held_out_deviation(fold: TableFit, samples: Samples) -> Float[np.ndarray, " 
     return np.sqrt(spread**2 + fold.noise**2 + 1 / (12 * LIST_UNITS**2))
 
 
-def run_groups(runs: Int[np.ndarray, " r"]) -> Int[np.ndarray, " r"]:
-    """Return what each of several different runs is left out with."""
-    groups = _by_run(runs)
-    return np.asarray(runs, dtype=np.int64) if groups is None else groups
-
-
 def _by_run(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"] | None:
     """Return the run of each reading, None where there is one only.
 

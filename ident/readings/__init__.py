@@ -19,12 +19,10 @@ from ._readings import (
     joined as joined,
     joined_runs as joined_runs,
     place_in_run as place_in_run,
-    places_of as places_of,
     read_joined as read_joined,
     read_rows as read_rows,
     rows_of as rows_of,
     runs_overlap as runs_overlap,
-    visits_overlap as visits_overlap,
     way_wanted as way_wanted,
 )
 from ._rows import (

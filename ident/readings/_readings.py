@@ -90,44 +90,19 @@ def runs_overlap(
     runs, index = ranked(run)
     if runs < 2:
         return False
-    cell = places_of(positions, nodes, direction)
-    visits = np.unique(cell * runs + index)
-    place, visitor = np.divmod(visits, runs)
-    return visits_overlap(place, visitor, np.bincount(index))
-
-
-def places_of(
-    positions: Float[np.ndarray, "t d"],
-    nodes: tuple[Float[np.ndarray, " _"], ...],
-    direction: Int[np.ndarray, " t"] | None,
-) -> Int[np.ndarray, " t"]:
-    """Return a number for the place of each reading: its nearest node, and its direction."""
     cell = np.zeros(len(positions), dtype=np.int64)
     for k, own in enumerate(nodes):
         # Nearest node: readings at the nodes themselves must not fall to either side.
         middle = 0.5 * (own[1:] + own[:-1])
         cell = cell * len(own) + np.searchsorted(middle, positions[:, k])
-    return cell if direction is None else 2 * cell + (direction < 0)
-
-
-def visits_overlap(
-    place: Int[np.ndarray, " v"],
-    visitor: Int[np.ndarray, " v"],
-    readings: Int[np.ndarray, " r"],
-) -> bool:
-    """Return `runs_overlap` from the places that each run visits.
-
-    Args:
-        place: Of each visit.
-        visitor: Its run, counted from 0.
-        readings: Number of readings of each run.
-    """
-    if len(readings) < 2 or readings.min() < _LEAST:
+    if direction is not None:
+        cell = 2 * cell + (direction < 0)
+    place, visitor = np.divmod(np.unique(cell * runs + index), runs)
+    if np.bincount(index).min() < _LEAST:
         return False
     shared = np.bincount(place)[place] > 1
-    total = np.bincount(visitor, minlength=len(readings))
-    common = np.bincount(visitor, weights=shared, minlength=len(readings))
-    return bool(np.all(common >= _COMMON * total))
+    common = np.bincount(visitor, weights=shared, minlength=runs)
+    return bool(np.all(common >= _COMMON * np.bincount(visitor, minlength=runs)))
 
 
 Way = Literal["needed", "welcome", "no"]

@@ -1,7 +1,6 @@
 """A table fitted to a log in pieces, and its proof: one more pass, with the written file."""
 
 import dataclasses
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
@@ -9,8 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...fit import Grouping, Samples, StreamedFit, fit_streamed, predict
-from ...proof import blocks_of, held_out_deviation, run_groups
-from ...readings import places_of, visits_overlap
+from ...proof import blocks_of, held_out_deviation
 from ..result._result import Remark
 from ._draft import Columns, Fitted, Piece, TableDraft
 from ._log_readings import LogReadings
@@ -28,7 +26,7 @@ class _Log:
         plan: What is written.
         log: What was measured.
         found: What the passes over it gave, with a table for every group left out.
-        grouping: Tells the group of each reading.
+        grouping: Tells the spatial block of each reading: it is left out as one.
         folds: Entries of the list fitted without each group.
         zero: What was taken off the error, so that it is zero at the datum, in mm or °.
     """
@@ -102,7 +100,7 @@ def fit_log(plan: Plan, readings: LogReadings) -> TableDraft:
         MeasurementError: If a cell of the log cannot be used.
     """
     spec = plan.fit
-    grouping, by_run = _grouping(readings)
+    grouping = partial(blocks_of, plan.table.layout)
     found = fit_streamed(
         plan.table.layout,
         readings.parts,
@@ -116,27 +114,27 @@ def fit_log(plan: Plan, readings: LogReadings) -> TableDraft:
     every = max(1, found.count // _SHOWN)
 
     def remarks() -> Sequence[Remark]:
-        return (*readings.remarks, *_of_the_route(plan, found, by_run, every))
+        return (*readings.remarks, *_of_the_route(readings, found, every))
 
-    fitted = Fitted(log.pieces, remarks, by_run, every=every)
+    fitted = Fitted(log.pieces, remarks, by_run=False, every=every)
     return TableDraft(plan.job, plan.index, spec, plan, estimate, "none", fitted)
 
 
 def _of_the_route(
-    plan: Plan, found: StreamedFit, by_run: bool, every: int
+    readings: LogReadings, found: StreamedFit, every: int
 ) -> Iterator[Remark]:
-    names, shown = ", ".join(map(repr, plan.fit.sources)), ""
+    names, shown = ", ".join(map(repr, readings.fit.sources)), ""
     if every > 1:
         shown = f"; plots and tables of readings show one reading in {every}"
     yield Remark.info(
         f"{names}: {found.count} readings were read in pieces and not into memory{shown}."
     )
-    if by_run:
+    if readings.has_runs:
         yield Remark.warning(
-            "The runs go over the same places, but a log that is read in pieces allows"
-            " none of them an offset of its own, and gives no figures of ISO 230-2:"
-            " what differs from run to run counts as noise. stream = false reads it"
-            " into memory, which does both."
+            "A log that is read in pieces allows none of its runs an offset of its own,"
+            " holds none of them out, and gives no figures of ISO 230-2: what differs from"
+            " run to run counts as noise. stream = false reads it into memory, which does"
+            " all three."
         )
     if found.crowded:
         yield Remark.warning(
@@ -145,41 +143,3 @@ def _of_the_route(
             " given a second thought; a log that is read in pieces is not. Fit every"
             " n-th row of it to have them judged."
         )
-
-
-def _grouping(readings: LogReadings) -> tuple[Grouping, bool]:
-    """Return what is left out together: runs that repeat each other, else spatial blocks.
-
-    Beside it stands whether these are runs.
-    """
-    table = readings.table
-    if readings.has_runs:
-        visits, counts = _visits(readings)
-        runs, visitor = np.unique(visits[:, 0], return_inverse=True)
-        sizes = np.array([counts[run] for run in runs.tolist()])
-        if visits_overlap(visits[:, 1], visitor.reshape(-1), sizes):
-            groups = run_groups(np.arange(len(runs)))
-            return partial(_by_run, runs, groups), True
-    return partial(blocks_of, table.layout), False
-
-
-def _by_run(
-    runs: Int[np.ndarray, " r"], groups: Int[np.ndarray, " r"], samples: Samples
-) -> Int[np.ndarray, " t"]:
-    assert samples.run is not None  # of a log with runs
-    return np.asarray(groups[np.searchsorted(runs, samples.run)])
-
-
-def _visits(readings: LogReadings) -> tuple[Int[np.ndarray, "v 2"], Counter[int]]:
-    """Return the different pairs of a run and a place, and the readings of each run."""
-    nodes = tuple(each.positions for each in readings.table.nodes)
-    pairs, counts = np.zeros((0, 2), dtype=np.int64), Counter[int]()
-    for part in readings.parts:
-        for samples in part():
-            assert samples.run is not None  # of a log with runs
-            way = None if samples.branch is None else 1 - 2 * samples.branch
-            cells = places_of(samples.positions, nodes, way)
-            found = np.unique(np.stack([samples.run, cells], axis=1), axis=0)
-            pairs = np.unique(np.concatenate([pairs, found]), axis=0)
-            counts.update(samples.run.tolist())
-    return pairs, counts

@@ -31,8 +31,6 @@ _PARTS = 32
 """Parts of a log: enough to read one ahead, few enough to keep their sums."""
 _ROWS = 1 << 19
 """Rows of a piece."""
-_MANY = 1 << 32
-"""Runs of one measurement are numbered below this."""
 LARGE = 20_000_000
 """Cells (rows × columns used) above which a log is read in pieces."""
 _SHORT = 5_000
@@ -82,7 +80,7 @@ def _source_of(
     columns = tables.columns(name) or own_roles(
         file.head, spec.axis or fit.axis, fit.over
     )
-    roles = ["run", *(f"{axis}.position" for axis in fit.over)]
+    roles = [f"{axis}.position" for axis in fit.over]
     kinds = ["error"] if f"{fit.axis}.error" in columns else ["actual", "position"]
     roles += [f"{fit.axis}.{kind}" for kind in kinds]
     if way == "needed":
@@ -117,9 +115,7 @@ class LogReadings:
     @property
     def has_runs(self) -> bool:
         """Whether some readings belong to another run than others, as far as is known."""
-        return len(self.sources) > 1 or any(
-            "run" in one.columns for one in self.sources
-        )
+        return len(self.sources) > 1 or "run" in self.sources[0].roles
 
     @cached_property
     def parts(self) -> list[Ahead]:
@@ -156,12 +152,7 @@ class LogReadings:
         if self.table.branches == 2:
             assert part.direction is not None  # `read_rows` refuses it otherwise
             branch = (part.direction < 0).astype(np.int64)
-        run = None
-        if self.has_runs:
-            run = np.full(len(error), number * _MANY, dtype=np.int64)
-            if part.run is not None:
-                run += part.run
-        return Samples(part.positions, error, branch, run=run)
+        return Samples(part.positions, error, branch)
 
     def _rows(self, source: LogSource, table: Table) -> Readings:
         measured = self.tables.measured(
@@ -278,8 +269,5 @@ def _obstacles(readings: LogReadings) -> Iterator[tuple[str, bool]]:
                 " whole log tells it"
             )
             yield words, False
-        run = one.columns.get("run")
-        if run is not None and one.file.head.column(run.column).text is not None:
-            yield f"the runs of {one.name!r} have names and not numbers", False
     if readings.has_runs:
         yield "each of its runs is then allowed an offset of its own", True
