@@ -14,16 +14,12 @@ from .._lazy import importer
 from ._clocks import ClockState as ClockState
 from ._readings import (
     Readings as Readings,
-    Way as Way,
     cycles_of as cycles_of,
     joined as joined,
     joined_runs as joined_runs,
     place_in_run as place_in_run,
-    read_joined as read_joined,
-    read_rows as read_rows,
     rows_of as rows_of,
     runs_overlap as runs_overlap,
-    way_wanted as way_wanted,
 )
 from ._rows import (
     POSITION_ORDER as POSITION_ORDER,

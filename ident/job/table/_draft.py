@@ -258,7 +258,8 @@ class TableDraft(AbstractDraft):
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, TableSpec)
         plan, table = self.plan, self.plan.table
-        found, _ = read_fit(tables, self.index, fit, table, {})
+        again = dataclasses.replace(plan, job=tables.job, fit=fit)
+        found, _ = read_fit(tables, again, {})
         datum = datum_of(tables.job, self.index, fit)
         own = table.masters == (table.axis,)
         branch = plan.branch(found.direction)

@@ -48,7 +48,7 @@ def fit_alone(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
         _refuse_beside(plan, left)
         found = fit_log(plan, log)
     else:
-        readings, more = read_fit(tables, plan.index, plan.fit, plan.table, left)
+        readings, more = read_fit(tables, plan, left)
         found = fit_plan(plan, readings, (*words, *more))
     refuse_unowned_trend(plan, found.estimate)
     return found

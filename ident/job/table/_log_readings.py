@@ -13,15 +13,12 @@ from ...exchange import AbstractTable
 from ...fit import Ahead, Samples
 from ...kinds._keys import TableSpec
 from ...readings import (
-    Readings,
+    Rows,
     Tables,
-    Way,
     Zero,
-    read_rows,
     reference_words,
     sensor_name,
     step_of,
-    way_wanted,
     zero_of,
 )
 from ..file._faults import JobError
@@ -69,7 +66,7 @@ class LogSource:
 
 
 def _source_of(
-    tables: Tables, name: str, file: LargeFile, fit: TableSpec, way: Way
+    tables: Tables, name: str, file: LargeFile, fit: TableSpec, table: AbstractTable
 ) -> LogSource:
     """Return a log as a fit uses it.
 
@@ -83,7 +80,7 @@ def _source_of(
     roles = [f"{axis}.position" for axis in fit.over]
     kinds = ["error"] if f"{fit.axis}.error" in columns else ["actual", "position"]
     roles += [f"{fit.axis}.{kind}" for kind in kinds]
-    if way == "needed":
+    if table.branches == 2:
         roles.append(f"{fit.axis}.direction")
     if isinstance(spec.material_temperature, str):
         roles.append(f"temperature.{sensor_name(spec.material_temperature)}")
@@ -100,14 +97,12 @@ class LogReadings:
         tables: Files of the job.
         fit: Its specification.
         table: What will be written.
-        way: What it makes of the direction of motion.
         sources: The logs, one after the other.
     """
 
     tables: Tables
     fit: TableSpec
     table: AbstractTable
-    way: Way
     sources: tuple[LogSource, ...]
     _said: dict[str, None] = dataclasses.field(default_factory=dict)
     _changes: dict[str, float] = dataclasses.field(default_factory=dict)
@@ -145,28 +140,34 @@ class LogReadings:
 
     def _samples(self, number: int, table: Table) -> Samples:
         """Return the readings of a piece."""
-        part = self._rows(self.sources[number], table)
-        zero = self._zeros.get(number)
-        error = part.error if zero is None else zero.off(part.error, part.positions)
-        branch = None
-        if self.table.branches == 2:
-            assert part.direction is not None  # `read_rows` refuses it otherwise
-            branch = (part.direction < 0).astype(np.int64)
-        return Samples(part.positions, error, branch)
+        found = self._rows(self.sources[number], table)
+        if (zero := self._zeros.get(number)) is None:
+            return found
+        error = zero.off(found.error, found.positions)
+        return dataclasses.replace(found, error=error)
 
-    def _rows(self, source: LogSource, table: Table) -> Readings:
+    def _rows(self, source: LogSource, table: Table) -> Samples:
+        """Return the readings of a piece, of which nothing is removed yet."""
+        job, fit, branch = self.tables.job, self.fit, None
         measured = self.tables.measured(
-            source.name, self.fit.axis, self.fit.over, (table, source.columns)
+            source.name, fit.axis, fit.over, (table, source.columns)
         )
-        part = read_rows(
-            self.tables.job, source.name, measured, self.fit, self.way, self.fit.lengths
-        )
-        self._said.update(dict.fromkeys(part.remarks))
-        for change in part.rows[source.name].change.values():
+        rows = Rows(job, source.name, measured, [fit.axis])
+        why = f"for the {fit.compensation} fit of {fit.axis}"
+        positions = np.stack([rows.position(axis, why) for axis in fit.over], axis=1)
+        error = rows.raw_error(fit.axis)
+        if fit.lengths:
+            error = rows.at_reference(fit.axis, error, positions[:, 0])
+        if self.table.branches == 2:
+            way = rows.direction(fit.axis, needed=True)
+            assert way is not None  # else it has raised
+            branch = (way < 0).astype(np.int64)
+        self._said.update(dict.fromkeys(rows.remarks))
+        for change in rows.change.values():
             self._changes[source.name] = max(
                 change, self._changes.get(source.name, 0.0)
             )
-        return part
+        return Samples(positions, error, branch)
 
     @cached_property
     def _zeros(self) -> dict[int, Zero]:
@@ -190,7 +191,7 @@ class LogReadings:
             )
         return found
 
-    def _all_rows(self, source: LogSource) -> Iterator[Readings]:
+    def _all_rows(self, source: LogSource) -> Iterator[Samples]:
         for part in self._parts_of(source):
             for table in part.tables():
                 yield self._rows(source, table)
@@ -222,11 +223,11 @@ def in_pieces(
 
     if any(spec.stream is False for spec in specs.values()):
         return None, ()
-    way, sources = way_wanted(fit, table), list[LogSource]()
+    sources = list[LogSource]()
     for name, spec in specs.items():
         file = tables.large(name)
         if file is not None:
-            sources.append(_source_of(tables, name, file, fit, way))
+            sources.append(_source_of(tables, name, file, fit, table))
         elif asked:
             named = spec.file or spec.files
             words = f"{named} cannot be read in pieces, expected a Parquet or CSV file"
@@ -236,7 +237,7 @@ def in_pieces(
         return None, ()
     if sum(one.file.rows for one in sources) <= _SHORT:
         return None, (Remark.info(f"{names} is so short that it was read at once."),)
-    readings = LogReadings(tables, fit, table, way, tuple(sources))
+    readings = LogReadings(tables, fit, table, tuple(sources))
     for reason, possible in _obstacles(readings):
         if possible and (asked or cells > _HUGE):
             continue
@@ -262,7 +263,7 @@ def _obstacles(readings: LogReadings) -> Iterator[tuple[str, bool]]:
                 " what its instrument lags behind, which the whole log tells"
             )
             yield words, False
-        needs_way = readings.way == "needed"
+        needs_way = readings.table.branches == 2
         if needs_way and f"{fit.axis}.direction" not in one.roles:
             words = (
                 f"{one.name!r} has no column for '{fit.axis}.direction', so that the"

@@ -129,7 +129,10 @@ class BacklashDraft(AbstractDraft):
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
-        readings = read_backlash(tables, fit)
+        from .plan import BacklashPlan
+
+        plan = BacklashPlan(tables.job, self.index, fit, self.known)
+        readings, _ = read_backlash(tables, plan)
         sides = fit_readings(readings, fit.loss).sides
         return SecondMeasurement(
             ", ".join(fit.sources),

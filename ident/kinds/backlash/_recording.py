@@ -1,14 +1,20 @@
 """What was measured for a backlash: readings at standstill, or a trace in motion."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ....data.measurements import MeasurementError, wrap_degrees
 from ....data.signals import aligned_error, encoder_spline, estimate_instrument
-from ...readings import Readings, Tables, read_joined
+from ...job.joint._recording import read_group
+from ...job.result._result import Remark
+from ...readings import Readings, Tables
 from ._trace import fit_backlash_trace
 from .effect import BacklashFit, fit_backlash
-from .keys import Spec
+
+if TYPE_CHECKING:
+    from .plan import BacklashPlan
 
 _ROWS = 50
 """Fewer tell nothing of a delay."""
@@ -42,14 +48,16 @@ def fit_readings(
     return fit_backlash(position, error, way, run=run, time=time, loss=loss)
 
 
-def read_backlash(tables: Tables, fit: Spec) -> Readings:
-    """Return the readings of a backlash fit, all its measurements joined.
+def read_backlash(
+    tables: Tables, plan: "BacklashPlan"
+) -> tuple[Readings, tuple[Remark, ...]]:
+    """Return the readings of a backlash fit, all its measurements joined, with remarks.
 
     Raises:
         MeasurementError: If a role is missing, the directions cannot be told, or a value
             cannot be used.
     """
-    name = fit.sources[0]
+    fit, name = plan.fit, plan.fit.sources[0]
     measured = tables.measured(name, fit.axis, (fit.axis,))
     encoder = measured.get(f"{fit.axis}.encoder")
     actual = measured.get(f"{fit.axis}.actual")
@@ -59,12 +67,14 @@ def read_backlash(tables: Tables, fit: Spec) -> Readings:
             reason = "found a trace in motion among several measurements, expected one"
             raise MeasurementError(str(measured.source), reason)
         return _trace(encoder, actual, time, tables.job.spec.axes[fit.axis].kind)
-    return read_joined(tables, fit, "needed", lengths=True)
+    found = read_group(tables, [plan], alone=True)
+    error, every = found.data.error[fit.axis], np.ones(len(found.data), dtype=bool)
+    return found.readings(plan.positions, fit.axis, error, every), found.remarks
 
 
 def _trace(
     encoder: np.ndarray, actual: np.ndarray, time: np.ndarray, kind: str
-) -> Readings:
+) -> tuple[Readings, tuple[Remark, ...]]:
     """Return a trace in motion: reference − encoder over the time, without directions."""
     position = np.asarray(encoder, dtype=float)
     error, time = np.asarray(actual - position, dtype=float), np.asarray(time, float)
@@ -86,7 +96,7 @@ def _trace(
         "The axis was moving: the error is that of the reference against the encoder,"
         f" over {_reach(position):.3g} mm (or °) on both sides of each reversal.{late}"
     )
-    return Readings(
+    readings = Readings(
         positions=position[:, None],
         error=error,
         direction=None,
@@ -94,8 +104,8 @@ def _trace(
         order=time,
         timed=True,
         slices={},
-        remarks=(words,),
     )
+    return readings, (Remark.info(words),)
 
 
 def _reach(position: Float[np.ndarray, " t"]) -> float:

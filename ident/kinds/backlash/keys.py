@@ -16,6 +16,10 @@ class Spec(FitSpec, frozen=True):
 
     compensation: Literal["backlash"]
 
+    @property
+    def lengths(self) -> bool:
+        return True
+
     def faults(self, job: "JobFile", where: KeyPath) -> Iterator[Fault]:
         for k, other in enumerate(job.fits):
             if other.axis == self.axis and self.compensation in other.switches_off:

@@ -9,7 +9,6 @@ from jaxtyping import Float
 from ...fit import DriftNoise, FitError
 from ...fit.joint import Backlash
 from ...job._draft import AbstractPlan, Leftovers
-from ...job.result._result import Remark
 from ...job.table._plan import was_active
 from ...readings import Readings, Tables
 from ._draft import BacklashDraft, KnownBacklash
@@ -62,9 +61,8 @@ class BacklashPlan(AbstractPlan):
     known: KnownBacklash
 
     def alone(self, tables: Tables, left: Leftovers) -> BacklashDraft:
-        readings = read_backlash(tables, self.fit)
+        readings, remarks = read_backlash(tables, self)
         found = fit_readings(readings, self.fit.loss)
-        remarks = tuple(map(Remark.info, readings.remarks))
         job, index = self.job, self.index
         return BacklashDraft(job, index, self.fit, readings, remarks, found, self.known)
 
