@@ -21,7 +21,7 @@ from ..result._result import Remark, SampleView, TableResult, largest_wild
 from ..result._second import SecondMeasurement
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
-from ._remarks import fit_remarks, outside, places_of, use_remarks
+from ._remarks import fit_remarks, outside, places_of
 
 if TYPE_CHECKING:
     from ..write._lists import AxisFiles
@@ -321,7 +321,6 @@ class TableDraft(AbstractDraft):
                 *plan.remarks,
                 *fitted.remarks(),
                 *fit_remarks(self, count, wild, beyond, places),
-                *use_remarks(error, fitted.by_run),
                 *switching_remarks(self),
                 *done.remarks,
             ),
