@@ -21,7 +21,7 @@ from ...readings import (
 )
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
-from ._draft import TableDraft, in_memory
+from ._draft import TableDraft
 from ._layout import grid_words, suit
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
@@ -117,8 +117,10 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     acted = plan.acted(readings.positions, branch)
     estimate = _doubted(plan, readings, samples, estimate)
     left = held_out(table, samples, fit, plan.integers, before, acted)
-    fitted = in_memory(plan, readings, remarks, samples, left, estimate, zero)
-    return TableDraft(plan.job, plan.index, spec, plan, estimate, effects, fitted)
+    readings = dataclasses.replace(readings, error=before)
+    return TableDraft(
+        plan.job, plan.index, spec, plan, estimate, effects, readings, left, remarks
+    )
 
 
 def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
@@ -138,9 +140,10 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
         groups=recording.fold[share.rows],
         by_run=recording.by_run,
     )
-    fitted = in_memory(plan, readings, share.remarks(), samples, left, fit)
-    effects = "offset" if fit.runs else "none"
-    return TableDraft(plan.job, plan.index, plan.fit, plan, fit, effects, fitted)
+    effects, remarks = "offset" if fit.runs else "none", share.remarks()
+    return TableDraft(
+        plan.job, plan.index, plan.fit, plan, fit, effects, readings, left, remarks
+    )
 
 
 def _fit_of_share(plan: Plan, share: "Share") -> TableFit:

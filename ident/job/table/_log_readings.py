@@ -121,6 +121,11 @@ class LogReadings:
             for part in self._parts_of(source)
         ]
 
+    def pieces(self) -> Iterator[Samples]:
+        """Yield all readings once more."""
+        for part in self.parts:
+            yield from (samples for samples in part() if len(samples.error))
+
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """What was taken for granted, once the log has been read."""
