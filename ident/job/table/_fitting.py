@@ -43,26 +43,14 @@ def fit_alone(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
         JobError: If the readings do not determine the fit, or show a constant or a slope
             and the job does not say whose.
     """
-    log, words = in_pieces(tables, plan.fit, plan.table)
+    log, words = in_pieces(tables, plan, left)
     if log is not None:
-        _refuse_beside(plan, left)
-        found = fit_log(plan, log)
+        found = fit_log(log)
     else:
         readings, more = read_fit(tables, plan, left)
         found = fit_plan(plan, readings, (*words, *more))
     refuse_unowned_trend(plan, found.estimate)
     return found
-
-
-def _refuse_beside(plan: Plan, left: Leftovers) -> None:
-    for name in plan.fit.sources:
-        for other in left.get((plan.index, name), ()):
-            raise plan.job.error(
-                ("measurements", name, "stream"),
-                f"found a log that is read in pieces, beside {other.words}, which was off"
-                f" while measuring and will act as well: expected stream = false, so that"
-                f" fits[{plan.index}] can correct what it leaves",
-            )
 
 
 def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> TableDraft:

@@ -15,7 +15,6 @@ from ...readings import Readings, joined
 from ..result._result import Remark, largest_wild
 from ._draft import TableDraft
 from ._log_readings import LogReadings
-from ._plan import Plan
 from ._remarks import outside
 
 _STAGES = ("before", "predicted", "from_file")
@@ -29,14 +28,12 @@ class FittedLog:
     """A log that a table was fitted to piece by piece.
 
     Attributes:
-        plan: What is written.
         readings: What was measured.
         found: What the passes over it gave, with a table for every block left out.
         grouping: Tells the block of each reading: a place that is left out as one.
         zero: What was taken off the error, so that it is zero at the datum, in mm or °.
     """
 
-    plan: Plan
     readings: LogReadings
     found: StreamedFit
     grouping: Grouping
@@ -53,7 +50,8 @@ class FittedLog:
         Args:
             back: The written table, read back.
         """
-        plan, table, beyond = self.plan, self.plan.table, 0
+        plan, beyond = self.readings.plan, 0
+        table = plan.table
         tally = dict[str, ErrorTally]()
         folds = {
             label: table.model(plan.integers([fold])[0])
@@ -99,7 +97,7 @@ class FittedLog:
         return largest_wild(samples.error - self.zero, self.found.judged(samples)[0])
 
 
-def fit_log(plan: Plan, readings: LogReadings) -> TableDraft:
+def fit_log(readings: LogReadings) -> TableDraft:
     """Fit the table of a plan to a log.
 
     Raises:
@@ -107,6 +105,7 @@ def fit_log(plan: Plan, readings: LogReadings) -> TableDraft:
         ExchangeError: If the result fits no list.
         MeasurementError: If a cell of the log cannot be used.
     """
+    plan = readings.plan
     spec, table = plan.fit, plan.table
     grouping = partial(blocks_of, table.layout)
     found = fit_streamed(
@@ -117,7 +116,7 @@ def fit_log(plan: Plan, readings: LogReadings) -> TableDraft:
         loss=spec.loss,
     )
     zero, estimate = plan.zeroed(found.fit)
-    log = FittedLog(plan, readings, found, grouping, zero)
+    log = FittedLog(readings, found, grouping, zero)
     samples, row = log.shown()
     at, before = (samples.positions, samples.branch), samples.error - zero
     wild, share = found.judged(samples)
@@ -150,7 +149,7 @@ def fit_log(plan: Plan, readings: LogReadings) -> TableDraft:
 
 def _of_the_route(log: FittedLog) -> Iterator[Remark]:
     readings, found, every = log.readings, log.found, log.every
-    names, shown = ", ".join(map(repr, readings.fit.sources)), ""
+    names, shown = ", ".join(map(repr, readings.plan.fit.sources)), ""
     if every > 1:
         shown = f"; plots and tables of readings show one reading in {every}"
     yield Remark.info(

@@ -9,9 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.measurements import ColumnSpec, LargeFile, Table, TablePart, own_roles
-from ...exchange import AbstractTable
 from ...fit import Ahead, Samples
-from ...kinds._keys import TableSpec
 from ...readings import (
     Rows,
     Tables,
@@ -21,8 +19,10 @@ from ...readings import (
     step_of,
     zero_of,
 )
+from .._draft import Leftovers
 from ..file._faults import JobError
 from ..result._result import Remark
+from ._plan import Plan
 
 _PARTS = 32
 """Parts of a log: enough to read one ahead, few enough to keep their sums."""
@@ -65,22 +65,20 @@ class LogSource:
         return tuple(dict.fromkeys(one.header or one.name for one in found))
 
 
-def _source_of(
-    tables: Tables, name: str, file: LargeFile, fit: TableSpec, table: AbstractTable
-) -> LogSource:
+def _source_of(tables: Tables, name: str, file: LargeFile, plan: Plan) -> LogSource:
     """Return a log as a fit uses it.
 
     Raises:
         MeasurementError: If the file does not tell what its columns are.
     """
-    spec = tables.job.spec.measurements[name]
+    fit, spec = plan.fit, plan.job.spec.measurements[name]
     columns = tables.columns(name) or own_roles(
         file.head, spec.axis or fit.axis, fit.over
     )
     roles = [f"{axis}.position" for axis in fit.over]
     kinds = ["error"] if f"{fit.axis}.error" in columns else ["actual", "position"]
     roles += [f"{fit.axis}.{kind}" for kind in kinds]
-    if table.branches == 2:
+    if plan.turning:
         roles.append(f"{fit.axis}.direction")
     if isinstance(spec.material_temperature, str):
         roles.append(f"temperature.{sensor_name(spec.material_temperature)}")
@@ -95,14 +93,12 @@ class LogReadings:
 
     Attributes:
         tables: Files of the job.
-        fit: Its specification.
-        table: What will be written.
+        plan: What will be written.
         sources: The logs, one after the other.
     """
 
     tables: Tables
-    fit: TableSpec
-    table: AbstractTable
+    plan: Plan
     sources: tuple[LogSource, ...]
     _said: dict[str, None] = dataclasses.field(default_factory=dict)
     _changes: dict[str, float] = dataclasses.field(default_factory=dict)
@@ -134,8 +130,8 @@ class LogReadings:
             found += reference_words(
                 name,
                 self.tables.job.spec.measurements[name],
-                self.fit.axis,
-                self.fit.lengths,
+                self.plan.axis,
+                self.plan.fit.lengths,
                 self._changes.get(name),
             )
         return tuple(Remark.info(words) for words in found)
@@ -153,7 +149,7 @@ class LogReadings:
 
     def _rows(self, source: LogSource, table: Table) -> Samples:
         """Return the readings of a piece, of which nothing is removed yet."""
-        job, fit, branch = self.tables.job, self.fit, None
+        job, fit, way = self.tables.job, self.plan.fit, None
         measured = self.tables.measured(
             source.name, fit.axis, fit.over, (table, source.columns)
         )
@@ -163,16 +159,14 @@ class LogReadings:
         error = rows.raw_error(fit.axis)
         if fit.lengths:
             error = rows.at_reference(fit.axis, error, positions[:, 0])
-        if self.table.branches == 2:
+        if self.plan.turning:
             way = rows.direction(fit.axis, needed=True)
-            assert way is not None  # else it has raised
-            branch = (way < 0).astype(np.int64)
         self._said.update(dict.fromkeys(rows.remarks))
         for change in rows.change.values():
             self._changes[source.name] = max(
                 change, self._changes.get(source.name, 0.0)
             )
-        return Samples(positions, error, branch)
+        return Samples(positions, error, self.plan.branch(way))
 
     @cached_property
     def _zeros(self) -> dict[int, Zero]:
@@ -203,7 +197,7 @@ class LogReadings:
 
 
 def in_pieces(
-    tables: Tables, fit: TableSpec, table: AbstractTable
+    tables: Tables, plan: Plan, left: Leftovers
 ) -> tuple[LogReadings | None, tuple[Remark, ...]]:
     """Return the readings of a fit in pieces, None where they belong into memory.
 
@@ -211,13 +205,14 @@ def in_pieces(
 
     Args:
         tables: Files of the job.
-        fit: Its specification.
-        table: What will be written.
+        plan: What will be written.
+        left: What will act beside it, and did not while measuring.
 
     Raises:
         JobError: If the job asks for it and it cannot be done.
         MeasurementError: If a file is damaged or a column is missing.
     """
+    fit = plan.fit
     specs = {name: tables.job.spec.measurements[name] for name in fit.sources}
     asked = [name for name, spec in specs.items() if spec.stream is True]
     names = ", ".join(map(repr, fit.sources))
@@ -232,7 +227,7 @@ def in_pieces(
     for name, spec in specs.items():
         file = tables.large(name)
         if file is not None:
-            sources.append(_source_of(tables, name, file, fit, table))
+            sources.append(_source_of(tables, name, file, plan))
         elif asked:
             named = spec.file or spec.files
             words = f"{named} cannot be read in pieces, expected a Parquet or CSV file"
@@ -242,8 +237,8 @@ def in_pieces(
         return None, ()
     if sum(one.file.rows for one in sources) <= _SHORT:
         return None, (Remark.info(f"{names} is so short that it was read at once."),)
-    readings = LogReadings(tables, fit, table, tuple(sources))
-    for reason, possible in _obstacles(readings):
+    readings = LogReadings(tables, plan, tuple(sources))
+    for reason, possible in _obstacles(readings, left):
         if possible and (asked or cells > _HUGE):
             continue
         if asked:
@@ -253,10 +248,13 @@ def in_pieces(
     return readings, ()
 
 
-def _obstacles(readings: LogReadings) -> Iterator[tuple[str, bool]]:
+def _obstacles(readings: LogReadings, left: Leftovers) -> Iterator[tuple[str, bool]]:
     """Yield what stands in the way, the worst first, and whether it can be done all the same."""
-    fit = readings.fit
-    for other in readings.tables.job.spec.fits:
+    plan, fit = readings.plan, readings.plan.fit
+    for name in fit.sources:
+        for beside in left.get((plan.index, name), ()):
+            yield f"{beside.words} acts beside it, and was off while measuring", False
+    for other in plan.job.spec.fits:
         if other is fit or other.axis != fit.axis:
             continue
         if set(other.sources) & set(fit.sources):
@@ -268,8 +266,7 @@ def _obstacles(readings: LogReadings) -> Iterator[tuple[str, bool]]:
                 " what its instrument lags behind, which the whole log tells"
             )
             yield words, False
-        needs_way = readings.table.branches == 2
-        if needs_way and f"{fit.axis}.direction" not in one.roles:
+        if plan.turning and f"{fit.axis}.direction" not in one.roles:
             words = (
                 f"{one.name!r} has no column for '{fit.axis}.direction', so that the"
                 " whole log tells it"
