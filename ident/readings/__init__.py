@@ -3,9 +3,9 @@
 To be read in this order: `_tables` (each file once, its columns in mm, °, s and °C), `_joined`
 with `_clocks` (several files on one clock), `_rows` (one measurement, a column at a time: motion,
 modulo, absurd values, reference temperature, with `_zero` of the instrument), `_readings`
-(one measurement as a fit takes it; several one after the other; repeated runs). On top of them
-stands `_observe` (all there is, for `discover`; errors of all axes, for `doctor` and the whole
-axis).
+(several measurements one after the other; repeated runs). On top of them stand `_observe` (all
+there is, for `discover`; errors of all axes, for `doctor` and the whole axis) and
+`job.joint._recording` (what the fits of a job need, for a group or one alone).
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Readings of a fit: of one measurement, and of several one after the other.
+"""Readings of a table, of several measurements one after the other.
 
 Runs are readings taken in one go; where they go over the same places they are repeated.
 """
@@ -6,14 +6,9 @@ Runs are readings taken in one go; where they go over the same places they are r
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
-
-if TYPE_CHECKING:
-    pass
-
 
 _LEAST = 3
 """Readings that a run must have, so that it can have an offset of its own."""
