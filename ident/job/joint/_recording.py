@@ -1,7 +1,6 @@
 """Readings of fits, of a group or of one alone: every role that they need, all joined."""
 
 import dataclasses
-import functools
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -40,6 +39,10 @@ class GroupRecording:
         data: All readings, measurements one after the other.
         slices: Rows of each measurement.
         run: Cycle of each reading, or None where nothing was repeated.
+        order: Time in s, or row number.
+        timed: Whether it is a time.
+        fold: Turn in which each reading is held out.
+        by_run: Whether whole runs are held out, else stretches of the recording.
         moving: Compensated axes whose error was recorded in motion, with their velocity.
         drift: Pieces of a slow drift of the instrument that is allowed for.
         remarks: What was taken for granted.
@@ -49,35 +52,14 @@ class GroupRecording:
     data: JointData
     slices: Mapping[str, slice]
     run: Int[np.ndarray, " t"] | None
+    order: Float[np.ndarray, " t"]
+    timed: bool
+    fold: Int[np.ndarray, " t"]
+    by_run: bool
     moving: frozenset[str]
     drift: int
     remarks: tuple[Remark, ...]
     rows: Mapping[str, Rows]
-
-    @property
-    def timed(self) -> bool:
-        """Whether there is a clock."""
-        return self.data.time is not None
-
-    @property
-    def order(self) -> Float[np.ndarray, " t"]:
-        """Time in s, or row number."""
-        time = self.data.time
-        return np.arange(len(self.data), dtype=float) if time is None else time
-
-    @functools.cached_property
-    def _folds(self) -> tuple[Int[np.ndarray, " t"], bool]:
-        return _folds_of(self.run, self.order)
-
-    @property
-    def fold(self) -> Int[np.ndarray, " t"]:
-        """Turn in which each reading is held out."""
-        return self._folds[0]
-
-    @property
-    def by_run(self) -> bool:
-        """Whether whole runs are held out, else stretches of the recording."""
-        return self._folds[1]
 
     @property
     def drifting(self) -> bool:
@@ -105,11 +87,13 @@ class GroupRecording:
             keep: Which.
         """
         way = self.data.direction.get(turns or "")
+        if way is not None:
+            way = way[keep] if np.isfinite(way[keep]).all() else None
         ends = np.concatenate([[0], np.cumsum(keep)])
         return Readings(
             positions=np.stack([self.data.position[name][keep] for name in over], 1),
             error=error,
-            direction=None if way is None else way[keep].astype(np.int64),
+            direction=None if way is None else way.astype(np.int64),
             run=None if self.run is None else self.run[keep],
             order=self.order[keep],
             timed=self.timed,
@@ -154,6 +138,9 @@ def read_group(
     if run is not None and len(ways) == 1 and np.isin(ways[0], (-1.0, 1.0)).all():
         run = cycles_of(run, ways[0].astype(np.int64))
     several = run is not None and len(np.unique(run)) > 1
+    time = joined([part.time for part in parts])
+    order = np.arange(sum(counts), dtype=float) if time is None else time
+    fold, by_run = folds(run, order)
     # Runs without an offset: it is what tells the temperature.
     heated = _unique((one.axis,) for one in members if one.sensors)
     specs = [tables.job.spec.measurements[name] for name in lead.sources]
@@ -171,12 +158,16 @@ def read_group(
     return GroupRecording(
         data=JointData(
             **columns,
-            time=joined([part.time for part in parts]),
+            time=time,
             run=run if several else None,
             runs=dict.fromkeys(heated, beside),
         ),
         slices=rows_of(lead.sources, counts),
         run=run,
+        order=np.asarray(order, dtype=float),
+        timed=time is not None,
+        fold=fold,
+        by_run=by_run,
         moving=frozenset(
             axis
             for rows, part in zip(every.values(), parts, strict=True)
@@ -265,7 +256,7 @@ def _ways(
     return found
 
 
-def _folds_of(
+def folds(
     label: Int[np.ndarray, " t"] | None, order: Float[np.ndarray, " t"]
 ) -> tuple[Int[np.ndarray, " t"], bool]:
     """Return the turn of each reading, and whether runs are held out as a whole."""
