@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from ....data.measurements import DirectionUnknown, derive_error
 from ..._recording import CHANNELS, JointData, stacked
+from ...kinds._keys import FitSpec
 from ...readings import (
     POSITION_ORDER,
     Readings,
@@ -240,19 +241,24 @@ def _has_error(rows: Rows, axis: str) -> bool:
 def _ways(
     rows: Rows, members: Sequence["AbstractPlan"], alone: bool
 ) -> dict[str, Float[np.ndarray, " t"]]:
-    """Return ±1 by axis, NaN where the measurement does not tell it."""
-    turning, found = _unique(one.turning for one in members), {}
-    fit = members[0].fit
-    for axis in turning or ((fit.axis,) if alone and fit.lengths else ()):
-        try:
-            own = rows.direction if alone else rows.way
-            way = own(axis, needed=bool(turning))
-        except DirectionUnknown:
-            if alone or len(fit.sources) == 1:
-                raise
-            way = np.full(len(rows), np.nan)
-        if way is not None:
-            found[axis] = way.astype(float)
+    """Return the directions of motion by axis."""
+    turning, fit = _unique(one.turning for one in members), members[0].fit
+    if not alone:
+        return {axis: _way(rows, axis, fit) for axis in turning}
+    asked = turning or ((fit.axis,) if fit.lengths else ())
+    known = {axis: rows.direction(axis, needed=bool(turning)) for axis in asked}
+    return {axis: way.astype(float) for axis, way in known.items() if way is not None}
+
+
+def _way(rows: Rows, axis: str, fit: FitSpec) -> Float[np.ndarray, " t"]:
+    """Return ±1, or NaN where this measurement does not tell it."""
+    try:
+        found = rows.way(axis, needed=True)
+    except DirectionUnknown:
+        if len(fit.sources) == 1:
+            raise
+        return np.full(len(rows), np.nan)
+    assert found is not None  # else it has raised
     return found
 
 

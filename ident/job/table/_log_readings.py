@@ -106,7 +106,7 @@ class LogReadings:
     @property
     def has_runs(self) -> bool:
         """Whether some readings belong to another run than others, as far as is known."""
-        return len(self.sources) > 1 or "run" in self.sources[0].roles
+        return len(self.sources) > 1 or any("run" in one.roles for one in self.sources)
 
     @cached_property
     def parts(self) -> list[Ahead]:
