@@ -10,8 +10,9 @@ table, function by function:
 3. `_fits.fit_all` plans all fits, then fits one after the other; `_acting.leftovers` and
    `_acting.hand_on` are what acts beside a fit and did not while it was measured.
 4. `table._plan.plan` plans a table: its nodes, masters and old values. `table._readings.read_fit`
-   gives its `Readings`, and `table._fitting.fit_plan` a `TableDraft`, fitted and held out;
-   `_trend.refuse_unowned_trend` asks whose a constant and a slope of it are.
+   gives its `Readings`, those of a group of one (`joint._recording`), and
+   `table._fitting.fit_plan` a `TableDraft`, fitted and held out; `_trend.refuse_unowned_trend`
+   asks whose a constant and a slope of it are.
 5. `write._lists.files_of` makes the `AxisFiles` of each axis from its drafts, each with its gate
    (`_gating`), and `judge_files` checks them beside all other lists.
 6. `_whole.judge_whole` judges all that will act on an axis, read back as the controller does.

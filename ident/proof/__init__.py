@@ -32,8 +32,7 @@ from ._heldout import (
     HeldOut as HeldOut,
     blocks_of as blocks_of,
     held_out as held_out,
-    held_out_deviation as held_out_deviation,
-    run_groups as run_groups,
+    left_by_folds as left_by_folds,
 )
 from ._reversal import (
     choose_cycles as choose_cycles,

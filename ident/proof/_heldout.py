@@ -1,7 +1,7 @@
 """Held-out prediction: each reading under the list that was fitted without it."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -13,7 +13,6 @@ from ..fit import (
     TableLayout,
     deviations,
     leave_out,
-    predict,
     spatial_blocks,
 )
 
@@ -67,10 +66,38 @@ def held_out(
     by_run = groups is not None
     if groups is None:
         groups = blocks_of(fit.layout, samples)
-    weight = np.ones(len(before)) if samples.weight is None else samples.weight
     left = dict(leave_out(fit, samples, groups))
-    folds = list(left.values())
-    which = np.array(list(left)).searchsorted(groups)
+    return left_by_folds(
+        table, samples, left, groups, to_integers, before, active, by_run=by_run
+    )
+
+
+def left_by_folds(
+    table: AbstractTable,
+    samples: Samples,
+    left: Mapping[int, TableFit],
+    groups: Int[np.ndarray, " t"],
+    to_integers: Callable[[Sequence[TableFit]], Int[np.ndarray, "k ..."]],
+    before: Float[np.ndarray, " t"],
+    active: Float[np.ndarray, " t"],
+    *,
+    by_run: bool = False,
+) -> HeldOut:
+    """Return what lists leave of the readings that they were fitted without.
+
+    Args:
+        table: What is written.
+        samples: Readings.
+        left: By group, the table fitted without it.
+        groups: Of each reading.
+        to_integers: From fits to the entries of their lists.
+        before: Error as measured, per reading.
+        active: Offset that was active while measuring, per reading.
+        by_run: Whether the groups are runs.
+    """
+    weight = np.ones(len(before)) if samples.weight is None else samples.weight
+    folds = [left[label] for label in sorted(left)]
+    which = np.array(sorted(left)).searchsorted(groups)
     offsets = table.offsets(to_integers(folds), samples.positions, samples.branch)
     own = offsets[which, np.arange(len(before))]
     spread = deviations(folds, which, samples)
@@ -87,21 +114,6 @@ def held_out(
 def blocks_of(layout: TableLayout, samples: Samples) -> Int[np.ndarray, " t"]:
     """Return the spatial block of each reading, of which one at a time is left out."""
     return spatial_blocks(layout, samples, count=_BLOCKS)
-
-
-def held_out_deviation(fold: TableFit, samples: Samples) -> Float[np.ndarray, " t"]:
-    """Return the predicted deviation of readings of weight 1 that a fold has not seen.
-
-    Noise of the reading and rounding to list units included, effects of runs not.
-    """
-    _, spread = predict(fold, samples.positions, samples.branch)
-    return np.sqrt(spread**2 + fold.noise**2 + 1 / (12 * LIST_UNITS**2))
-
-
-def run_groups(runs: Int[np.ndarray, " r"]) -> Int[np.ndarray, " r"]:
-    """Return what each of several different runs is left out with."""
-    groups = _by_run(runs)
-    return np.asarray(runs, dtype=np.int64) if groups is None else groups
 
 
 def _by_run(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"] | None:

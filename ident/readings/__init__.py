@@ -3,9 +3,9 @@
 To be read in this order: `_tables` (each file once, its columns in mm, °, s and °C), `_joined`
 with `_clocks` (several files on one clock), `_rows` (one measurement, a column at a time: motion,
 modulo, absurd values, reference temperature, with `_zero` of the instrument), `_readings`
-(one measurement as a fit takes it; several one after the other; repeated runs). On top of them
-stands `_observe` (all there is, for `discover`; errors of all axes, for `doctor` and the whole
-axis).
+(several measurements one after the other; repeated runs). On top of them stand `_observe` (all
+there is, for `discover`; errors of all axes, for `doctor` and the whole axis) and
+`job.joint._recording` (what the fits of a job need, for a group or one alone).
 """
 
 from typing import TYPE_CHECKING
@@ -14,18 +14,12 @@ from .._lazy import importer
 from ._clocks import ClockState as ClockState
 from ._readings import (
     Readings as Readings,
-    Way as Way,
     cycles_of as cycles_of,
     joined as joined,
     joined_runs as joined_runs,
     place_in_run as place_in_run,
-    places_of as places_of,
-    read_joined as read_joined,
-    read_rows as read_rows,
     rows_of as rows_of,
     runs_overlap as runs_overlap,
-    visits_overlap as visits_overlap,
-    way_wanted as way_wanted,
 )
 from ._rows import (
     POSITION_ORDER as POSITION_ORDER,

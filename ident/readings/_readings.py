@@ -1,4 +1,4 @@
-"""Readings of a fit: of one measurement, and of several one after the other.
+"""Readings of a table, of several measurements one after the other.
 
 Runs are readings taken in one go; where they go over the same places they are repeated.
 """
@@ -6,21 +6,9 @@ Runs are readings taken in one go; where they go over the same places they are r
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
-
-from ...data.measurements import Measurement
-from ..kinds._keys import FitSpec, TableSpec
-from ._rows import Rows, reference_words
-from ._tables import Tables
-from ._zero import without_zero
-
-if TYPE_CHECKING:
-    from ..exchange import AbstractTable
-    from ..job.file._load import Job
-
 
 _LEAST = 3
 """Readings that a run must have, so that it can have an offset of its own."""
@@ -90,55 +78,19 @@ def runs_overlap(
     runs, index = ranked(run)
     if runs < 2:
         return False
-    cell = places_of(positions, nodes, direction)
-    visits = np.unique(cell * runs + index)
-    place, visitor = np.divmod(visits, runs)
-    return visits_overlap(place, visitor, np.bincount(index))
-
-
-def places_of(
-    positions: Float[np.ndarray, "t d"],
-    nodes: tuple[Float[np.ndarray, " _"], ...],
-    direction: Int[np.ndarray, " t"] | None,
-) -> Int[np.ndarray, " t"]:
-    """Return a number for the place of each reading: its nearest node, and its direction."""
     cell = np.zeros(len(positions), dtype=np.int64)
     for k, own in enumerate(nodes):
         # Nearest node: readings at the nodes themselves must not fall to either side.
         middle = 0.5 * (own[1:] + own[:-1])
         cell = cell * len(own) + np.searchsorted(middle, positions[:, k])
-    return cell if direction is None else 2 * cell + (direction < 0)
-
-
-def visits_overlap(
-    place: Int[np.ndarray, " v"],
-    visitor: Int[np.ndarray, " v"],
-    readings: Int[np.ndarray, " r"],
-) -> bool:
-    """Return `runs_overlap` from the places that each run visits.
-
-    Args:
-        place: Of each visit.
-        visitor: Its run, counted from 0.
-        readings: Number of readings of each run.
-    """
-    if len(readings) < 2 or readings.min() < _LEAST:
+    if direction is not None:
+        cell = 2 * cell + (direction < 0)
+    place, visitor = np.divmod(np.unique(cell * runs + index), runs)
+    if np.bincount(index).min() < _LEAST:
         return False
     shared = np.bincount(place)[place] > 1
-    total = np.bincount(visitor, minlength=len(readings))
-    common = np.bincount(visitor, weights=shared, minlength=len(readings))
-    return bool(np.all(common >= _COMMON * total))
-
-
-Way = Literal["needed", "welcome", "no"]
-"""What a fit makes of the direction of motion."""
-
-
-def way_wanted(fit: TableSpec, table: "AbstractTable") -> Way:
-    """Return what a table makes of the direction of motion."""
-    if table.branches == 2:
-        return "needed"
-    return "welcome" if fit.lengths else "no"
+    common = np.bincount(visitor, weights=shared, minlength=runs)
+    return bool(np.all(common >= _COMMON * np.bincount(visitor, minlength=runs)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,8 +105,6 @@ class Readings:
         order: Time in s, or row number.
         timed: Whether it is a time.
         slices: Rows of each measurement.
-        remarks: What was taken for granted.
-        rows: All columns of each measurement.
         late: What one standard deviation of the instruments' delays makes of the error, or
             None at standstill.
     """
@@ -166,93 +116,12 @@ class Readings:
     order: Float[np.ndarray, " t"]
     timed: bool
     slices: Mapping[str, slice]
-    remarks: tuple[str, ...] = ()
-    rows: Mapping[str, Rows] = dataclasses.field(default_factory=dict)
     late: Float[np.ndarray, " t"] | None = None
 
     @property
     def time(self) -> Float[np.ndarray, " t"] | None:
         """In s, or None."""
         return self.order if self.timed else None
-
-
-def read_rows(
-    job: "Job", name: str, measured: Measurement, fit: FitSpec, way: Way, lengths: bool
-) -> Readings:
-    """Return readings of one measurement, each as its own row tells: nothing is removed yet.
-
-    Args:
-        job: The job.
-        name: Of the measurement.
-        measured: All of it, or some rows.
-        fit: What is fitted, over its masters.
-        way: What it makes of the direction of motion.
-        lengths: The error is one of length along the axis itself, so that it grows with
-            the temperature of the scale.
-
-    Raises:
-        MeasurementError: If a role is missing or a value cannot be used.
-    """
-    rows = Rows(job, name, measured, [fit.axis])
-    why = f"for the {fit.compensation} fit of {fit.axis}"
-    positions = np.stack([rows.position(axis, why) for axis in fit.over], axis=1)
-    error = rows.raw_error(fit.axis)
-    if lengths:
-        error = rows.at_reference(fit.axis, error, positions[:, 0])
-    direction, time = None, rows.time
-    if way != "no":
-        direction = rows.direction(fit.axis, needed=way == "needed")
-    return Readings(
-        positions=positions,
-        error=error,
-        direction=direction,
-        run=rows.run,
-        order=np.arange(len(error), dtype=float) if time is None else time,
-        timed=time is not None,
-        slices={name: slice(0, len(error))},
-        remarks=tuple(rows.remarks),
-        rows={name: rows},
-        late=rows.measured.late.get(fit.axis),
-    )
-
-
-def read_joined(tables: Tables, fit: FitSpec, way: Way, lengths: bool) -> Readings:
-    """Return the readings of a fit, all its measurements joined, reduced as the job asks.
-
-    Arguments as `read_rows`.
-
-    Raises:
-        MeasurementError: If a role is missing or a value cannot be used.
-    """
-    parts, errors, remarks = list[Readings](), list[np.ndarray](), list[str]()
-    for name in fit.sources:
-        measured = tables.measured(name, fit.axis, fit.over)
-        part = read_rows(tables.job, name, measured, fit, way, lengths)
-        spec, change = part.rows[name].spec, part.rows[name].change
-        parts.append(part)
-        errors.append(without_zero(part.error, [*part.positions.T], spec.remove))
-        remarks += part.remarks
-        remarks += reference_words(name, spec, fit.axis, lengths, change.get(fit.axis))
-    counts = [len(error) for error in errors]
-    direction, time = (
-        joined([part.direction for part in parts]),
-        joined([part.time for part in parts]),
-    )
-    run = joined_runs([part.run for part in parts], counts)
-    if run is not None and direction is not None:
-        run = cycles_of(run, direction)
-    return Readings(
-        positions=np.concatenate([part.positions for part in parts]),
-        error=np.concatenate(errors),
-        direction=direction,
-        run=run,
-        order=np.arange(sum(counts), dtype=float) if time is None else time,
-        timed=time is not None,
-        slices=rows_of(fit.sources, counts),
-        remarks=tuple(remarks),
-        rows={name: rows for part in parts for name, rows in part.rows.items()},
-        late=joined([part.late for part in parts]),
-    )
 
 
 def rows_of(sources: Sequence[str], counts: Sequence[int]) -> dict[str, slice]:

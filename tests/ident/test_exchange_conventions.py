@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from axcomp.ident.exchange import StoredConventions, TomlError, read_conventions
-from axcomp.ident.job import JobError, load_conventions
+from axcomp.ident.job import load_conventions
 from axcomp.models import ConventionError, Conventions
 
 
@@ -75,5 +75,5 @@ def test_file_of_another_machine_is_refused_by_jobs(tmp_path: Path) -> None:
     assert load_conventions(path, "mill-7")[1] == {"plane_sign"}
     assert load_conventions(path)[0].plane_sign == -1
     match = r"c.toml:1: found the conventions of machine 'mill-7', expected 'mill-8'"
-    with pytest.raises(JobError, match=match):
+    with pytest.raises(TomlError, match=match):
         load_conventions(path, "mill-8")

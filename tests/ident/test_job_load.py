@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from axcomp.ident.exchange import TomlError
 from axcomp.ident.job import JobError, OutputError, load_job
 
 GOOD = """
@@ -106,7 +107,7 @@ def test_good_job_loads(folder: Path) -> None:
 def test_mistake_is_named_with_its_line(
     folder: Path, old: str, new: str, match: str
 ) -> None:
-    with pytest.raises(JobError, match=match) as caught:
+    with pytest.raises(TomlError, match=match) as caught:
         loaded(folder, old, new)
     assert "\n" not in str(caught.value)
 
@@ -153,7 +154,7 @@ def test_mistake_in_keys_of_other_compensations_is_named(
 
 def test_byte_that_is_no_text_is_named_with_its_line(folder: Path) -> None:
     (folder / "job.toml").write_bytes(b'title = "x"\n# gr\xfcn\n')
-    with pytest.raises(JobError, match=r"job.toml:2: found byte 0xfc, expected UTF-8"):
+    with pytest.raises(TomlError, match=r"job.toml:2: found byte 0xfc, expected UTF-8"):
         load_job(folder / "job.toml")
 
 

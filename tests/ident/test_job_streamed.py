@@ -212,7 +212,7 @@ def test_a_large_log_is_read_in_pieces_without_being_asked(
         (PLANE + CROSS, "", "the cross fit of Z shares it"),
         (LEADSCREW, "direction", "has no column for 'Z.direction'"),
         (CROSS, "motion", "what its instrument lags behind"),
-        (PLANE, "names", "the runs of 'log' have names"),
+        (PLANE, "names", "each of its runs is then allowed an offset of its own"),
         (PLANE, "runs", "each of its runs is then allowed an offset of its own"),
     ],
 )
@@ -244,10 +244,10 @@ def test_a_large_log_that_only_memory_serves_is_read_into_it_and_said(
     monkeypatch.setattr(_log_readings, "LARGE", 1)
     asked = path.read_text().replace('"auto"', "true")
     path.with_name("asked.toml").write_text(asked)
-    if more == "runs":
+    if more in ("names", "runs"):
         found = run_job(path.with_name("asked.toml"), tmp_path / "out")
-        assert found.tables[0].held_out == "run"
-        assert "allows none of them an offset of its own" in words(found)
+        assert found.tables[0].held_out == "block"
+        assert "allows none of its runs an offset of its own" in words(found)
     else:
         with pytest.raises(JobError, match=f"stream: found true, but .*{reason}"):
             run_job(path.with_name("asked.toml"), tmp_path / "out")

@@ -9,7 +9,7 @@ from ..._job_text import edited_job
 from ...discover import Discovery, Found
 from ...kinds import kind
 from ...readings import Observation
-from ..table._layout import grid_over, grids_for
+from ..table._layout import grid_keys
 from ._load import Job
 
 
@@ -134,23 +134,13 @@ def nodes_for(
     rows = np.isin(data.source, [observation.names.index(name) for name in sources])
     rows &= np.isfinite(data.error[axis])
     places = [data.position[master][rows] for master in over]
-    if len(over) == 2:
-        first, second = grids_for(places[0], places[1])
-        start, interval, points = (
-            list(pair) for pair in zip(first, second, strict=True)
-        )
-        return {"start": start, "interval": interval, "points": points}
-    spec, own = job.spec.axes[over[0]], over[0] == axis
-    if spec.modulo is not None:
+    spec, own = job.spec.axes[over[0]], over == (axis,)
+    if len(over) == 1 and spec.modulo is not None:
         low, high = spec.modulo
-        grid = (low, (high - low) / 72.0, 73)
-    else:
-        # What a cross table does beyond its ends is not documented (S-12).
-        reach = None
-        if not own and spec.limits is not None:
-            reach = (spec.limits[0], spec.limits[1])
-        grid = grid_over(places[0], reach)
-    keys: dict[str, Any] = dict(zip(("start", "interval", "points"), grid, strict=True))
-    if own and spec.modulo is not None:
-        keys["modulo"] = True
-    return keys
+        keys = {"start": low, "interval": (high - low) / 72.0, "points": 73}
+        return keys | {"modulo": True} if own else keys
+    # What a cross table does beyond its ends is not documented (S-12).
+    reach = None
+    if not own and spec.limits is not None:
+        reach = (spec.limits[0], spec.limits[1])
+    return grid_keys(places, reach)

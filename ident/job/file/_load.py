@@ -19,7 +19,6 @@ from ...exchange import (
     ExchangeError,
     Motion,
     Reading,
-    TomlError,
     axis_number,
     read_conventions,
     read_toml,
@@ -141,10 +140,10 @@ def load_job(path: Path, *, needs_fits: bool = True) -> Job:
         needs_fits: A job without ``[[fits]]`` is refused.
 
     Raises:
-        JobError: Naming file, line, what was found and what was expected.
+        TomlError: Naming file, line, what was found and what was expected.
         OSError: If the job file cannot be read.
     """
-    text, values = _parsed(path)
+    text, values = read_toml(path)
     try:
         spec = JobFile.model_validate(values)
     except pydantic.ValidationError as error:
@@ -186,13 +185,10 @@ def load_conventions(
         machine: Id of the machine that it must belong to, or None.
 
     Raises:
-        JobError: If it is no such file, a name is unknown, a value cannot be taken, or
+        TomlError: If it is no such file, a name is unknown, a value cannot be taken, or
             it belongs to another machine.
     """
-    try:
-        found = read_conventions(path, machine)
-    except TomlError as error:
-        raise JobError(error.source, error.line, error.reason) from None
+    found = read_conventions(path, machine)
     return found.conventions, found.verified
 
 
@@ -203,13 +199,6 @@ def sha256(path: Path) -> str:
         while part := file.read(_PART):
             digest.update(part)
     return digest.hexdigest()
-
-
-def _parsed(path: Path) -> tuple[str, dict[str, Any]]:
-    try:
-        return read_toml(path)
-    except TomlError as error:
-        raise JobError(error.source, error.line, error.reason) from None
 
 
 def _files(spec: JobFile) -> Iterable[tuple[KeyPath, str]]:

@@ -1,4 +1,4 @@
-"""Readings of a group: every role that its effects need, all measurements joined."""
+"""Readings of fits, of a group or of one alone: every role that they need, all joined."""
 
 import dataclasses
 import itertools
@@ -6,13 +6,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ....data.measurements import DirectionUnknown, derive_error
 from ..._recording import CHANNELS, JointData, stacked
 from ...kinds._keys import FitSpec
 from ...readings import (
     POSITION_ORDER,
+    Readings,
     Rows,
     Tables,
     cycles_of,
@@ -35,11 +36,12 @@ _TAKEN_UP, _LONGEST = 0.02, 1.0
 
 @dataclasses.dataclass(frozen=True)
 class GroupRecording:
-    """What a group has been measured with.
+    """What a group has been measured with, or one fit that stands alone.
 
     Attributes:
         data: All readings, measurements one after the other.
         slices: Rows of each measurement.
+        run: Cycle of each reading, or None where nothing was repeated.
         order: Time in s, or row number.
         timed: Whether it is a time.
         fold: Turn in which each reading is held out.
@@ -47,10 +49,12 @@ class GroupRecording:
         moving: Compensated axes whose error was recorded in motion, with their velocity.
         drift: Pieces of a slow drift of the instrument that is allowed for.
         remarks: What was taken for granted.
+        rows: All columns of each measurement.
     """
 
     data: JointData
     slices: Mapping[str, slice]
+    run: Int[np.ndarray, " t"] | None
     order: Float[np.ndarray, " t"]
     timed: bool
     fold: Int[np.ndarray, " t"]
@@ -58,6 +62,7 @@ class GroupRecording:
     moving: frozenset[str]
     drift: int
     remarks: tuple[Remark, ...]
+    rows: Mapping[str, Rows]
 
     @property
     def drifting(self) -> bool:
@@ -69,15 +74,55 @@ class GroupRecording:
         """What the prediction leaves out together."""
         return "run" if self.by_run else "block"
 
+    def readings(
+        self,
+        over: Sequence[str],
+        turns: str | None,
+        error: Float[np.ndarray, " n"],
+        keep: Bool[np.ndarray, " t"],
+    ) -> Readings:
+        """Return readings as a table takes them.
 
-def read_group(tables: Tables, members: Sequence["AbstractPlan"]) -> GroupRecording:
+        Args:
+            over: Axes whose positions it needs.
+            turns: Axis whose direction of motion counts where it is known; None: it does not.
+            error: Of those that are kept, in mm or °.
+            keep: Which.
+        """
+        way = self.data.direction.get(turns or "")
+        if way is not None:
+            way = way[keep] if np.isfinite(way[keep]).all() else None
+        ends = np.concatenate([[0], np.cumsum(keep)])
+        return Readings(
+            positions=np.stack([self.data.position[name][keep] for name in over], 1),
+            error=error,
+            direction=None if way is None else way.astype(np.int64),
+            run=None if self.run is None else self.run[keep],
+            order=self.order[keep],
+            timed=self.timed,
+            slices={
+                name: slice(int(ends[own.start]), int(ends[own.stop]))
+                for name, own in self.slices.items()
+            },
+        )
+
+
+def read_group(
+    tables: Tables, members: Sequence["AbstractPlan"], *, alone: bool = False
+) -> GroupRecording:
     """Return the readings of a group: every column that its members use.
+
+    Args:
+        tables: Measurements of the job.
+        members: Planned fits of the same measurements.
+        alone: It is one table that stands alone: a cell without a value is refused, and the
+            direction is read wherever the file tells it.
 
     Raises:
         MeasurementError: If a role is missing or a value cannot be used.
         JobError: If a measurement does not suit.
     """
-    parts, moving, remarks = list[JointData](), set[str](), list[Remark]()
+    parts, remarks, every = list[JointData](), list[Remark](), dict[str, Rows]()
     lead = max((one.fit for one in members), key=lambda fit: len(fit.over))
     masters = lead.over
     if len(masters) < 2:
@@ -85,14 +130,20 @@ def read_group(tables: Tables, members: Sequence["AbstractPlan"]) -> GroupRecord
     axes = _unique((one.axis,) for one in members)
     for name in lead.sources:
         measured = tables.measured(name, lead.axis, masters)
-        rows = Rows(tables.job, name, measured, axes, gaps=True)
-        parts.append(_columns(rows, members, axes))
-        moving |= rows.moving & set(parts[-1].velocity)
+        rows = Rows(tables.job, name, measured, axes, gaps=not alone)
+        parts.append(_columns(rows, members, axes, alone))
+        every[name] = rows
         remarks += [Remark.info(words) for words in dict.fromkeys(rows.remarks)]
     counts = [len(part) for part in parts]
+    columns = {table: stacked(parts, table, counts) for table in CHANNELS}
+    run = joined_runs([part.run for part in parts], counts)
+    ways = [*columns["direction"].values()]
+    if run is not None and len(ways) == 1 and np.isin(ways[0], (-1.0, 1.0)).all():
+        run = cycles_of(run, ways[0].astype(np.int64))
+    several = run is not None and len(np.unique(run)) > 1
     time = joined([part.time for part in parts])
-    label = joined_runs([part.run for part in parts], counts)
-    several = label is not None and len(np.unique(label)) > 1
+    order = np.arange(sum(counts), dtype=float) if time is None else time
+    fold, by_run = folds(run, order)
     # Runs without an offset: it is what tells the temperature.
     heated = _unique((one.axis,) for one in members if one.sensors)
     specs = [tables.job.spec.measurements[name] for name in lead.sources]
@@ -100,14 +151,6 @@ def read_group(tables: Tables, members: Sequence["AbstractPlan"]) -> GroupRecord
     beside = None
     if len(counts) > 1 and any(spec.remove != "none" for spec in specs):
         beside = np.repeat(np.arange(1, len(counts) + 1), counts)
-    data = JointData(
-        **{table: stacked(parts, table, counts) for table in CHANNELS},
-        time=time,
-        run=label if several else None,
-        runs=dict.fromkeys(heated, beside),
-    )
-    order = np.arange(len(data), dtype=float) if time is None else time
-    fold, by_run = folds(label, order)
     if several and heated and beside is None:
         remarks.append(
             Remark.info(
@@ -116,15 +159,26 @@ def read_group(tables: Tables, members: Sequence["AbstractPlan"]) -> GroupRecord
             )
         )
     return GroupRecording(
-        data=data,
+        data=JointData(
+            **columns,
+            time=time,
+            run=run if several else None,
+            runs=dict.fromkeys(heated, beside),
+        ),
         slices=rows_of(lead.sources, counts),
+        run=run,
         order=np.asarray(order, dtype=float),
         timed=time is not None,
         fold=fold,
         by_run=by_run,
-        moving=frozenset(moving),
+        moving=frozenset(
+            axis
+            for rows, part in zip(every.values(), parts, strict=True)
+            for axis in rows.moving & set(part.velocity)
+        ),
         drift=max(spec.drift for spec in specs),
         remarks=tuple(remarks),
+        rows=every,
     )
 
 
@@ -133,7 +187,7 @@ def _unique(names: Iterable[Sequence[str]]) -> tuple[str, ...]:
 
 
 def _columns(
-    rows: Rows, members: Sequence["AbstractPlan"], axes: Sequence[str]
+    rows: Rows, members: Sequence["AbstractPlan"], axes: Sequence[str], alone: bool
 ) -> JointData:
     """Return every column of a measurement that the effects of a group need."""
     fits = [one.fit for one in members]
@@ -153,33 +207,20 @@ def _columns(
         axis: rows.position(axis, hint, order if axis in adapted else kinds)
         for axis in placed
     }
-    error = {}
+    direction, error = _ways(rows, members, alone), {}
     for axis in asked:
         lengths = any(fit.lengths for fit in fits if fit.axis == axis)
         # What the drive gives way while another axis accelerates is no crosstalk.
         pushed = any(one.accelerating for one in members if one.axis == axis)
         against = ("encoder", "position") if pushed else ("position",)
         error[axis] = rows.error(axis, position, lengths=lengths, against=against)
-        if axis in position:
-            rows.remarks += reference_words(
-                rows.name,
-                rows.spec,
-                axis,
-                lengths=lengths,
-                change=rows.change.get(axis),
-            )
+        change = rows.change.get(axis)
+        rows.remarks += reference_words(rows.name, rows.spec, axis, lengths, change)
     driven = _unique(one.accelerating for one in members)
     velocity = {axis: rows.motion(axis, "velocity") for axis in driven}
     for axis in rows.moving:
         if f"{axis}.velocity" in rows.measured.values:
             velocity[axis] = rows.motion(axis, "velocity")
-    turning = _unique(one.turning for one in members)
-    direction = {axis: _way(rows, axis, fits[0]) for axis in turning}
-    run = rows.run
-    if run is not None and len(direction) == 1:
-        way = next(iter(direction.values()))
-        if np.isin(way, (-1.0, 1.0)).all():
-            run = cycles_of(run, way.astype(np.int64))
     return JointData(
         position=position,
         error=error,
@@ -191,12 +232,24 @@ def _columns(
             for sensor in _unique(one.sensors for one in members)
         },
         time=rows.time,
-        run=run,
+        run=rows.run,
     )
 
 
 def _has_error(rows: Rows, axis: str) -> bool:
     return any(f"{axis}.{kind}" in rows.measured.values for kind in ("error", "actual"))
+
+
+def _ways(
+    rows: Rows, members: Sequence["AbstractPlan"], alone: bool
+) -> dict[str, Float[np.ndarray, " t"]]:
+    """Return the directions of motion by axis."""
+    turning, fit = _unique(one.turning for one in members), members[0].fit
+    if not alone:
+        return {axis: _way(rows, axis, fit) for axis in turning}
+    asked = turning or ((fit.axis,) if fit.lengths else ())
+    known = {axis: rows.direction(axis, needed=bool(turning)) for axis in asked}
+    return {axis: way.astype(float) for axis, way in known.items() if way is not None}
 
 
 def _way(rows: Rows, axis: str, fit: FitSpec) -> Float[np.ndarray, " t"]:

@@ -137,14 +137,6 @@ class Share:
         values = getattr(self.recording.data, table)[name]
         return np.asarray(values[self.rows], dtype=float)
 
-    def slices(self) -> dict[str, slice]:
-        """Return the used rows of each measurement."""
-        kept = np.concatenate([[0], np.cumsum(self.rows)])
-        return {
-            name: slice(int(kept[rows.start]), int(kept[rows.stop]))
-            for name, rows in self.recording.slices.items()
-        }
-
     def readings(self, over: Sequence[str], turns: bool) -> Readings:
         """Return the used readings as a fit of this part alone takes them.
 
@@ -152,20 +144,8 @@ class Share:
             over: Axes whose positions it needs.
             turns: Whether the direction of motion counts.
         """
-        recording, rows = self.recording, self.rows
-        way = self.column("direction", self.axis) if turns else None
-        run = recording.data.run
-        return Readings(
-            positions=np.stack(
-                [self.column("position", name) for name in over], axis=1
-            ),
-            error=self.error,
-            direction=None if way is None else way.astype(np.int64),
-            run=None if run is None else run[rows],
-            order=recording.order[rows],
-            timed=recording.timed,
-            slices=self.slices(),
-        )
+        way = self.axis if turns else None
+        return self.recording.readings(over, way, self.error, self.rows)
 
     @property
     def why_lost(self) -> str:

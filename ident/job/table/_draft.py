@@ -2,115 +2,30 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, final
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from ....data.lists import Value
-from ...exchange import LIST_UNITS, Model, by_branch
-from ...fit import Samples, TableFit
+from ...exchange import LIST_UNITS, by_branch
+from ...fit import TableFit
 from ...kinds._keys import FitSpec, TableSpec
-from ...proof import ErrorTally, GateCheck, GateTable, HeldOut, RunTable, judge
+from ...proof import GateCheck, GateTable, HeldOut, judge
 from ...proof.axis import check_switching, switching_cycles
 from ...readings import Readings, Tables, without_zero
 from .._draft import AbstractDraft
 from .._gating import spread_over, switching_remarks
-from ..result._result import Remark, SampleView, TableResult, largest_wild
+from ..result._result import Remark, SampleView, TableResult, staged
 from ..result._second import SecondMeasurement
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
-from ._remarks import fit_remarks, outside, places_of, use_remarks
+from ._remarks import fit_remarks, outside, places_of
 
 if TYPE_CHECKING:
     from ..write._lists import AxisFiles
-
-_STAGES = ("before", "predicted", "from_file")
-
-Columns = dict[str, np.ndarray]
-
-
-@final
-@dataclasses.dataclass(frozen=True)
-class Piece:
-    """Some readings of a fit, and what is left of their error in mm or °.
-
-    Attributes:
-        samples: As the estimator saw them.
-        before: Error, zero at the datum.
-        predicted: Error left under the list that was fitted without them.
-        wild: Readings that the fit leaves out.
-        columns: Gives, of some rows, the other columns of `SampleView`, and the ``residual``
-            of the fit.
-        row: Number of the first one in its part of the recording.
-        runs: How they lie in a run table, or None.
-    """
-
-    samples: Samples
-    before: Float[np.ndarray, " t"]
-    predicted: Float[np.ndarray, " t"]
-    wild: Bool[np.ndarray, " t"]
-    columns: Callable[[Int[np.ndarray, " n"]], Columns]
-    row: int = 0
-    runs: RunTable | None = None
-
-
-@final
-@dataclasses.dataclass(frozen=True)
-class Fitted:
-    """The readings that a table was fitted to, in memory or in pieces.
-
-    Attributes:
-        pieces: Yields all readings; in memory they are one piece.
-        remarks: Gives what is to be said of them, once all were handed out.
-        by_run: Whether runs were held out, else spatial blocks.
-        readings: All of them; None where they are handed out in pieces.
-        every: One reading in so many is shown.
-    """
-
-    pieces: Callable[[], Iterator[Piece]]
-    remarks: Callable[[], Sequence[Remark]]
-    by_run: bool
-    readings: Readings | None = None
-    every: int = 1
-
-
-def in_memory(
-    plan: Plan,
-    readings: Readings,
-    remarks: Sequence[Remark],
-    samples: Samples,
-    left: HeldOut,
-    fit: TableFit,
-    zero: float = 0.0,
-) -> Fitted:
-    """Return readings in memory, all in one piece.
-
-    Args:
-        plan: What is written.
-        readings: What was measured.
-        remarks: What is to be said of them.
-        samples: The same as the estimator saw it.
-        left: Each reading under the list that was fitted without it.
-        fit: The fit.
-        zero: What is taken off the error, in mm or °.
-    """
-    every = {
-        "direction": readings.direction,
-        "run": readings.run,
-        "order": readings.order,
-        "predicted_sd": left.standard_deviation,
-        "share": fit.share,
-        "residual": fit.residual,
-    }
-
-    def columns(rows: Int[np.ndarray, " n"]) -> Columns:
-        return {name: own[rows] for name, own in every.items() if own is not None}
-
-    seen = samples, readings.error - zero, left.residual, fit.wild
-    piece = Piece(*seen, columns, runs=run_table(readings, plan.table))
-    return Fitted(lambda: iter((piece,)), lambda: remarks, left.by_run, readings)
+    from ._log_draft import FittedLog
 
 
 @final
@@ -122,14 +37,20 @@ class TableDraft(AbstractDraft):
         plan: What is written.
         estimate: The fit, zero at the datum (sign of the error).
         run_effects: What each run was allowed of its own.
-        fitted: The readings.
+        readings: What was measured, zero at the datum; some of a log in pieces.
+        left: Each of them under the list that was fitted without it.
+        said: What is to be said of them.
+        log: All of a log in pieces; None: `readings` are all.
     """
 
     fit: TableSpec
     plan: Plan
     estimate: TableFit
     run_effects: str
-    fitted: Fitted
+    readings: Readings
+    left: HeldOut
+    said: Sequence[Remark]
+    log: "FittedLog | None" = None
 
     @functools.cached_property
     def integers(self) -> Int[np.ndarray, "..."]:
@@ -258,7 +179,8 @@ class TableDraft(AbstractDraft):
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, TableSpec)
         plan, table = self.plan, self.plan.table
-        found, _ = read_fit(tables, self.index, fit, table, {})
+        again = dataclasses.replace(plan, job=tables.job, fit=fit)
+        found, _ = read_fit(tables, again, {})
         datum = datum_of(tables.job, self.index, fit)
         own = table.masters == (table.axis,)
         branch = plan.branch(found.direction)
@@ -278,29 +200,45 @@ class TableDraft(AbstractDraft):
 
     @property
     def in_memory(self) -> bool:
-        return self.fitted.readings is not None
+        return self.log is None
 
     @property
     def predicted(self) -> float | None:
-        if not self.in_memory:
-            return None
-        (piece,) = self.fitted.pieces()
-        left = piece.predicted[~piece.wild]
-        return float(np.std(left)) if left.size else None
+        left = self.left.residual[~self.estimate.wild]
+        return float(np.std(left)) if left.size and self.in_memory else None
 
     def prove(self, done: "AxisFiles") -> TableResult:
-        plan, table, fitted = self.plan, self.plan.table, self.fitted
+        plan, table, fit, read = (
+            self.plan,
+            self.plan.table,
+            self.estimate,
+            self.readings,
+        )
         assert done.compensation is not None  # a table stands in it
-        tally, view, beyond = self._proof(table.read(done.compensation))
-        count, wild = tally["before"].counts
-        own: dict[str, Any] = {k: view.pop(k) for k in ("wild", "residual")}
-        timed = fitted.readings is not None and fitted.readings.timed
-        columns: dict[str, Any] = {"direction": None, "run": None, **view}
-        samples = SampleView(**columns, timed=timed)
+        back = table.read(done.compensation)
+        at = read.positions, plan.branch(read.direction)
+        samples = SampleView(
+            positions=read.positions,
+            direction=read.direction,
+            run=read.run,
+            order=read.order,
+            before=read.error,
+            predicted=self.left.residual,
+            from_file=read.error + table.offset(back, *at) - plan.acted(*at),
+            predicted_sd=self.left.standard_deviation,
+            share=fit.share,
+            timed=read.timed,
+        )
         places: tuple[str, ...] = ()
-        if self.in_memory:
-            places = places_of(samples, own["wild"], self.fit.over)
-        error = {name: each.figures for name, each in tally.items()}
+        if self.log is None:
+            stages = samples.before, samples.predicted, samples.from_file
+            error = staged(*stages, fit.wild, run_table(read, table))
+            count, wild = len(read.error), int(fit.wild.sum())
+            beyond = int(outside(table, read.positions).sum())
+            places = places_of(samples, fit.wild, self.fit.over)
+        else:
+            error, beyond = self.log.figures(back)
+            count, wild = self.log.found.count, self.log.found.wild
         deviation = written_deviation(self.estimate)
         return TableResult(
             **self.frame(done),
@@ -309,7 +247,7 @@ class TableDraft(AbstractDraft):
             table=by_branch(table, table.sign * self.offset),
             standard_deviation=by_branch(table, deviation),
             support=by_branch(table, self.estimate.support),
-            fit=dataclasses.replace(self.estimate, share=samples.share, **own),
+            fit=fit,
             samples=samples,
             error=error,
             rounding=self.rounding,
@@ -317,49 +255,16 @@ class TableDraft(AbstractDraft):
             wild=wild,
             remarks=(
                 *plan.remarks,
-                *fitted.remarks(),
+                *self.said,
                 *fit_remarks(self, count, wild, beyond, places),
-                *use_remarks(error, fitted.by_run),
                 *switching_remarks(self),
                 *done.remarks,
             ),
             files=done.written_lists,
             cycles=done.cycles if self._bilateral else None,
-            held_out="run" if fitted.by_run else "block",
-            every=None if self.in_memory else fitted.every,
+            held_out="run" if self.left.by_run else "block",
+            every=None if self.log is None else self.log.every,
         )
-
-    def _proof(self, back: Model) -> tuple[dict[str, ErrorTally], Columns, int]:
-        """Return what all readings are under the written table, read back.
-
-        Their error by stage; the columns of those that are shown: every n-th one, and the
-        largest wild ones; and how many lie outside the table.
-        """
-        plan, table, every = self.plan, self.plan.table, self.fitted.every
-        tally, views, beyond = dict[str, ErrorTally](), list[Columns](), 0
-        for piece in self.fitted.pieces():
-            at = piece.samples.positions, piece.samples.branch
-            left = piece.before + table.offset(back, *at) - plan.acted(*at)
-            stages = (piece.before, piece.predicted, left)
-            columns = dict(zip(_STAGES, stages, strict=True))
-            for name, error in columns.items():
-                own = ErrorTally.of(error, piece.runs, piece.wild)
-                tally[name] = tally[name] + own if name in tally else own
-            beyond += int(outside(table, piece.samples.positions).sum())
-            keep = np.zeros(len(left), bool)
-            keep[-piece.row % every :: every] = True
-            rows = np.union1d(
-                np.flatnonzero(keep), largest_wild(piece.before, piece.wild)
-            )
-            columns |= {
-                "positions": piece.samples.positions, "wild": piece.wild, "keep": keep
-            }  # fmt: skip
-            view = {name: own[rows] for name, own in columns.items()}
-            views.append(view | piece.columns(rows))
-        view = {name: np.concatenate([one[name] for one in views]) for name in views[0]}
-        keep = view.pop("keep")
-        keep[largest_wild(view["before"], view["wild"])] = True
-        return tally, {name: column[keep] for name, column in view.items()}, beyond
 
     @property
     def _bilateral(self) -> bool:

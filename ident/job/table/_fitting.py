@@ -21,7 +21,7 @@ from ...readings import (
 )
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
-from ._draft import TableDraft, in_memory
+from ._draft import TableDraft
 from ._layout import grid_words, suit
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
@@ -43,26 +43,14 @@ def fit_alone(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
         JobError: If the readings do not determine the fit, or show a constant or a slope
             and the job does not say whose.
     """
-    log, words = in_pieces(tables, plan.fit, plan.table)
+    log, words = in_pieces(tables, plan, left)
     if log is not None:
-        _refuse_beside(plan, left)
-        found = fit_log(plan, log)
+        found = fit_log(log)
     else:
-        readings, more = read_fit(tables, plan.index, plan.fit, plan.table, left)
+        readings, more = read_fit(tables, plan, left)
         found = fit_plan(plan, readings, (*words, *more))
     refuse_unowned_trend(plan, found.estimate)
     return found
-
-
-def _refuse_beside(plan: Plan, left: Leftovers) -> None:
-    for name in plan.fit.sources:
-        for other in left.get((plan.index, name), ()):
-            raise plan.job.error(
-                ("measurements", name, "stream"),
-                f"found a log that is read in pieces, beside {other.words}, which was off"
-                f" while measuring and will act as well: expected stream = false, so that"
-                f" fits[{plan.index}] can correct what it leaves",
-            )
 
 
 def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> TableDraft:
@@ -117,8 +105,10 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     acted = plan.acted(readings.positions, branch)
     estimate = _doubted(plan, readings, samples, estimate)
     left = held_out(table, samples, fit, plan.integers, before, acted)
-    fitted = in_memory(plan, readings, remarks, samples, left, estimate, zero)
-    return TableDraft(plan.job, plan.index, spec, plan, estimate, effects, fitted)
+    readings = dataclasses.replace(readings, error=before)
+    return TableDraft(
+        plan.job, plan.index, spec, plan, estimate, effects, readings, left, remarks
+    )
 
 
 def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
@@ -138,9 +128,10 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
         groups=recording.fold[share.rows],
         by_run=recording.by_run,
     )
-    fitted = in_memory(plan, readings, share.remarks(), samples, left, fit)
-    effects = "offset" if fit.runs else "none"
-    return TableDraft(plan.job, plan.index, plan.fit, plan, fit, effects, fitted)
+    effects, remarks = "offset" if fit.runs else "none", share.remarks()
+    return TableDraft(
+        plan.job, plan.index, plan.fit, plan, fit, effects, readings, left, remarks
+    )
 
 
 def _fit_of_share(plan: Plan, share: "Share") -> TableFit:

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -126,6 +127,7 @@ def _full_turn(job: Job, index: int, fit: TableSpec, nodes: ListNodes) -> bool:
 Grid = tuple[float, float, int]
 """Start, interval and number of nodes, in mm or °."""
 
+_KEYS = ("start", "interval", "points")
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 _LINE, _SURFACE = 80, 20
 """Intervals of a table over one position, and over each of two."""
@@ -222,18 +224,29 @@ def grids_for(
     return grids[0], grids[1]
 
 
-def grid_words(places: Sequence[Float[np.ndarray, " t"]]) -> str:
-    """Return the keys of nodes that suit readings, as they stand in a job.
+def grid_keys(
+    places: Sequence[Float[np.ndarray, " t"]],
+    reach: tuple[float, float] | None = None,
+) -> dict[str, Any]:
+    """Return the keys of nodes that suit readings.
 
     Args:
         places: Positions of the readings, per master.
+        reach: Ends that a table over one position must reach, or None.
     """
     if len(places) == 1:
-        ((start, interval, points),) = _grids(places)
-        return f"start = {start:g}, interval = {interval:g}, points = {points}"
-    first, second = _grids(places)
-    keys = zip(("start", "interval", "points"), first, second, strict=True)
-    return ", ".join(f"{key} = [{one:g}, {two:g}]" for key, one, two in keys)
+        return dict(zip(_KEYS, grid_over(places[0], reach), strict=True))
+    pairs = zip(*grids_for(places[0], places[1]), strict=True)
+    return dict(zip(_KEYS, map(list, pairs), strict=True))
+
+
+def grid_words(places: Sequence[Float[np.ndarray, " t"]]) -> str:
+    """Return `grid_keys` as they stand in a job."""
+    found = {key: np.atleast_1d(value) for key, value in grid_keys(places).items()}
+    words = {key: ", ".join(f"{each:g}" for each in own) for key, own in found.items()}
+    if len(places) == 2:
+        words = {key: f"[{text}]" for key, text in words.items()}
+    return ", ".join(f"{key} = {text}" for key, text in words.items())
 
 
 def suit(
@@ -245,17 +258,12 @@ def suit(
         nodes: Of a table, per master, in mm or °.
         places: Positions of the readings, per master.
     """
+    grids = zip(*map(np.atleast_1d, grid_keys(places).values()), strict=True)
     return all(
         len(own) == points
         and bool(np.allclose(own, start + interval * np.arange(points)))
-        for own, (start, interval, points) in zip(nodes, _grids(places), strict=True)
+        for own, (start, interval, points) in zip(nodes, grids, strict=True)
     )
-
-
-def _grids(places: Sequence[Float[np.ndarray, " t"]]) -> tuple[Grid, ...]:
-    if len(places) == 1:
-        return (grid_over(places[0]),)
-    return grids_for(places[0], places[1])
 
 
 def _round_up(width: float) -> float:

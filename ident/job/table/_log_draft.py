@@ -1,99 +1,103 @@
 """A table fitted to a log in pieces, and its proof: one more pass, with the written file."""
 
 import dataclasses
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from functools import partial
+from typing import final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
+from ...exchange import Model
 from ...fit import Grouping, Samples, StreamedFit, fit_streamed, predict
-from ...proof import blocks_of, held_out_deviation, run_groups
-from ...readings import places_of, visits_overlap
-from ..result._result import Remark
-from ._draft import Columns, Fitted, Piece, TableDraft
+from ...proof import ErrorFigures, ErrorTally, blocks_of, left_by_folds
+from ...readings import Readings, joined
+from ..result._result import Remark, largest_wild
+from ._draft import TableDraft
 from ._log_readings import LogReadings
-from ._plan import Plan
+from ._remarks import outside
 
+_STAGES = ("before", "predicted", "from_file")
 _SHOWN = 20_000
 """Readings, and up to twice as many, that plots show."""
 
 
+@final
 @dataclasses.dataclass(frozen=True)
-class _Log:
+class FittedLog:
     """A log that a table was fitted to piece by piece.
 
     Attributes:
-        plan: What is written.
-        log: What was measured.
-        found: What the passes over it gave, with a table for every group left out.
-        grouping: Tells the group of each reading.
-        folds: Entries of the list fitted without each group.
+        readings: What was measured.
+        found: What the passes over it gave, with a table for every block left out.
+        grouping: Tells the block of each reading: a place that is left out as one.
         zero: What was taken off the error, so that it is zero at the datum, in mm or °.
     """
 
-    plan: Plan
-    log: LogReadings
+    readings: LogReadings
     found: StreamedFit
     grouping: Grouping
-    folds: Mapping[int, Int[np.ndarray, "..."]]
     zero: float
 
-    def pieces(self) -> Iterator[Piece]:
-        first = 0
-        for part in self.log.parts:
-            row = 0
-            for samples in part():
-                wild, share = self.found.judged(samples)
-                before, groups = samples.error - self.zero, self.grouping(samples)
-                acted = self.plan.acted(samples.positions, samples.branch)
-                held_out = before + self._held_out(samples, groups) - acted
-                columns = partial(self._columns, samples, groups, share, first + row)
-                if len(before):
-                    yield Piece(samples, before, held_out, wild, columns, row)
-                row += len(before)
-            first += row
+    @property
+    def every(self) -> int:
+        """One reading in so many is shown."""
+        return max(1, self.found.count // _SHOWN)
 
-    def _held_out(
-        self, samples: Samples, groups: Int[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
-        """Return what the list fitted without it adds at each reading."""
-        table, found = self.plan.table, np.zeros(len(samples.error))
-        for group, integers in self.folds.items():
-            own = groups == group
-            if own.any():
-                part = samples.take(own)
-                model = table.model(integers)
-                found[own] = table.offset(model, part.positions, part.branch)
-        return found
+    def figures(self, back: Model) -> tuple[dict[str, ErrorFigures], int]:
+        """Return the figures of all readings by stage, and how many lie outside the table.
 
-    def _columns(
-        self,
-        samples: Samples,
-        groups: Int[np.ndarray, " t"],
-        share: Float[np.ndarray, " t"],
-        first: int,
-        rows: Int[np.ndarray, " n"],
-    ) -> Columns:
-        """Return what is known of some readings beside their errors."""
-        deviation, samples = np.zeros(len(rows)), samples.take(rows)
-        for group, fold in self.found.folds.items():
-            own = groups[rows] == group
-            deviation[own] = held_out_deviation(fold, samples.take(own))
-        fitted, _ = predict(self.found.fit, samples.positions, samples.branch)
-        found = {
-            "order": (first + rows).astype(float),
-            "predicted_sd": deviation,
-            "share": share[rows],
-            "residual": samples.error - fitted,
+        Args:
+            back: The written table, read back.
+        """
+        plan, beyond = self.readings.plan, 0
+        table = plan.table
+        tally = dict[str, ErrorTally]()
+        folds = {
+            label: table.model(plan.integers([fold])[0])
+            for label, fold in self.found.folds.items()
         }
-        if samples.branch is not None:
-            found["direction"] = 1 - 2 * samples.branch
-        return found
+        for samples in self.readings.pieces():
+            at, before = (samples.positions, samples.branch), samples.error - self.zero
+            groups, held_out = self.grouping(samples), before - plan.acted(*at)
+            left = held_out + table.offset(back, *at)
+            for label in np.unique(groups).tolist():
+                own = groups == label
+                part = samples.take(own)
+                held_out[own] += table.offset(folds[label], part.positions, part.branch)
+            wild, _ = self.found.judged(samples)
+            for name, error in zip(_STAGES, (before, held_out, left), strict=True):
+                some = ErrorTally.of(error, wild=wild)
+                tally[name] = tally[name] + some if name in tally else some
+            beyond += int(outside(table, samples.positions).sum())
+        return {name: each.figures for name, each in tally.items()}, beyond
+
+    def shown(self) -> tuple[Samples, Int[np.ndarray, " n"]]:
+        """Return every n-th reading and the largest wild ones, and which these are."""
+        parts, rows, first = list[Samples](), list[np.ndarray](), 0
+        for samples in self.readings.pieces():
+            own = np.arange(-first % self.every, len(samples.error), self.every)
+            own = np.union1d(own, self._largest_wild(samples))
+            parts.append(samples.take(own))
+            rows.append(first + own)
+            first += len(samples.error)
+        row = np.concatenate(rows)
+        samples = Samples(
+            np.concatenate([part.positions for part in parts]),
+            np.concatenate([part.error for part in parts]),
+            joined([part.branch for part in parts]),
+        )
+        keep = row % self.every == 0
+        keep[self._largest_wild(samples)] = True
+        return samples.take(keep), row[keep]
+
+    def _largest_wild(self, samples: Samples) -> Int[np.ndarray, " n"]:
+        if not self.found.wild:
+            return np.zeros(0, dtype=np.int64)
+        return largest_wild(samples.error - self.zero, self.found.judged(samples)[0])
 
 
-def fit_log(plan: Plan, readings: LogReadings) -> TableDraft:
+def fit_log(readings: LogReadings) -> TableDraft:
     """Fit the table of a plan to a log.
 
     Raises:
@@ -101,42 +105,62 @@ def fit_log(plan: Plan, readings: LogReadings) -> TableDraft:
         ExchangeError: If the result fits no list.
         MeasurementError: If a cell of the log cannot be used.
     """
-    spec = plan.fit
-    grouping, by_run = _grouping(readings)
+    plan = readings.plan
+    spec, table = plan.fit, plan.table
+    grouping = partial(blocks_of, table.layout)
     found = fit_streamed(
-        plan.table.layout,
+        table.layout,
         readings.parts,
         grouping,
         smoothness=spec.smoothness,
         loss=spec.loss,
     )
     zero, estimate = plan.zeroed(found.fit)
-    folds = {k: plan.integers([fold])[0] for k, fold in found.folds.items()}
-    log = _Log(plan, readings, found, grouping, folds, zero)
-    every = max(1, found.count // _SHOWN)
+    log = FittedLog(readings, found, grouping, zero)
+    samples, row = log.shown()
+    at, before = (samples.positions, samples.branch), samples.error - zero
+    wild, share = found.judged(samples)
+    residual = samples.error - predict(found.fit, *at)[0]
+    left = left_by_folds(
+        table, samples, found.folds, grouping(samples), plan.integers, before,
+        plan.acted(*at),
+    )  # fmt: skip
+    return TableDraft(
+        plan.job,
+        plan.index,
+        spec,
+        plan,
+        dataclasses.replace(estimate, residual=residual, share=share, wild=wild),
+        "none",
+        Readings(
+            positions=samples.positions,
+            error=before,
+            direction=None if samples.branch is None else 1 - 2 * samples.branch,
+            run=None,
+            order=row.astype(float),
+            timed=False,
+            slices={},
+        ),
+        left,
+        (*readings.remarks, *_of_the_route(log)),
+        log,
+    )
 
-    def remarks() -> Sequence[Remark]:
-        return (*readings.remarks, *_of_the_route(plan, found, by_run, every))
 
-    fitted = Fitted(log.pieces, remarks, by_run, every=every)
-    return TableDraft(plan.job, plan.index, spec, plan, estimate, "none", fitted)
-
-
-def _of_the_route(
-    plan: Plan, found: StreamedFit, by_run: bool, every: int
-) -> Iterator[Remark]:
-    names, shown = ", ".join(map(repr, plan.fit.sources)), ""
+def _of_the_route(log: FittedLog) -> Iterator[Remark]:
+    readings, found, every = log.readings, log.found, log.every
+    names, shown = ", ".join(map(repr, readings.plan.fit.sources)), ""
     if every > 1:
         shown = f"; plots and tables of readings show one reading in {every}"
     yield Remark.info(
         f"{names}: {found.count} readings were read in pieces and not into memory{shown}."
     )
-    if by_run:
+    if readings.has_runs:
         yield Remark.warning(
-            "The runs go over the same places, but a log that is read in pieces allows"
-            " none of them an offset of its own, and gives no figures of ISO 230-2:"
-            " what differs from run to run counts as noise. stream = false reads it"
-            " into memory, which does both."
+            "A log that is read in pieces allows none of its runs an offset of its own,"
+            " holds none of them out, and gives no figures of ISO 230-2: what differs from"
+            " run to run counts as noise. stream = false reads it into memory, which does"
+            " all three."
         )
     if found.crowded:
         yield Remark.warning(
@@ -145,41 +169,3 @@ def _of_the_route(
             " given a second thought; a log that is read in pieces is not. Fit every"
             " n-th row of it to have them judged."
         )
-
-
-def _grouping(readings: LogReadings) -> tuple[Grouping, bool]:
-    """Return what is left out together: runs that repeat each other, else spatial blocks.
-
-    Beside it stands whether these are runs.
-    """
-    table = readings.table
-    if readings.has_runs:
-        visits, counts = _visits(readings)
-        runs, visitor = np.unique(visits[:, 0], return_inverse=True)
-        sizes = np.array([counts[run] for run in runs.tolist()])
-        if visits_overlap(visits[:, 1], visitor.reshape(-1), sizes):
-            groups = run_groups(np.arange(len(runs)))
-            return partial(_by_run, runs, groups), True
-    return partial(blocks_of, table.layout), False
-
-
-def _by_run(
-    runs: Int[np.ndarray, " r"], groups: Int[np.ndarray, " r"], samples: Samples
-) -> Int[np.ndarray, " t"]:
-    assert samples.run is not None  # of a log with runs
-    return np.asarray(groups[np.searchsorted(runs, samples.run)])
-
-
-def _visits(readings: LogReadings) -> tuple[Int[np.ndarray, "v 2"], Counter[int]]:
-    """Return the different pairs of a run and a place, and the readings of each run."""
-    nodes = tuple(each.positions for each in readings.table.nodes)
-    pairs, counts = np.zeros((0, 2), dtype=np.int64), Counter[int]()
-    for part in readings.parts:
-        for samples in part():
-            assert samples.run is not None  # of a log with runs
-            way = None if samples.branch is None else 1 - 2 * samples.branch
-            cells = places_of(samples.positions, nodes, way)
-            found = np.unique(np.stack([samples.run, cells], axis=1), axis=0)
-            pairs = np.unique(np.concatenate([pairs, found]), axis=0)
-            counts.update(samples.run.tolist())
-    return pairs, counts

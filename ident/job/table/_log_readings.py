@@ -9,30 +9,25 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.measurements import ColumnSpec, LargeFile, Table, TablePart, own_roles
-from ...exchange import AbstractTable
 from ...fit import Ahead, Samples
-from ...kinds._keys import TableSpec
 from ...readings import (
-    Readings,
+    Rows,
     Tables,
-    Way,
     Zero,
-    read_rows,
     reference_words,
     sensor_name,
     step_of,
-    way_wanted,
     zero_of,
 )
+from .._draft import Leftovers
 from ..file._faults import JobError
 from ..result._result import Remark
+from ._plan import Plan
 
 _PARTS = 32
 """Parts of a log: enough to read one ahead, few enough to keep their sums."""
 _ROWS = 1 << 19
 """Rows of a piece."""
-_MANY = 1 << 32
-"""Runs of one measurement are numbered below this."""
 LARGE = 20_000_000
 """Cells (rows × columns used) above which a log is read in pieces."""
 _SHORT = 5_000
@@ -70,22 +65,20 @@ class LogSource:
         return tuple(dict.fromkeys(one.header or one.name for one in found))
 
 
-def _source_of(
-    tables: Tables, name: str, file: LargeFile, fit: TableSpec, way: Way
-) -> LogSource:
+def _source_of(tables: Tables, name: str, file: LargeFile, plan: Plan) -> LogSource:
     """Return a log as a fit uses it.
 
     Raises:
         MeasurementError: If the file does not tell what its columns are.
     """
-    spec = tables.job.spec.measurements[name]
+    fit, spec = plan.fit, plan.job.spec.measurements[name]
     columns = tables.columns(name) or own_roles(
         file.head, spec.axis or fit.axis, fit.over
     )
-    roles = ["run", *(f"{axis}.position" for axis in fit.over)]
+    roles = [f"{axis}.position" for axis in fit.over]
     kinds = ["error"] if f"{fit.axis}.error" in columns else ["actual", "position"]
     roles += [f"{fit.axis}.{kind}" for kind in kinds]
-    if way == "needed":
+    if plan.turning:
         roles.append(f"{fit.axis}.direction")
     if isinstance(spec.material_temperature, str):
         roles.append(f"temperature.{sensor_name(spec.material_temperature)}")
@@ -100,16 +93,12 @@ class LogReadings:
 
     Attributes:
         tables: Files of the job.
-        fit: Its specification.
-        table: What will be written.
-        way: What it makes of the direction of motion.
+        plan: What will be written.
         sources: The logs, one after the other.
     """
 
     tables: Tables
-    fit: TableSpec
-    table: AbstractTable
-    way: Way
+    plan: Plan
     sources: tuple[LogSource, ...]
     _said: dict[str, None] = dataclasses.field(default_factory=dict)
     _changes: dict[str, float] = dataclasses.field(default_factory=dict)
@@ -117,9 +106,7 @@ class LogReadings:
     @property
     def has_runs(self) -> bool:
         """Whether some readings belong to another run than others, as far as is known."""
-        return len(self.sources) > 1 or any(
-            "run" in one.columns for one in self.sources
-        )
+        return len(self.sources) > 1 or any("run" in one.roles for one in self.sources)
 
     @cached_property
     def parts(self) -> list[Ahead]:
@@ -130,6 +117,11 @@ class LogReadings:
             for part in self._parts_of(source)
         ]
 
+    def pieces(self) -> Iterator[Samples]:
+        """Yield all readings once more."""
+        for part in self.parts:
+            yield from (samples for samples in part() if len(samples.error))
+
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """What was taken for granted, once the log has been read."""
@@ -138,8 +130,8 @@ class LogReadings:
             found += reference_words(
                 name,
                 self.tables.job.spec.measurements[name],
-                self.fit.axis,
-                self.fit.lengths,
+                self.plan.axis,
+                self.plan.fit.lengths,
                 self._changes.get(name),
             )
         return tuple(Remark.info(words) for words in found)
@@ -149,33 +141,32 @@ class LogReadings:
 
     def _samples(self, number: int, table: Table) -> Samples:
         """Return the readings of a piece."""
-        part = self._rows(self.sources[number], table)
-        zero = self._zeros.get(number)
-        error = part.error if zero is None else zero.off(part.error, part.positions)
-        branch = None
-        if self.table.branches == 2:
-            assert part.direction is not None  # `read_rows` refuses it otherwise
-            branch = (part.direction < 0).astype(np.int64)
-        run = None
-        if self.has_runs:
-            run = np.full(len(error), number * _MANY, dtype=np.int64)
-            if part.run is not None:
-                run += part.run
-        return Samples(part.positions, error, branch, run=run)
+        found = self._rows(self.sources[number], table)
+        if (zero := self._zeros.get(number)) is None:
+            return found
+        error = zero.off(found.error, found.positions)
+        return dataclasses.replace(found, error=error)
 
-    def _rows(self, source: LogSource, table: Table) -> Readings:
+    def _rows(self, source: LogSource, table: Table) -> Samples:
+        """Return the readings of a piece, of which nothing is removed yet."""
+        job, fit, way = self.tables.job, self.plan.fit, None
         measured = self.tables.measured(
-            source.name, self.fit.axis, self.fit.over, (table, source.columns)
+            source.name, fit.axis, fit.over, (table, source.columns)
         )
-        part = read_rows(
-            self.tables.job, source.name, measured, self.fit, self.way, self.fit.lengths
-        )
-        self._said.update(dict.fromkeys(part.remarks))
-        for change in part.rows[source.name].change.values():
+        rows = Rows(job, source.name, measured, [fit.axis])
+        why = f"for the {fit.compensation} fit of {fit.axis}"
+        positions = np.stack([rows.position(axis, why) for axis in fit.over], axis=1)
+        error = rows.raw_error(fit.axis)
+        if fit.lengths:
+            error = rows.at_reference(fit.axis, error, positions[:, 0])
+        if self.plan.turning:
+            way = rows.direction(fit.axis, needed=True)
+        self._said.update(dict.fromkeys(rows.remarks))
+        for change in rows.change.values():
             self._changes[source.name] = max(
                 change, self._changes.get(source.name, 0.0)
             )
-        return part
+        return Samples(positions, error, self.plan.branch(way))
 
     @cached_property
     def _zeros(self) -> dict[int, Zero]:
@@ -199,14 +190,14 @@ class LogReadings:
             )
         return found
 
-    def _all_rows(self, source: LogSource) -> Iterator[Readings]:
+    def _all_rows(self, source: LogSource) -> Iterator[Samples]:
         for part in self._parts_of(source):
             for table in part.tables():
                 yield self._rows(source, table)
 
 
 def in_pieces(
-    tables: Tables, fit: TableSpec, table: AbstractTable
+    tables: Tables, plan: Plan, left: Leftovers
 ) -> tuple[LogReadings | None, tuple[Remark, ...]]:
     """Return the readings of a fit in pieces, None where they belong into memory.
 
@@ -214,13 +205,14 @@ def in_pieces(
 
     Args:
         tables: Files of the job.
-        fit: Its specification.
-        table: What will be written.
+        plan: What will be written.
+        left: What will act beside it, and did not while measuring.
 
     Raises:
         JobError: If the job asks for it and it cannot be done.
         MeasurementError: If a file is damaged or a column is missing.
     """
+    fit = plan.fit
     specs = {name: tables.job.spec.measurements[name] for name in fit.sources}
     asked = [name for name, spec in specs.items() if spec.stream is True]
     names = ", ".join(map(repr, fit.sources))
@@ -231,11 +223,11 @@ def in_pieces(
 
     if any(spec.stream is False for spec in specs.values()):
         return None, ()
-    way, sources = way_wanted(fit, table), list[LogSource]()
+    sources = list[LogSource]()
     for name, spec in specs.items():
         file = tables.large(name)
         if file is not None:
-            sources.append(_source_of(tables, name, file, fit, way))
+            sources.append(_source_of(tables, name, file, plan))
         elif asked:
             named = spec.file or spec.files
             words = f"{named} cannot be read in pieces, expected a Parquet or CSV file"
@@ -245,8 +237,8 @@ def in_pieces(
         return None, ()
     if sum(one.file.rows for one in sources) <= _SHORT:
         return None, (Remark.info(f"{names} is so short that it was read at once."),)
-    readings = LogReadings(tables, fit, table, way, tuple(sources))
-    for reason, possible in _obstacles(readings):
+    readings = LogReadings(tables, plan, tuple(sources))
+    for reason, possible in _obstacles(readings, left):
         if possible and (asked or cells > _HUGE):
             continue
         if asked:
@@ -256,10 +248,13 @@ def in_pieces(
     return readings, ()
 
 
-def _obstacles(readings: LogReadings) -> Iterator[tuple[str, bool]]:
+def _obstacles(readings: LogReadings, left: Leftovers) -> Iterator[tuple[str, bool]]:
     """Yield what stands in the way, the worst first, and whether it can be done all the same."""
-    fit = readings.fit
-    for other in readings.tables.job.spec.fits:
+    plan, fit = readings.plan, readings.plan.fit
+    for name in fit.sources:
+        for beside in left.get((plan.index, name), ()):
+            yield f"{beside.words} acts beside it, and was off while measuring", False
+    for other in plan.job.spec.fits:
         if other is fit or other.axis != fit.axis:
             continue
         if set(other.sources) & set(fit.sources):
@@ -271,15 +266,11 @@ def _obstacles(readings: LogReadings) -> Iterator[tuple[str, bool]]:
                 " what its instrument lags behind, which the whole log tells"
             )
             yield words, False
-        needs_way = readings.way == "needed"
-        if needs_way and f"{fit.axis}.direction" not in one.roles:
+        if plan.turning and f"{fit.axis}.direction" not in one.roles:
             words = (
                 f"{one.name!r} has no column for '{fit.axis}.direction', so that the"
                 " whole log tells it"
             )
             yield words, False
-        run = one.columns.get("run")
-        if run is not None and one.file.head.column(run.column).text is not None:
-            yield f"the runs of {one.name!r} have names and not numbers", False
     if readings.has_runs:
         yield "each of its runs is then allowed an offset of its own", True

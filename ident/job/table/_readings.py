@@ -1,28 +1,31 @@
 """Readings of a table: what other lists add taken into account; their zero, their runs."""
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...exchange import AbstractTable
-from ...kinds._keys import FitSpec, TableSpec
+from ...kinds._keys import FitSpec
 from ...proof import RunTable
-from ...readings import Readings, Tables, read_joined, way_wanted, without_zero
+from ...readings import Readings, Tables, joined, without_zero
 from .._draft import Leftovers
 from ..file._load import Job
+from ..joint._recording import read_group
 from ..result._result import Remark
+
+if TYPE_CHECKING:
+    from ._plan import Plan
 
 
 def read_fit(
-    tables: Tables, index: int, fit: TableSpec, table: AbstractTable, left: Leftovers
+    tables: Tables, plan: "Plan", left: Leftovers
 ) -> tuple[Readings, list[Remark]]:
-    """Return the readings of a fit, all its measurements joined, and what to say of them.
+    """Return the readings of a table, all its measurements joined, and what to say of them.
 
     Args:
         tables: Files of the job.
-        index: Of the fit in the job.
-        fit: Its specification.
-        table: What will be written.
+        plan: What will be written.
         left: What earlier fits of this axis add, and what will act on it as well and was
             off while measuring: the fit takes what they leave.
 
@@ -30,15 +33,15 @@ def read_fit(
         MeasurementError: If a role is missing or a value cannot be used.
         JobError: If the measurement does not suit the fit.
     """
-    found = read_joined(tables, fit, way_wanted(fit, table), fit.lengths)
-    error = found.error.copy()
-    remarks = [*map(Remark.info, found.remarks)]
+    found, axis = read_group(tables, [plan], alone=True), plan.axis
+    error, remarks = found.data.error[axis].copy(), [*found.remarks]
     for name, rows in found.rows.items():
         own = found.slices[name]
-        for one in left.get((index, name), ()):
-            added, places = one.at(rows), [*found.positions[own].T]
+        for one in left.get((plan.index, name), ()):
+            added = one.at(rows)
             if not one.shared:
                 # Of it, too, the readings tell no constant or slope of their own.
+                places = [found.data.position[other][own] for other in plan.positions]
                 added = without_zero(added, places, rows.spec.remove)
             error[own] += added
             remarks.append(
@@ -47,8 +50,10 @@ def read_fit(
                     " measured: this table corrects what it leaves."
                 )
             )
-    # All its columns are not kept any longer than that.
-    return dataclasses.replace(found, error=error, rows={}), remarks
+    late = joined([rows.measured.late.get(axis) for rows in found.rows.values()])
+    every = np.ones(len(error), dtype=bool)
+    readings = found.readings(plan.positions, axis, error, every)
+    return dataclasses.replace(readings, late=late), remarks
 
 
 def zero_at(

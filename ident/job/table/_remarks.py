@@ -1,13 +1,12 @@
 """What a fit has to say for itself, in sentences."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ...exchange import AbstractTable
-from ...proof import ErrorFigures
 from ..result._result import Remark, SampleView, some_of
 
 if TYPE_CHECKING:
@@ -89,30 +88,6 @@ def fit_remarks(
             )
     if not fit.converged or fit.loss != one.fit.loss:
         yield Remark.warning(fit.message)
-
-
-def use_remarks(error: Mapping[str, ErrorFigures], by_run: bool) -> list[Remark]:
-    """Return a warning where the list would not have helped on data it has not seen."""
-    if error["predicted"].sound.rms < error["before"].sound.rms:
-        return []
-    if by_run:
-        why = (
-            "what was measured is scatter or drift, which no table takes away. Measure"
-            " again before loading it."
-        )
-    else:
-        # A block that is left out takes all readings of its nodes with it: that shows
-        # what the surroundings tell of a place, not whether the place would repeat.
-        why = (
-            "its surroundings do not tell the error of a place. That is scatter, or an"
-            " error that changes from node to node: repeated runs would tell which."
-        )
-    return [
-        Remark.warning(
-            "On readings that the fit did not see, this list leaves no less error than"
-            f" there is without it: {why}"
-        )
-    ]
 
 
 def outside(

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, check
-from axcomp.ident.job import JobError, TableResult, run_job
+from axcomp.ident.exchange import TomlError
+from axcomp.ident.job import TableResult, run_job
 
 from .screw import (
     LIST_UNIT,
@@ -169,7 +170,7 @@ def test_unknown_convention_names_the_nearest(tmp_path: Path) -> None:
     job = screw_job(tmp_path)
     (tmp_path / "mill.toml").write_text("leadscrew_sing = 1\n")
     state_conventions(job)
-    with pytest.raises(JobError, match=r"mill.toml:1: .*'leadscrew_sign'"):
+    with pytest.raises(TomlError, match=r"mill.toml:1: .*'leadscrew_sign'"):
         run_job(job, tmp_path / "out")
 
 

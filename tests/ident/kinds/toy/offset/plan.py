@@ -14,9 +14,10 @@ from axcomp.ident.job._draft import (
     AbstractPlan,
     Leftovers,
 )
+from axcomp.ident.job.joint._recording import read_group
 from axcomp.ident.job.result._result import AbstractResult, Remark, staged
 from axcomp.ident.proof import GateCheck, gate_check
-from axcomp.ident.readings import Tables, read_joined
+from axcomp.ident.readings import Tables
 
 from .entries import ENTRIES, Constant
 from .keys import Spec
@@ -38,7 +39,7 @@ class OffsetPlan(AbstractPlan):
     fit: Spec
 
     def alone(self, tables: Tables, left: Leftovers) -> AbstractDraft:
-        error = read_joined(tables, self.fit, "no", lengths=False).error
+        error = read_group(tables, [self]).data.error[self.axis]
         return OffsetDraft(self.job, self.index, self.fit, error)
 
 
