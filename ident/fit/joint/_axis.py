@@ -341,18 +341,13 @@ class AxisFit:
         return Part(
             effect=effect,
             values=values,
-            standard_deviation=self.deviation[places],
             support=self.estimate.posterior.problem.sums.support[places],
             determined=~self.known.unknown[places],
             share=self.known.share_of(effect.name),
             contribution=contribution,
             rms=float(np.sqrt(np.mean(np.square(contribution[design.rows])))),
+            fit=self,
             smoothness=self.smoothness().get(effect.name, {}),
-            lags={
-                sensor: (self.lags[sensor].value, self.lag_deviation[sensor])
-                for sensor in effect.sensor_names
-                if sensor in self.lags
-            },
         )
 
 
