@@ -6,8 +6,8 @@ temperature, above all) like its own. The scores of stretches of the recording t
 their scatter, through the solution, is the variance that the values really have (the
 "sandwich" of robust statistics, clustered in time). It is compared per effect with that of the
 same residual in another order, so that values which few stretches touch are judged together.
-Stretches of a short recording are no longer than what the noise remembers: there the drift is
-estimated as well (`DriftNoise`), and what leaves more open counts.
+Stretches of a short recording are no longer than what the noise remembers: where a drift shows
+and the unknowns are few enough, the variance is that under the drift (`DriftNoise`).
 """
 
 import dataclasses
@@ -341,18 +341,13 @@ class AxisFit:
         return Part(
             effect=effect,
             values=values,
-            standard_deviation=self.deviation[places],
             support=self.estimate.posterior.problem.sums.support[places],
             determined=~self.known.unknown[places],
             share=self.known.share_of(effect.name),
             contribution=contribution,
             rms=float(np.sqrt(np.mean(np.square(contribution[design.rows])))),
+            fit=self,
             smoothness=self.smoothness().get(effect.name, {}),
-            lags={
-                sensor: (self.lags[sensor].value, self.lag_deviation[sensor])
-                for sensor in effect.sensor_names
-                if sensor in self.lags
-            },
         )
 
 

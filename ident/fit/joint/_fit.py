@@ -230,7 +230,6 @@ def _fit(
     ]
     return JointFit(
         parts=tuple(parts[effect.name] for effect in placed),
-        datum={axis: fit.datum for axis, fit in fits.items()},
         noise={axis: fit.estimate.noise for axis, fit in fits.items()},
         residual={a: fit.over_rows(fit.left, np.nan) for a, fit in fits.items()},
         share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},

@@ -55,8 +55,6 @@ class Part:
     Attributes:
         effect: The effect, its nodes placed and its lag fitted: ``effect.block(data)`` works.
         values: In the order of the block, mm (coefficient of a temperature: mm/mm).
-        standard_deviation: Of the values under the stated gauge, same unit; inf where the data
-            do not tell them.
         support: Readings that touch each value.
         determined: Whether the data tell the value: False where no reading reaches it and
             where it is confused with another effect.
@@ -67,20 +65,35 @@ class Part:
             as 0.
         contribution: What it adds to each reading in mm or °; NaN where an input is missing.
         rms: Root mean square of that over the readings of its axis, in mm or °.
+        fit: Of its axis.
         smoothness: Weights of the prior by name, relative to 1/noise².
-        lags: Time constant in s and its standard deviation, by sensor; empty without.
     """
 
     effect: AbstractEffect
     values: Float[np.ndarray, " p"]
-    standard_deviation: Float[np.ndarray, " p"]
     support: Int[np.ndarray, " p"]
     determined: Bool[np.ndarray, " p"]
     share: float
     contribution: Float[np.ndarray, " t"]
     rms: float
+    fit: "AxisFit" = dataclasses.field(repr=False)
     smoothness: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    lags: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+
+    @property
+    def standard_deviation(self) -> Float[np.ndarray, " p"]:
+        """Of the values under the stated gauge, same unit; inf where the data do not tell them."""
+        places = self.fit.design.places_of(self.name)
+        return np.asarray(self.fit.deviation[places])
+
+    @property
+    def lags(self) -> Mapping[str, tuple[float, float]]:
+        """Time constant in s and its standard deviation, by sensor; empty without."""
+        deviation = self.fit.lag_deviation
+        return {
+            sensor: (found.value, deviation[sensor])
+            for sensor, found in self.fit.lags.items()
+            if sensor in self.effect.sensor_names
+        }
 
     @property
     def name(self) -> str:
@@ -137,7 +150,6 @@ class JointFit:
 
     Attributes:
         parts: One per effect, in the order given.
-        datum: Constant of each axis in mm or °, and its standard deviation.
         noise: Standard deviation of one reading by axis in mm or °, wild ones left out.
         residual: Error − fit (run effects included) by axis; NaN where it was not used.
         share: Weight that the loss left each reading, 0 to 1, by axis.
@@ -152,7 +164,6 @@ class JointFit:
     """
 
     parts: tuple[Part, ...]
-    datum: Mapping[str, tuple[float, float]]
     noise: Mapping[str, float]
     residual: Mapping[str, Float[np.ndarray, " t"]]
     share: Mapping[str, Float[np.ndarray, " t"]]
@@ -164,6 +175,11 @@ class JointFit:
     converged: bool
     message: str
     fits: Mapping[str, "AxisFit"] = dataclasses.field(repr=False)
+
+    @property
+    def datum(self) -> dict[str, tuple[float, float]]:
+        """Constant of each axis in mm or °, and its standard deviation."""
+        return {axis: fit.datum for axis, fit in self.fits.items()}
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -198,7 +214,8 @@ class JointFit:
             runs: Add what was taken off the runs, drift included, by run and time.
         """
         result = {
-            axis: np.full(len(data), value) for axis, (value, _) in self.datum.items()
+            axis: np.full(len(data), fit.theta[fit.design.datum])
+            for axis, fit in self.fits.items()
         }
         for part in self.parts:
             result[part.effect.axis] = result[part.effect.axis] + part.curve(data)

@@ -30,6 +30,12 @@ if TYPE_CHECKING:
 _FOLDS, _BLOCKS = 5, 20
 """In how many turns readings are held out, and stretches of the recording."""
 _MOST_RUNS = 10
+_ABSOLUTE_ZERO = -273.15
+_WINDOW = 7
+"""Readings over which a temperature is compared with its neighbours."""
+_GLITCH, _LEAST_GLITCH, _MOST_GLITCHES = 8.0, 1.0, 0.1
+"""Distance from the neighbours that no structure can follow: in typical distances, and in K
+below which it is none in any case; share of the readings up to which there are such."""
 _TAKEN_UP, _LONGEST = 0.02, 1.0
 """Way after a reversal in which the play is taken up: share of the travel, and mm or °."""
 
@@ -228,12 +234,28 @@ def _columns(
         velocity=velocity,
         acceleration={axis: rows.motion(axis, "acceleration") for axis in driven},
         temperature={
-            sensor: rows.temperature(sensor, why)
+            sensor: _without_glitches(rows.temperature(sensor, why))
             for sensor in _unique(one.sensors for one in members)
         },
         time=rows.time,
         run=rows.run,
     )
+
+
+def _without_glitches(warm: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+    """Return temperatures in °C, NaN where one is none: impossible, or a lone jump."""
+    from scipy.ndimage import median_filter  # takes long to load
+
+    warm = np.where(warm < _ABSOLUTE_ZERO, np.nan, warm)
+    rows = np.flatnonzero(np.isfinite(warm))
+    if len(rows) >= _WINDOW:
+        away = np.abs(warm[rows] - median_filter(warm[rows], _WINDOW, mode="nearest"))
+        typical = 1.4826 * float(np.median(away))
+        glitch = away > max(_GLITCH * typical, _LEAST_GLITCH)
+        # So many that recur: not they are at fault.
+        if glitch.mean() < _MOST_GLITCHES:
+            warm[rows[glitch]] = np.nan
+    return warm
 
 
 def _has_error(rows: Rows, axis: str) -> bool:

@@ -1,9 +1,9 @@
 """Temperature: a line over the position that follows a sensor.
 
-Read in this order: `_line` (what is fitted), `_fit` (readings in, the line out) with `_meeting`,
-`_recording` (the readings of a job), `plan` (alone and with other compensations), `_law` (table
-and program for the PLC), `_draft`, `_result` and `_remarks`. The other modules are the parts that
-every compensation has.
+Read in this order: `plan` (alone and with other compensations), with `_recording` (the readings
+of a line alone), `_choice` (its law and lag) and `_meeting`, `_line` (what comes out), `_law`
+(table and program for the PLC), `_draft`, `_result` and `_remarks`. The other modules are the
+parts that every compensation has.
 """
 
 from .._kind import Kind

@@ -24,8 +24,6 @@ _BENT = {"offset": 3, "coefficient": 2}
 """Laws with which a lag is looked for."""
 _BLOCKS, _FOLDS = 20, 5
 """Stretches of time, and turns in which they are left out."""
-_VISIT = 0.05
-"""Share of the range of temperatures that counts as staying where it is."""
 _FEW = 20
 """Readings below which no lag is looked for."""
 _MATTERS = 0.02
@@ -60,7 +58,11 @@ def choose_line(
         return dataclasses.replace(line, law=given)
     few = rows[:: -(-len(rows) // _MANY)]
     bent = dataclasses.replace(line, law={k: _BENT[k] for k in line.sensors} | given)
-    trial = place_nodes(bent, data, few)
+    try:
+        trial = place_nodes(bent, data, few)
+    except FitError:
+        bent = dataclasses.replace(line, law=dict.fromkeys(line.sensors, 2) | given)
+        trial = place_nodes(bent, data, few)
     if len(few) >= _FEW:
         trial = trial.lagging(dict.fromkeys(wanted, "fit"))
     places = [data.position[axis][few] for axis in line.masters]
@@ -131,7 +133,8 @@ class _HeldOut:
         Raises:
             FitError: If they tell none where some are left out.
         """
-        blocks, left = self._blocks(lines[0]), dict[int, Float[np.ndarray, " t"]]()
+        blocks = np.arange(len(self.rows)) * _BLOCKS // len(self.rows)
+        left: dict[int, Float[np.ndarray, " t"]] = {}
         for number, line in enumerate(lines):
             try:
                 left[number] = self._left_out(line, blocks % _FOLDS)
@@ -176,17 +179,3 @@ class _HeldOut:
                 out &= (warm >= warm[rest].min()) & (warm <= warm[rest].max())
             left[out] = (error - columns @ values)[out]
         return left
-
-    def _blocks(self, line: Temperature) -> Int[np.ndarray, " t"]:
-        """Return stays at one temperature, left out together, or stretches of time."""
-        theta = self.data.temperature[line.sensor_names[0]][self.rows]
-        limit = _VISIT * max(float(np.ptp(theta)), 1e-9)
-        stay = np.zeros(len(theta), np.int64)
-        start, number = theta[0], 0
-        for row, value in enumerate(theta):
-            if abs(value - start) > limit:
-                start, number = value, number + 1
-            stay[row] = number
-        if 3 <= number + 1 < _BLOCKS:
-            return stay
-        return np.arange(len(stay)) * _BLOCKS // len(stay)

@@ -30,7 +30,7 @@ def bent_to_meet(line: Temperature) -> Temperature:
     sensor, law = line.sensors.get("coefficient"), line.law
     if sensor is None or line.sensors.get("offset", sensor) != sensor:
         return line
-    if law.get("offset", 1) >= law["coefficient"]:
+    if int(law.get("offset", 1)) >= int(law["coefficient"]):
         return line
     law = dict.fromkeys(LAWS, law["coefficient"])
     return dataclasses.replace(line, sensors=dict.fromkeys(LAWS, sensor), law=law)

@@ -2,12 +2,10 @@
 
 import dataclasses
 import itertools
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.ndimage import median_filter
 
 from ..._recording import JointData
 from ...fit import FitError
@@ -23,12 +21,6 @@ FEWEST = 4
 """Readings of a fit, and between two nodes below which no node is set."""
 _RANGE = 0.5
 """Range of a sensor in K below which no law is determined."""
-_ABSOLUTE_ZERO = -273.15
-_WINDOW = 7
-"""Readings over which a temperature is compared with its neighbours."""
-_GLITCH, _LEAST_GLITCH, _MOST_GLITCHES = 8.0, 1.0, 0.1
-"""Distance from the neighbours that no structure can follow: in typical distances, and in K
-below which it is none in any case; share of the readings up to which there are such."""
 
 
 def read_thermal(
@@ -37,8 +29,7 @@ def read_thermal(
     """Return the readings of a temperature fit, all its measurements joined.
 
     Returns:
-        The recording, what no sensor showed NaN; and the rows that count, which are all but
-        where a plateau is asked for.
+        The recording; and the rows that count, which are all but where a plateau is asked for.
 
     Raises:
         MeasurementError: If a role is missing or a value cannot be used.
@@ -67,7 +58,6 @@ def read_thermal(
         )
         remarks.append(Remark.info(told))
         rows = np.flatnonzero(keep)
-    data = without_glitches(data, plan.effects.values())
     recording = dataclasses.replace(
         group,
         data=dataclasses.replace(data, time=time),
@@ -148,25 +138,6 @@ def steady(
     return result
 
 
-def without_glitches(data: JointData, sensors: Iterable[str]) -> JointData:
-    """Return readings without temperatures that are none: impossible ones, and lone jumps."""
-    warm = dict(data.temperature)
-    for sensor in dict.fromkeys(sensors):
-        values = np.array(data.column("temperature", sensor, "temperature"))
-        values[values < _ABSOLUTE_ZERO] = np.nan
-        rows = np.flatnonzero(np.isfinite(values))
-        if len(rows) >= _WINDOW:
-            own = values[rows]
-            away = np.abs(own - median_filter(own, _WINDOW, mode="nearest"))
-            typical = 1.4826 * float(np.median(away))
-            glitch = away > max(_GLITCH * typical, _LEAST_GLITCH)
-            # So many that recur: not they are at fault.
-            if glitch.mean() < _MOST_GLITCHES:
-                values[rows[glitch]] = np.nan
-        warm[sensor] = values
-    return dataclasses.replace(data, temperature=warm)
-
-
 def complete_rows(
     line: Temperature, data: JointData, rows: Int[np.ndarray, " n"]
 ) -> Int[np.ndarray, " t"]:
@@ -178,7 +149,7 @@ def complete_rows(
     clock = np.arange(len(data), dtype=float) if data.time is None else data.time
     columns = [data.column(*each, line.name) for each in line.inputs]
     error = data.column("error", line.axis, line.name)
-    known = np.isfinite([error, clock, *columns]).all(axis=0)
+    known = np.asarray(np.isfinite([error, clock, *columns]).all(axis=0))
     found = rows[known[rows]]
     if len(found) < FEWEST:
         msg = (
@@ -205,4 +176,4 @@ def complete_rows(
                 " only the offset can be fitted"
             )
             raise FitError(msg)
-    return found[np.argsort(clock[found], kind="stable")]
+    return np.asarray(found[np.argsort(clock[found], kind="stable")])

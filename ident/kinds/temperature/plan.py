@@ -21,7 +21,7 @@ from ._choice import choose_line, place_nodes
 from ._draft import TemperatureDraft
 from ._line import Lag, TemperatureFit
 from ._meeting import about_meeting, bent_to_meet
-from ._recording import complete_rows, only_these, read_thermal, without_glitches
+from ._recording import complete_rows, only_these, read_thermal
 from .keys import Spec
 
 if TYPE_CHECKING:
@@ -143,10 +143,9 @@ class TemperaturePlan(AbstractPlan):
         )
 
     def unfit(self, recording: "GroupRecording") -> str:
-        line = self.effect(recording, None)
-        data = without_glitches(recording.data, line.sensor_names)
+        data = recording.data
         try:
-            complete_rows(line, data, np.arange(len(data)))
+            complete_rows(self.effect(recording, None), data, np.arange(len(data)))
         except FitError as error:
             return str(error)
         return ""

@@ -251,6 +251,17 @@ def test_readings_left_out_choose_the_law(bend: float, kind: str) -> None:
     assert fit.offset.kind == kind
 
 
+def test_a_few_readings_at_three_temperatures_show_what_they_show() -> None:
+    rng = np.random.default_rng(1)
+    warm = np.repeat([20.0, 24.0, 30.0], 3) + 0.01 * rng.normal(size=9)
+    place = np.tile(TARGETS[:3], 3)
+    error = 1.1e-5 * (warm - 20.0) * (place + 200.0) + NOISE * rng.normal(size=9)
+    fit = fitted(readings(error, warm, position=place, time=MINUTE * np.arange(9)))
+    assert fit.coefficient is not None
+    # 9 readings of 0.5 µm over 400 mm and 10 K: 0.1e-6 per K; four of them.
+    assert fit.coefficient.slope[0] == pytest.approx(1.1e-5, abs=4e-7)
+
+
 def test_a_temperature_without_effect_gives_a_constant() -> None:
     rng = np.random.default_rng(4)
     temperature = 20.0 + 10.0 * rng.random(300)
