@@ -58,7 +58,7 @@ def fitted(
         columns["time"] = data.time
     keys = [f"sensors = {_table(sensors)}", f"lag = {lag!r}"]
     if law is not None:
-        laws = dict(zip(("offset", "coefficient"), law, strict=True))
+        laws: dict[str, str | int] = {"offset": law[0], "coefficient": law[1]}
         keys.append(f"law = {_table({k: laws[k] for k in sensors})}")
     if reference is not None:
         keys.append(f"reference = {reference}")
