@@ -110,6 +110,20 @@ def find_drift(
     counts = chain.gather(weight[:, None])[:, 0]
     constant = float(np.log(weight).sum())
 
+    def judged(sums: Float[np.ndarray, "m m"], spread: float) -> tuple[float, float]:
+        """Return minus twice the log-likelihood, and the variance of a reading.
+
+        Of what the columns leave: a residual of smoothed values holds some of them.
+        """
+        try:
+            # The residuals come last: their own element is what the columns leave.
+            own = np.diag(np.linalg.cholesky(sums))
+        except np.linalg.LinAlgError:
+            return np.inf, np.nan
+        variance = float(own[-1]) ** 2 / free
+        shrink = 2.0 * float(np.log(own[:-1]).sum())
+        return spread + shrink + free * float(np.log(variance)), variance
+
     def cost(parameters: Float[np.ndarray, " 2"]) -> tuple[float, float]:
         ratio, time_constant = np.exp(parameters)
         band, logdet = chain.precision(float(time_constant))
@@ -118,19 +132,13 @@ def find_drift(
         inner[1] += counts
         try:
             factor = cholesky_banded(inner)
-            sums = plain - gathered.T @ cho_solve_banded((factor, False), gathered)
-            # The residuals come last: their own element is what the columns leave.
-            own = np.diag(np.linalg.cholesky(sums))
         except np.linalg.LinAlgError:
             return np.inf, np.nan
-        left = float(own[-1]) ** 2
+        sums = plain - gathered.T @ cho_solve_banded((factor, False), gathered)
         spread = 2.0 * float(np.log(factor[1]).sum()) - logdet
-        spread += chain.size * float(np.log(ratio)) - constant
-        shrink = 2.0 * float(np.log(own[:-1]).sum())
-        return spread + shrink + free * float(np.log(left / free)), left / free
+        return judged(sums, spread + chain.size * float(np.log(ratio)) - constant)
 
-    shrink = float(np.linalg.slogdet(plain[:-1, :-1])[1])
-    independent = shrink - constant + free * float(np.log(square / free))
+    independent, _ = judged(plain, -constant)
     span = float(chain.gaps.sum())
     low, high = np.log(float(np.median(chain.gaps))), np.log(span)
     starts = [
