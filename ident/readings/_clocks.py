@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import minimize_scalar
 
-from ..core import FitError, one_blas_thread, regress
+from ..core import FitError, Regression, one_blas_thread, regress
 
 _MOST = 2**17
 """Instants at which two signals are compared before the offset is refined."""
@@ -21,8 +21,6 @@ _ALIKE = 0.5
 """Share of the scatter that the other file must explain."""
 _GRID = 81
 """Offsets that are tried before the best one is refined."""
-_STEPS = 2
-"""From the best offset of least magnitudes to that of the regression: slopes change on the way."""
 _FLAT = 0.98
 """Cost of the best offset, in those of the worst, that tells one from the other."""
 _SAME = (
@@ -145,15 +143,22 @@ def find_offset(
     keep = inside(start - reach - width) & inside(start + reach + width)
     near = start - reach, start + reach
     best = float(minimize_scalar(cost, bounds=near, args=(keep,), method="bounded").x)
+
+    def beside(
+        offset: float, factors: Float[np.ndarray, " c"]
+    ) -> tuple[float, Regression]:
+        """Return a better offset, and the regression with the slope over it as a column."""
+        change = columns(offset + width, keep) - columns(offset - width, keep)
+        slope = change @ factors / (2.0 * width)
+        design = np.column_stack([columns(offset, keep), slope])
+        found = regress(design, signal[keep], time=time[keep])
+        return float(np.clip(offset + found.coefficients[-1], *near)), found
+
     try:
         factors = regress(columns(best, keep), signal[keep], quick=True).coefficients
-        for _ in range(_STEPS):
-            change = columns(best + width, keep) - columns(best - width, keep)
-            slope = change @ factors / (2.0 * width)
-            design = np.column_stack([columns(best, keep), slope])
-            found = regress(design, signal[keep], time=time[keep])
-            factors = found.coefficients[:-1]
-            best = float(np.clip(best + found.coefficients[-1], *near))
+        best, found = beside(best, factors)
+        # The slope is another one there.
+        best, found = beside(best, found.coefficients[:-1])
     except FitError as error:
         raise FitError(_SAME) from error
     deviation = float(found.standard_deviation[-1])

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 
-from ..job import AbstractResult, Code, ErrorFigures, Reason, Verdict
+from ..job import AbstractResult, Code, ErrorFigures, Reason, TableResult, Verdict
 from ._scale import Scale, percent
 
 _DOES = {
@@ -97,6 +97,16 @@ def front_of(fits: Sequence[tuple[str, AbstractResult]], worst: Verdict) -> Fron
     return Front(level, found, ", ".join(name.replace("_", " ") for name in unproven))
 
 
+_NO_GAIN = {
+    "run": " What was measured is scatter or drift, which no table takes away.",
+    # A block that is left out takes all readings of its nodes with it: that shows what the
+    # surroundings tell of a place, not whether the place would repeat.
+    "block": " It is scatter, or an error that changes from node to node, which its"
+    " surroundings do not tell: repeated runs would tell which.",
+}
+"""Why readings of a table would not have gained, by what was left out together."""
+
+
 def _gate(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     names = ", ".join(
         f"{check.name.replace('_', ' ')} {check.value:.4g} {check.unit} "
@@ -114,7 +124,8 @@ def _error(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 def _no_gain(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     seen = "" if fit.again is None else f"; {_again(fit, scale)}"
-    return f"This list would not help: {_fall(fit, scale)}{seen}."
+    why = _NO_GAIN.get(fit.held_out, "") if isinstance(fit, TableResult) else ""
+    return f"This list would not help: {_fall(fit, scale)}{seen}.{why}"
 
 
 def _assumed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:

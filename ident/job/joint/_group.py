@@ -149,7 +149,8 @@ def fit_alone(one: AbstractPlan, recording: GroupRecording) -> Share:
         FitError: If the readings do not tell it.
     """
     why = one.unfit(recording) or one.confused([one], recording)
-    if why := why or one.undetermined(recording.data):
+    why = why or one.undetermined(recording.data)
+    if why:
         raise FitError(why)
     share = Share(_identified("", (one,), recording), 0)
     if not share.group.written[0]:
