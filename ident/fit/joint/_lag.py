@@ -17,7 +17,15 @@ from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize_scalar
 
 from ..._recording import JointData
-from ...core import Estimate, FitError
+from ...core import (
+    Estimate,
+    FitError,
+    Loss,
+    Posterior,
+    Readings,
+    compact,
+    sums_of,
+)
 from ._design import Design
 from ._effect import AbstractEffect
 
@@ -72,16 +80,17 @@ def find_lags(
     """Return the lags with the best evidence, smoothness and weights of readings as they are.
 
     Args:
-        design: Columns; the present lags do not matter.
+        design: Columns.
         data: All rows: a lag remembers those that are not fitted.
-        fit: A fit with any lags.
+        fit: By the same columns.
         pseudo: Its pseudo-readings about `Estimate.centre`, 0 where one is not believed.
         near: Lags that are about right by sensor, so that no others are tried; 0 = unknown.
 
     Raises:
         FitError: If there is no clock.
     """
-    profile = _profile(design, data, fit, pseudo)
+    post = _posterior(design, fit, pseudo)
+    profile = _profile(design, data, post, pseudo)
     low, high = lag_bounds(design.axis, data)
     lags, width = dict(near), (high - low) / (_GRID - 1)
     for sensor, known in near.items():
@@ -104,7 +113,29 @@ def find_lags(
         lags[sensor] = float(np.exp(found.x))
     if profile(near)[0] - profile(lags)[0] < _SETTLED:
         lags = dict(near)
-    return _with_deviations(design, data, fit, pseudo != 0.0, lags, profile(lags)[1])
+    return _with_deviations(design, data, post, pseudo != 0.0, lags, profile(lags)[1])
+
+
+def _posterior(
+    design: Design, fit: Estimate, pseudo: Float[np.ndarray, " r"]
+) -> Posterior:
+    """Return the posterior of exactly those readings that are believed.
+
+    The passes of a fit keep their matrix as long as hardly a reading changes sides. Beside
+    readings of many noises those few are more than what a lag explains.
+    """
+    target = pseudo + design.columns @ fit.centre
+    readings = Readings(target, {}, (pseudo != 0.0).astype(float))
+    columns = compact(design.columns)
+    sums, _ = sums_of(design.stack, readings, fit.centre, Loss(), design=columns)
+    problem = dataclasses.replace(
+        fit.posterior.problem, sums=sums, theta=fit.centre, gain=1.0
+    )
+    post = problem.at(fit.posterior.weights)
+    if post is None:
+        msg = "the readings do not determine the table: the normal matrix is singular."
+        raise FitError(msg)
+    return post
 
 
 def lagging(design: Design, data: JointData, lags: Mapping[str, float]) -> Design:
@@ -123,7 +154,7 @@ def lagging(design: Design, data: JointData, lags: Mapping[str, float]) -> Desig
 def _with_deviations(
     design: Design,
     data: JointData,
-    fit: Estimate,
+    post: Posterior,
     active: Bool[np.ndarray, " r"],
     lags: Mapping[str, float],
     theta: Vector,
@@ -138,7 +169,6 @@ def _with_deviations(
         )
         change[:, k] = (later - sooner) / (ends[0] - ends[1])
     seen = change * active[:, None]
-    post = fit.posterior
     response = post.factor.solve(np.asarray(design.columns.T @ seen))
     direction = change - design.columns @ response
     deviation = np.sqrt(post.variance * lag_variances(seen, direction))
@@ -187,14 +217,15 @@ def _heated_places(design: Design) -> Int[np.ndarray, " k"]:
 
 
 def _profile(
-    design: Design, data: JointData, fit: Estimate, pseudo: Float[np.ndarray, " r"]
+    design: Design, data: JointData, post: Posterior, pseudo: Float[np.ndarray, " r"]
 ) -> Profile:
     """Return the evidence of lags, everything but the temperatures eliminated once.
 
     The factor of the fit has the temperatures in it. Where they are held, the others solve as
-    with them, less what the temperatures did.
+    with them, less what the temperatures did. All is taken about the fit, where the pull of
+    the readings on the others is that of their prior: digits of the tables are not lost.
     """
-    own, factor, active = _heated_places(design), fit.posterior.factor, pseudo != 0.0
+    own, factor, active = _heated_places(design), post.factor, pseudo != 0.0
     unit = np.zeros((design.size, len(own)))
     unit[own, np.arange(len(own))] = 1.0
     response = factor.solve(unit)
@@ -213,10 +244,12 @@ def _profile(
         return found
 
     across = sp.csr_array(design.columns.T)
-    target = np.where(active, pseudo + design.columns @ fit.centre, 0.0)
-    right = beside(target)
-    base = solve(right)
-    rest = float(target @ target) - float(right @ base)
+    warm = active * (design.columns[:, own] @ post.values[own])
+    move = design.columns @ (post.values - post.problem.theta)
+    target = np.where(active, pseudo - move, 0.0) + warm
+    base = solve(beside(warm))
+    rest = float(target @ target) - float(beside(warm) @ base)
+    rest += post.total - post.residual_square
 
     def profile(lags: Mapping[str, float]) -> tuple[float, Vector]:
         columns = _heated(design, data, lags) * active[:, None]
@@ -232,10 +265,9 @@ def _profile(
         alone = alone + _RIDGE * np.eye(len(scale))
         # Relative to the columns alone: their size, and how alike they are, is no evidence.
         logdet = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(alone)[1]
-        theta = base - through @ values
+        theta = post.values + base - through @ values
         theta[own] = values
-        degrees = fit.posterior.problem.degrees
-        return degrees * float(np.log(square)) + float(logdet), theta
+        return post.problem.degrees * float(np.log(square)) + float(logdet), theta
 
     return profile
 

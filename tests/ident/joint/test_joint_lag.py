@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from axcomp.ident._recording import clocked, lagged
+from axcomp.ident.core import Loss, Readings, sums_of
 from axcomp.ident.fit.joint import (
     JointData,
     Leadscrew,
@@ -14,7 +15,7 @@ from axcomp.ident.fit.joint import (
     Temperature,
     fit_joint,
 )
-from axcomp.ident.fit.joint._lag import lag_variances
+from axcomp.ident.fit.joint._lag import find_lags, lag_variances, lagging
 
 LAG = 90.0
 
@@ -66,6 +67,34 @@ def test_a_law_of_many_nodes_takes_no_lag_where_there_is_none() -> None:
     # A lag as long as the log leaves a constant: 66 µm instead of the noise of 0.5.
     assert fit.noise["X"] < 6e-4
     assert fit.parts[0].lags["T"][0] < 60.0
+
+
+def test_a_few_readings_that_changed_sides_do_not_hide_a_lag() -> None:
+    rng = np.random.default_rng(2)
+    time = 10.0 * np.arange(2000.0)
+    heat = 20.0 + 6.0 * np.sin(time / 900.0)
+    place = rng.uniform(0.0, 1000.0, 2000)
+    # A screw a thousand times the noise, whose few readings weigh more than the lag.
+    error = 0.5 * np.sin(place / 90.0) + 1.1e-5 * place * lagged(time, heat - 20.0, LAG)
+    error += rng.normal(0.0, 5e-4, 2000)
+    data = JointData({"X": place}, {"X": error}, temperature={"T": heat}, time=time)
+    nodes = np.linspace(0.0, 1000.0, 201)
+    warm = Temperature("X", {"coefficient": "T"}, lag="fit")
+    own = fit_joint(data, [Leadscrew("X", nodes), warm]).fits["X"]
+    design, found = own.design, own.estimate
+    old = np.arange(2000) % 400 > 0
+    readings = Readings(error, {}, old.astype(float))
+    design = lagging(design, data, {"T": 0.0})
+    sums, _ = sums_of(
+        design.stack, readings, found.centre, Loss(), design=design.columns.toarray()
+    )
+    problem = dataclasses.replace(found.posterior.problem, sums=sums)
+    post = problem.at(found.posterior.weights)
+    assert post is not None
+    before = dataclasses.replace(found, posterior=post)
+    pseudo = error - design.columns @ before.centre
+    lag = find_lags(design, data, before, pseudo, {"T": 0.0})["T"]
+    assert lag.value == pytest.approx(LAG, abs=5.0 * lag.deviation)
 
 
 def _warm(seed: int, count: int) -> tuple[JointData, list[Any]]:
