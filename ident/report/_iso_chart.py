@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
+from matplotlib.transforms import ScaledTranslation
 
 from ...data.files import write_atomically
 from ...data.measurements import (
@@ -180,20 +181,25 @@ def _draw_brackets(axes: Axes, test: Iso230, colour: str, at: int, name: str) ->
         with_arrows(test.judged()[0]): test.accuracy_ends(),
         systematic: test.systematic_ends(),
     }
-    beyond = axes.get_yaxis_transform()
+    inches, height = (
+        axes.get_figure(root=True).dpi_scale_trans,
+        axes.get_yaxis_transform(),
+    )
     for step, (label, ends) in enumerate(heights.items()):
         if ends is None:
             continue
-        x = 1.02 + 0.06 * step + 0.125 * at
+        # In inches from the edge: a share of the width would change while it is laid out.
+        away = 0.1 + 0.29 * step + 0.6 * at
+        beyond = height + ScaledTranslation(away, 0.0, inches)
         low, high = ends[0] * 1e3, ends[1] * 1e3
         _draw_height(
-            axes, x, (low, high), "|-|,widthA=0.25,widthB=0.25", colour, beyond
+            axes, 1.0, (low, high), "|-|,widthA=0.25,widthB=0.25", colour, beyond
         )
         axes.text(
-            x + 0.012,
+            1.0,
             (low + high) / 2,
             f"{label} {name}{' ' if name else ''}= {high - low:.1f}",
-            transform=beyond,
+            transform=beyond + ScaledTranslation(0.06, 0.0, inches),
             rotation=90,
             va="center",
             fontsize=9.5,

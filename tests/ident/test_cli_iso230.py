@@ -244,6 +244,9 @@ def test_chart_overlays_before_predicted_and_verified(tmp_path: Path) -> None:
     assert svg.read_bytes() == first  # equal input, equal bytes
     assert png.stat().st_size > 10_000
     assert "From 'before' to 'verified': A " in iso_chart_sentence(tests)
+    figure.draw_without_rendering()
+    for text in figure.axes[0].texts:  # nothing is cut off
+        assert text.get_window_extent().x1 <= figure.bbox.x1, text.get_text()
 
 
 def test_chart_of_one_direction_marks_what_exists() -> None:
