@@ -101,9 +101,8 @@ class AbstractPlan(AbstractOfFit):
     it as it is.
     """
 
-    @abc.abstractmethod
     def alone(self, tables: "Tables", left: Leftovers) -> "AbstractDraft":
-        """Fit it to its own measurements, as if there was no other.
+        """Fit it to its own measurements, as if there was no other: a group of one.
 
         Args:
             tables: Measurements of the job.
@@ -114,6 +113,9 @@ class AbstractPlan(AbstractOfFit):
             FitError: If they do not determine the fit.
             ExchangeError: If the result fits no list.
         """
+        from .joint import fit_alone, read_group  # takes long to load
+
+        return self.draft(fit_alone(self, read_group(tables, [self])))
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -150,20 +152,12 @@ class AbstractPlan(AbstractOfFit):
         """Whether its list can hold a line over the position of the axis."""
         return False
 
-    @property
-    def needs_line(self) -> bool:
-        """Whether it shows what is its own only beside such a line."""
-        return False
-
     def nodes_beside(self, data: "JointData") -> Float[np.ndarray, " n"]:
         """Return the nodes of a curve over the axis beside which it shows what is its own.
 
         Fewer than two: it needs none.
         """
-        if not self.needs_line:
-            return np.zeros(0)
-        place = data.position[self.axis]
-        return np.unique([np.nanmin(place), np.nanmax(place)])
+        return np.zeros(0)
 
     def unfit(self, recording: "GroupRecording") -> str:
         """Return why these readings tell nothing of it, whatever they are; else nothing."""

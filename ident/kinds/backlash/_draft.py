@@ -133,7 +133,9 @@ class BacklashDraft(AbstractDraft):
 
         assert isinstance(fit, Spec)
         again = BacklashPlan(tables.job, self.index, fit, self.known)
-        sides = sides_of(again.shown(tables))
+        draft = again.alone(tables, {})
+        assert isinstance(draft, BacklashDraft)  # its own
+        sides = sides_of(draft.share)
         return SecondMeasurement(
             ", ".join(fit.sources),
             sides.position[:, None],

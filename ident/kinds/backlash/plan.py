@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ..._recording import JointData
 from ...fit.joint import Backlash
-from ...job._draft import AbstractPlan, Leftovers
+from ...job._draft import AbstractPlan
 from ...job.table._plan import was_active
 from ...readings import Tables
 from ._draft import BacklashDraft, KnownBacklash
@@ -59,20 +59,6 @@ class BacklashPlan(AbstractPlan):
 
     fit: Spec
     known: KnownBacklash
-
-    def alone(self, tables: Tables, left: Leftovers) -> BacklashDraft:
-        return self.draft(self.shown(tables))
-
-    def shown(self, tables: Tables) -> "Share":
-        """Return what its own measurements show of it, as if there was no other.
-
-        Raises:
-            MeasurementError: If a role is missing or a value cannot be used.
-            FitError: If the readings do not tell it.
-        """
-        from ...job.joint import fit_alone, read_group  # takes long to load
-
-        return fit_alone(self, read_group(tables, [self]))
 
     @property
     def positions(self) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from ...job._draft import AbstractDraft
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
 from ...job.result._second import SecondMeasurement
+from ...job.table._readings import datum_of
 from ...proof import GateCheck
 from ...proof.axis import check_switching
 from ...readings import Tables
@@ -22,8 +23,7 @@ from . import KIND
 from ._law import RATE, ThermalLaw, plc_objects, rates, structured_text, thermal_law
 from ._line import TemperatureFit
 from ._recording import read_thermal
-from ._remarks import remarks_of
-from ._result import TemperatureResult
+from ._result import TemperatureResult, remarks_of
 from .entries import (
     Table,
     entries_of_temperature,
@@ -34,6 +34,7 @@ from .entries import (
 from .keys import Spec, temperature_names
 
 if TYPE_CHECKING:
+    from ...job.joint._share import Share
     from ...job.write._lists import AxisFiles
 
 _LINE = KIND.prefix
@@ -46,21 +47,14 @@ class TemperatureDraft(AbstractDraft):
 
     Attributes:
         found: The estimate, in the sign of the error.
-        remarks: What was taken for granted of the readings.
-        datum: Where the instrument was set to zero at all temperatures, or None.
-        carriers: Tables of the same group, which hold what no temperature moves; None
-            where the line is fitted alone.
+        share: Its part of the joint fit.
         lost: Why the coefficient is held constant, in words; empty where it is not.
-        held_out: What was left out together: ``block`` or ``run``.
     """
 
     fit: Spec
     found: TemperatureFit
-    remarks: tuple[Remark, ...]
-    datum: float | None = None
-    carriers: tuple[str, ...] | None = None
+    share: "Share"
     lost: str = ""
-    held_out: str = "block"
 
     @property
     def written(self) -> bool:
@@ -73,6 +67,12 @@ class TemperatureDraft(AbstractDraft):
     @property
     def partial(self) -> bool:
         return bool(self.lost)
+
+    @property
+    def datum(self) -> float | None:
+        """Where the instrument was set to zero at all temperatures, or None."""
+        found = datum_of(self.job, self.index, self.fit)
+        return None if found is None else found[0]
 
     @functools.cached_property
     def zero(self) -> float:
@@ -186,7 +186,7 @@ class TemperatureDraft(AbstractDraft):
             files=tuple(
                 file for file in done.written if self.written and file.name in names
             ),
-            held_out=self.held_out,
+            held_out=self.share.recording.held_out,
             reference=self._position,
             zero=self.zero,
             law=self._law if self.written else None,

@@ -1,14 +1,41 @@
-"""What a job found of the thermal line of an axis."""
+"""What a job found of the thermal line of an axis, and what must be known of it."""
 
 import dataclasses
-from typing import Any, final
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from jaxtyping import Float
 
-from ...job.result._result import AbstractResult, Expectation
+from ...job.result._result import AbstractResult, Expectation, Remark
 from ._law import RATE, ThermalLaw
-from ._line import Law, TemperatureFit
+from ._line import Lag, Law, Meeting, TemperatureFit
+
+if TYPE_CHECKING:
+    from ._draft import TemperatureDraft
+
+_ONE_WAY = 0.95
+"""Rank correlation of temperature and time from which few readings tell nothing but the clock."""
+_SAME_COURSE = 0.999
+"""Correlation of two sensors from which on either does for the other."""
+_FEW = 8.0
+_HOT = 200.0
+"""°C that no structure of a machine tool reaches."""
+_MEETINGS: Mapping[Meeting, str] = {
+    "met": "The lines meet at {at:.5g} mm ± {sure:.2g} mm",
+    "parallel": "The lines hardly change their slope, so they meet nowhere",
+    "two sensors": "Two sensors move offset and slope, so the lines do not meet",
+    "not one point": "The lines of the temperatures do not meet in one point",
+    "uncertain": "Where the lines meet is uncertain, and far from what was measured",
+}
+_UNSURE: tuple[Meeting, ...] = ("not one point", "uncertain")
+"""What a person should know before the line is used."""
+_SIGN = Remark.warning(
+    "Whether the controller adds the line or takes it off is the least certain sign of"
+    " all (S-43: the manual reads its coefficients off a deviation). Warm the machine,"
+    " compare V.A.TEMP_COMP_CURR and the drive bus with axcomp simulate, and measure once"
+    " before relying on it."
+)
 
 
 @final
@@ -109,3 +136,166 @@ def _law(law: Law | None, factor: float) -> Any:
         "error": factor * law.value,
         "standard_deviation": factor * law.deviation_at(law.temperature),
     }
+
+
+def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
+    """Return everything that the report has to say of a fit."""
+    fit = draft.found
+    yield from draft.share.remarks()
+    if draft.lost:
+        yield Remark.error(
+            f"{draft.lost} The coefficient is left out; the offset over the temperature is"
+            " determined and written."
+        )
+    if not fit.moving:
+        yield Remark.warning(
+            "No effect of the temperature shows beyond chance: laws that follow it"
+            " predict readings left out no better. Nothing is written."
+        )
+    if fit.meeting != "given":
+        level = "warning" if fit.meeting in _UNSURE else "info"
+        yield Remark(level, _meeting_words(fit))
+    yield from (Remark.info(_lag_words(lag)) for lag in fit.lags)
+    if wild := int(fit.wild.sum()):
+        yield Remark.warning(f"{wild} wild readings were left out.")
+    if fit.missed:
+        yield Remark.info(f"{fit.missed} readings were missed or incomplete.")
+    yield from _not_told(draft)
+    hottest = max(float(fit.data.temperature[name].max()) for name in fit.sensors)
+    if hottest > _HOT:
+        yield Remark.warning(
+            f"A sensor reads {hottest:.4g} °C: where the column is in kelvin, state"
+            ' unit = "K".',
+        )
+    if draft.written:
+        yield from _state(draft)
+        if "temperature_sign" not in draft.job.verified:
+            yield _SIGN
+
+
+def _meeting_words(fit: TemperatureFit) -> str:
+    """Return whether the lines of all temperatures meet, and where the reference is."""
+    sure = fit.reference_deviation or 0.0
+    words = _MEETINGS[fit.meeting].format(at=fit.reference, sure=sure)
+    if not fit.intersects:
+        words += f": the reference is {fit.reference:.4g} mm"
+    return f"{words}.".replace("-", "−")
+
+
+def _lag_words(lag: Lag) -> str:
+    """Return what a lag means for the machine."""
+    if not lag.applied:
+        return f"No lag between {lag.sensor} and the structure shows."
+    low, high = lag.interval
+    span = f"95 %: {low:.3g} to {high:.3g} s" if high > low else "given"
+    return (
+        f"The structure follows {lag.sensor} with a time constant of"
+        f" {lag.time_constant:.3g} s ({span}), by which the PLC filters the sensor."
+    )
+
+
+def _not_told(draft: "TemperatureDraft") -> Iterator[Remark]:
+    """Return what these readings cannot say, however well they fit."""
+    fit, axis, asked = draft.found, draft.axis, draft.fit.effects
+    if fit.coefficient is None:
+        why = f"The error was measured at one position of {axis}"
+        if draft.share.group.name:
+            why = f"The coefficient of {axis} was not asked for"
+        yield Remark.warning(
+            f"{why}: how the error grows along the axis is not known, and the same"
+            " correction acts everywhere."
+        )
+    yield from _alike(fit)
+    if draft.datum is not None and (asked is None or "offset" in asked):
+        yield Remark.warning(
+            f"The instrument was set to zero at {draft.datum:g} mm (datum): a"
+            " shift of the whole axis is not seen, and only the growth from there"
+            " is corrected."
+        )
+    if not draft.lost:
+        yield from _or_drift(fit)
+    if fit.independent < _FEW and fit.noise.drift > 0:
+        yield Remark.warning(
+            f"The residuals drift over {fit.noise.time_constant / 60:.3g} minutes:"
+            f" the {len(fit.error)} readings tell no more than"
+            f" {max(fit.independent, 1):.0f} independent ones would."
+        )
+
+
+def _or_drift(fit: TemperatureFit) -> Iterator[Remark]:
+    """Return that a drift of the instrument would explain the error as well, if it would."""
+    count, time, place = len(fit.error), fit.data.time, fit.position
+    clock = np.arange(count, dtype=float) if time is None else time
+    away = np.zeros(count) if place is None else place - place.mean()
+    warm = dict(zip(fit.sensors, fit.structure.T, strict=True))
+    columns = {effect: warm[sensor] for effect, sensor in fit.line.sensors.items()}
+    if "coefficient" in columns:
+        change = columns["coefficient"] - columns["coefficient"].mean()
+        columns["coefficient"] = change * away
+    beside = np.stack([np.ones(count), away], axis=1)
+    heat = np.stack(list(columns.values()), axis=1)
+    from ...discover import against_drift, heat_or_drift  # takes long to load
+
+    found = against_drift(clock, heat, fit.error, beside)
+    if found is None:
+        from scipy.stats import rankdata  # takes long to load
+
+        # Too few readings for a drift beside it: one way up or down is like one.
+        first = next(iter(warm.values()))
+        alike = np.corrcoef(rankdata(clock), rankdata(first))[0, 1]
+        doubtful, rms = abs(float(alike)) > _ONE_WAY, float(np.std(fit.error))
+    else:
+        doubtful, rms = found.doubtful, found.rms
+    if not doubtful:
+        return
+    # The words of `discover`, which says so of the same readings.
+    effect, sensor = next(iter(fit.line.sensors.items()))
+    axis = fit.line.axis
+    what, remedy = heat_or_drift(f"temperature {effect} of {axis} by {sensor}", axis)
+    yield Remark.warning(
+        f"The data cannot tell: {what} ({1e3 * rms:.2g} µm rms). {remedy} What is"
+        " written takes all of it for the temperature."
+    )
+
+
+def _alike(fit: TemperatureFit) -> Iterator[Remark]:
+    """Return a warning where two sensors changed in the same way."""
+    if len(fit.sensors) < 2:
+        return
+    first, second = fit.sensors
+    one, other = (fit.data.temperature[name] for name in fit.sensors)
+    alike = float(np.corrcoef(one, other)[0, 1])
+    if abs(alike) >= _SAME_COURSE:
+        yield Remark.warning(
+            f"{first} and {second} changed alike (correlation {alike:.4f}): that the"
+            f" offset follows {first} and the coefficient {second} is the choice of"
+            " the job, these readings cannot tell it. Measure once while they differ."
+        )
+
+
+def _state(draft: "TemperatureDraft") -> Iterator[Remark]:
+    """Return where the law is zero, and what stays for the tables."""
+    fit, zero = draft.found, draft.zero
+    wished = fit.line.reference_temperature
+    held = {
+        law.sensor: float(np.clip(zero, *law.temperature[[0, -1]]))
+        for law in fit.moving
+    }
+    if any(abs(warm - wished) > 0.05 for warm in held.values()):
+        at = " and ".join(f"{name} at {warm:.4g} °C" for name, warm in held.items())
+        yield Remark.info(
+            f"Nothing is corrected with {at}, measured next to the reference of"
+            f" {wished:g} °C, which was not measured itself."
+        )
+    shown = f"What {draft.axis} shows at {zero:.4g} °C"
+    if draft.share.tables:
+        tables = " and the ".join(draft.share.tables)
+        yield Remark.info(f"{shown} is held by the {tables} of the same group.")
+        return
+    words = f"{shown} belongs to its tables, not to this law."
+    if fit.coefficient is not None and not draft.share.group.name:
+        words += (
+            " A leadscrew table that was measured warmer holds a part of this law as well:"
+            " measure tables with this law active, or at that temperature."
+        )
+    yield Remark.info(words)

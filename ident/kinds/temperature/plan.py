@@ -19,8 +19,7 @@ from ...readings import Tables, sensor_name
 from . import KIND
 from ._choice import choose_line, place_nodes
 from ._draft import TemperatureDraft
-from ._line import Lag, TemperatureFit
-from ._meeting import about_meeting, bent_to_meet
+from ._line import Lag, TemperatureFit, about_meeting, bent_to_meet
 from ._recording import complete_rows, only_these, read_thermal
 from .keys import Spec
 
@@ -106,10 +105,7 @@ class TemperaturePlan(AbstractPlan):
             draft = self._of(line, recording, rows)
         missed = len(kept) - len(rows)
         found = dataclasses.replace(draft.found, missed=missed, meeting=meeting)
-        zero = None if datum is None else datum[0]
-        return dataclasses.replace(
-            draft, found=found, datum=zero, carriers=None, lost=lost
-        )
+        return dataclasses.replace(draft, found=found, lost=lost)
 
     def _of(
         self,
@@ -150,9 +146,12 @@ class TemperaturePlan(AbstractPlan):
             return str(error)
         return ""
 
-    @property
-    def needs_line(self) -> bool:
-        return bool(self.positions)
+    def nodes_beside(self, data: JointData) -> Float[np.ndarray, " n"]:
+        # The line that no temperature moves.
+        if not self.positions:
+            return np.zeros(0)
+        place = data.position[self.axis]
+        return np.unique([np.nanmin(place), np.nanmax(place)])
 
     def confused(
         self, members: Sequence[AbstractPlan], recording: "GroupRecording"
@@ -239,12 +238,6 @@ class TemperaturePlan(AbstractPlan):
             support=tuple(part.support.tolist()),
             converged=share.fit.converged,
         )
-        return TemperatureDraft(
-            self.job,
-            self.index,
-            self.fit,
-            about_meeting(fit) if self.meets and len(fit.laws) > 1 else fit,
-            tuple(share.remarks()),
-            carriers=share.tables,
-            held_out=share.recording.held_out,
-        )
+        if self.meets and len(fit.laws) > 1:
+            fit = about_meeting(fit)
+        return TemperatureDraft(self.job, self.index, self.fit, fit, share)
