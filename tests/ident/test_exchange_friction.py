@@ -7,9 +7,9 @@ import pytest
 from axcomp.data.lists import ListFile, check, new_list
 from axcomp.ident.exchange import ExchangeError, ListTarget
 from axcomp.ident.kinds.friction.entries import (
+    ENTRIES,
     entries_of_friction,
     friction_from_list,
-    has_friction,
 )
 from axcomp.models import (
     Conventions,
@@ -96,8 +96,8 @@ def test_what_is_read_is_the_compensation_that_its_numbers_make() -> None:
 
 
 def test_list_with_mode_0_holds_no_friction() -> None:
-    assert has_friction(parse(PRINTED))
-    assert not has_friction(parse(PRINTED.replace("mode 3", "mode 0")))
+    assert ENTRIES.is_in(parse(PRINTED))
+    assert not ENTRIES.is_in(parse(PRINTED.replace("mode 3", "mode 0")))
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_larger_table_reserves_memory_where_the_build_can() -> None:
     model = FrictionCompensation(FrictionTable(Setpoints(speeds), np.ones(22)))
     assert entries_of_friction(model)["frict_comp.max_points"] == 23
     with pytest.raises(ExchangeError, match=r"max_points: found a table that needs 23"):
-        entries_of_friction(model, ListTarget(build="V3.1.3074.0"))
+        entries_of_friction(model, target=ListTarget(build="V3.1.3074.0"))
 
 
 @pytest.mark.parametrize(

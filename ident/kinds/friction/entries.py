@@ -26,7 +26,7 @@ from ...exchange._units import (
     round_to_list,
 )
 from ...exchange.controller._motion import Motion
-from .._protocol import AbstractEntries, Axes
+from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
 from . import KIND
 
 PREFIX = KIND.prefix
@@ -40,106 +40,6 @@ BY_SPEED = 3
 _PER_MILLE = 1000
 _FASTEST_ENTRY = 2**31 - 2
 _MOST = {"position_delay": 10, "reversal_lookahead": 4, "delay_cycles": 248}
-
-
-def has_friction(listing: ListFile) -> bool:
-    """Whether the list holds a friction table that is not switched off by its mode."""
-    return (
-        bool(listing.table(PREFIX, "out")) and optional(listing, f"{PREFIX}.mode") != 0
-    )
-
-
-def friction_from_list(
-    listing: ListFile, conventions: Conventions
-) -> FrictionCompensation:
-    """Return the friction compensation that a list describes.
-
-    Args:
-        listing: List of the axis.
-        conventions: What happens between, below and above the entries, at rest and at
-            reversals.
-
-    Raises:
-        ExchangeError: If an entry is missing, or the velocities do not ascend from 0.
-    """
-    mode = required(listing, f"{PREFIX}.mode")
-    expect(mode == BY_SPEED, f"{listing.source}: {PREFIX}.mode", mode, "3")
-    count = required(listing, f"{PREFIX}.table_entries")
-    refuse_huge(count, f"{listing.source}: {PREFIX}.table_entries")
-    knots = column(listing, PREFIX, "in", count)
-    expect(
-        count >= 1 and (knots >= 0).all() and (np.diff(knots) > 0).all(),
-        f"{listing.source}: {PREFIX}.table[].in",
-        ", ".join(map(str, knots[:8].tolist())) or "no entry",
-        "ascending velocities, none below 0 (110591)",
-    )
-    scale = optional(listing, f"{PREFIX}.scaling_factor")
-    delay, ahead, late = (not_negative(listing, f"{PREFIX}.{name}") for name in _MOST)
-    return FrictionCompensation(
-        law=FrictionTable(
-            nodes=Setpoints(knots / VELOCITY_UNITS),
-            values=column(listing, PREFIX, "out", count).astype(float),
-            scaling=scale / _PER_MILLE,
-            held_below=conventions.friction_below == "hold",
-            held_above=conventions.friction_above == "hold",
-        ),
-        reversal_lookahead=ahead,
-        position_delay=delay / LIST_UNITS,
-        delay_cycles=late,
-        sign=float(conventions.friction_sign),
-        first_builds_up=conventions.friction_build_up != "reversal",
-        restart_builds_up=conventions.friction_build_up == "start",
-        decays_to_zero=conventions.friction_decay == "zero",
-        weights_multiply=conventions.friction_overlap == "product",
-        delays_all=conventions.friction_delay == "all",
-        held_at_rest=conventions.friction_rest == "hold",
-    )
-
-
-def entries_of_friction(
-    friction: FrictionCompensation,
-    target: ListTarget = ANY_LIST,
-) -> dict[str, int | str]:
-    """Return the list entries of a friction compensation, rounded to list units.
-
-    Written so that open points cannot matter: the table begins at 1 µm/s and ends with
-    a flat segment, entries for which are added where they are missing; what they say is
-    what is held there anyway. ``scaling_factor`` is 1000, the knob of the commissioning
-    engineer; the scaling of the model goes into the entries.
-
-    Args:
-        friction: Its law must be a table whose ends are held.
-        target: The list that they are written for.
-
-    Raises:
-        ExchangeError: If something does not fit into a list.
-    """
-    speeds, currents = _with_ends(friction.law)
-    entries = target.max_points_entry(
-        PREFIX, len(speeds) + 1, len(speeds) <= DEFAULT_COUNT
-    )
-    delay = np.asarray(friction.position_delay, float)
-    delay = round_to_list(delay, f"{PREFIX}.position_delay", (0, 10))
-    numbers = {
-        "position_delay": int(delay),
-        "reversal_lookahead": friction.reversal_lookahead,
-        "delay_cycles": friction.delay_cycles,
-    }
-    for name, number in numbers.items():
-        most = _MOST[name]
-        expect(number <= most, f"{PREFIX}.{name}", number, f"0 to {most}")
-    entries |= {
-        f"{PREFIX}.mode": BY_SPEED,
-        f"{PREFIX}.table_entries": len(speeds),
-        **{f"{PREFIX}.{name}": number for name, number in numbers.items()},
-        f"{PREFIX}.scaling_factor": _PER_MILLE,
-    }
-    for k, (speed, current) in enumerate(
-        zip(speeds.tolist(), currents.tolist(), strict=True)
-    ):
-        entries[f"{PREFIX}.table[{k}].in"] = speed
-        entries[f"{PREFIX}.table[{k}].out"] = current
-    return entries
 
 
 def _with_ends(
@@ -216,21 +116,85 @@ class FrictionEntries(AbstractEntries):
     coupled = False
 
     def is_in(self, listing: ListFile) -> bool:
-        return has_friction(listing)
+        # Its mode may switch the table off.
+        there = bool(listing.table(PREFIX, "out"))
+        return there and optional(listing, f"{PREFIX}.mode") != 0
 
     def model(
         self, listing: ListFile, axis: int, reading: Reading
     ) -> FrictionCompensation:
-        return friction_from_list(listing, reading.conventions)
+        rules = reading.conventions
+        mode = required(listing, f"{PREFIX}.mode")
+        expect(mode == BY_SPEED, f"{listing.source}: {PREFIX}.mode", mode, "3")
+        count = required(listing, f"{PREFIX}.table_entries")
+        refuse_huge(count, f"{listing.source}: {PREFIX}.table_entries")
+        knots = column(listing, PREFIX, "in", count)
+        expect(
+            count >= 1 and (knots >= 0).all() and (np.diff(knots) > 0).all(),
+            f"{listing.source}: {PREFIX}.table[].in",
+            ", ".join(map(str, knots[:8].tolist())) or "no entry",
+            "ascending velocities, none below 0 (110591)",
+        )
+        scale = optional(listing, f"{PREFIX}.scaling_factor")
+        delay, ahead, late = (
+            not_negative(listing, f"{PREFIX}.{name}") for name in _MOST
+        )
+        return FrictionCompensation(
+            law=FrictionTable(
+                nodes=Setpoints(knots / VELOCITY_UNITS),
+                values=column(listing, PREFIX, "out", count).astype(float),
+                scaling=scale / _PER_MILLE,
+                held_below=rules.friction_below == "hold",
+                held_above=rules.friction_above == "hold",
+            ),
+            reversal_lookahead=ahead,
+            position_delay=delay / LIST_UNITS,
+            delay_cycles=late,
+            sign=float(rules.friction_sign),
+            first_builds_up=rules.friction_build_up != "reversal",
+            restart_builds_up=rules.friction_build_up == "start",
+            decays_to_zero=rules.friction_decay == "zero",
+            weights_multiply=rules.friction_overlap == "product",
+            delays_all=rules.friction_delay == "all",
+            held_at_rest=rules.friction_rest == "hold",
+        )
 
     def to_list(
         self,
         model: FrictionCompensation,
-        masters: Axes,
-        rules: Conventions,
+        masters: Axes = (),
+        rules: Conventions = DEFAULT_RULES,
         target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
-        return entries_of_friction(model, target)
+        # Written so that open points cannot matter: the table begins at 1 µm/s and ends with
+        # a flat segment, entries for which are added where they are missing; what they say
+        # is what is held there anyway. ``scaling_factor`` is 1000, the knob of the
+        # commissioning engineer; the scaling of the model goes into the entries.
+        speeds, currents = _with_ends(model.law)
+        entries = target.max_points_entry(
+            PREFIX, len(speeds) + 1, len(speeds) <= DEFAULT_COUNT
+        )
+        delay = np.asarray(model.position_delay, float)
+        delay = round_to_list(delay, f"{PREFIX}.position_delay", (0, 10))
+        numbers = {
+            "position_delay": int(delay),
+            "reversal_lookahead": model.reversal_lookahead,
+            "delay_cycles": model.delay_cycles,
+        }
+        for name, number in numbers.items():
+            most = _MOST[name]
+            expect(number <= most, f"{PREFIX}.{name}", number, f"0 to {most}")
+        entries |= {
+            f"{PREFIX}.mode": BY_SPEED,
+            f"{PREFIX}.table_entries": len(speeds),
+            **{f"{PREFIX}.{name}": number for name, number in numbers.items()},
+            f"{PREFIX}.scaling_factor": _PER_MILLE,
+        }
+        pairs = zip(speeds.tolist(), currents.tolist(), strict=True)
+        for k, (speed, current) in enumerate(pairs):
+            entries[f"{PREFIX}.table[{k}].in"] = speed
+            entries[f"{PREFIX}.table[{k}].out"] = current
+        return entries
 
     def in_list_units(
         self, model: FrictionCompensation, unit: ModelUnit | None
@@ -262,3 +226,4 @@ class FrictionEntries(AbstractEntries):
 
 
 ENTRIES = FrictionEntries()
+friction_from_list, entries_of_friction = ENTRIES.from_list, ENTRIES.to_list

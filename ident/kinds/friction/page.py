@@ -3,11 +3,22 @@
 from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
 
-from ...report._body import Body
-from ...report._scale import Scale, count, grouped, percent
-from ._plots import choice_plot, circle_plot, curve_plot, residual_plot
-from ._result import FrictionResult
+from ...report import _style as style
+from ...report._body import Body, Plot
+from ...report._scale import Scale, count, grouped, number, percent, place
+from ._listing import LawCurve
+from ._result import FrictionResult, choice_sentence
+
+_BINS, _FINE = 28, 40
+_FEW = 5
+_SLOW = 0.12
+"""Share of the speeds that the enlarged part shows."""
+_PER_MM = 1000.0
+_ROOM = 8.0
+"""Medians that the plot of the remainder shows; beyond lie wild samples."""
 
 
 def body(fit: FrictionResult, scale: Scale) -> Body:
@@ -100,3 +111,218 @@ def _plain(name: str) -> str:
 def _sentence(text: str) -> str:
     text = text.strip()
     return text if text.endswith((".", "!", "?")) else f"{text}."
+
+
+def _binned(
+    where: Float[np.ndarray, " t"], values: Float[np.ndarray, " t"], bins: int
+) -> Float[np.ndarray, "3 b"]:
+    """Return place, median and spread of values in bins of equal counts.
+
+    Wild samples hardly move them; bins of too few samples are left out.
+    """
+    found = []
+    if where.size >= _FEW:
+        edges = np.unique(np.quantile(where, np.linspace(0, 1, bins + 1)))
+        index = np.searchsorted(edges[1:-1], where, "right")
+        for k in range(max(len(edges) - 1, 0)):
+            own = values[index == k]
+            if own.size >= _FEW:
+                middle = float(np.median(own))
+                spread = 1.4826 * float(np.median(np.abs(own - middle)))
+                found.append((float(np.median(where[index == k])), middle, spread))
+    return np.array(found).reshape(-1, 3).T
+
+
+def curve_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
+    """Draw friction over speed, all speeds and the slow ones enlarged."""
+    curve = fit.curve
+    if curve is None:
+        return None
+    figure, panels = style.new_figure(3.4, columns=2)
+    every, view = {}, fit.view
+    for way in (1, -1):
+        rows = view.moving & (np.sign(view.velocity) == way)
+        speed, current = np.abs(view.velocity[rows]), way * view.before[rows]
+        every[way] = _binned(speed, current, _BINS)
+    fast = float(curve.speed[-1])
+    limits = (fast, max(_SLOW * fast, 4.0 * float(curve.speed[0])))
+    for panel, limit in zip(panels, limits, strict=True):
+        _draw(panel, fit, curve, every, limit)
+        panel.set_xlim(-0.02 * limit, 1.02 * limit)
+        panel.set_xlabel(f"speed in {fit.length_unit}/s")
+    panels[0].set_ylabel(f"friction in {scale.error}")
+    panels[0].set_title("all speeds")
+    panels[1].set_title("slow speeds, enlarged")
+    handles, names = panels[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper right", ncols=3)
+    return Plot("curve", "Friction over speed", figure, _caption(fit, curve))
+
+
+def _draw(
+    panel: Axes,
+    fit: FrictionResult,
+    curve: LawCurve,
+    every: dict[int, Float[np.ndarray, "3 b"]],
+    limit: float,
+) -> None:
+    laws = zip((1, -1), curve.currents, curve.deviations, strict=False)
+    near = curve.speed <= 1.05 * limit
+    heights = []
+    for way, law, sd in laws:
+        colour = style.DIRECTION_COLOR[way]
+        speed, mean, spread = every[way][:, every[way][0] <= limit]
+        panel.errorbar(
+            speed, mean, spread,
+            linestyle="none", marker=style.DIRECTION_MARKER[way], markersize=3.5,
+            linewidth=0.7, color=colour, alpha=0.8,
+            label=f"measured, {style.DIRECTION_NAME[way]}",
+        )  # fmt: skip
+        panel.plot(
+            curve.speed, law, color=colour, linewidth=1.2, label=f"law, {'+−'[way < 0]}"
+        )
+        low, high = law - 2 * sd, law + 2 * sd
+        panel.fill_between(
+            curve.speed, low, high, color=colour, alpha=0.15, linewidth=0
+        )
+        heights += [law[near], mean]
+    if fit.knots is not None:
+        listed = fit.knots.current(curve.speed)
+        panel.plot(curve.speed, listed, color=style.INK, linewidth=0.9, label="list")
+        panel.errorbar(
+            fit.knots.velocity / 1000.0, fit.knots.out * fit.knots.unit,
+            2 * fit.entry_deviations, linestyle="none", marker="s", markersize=3.2,
+            linewidth=0.7, color=style.INK, markerfacecolor="white", label="its entries",
+        )  # fmt: skip
+        heights.append(listed[near])
+    joined = np.concatenate([each for each in heights if each.size])
+    low, high = float(joined.min()), float(joined.max())
+    room = 0.25 * (high - low) or 0.1 * abs(high) or 1.0
+    panel.set_ylim(
+        min(low - room, 0.0) if low < 0.4 * high else low - room, high + room
+    )
+
+
+def _caption(fit: FrictionResult, curve: LawCurve) -> str:
+    slow, fast = place(float(curve.speed[0])), place(float(curve.speed[-1]))
+    text = (
+        f"Median friction in bins of speed with their scatter, and law and entries with"
+        f" ± 2 standard deviations, from {slow} to {fast} {fit.length_unit}/s: only these speeds"
+        " were driven."
+    )
+    if fit.knots is None:
+        return f"{text} No list is written."
+    share = curve.difference
+    text += " The list is the same for both directions"
+    if share > 0.02:
+        return (
+            f"{text}; they differ by {percent(share)} on average, which it cannot say."
+        )
+    return f"{text}, which differ by no more than {percent(share)} on average."
+
+
+def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
+    """Draw what the list leaves on windows held out, over velocity and position.
+
+    Over the position the whole friction is taken off, also where a cautious list gives a
+    share of it: what is left there is what depends on the place.
+    """
+    view = fit.view
+    rows = np.flatnonzero(view.moving)
+    if not rows.size:
+        return None
+    chosen = rows[style.thin(rows.size)]
+    left = view.predicted[chosen]
+    limit = min(_ROOM * float(np.median(np.abs(left))), 1.2 * float(np.abs(left).max()))
+    limit = limit or 1.0
+    outside = int(np.sum(np.abs(left) > limit))
+    given = 1.0 if fit.knots is None else fit.level
+    beyond = left - (1.0 / given - 1.0) * view.listed[chosen]
+    figure, panels = style.new_figure(2.8, columns=2, sharey=True)
+    unit = fit.length_unit
+    views = {
+        f"velocity in {unit}/s": (view.velocity, left),
+        f"position in {unit}": (view.position, beyond),
+    }
+    medians = []
+    for panel, (name, (where, value)) in zip(panels, views.items(), strict=True):
+        panel.plot(
+            where[chosen], value, linestyle="none", marker=".", markersize=1.6,
+            color=style.BLUE, alpha=0.35, markeredgewidth=0, rasterized=True,
+        )  # fmt: skip
+        places, middle, _ = _binned(where[chosen], value, _FINE)
+        panel.plot(places, middle, color=style.ORANGE, linewidth=1.3)
+        panel.axhline(0, color=style.INK, linewidth=0.7)
+        panel.set_ylim(-limit, limit)
+        panel.set_xlabel(name)
+        medians.append(float(np.max(np.abs(middle), initial=0.0)))
+    panels[0].set_ylabel(f"remaining in {scale.error}")
+    level = float(np.median(np.abs(view.before[rows])))
+    over = percent(medians[1] / level) if level else "–"
+    caption = (
+        "Current that lists made of the other windows leave, sample by sample; the line"
+        " is the running median. Over the position, where the whole law is taken off, it"
+        f" moves by up to {over} of the friction: what depends on the place, a friction"
+        " list cannot say."
+    )
+    if outside:
+        caption += f" {outside} samples lie beyond the plot."
+    return Plot("residual", "What remains (held out)", figure, caption)
+
+
+def choice_plot(fit: FrictionResult) -> Plot:
+    """Draw how well each law predicts windows held out."""
+    choice = fit.identified.choice
+    figure, (panel,) = style.new_figure(2.4, columns=1)
+    names = [each.structure.words for each in choice.candidates]
+    errors = 100 * np.array([each.error for each in choice.candidates])
+    spreads = 100 * np.array([each.standard_error for each in choice.candidates])
+    rows = np.arange(len(names))[::-1]
+    colours = [
+        style.ORANGE if k == choice.chosen else style.BLUE for k in range(len(names))
+    ]
+    for row, error, spread, colour in zip(rows, errors, spreads, colours, strict=True):
+        panel.errorbar(
+            error, row, xerr=spread, marker="o", markersize=4, color=colour, linewidth=1
+        )
+    panel.set_yticks(rows, names, fontsize=9.5)
+    panel.set_xlabel("force error held out in %")
+    return Plot("choice", "Which law predicts best", figure, choice_sentence(choice))
+
+
+def circle_plot(fit: FrictionResult) -> Plot | None:
+    """Draw the simulated circle without and with the list, deviations magnified."""
+    circle = fit.circle
+    if circle is None:
+        return None
+    without, with_list = (_PER_MM * each for each in circle.spikes)
+    figure, panels = style.new_figure(
+        3.4, columns=2, subplot_kw={"projection": "polar"}
+    )
+    span = max(without, with_list) or 1.0
+    angle = np.deg2rad(circle.angle)
+    stages = {"without the list": circle.without, "with the list": circle.with_list}
+    for panel, (name, deviation) in zip(panels, stages.items(), strict=True):
+        panel.plot(
+            angle, np.full(angle.shape, 2 * span), color=style.GREY, linewidth=0.6
+        )
+        panel.plot(
+            angle, 2 * span + _PER_MM * deviation, color=style.BLUE, linewidth=1.1
+        )
+        panel.set_ylim(0, 3.2 * span)
+        panel.set_yticks(
+            [span, 2 * span, 3 * span], [f"−{span:.2g}", "0", f"+{span:.2g} µm"]
+        )
+        panel.tick_params(labelsize=9.5)
+        panel.set_title(name, loc="center", y=1.12)  # clear of the angle at the top
+    magnified = circle.radius * _PER_MM / (2 * span)
+    caption = (
+        f"Simulated: circle of {circle.radius:g} mm radius at"
+        f" {60 * circle.feed:g} mm/min, deviations magnified {magnified:.0f} times, the"
+        f" other axis perfect, loop {circle.loop}. The spikes fall from"
+        f" {number(without)} µm to {number(with_list)} µm."
+    )
+    if with_list >= without:
+        caption = caption.replace("fall from", "do not fall:").replace(
+            "µm to", "µm and"
+        )
+    return Plot("circle", "Quadrant spikes in a circular test", figure, caption)

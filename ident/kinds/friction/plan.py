@@ -24,7 +24,7 @@ from ._listing import (
 )
 from ._recording import DriveRecording, read_drive
 from ._result import FrictionResult, FrictionView, choice_sentence, view_of
-from .entries import entries_of_friction, friction_from_list, has_friction
+from .entries import ENTRIES, entries_of_friction, friction_from_list
 from .keys import Spec
 
 if TYPE_CHECKING:
@@ -109,12 +109,12 @@ class FrictionDraft(AbstractDraft):
         assert self.knots is not None  # it is written
         existing, before = self.lists.compensation, None
         rules = self.job.conventions
-        if existing is not None and has_friction(existing):
+        if existing is not None and ENTRIES.is_in(existing):
             before = friction_from_list(existing, rules)
         found = compensation_of(
             self.knots, self.found.reversal, before, rules.friction_sign
         )
-        return dict(entries_of_friction(found, self.target))
+        return dict(entries_of_friction(found, target=self.target))
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         assert self.knots is not None  # it is written

@@ -12,8 +12,8 @@ import pytest
 from axcomp.data.lists import ListFile, check
 from axcomp.data.measurements import MeasurementError
 from axcomp.ident.job import FrictionResult, JobError, JobResult, Verdict, run_job
-from axcomp.ident.kinds.friction._plots import residual_plot
 from axcomp.ident.kinds.friction.entries import friction_from_list
+from axcomp.ident.kinds.friction.page import residual_plot
 from axcomp.ident.report import write_report
 from axcomp.ident.report._scale import scale_of
 from axcomp.models import AbstractFriction, Conventions, StribeckFriction
