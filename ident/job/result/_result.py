@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from ...fit import TableFit
 from ...proof import ErrorFigures, GateCheck, RunTable, error_figures
+from ...readings import Readings
 from ._second import MeasuredAgain, SecondMeasurement
 from ._verdict import Judgement, Verdict, judgement_of
 
@@ -116,36 +117,28 @@ class Expectation:
     reversal: bool = False
 
 
-@dataclasses.dataclass(frozen=True)
-class SampleView:
-    """The readings of a fit with what became of them, one row per reading, mm or °.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SampleView(Readings):
+    """The readings of a table with what became of them, in mm or °.
 
     Attributes:
-        positions: Input positions, shape ``(t, d)``, columns as in `TableResult.masters`.
-        direction: ±1 per reading, or None where the table does not ask for it.
-        run: Run per reading, or None.
-        order: Time of each reading in s, or its row number where no time was given.
-        before: Error as measured (after `remove`, `datum`, reduction to the reference
-            temperature).
         predicted: Error left under the list fitted *without* this reading's run or
             block.
         from_file: Error left when the written file, read back, is evaluated by the
             controller's rules.
         predicted_sd: Standard deviation predicted for a held-out reading.
         share: Weight that the loss left the reading, 0 (wild) to 1.
-        timed: Whether `order` is a time.
     """
 
-    positions: Float[Array, "t d"]
-    direction: Int[Array, " t"] | None
-    run: Int[Array, " t"] | None
-    order: Float[Array, " t"]
-    before: Float[Array, " t"]
     predicted: Float[Array, " t"]
     from_file: Float[Array, " t"]
     predicted_sd: Float[Array, " t"]
     share: Float[Array, " t"]
-    timed: bool = False
+
+    @property
+    def before(self) -> Float[Array, " t"]:
+        """Error as measured (after `remove`, `datum`, reduction to the reference temperature)."""
+        return self.error
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

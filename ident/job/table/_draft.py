@@ -218,16 +218,11 @@ class TableDraft(AbstractDraft):
         back = table.read(done.compensation)
         at = read.positions, plan.branch(read.direction)
         samples = SampleView(
-            positions=read.positions,
-            direction=read.direction,
-            run=read.run,
-            order=read.order,
-            before=read.error,
+            **vars(read),
             predicted=self.left.residual,
             from_file=read.error + table.offset(back, *at) - plan.acted(*at),
             predicted_sd=self.left.standard_deviation,
             share=fit.share,
-            timed=read.timed,
         )
         places: tuple[str, ...] = ()
         if self.log is None:

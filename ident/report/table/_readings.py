@@ -74,7 +74,7 @@ def readings_of(fit: TableResult, scale: Scale) -> Readings:
     """Return the readings of a fit in display units."""
     samples = fit.samples
     size = len(samples.before)
-    errors = ("before", "predicted", "from_file", "predicted_sd")
+    errors = ("error", "predicted", "from_file", "predicted_sd")
     way = samples.direction
     shown = {name: getattr(samples, name) * scale.factor for name in errors}
     shown["order"] = np.asarray(samples.order, dtype=float)
