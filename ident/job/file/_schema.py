@@ -270,16 +270,10 @@ class Gate(JobPart, frozen=True):
     max_current: Limit | None = None
     """Friction: largest share of the rated current or torque; default 0.5. Example:
     `0.3`."""
-    max_switching: Annotated[
-        Limit | None,
-        Field(description="mm (°) in one cycle where a compensation comes or goes"),
-    ] = None
+    max_switching: Limit | None = None
     """Largest step in one cycle where a compensation comes or goes, in mm or °; default
     0.02. Example: `0.01`."""
-    max_jump: Annotated[
-        Limit | None,
-        Field(description="mm (°) by which the axis moves by itself then, in all"),
-    ] = None
+    max_jump: Limit | None = None
     """Largest way that the axis moves by itself then, in mm or °; default 0.5. Example:
     `0.2`."""
 

@@ -1,6 +1,7 @@
 """The proof of a group: how much each effect is, and what all written files leave."""
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -55,7 +56,6 @@ class AxisSum:
         unit: ``mm`` or ``deg``.
         noise: Standard deviation of one reading.
         datum: Constant error that no list of the group holds.
-        error: Keys ``before``, ``predicted``, ``from_file``.
         rows: Readings, as rows of all measurements one after the other.
         before: Error as measured.
         predicted: Left under lists that were fitted without the reading.
@@ -68,13 +68,17 @@ class AxisSum:
     unit: str
     noise: float
     datum: float
-    error: Mapping[str, ErrorFigures]
     rows: Int[np.ndarray, " t"]
     before: Float[np.ndarray, " t"]
     predicted: Float[np.ndarray, " t"]
     from_file: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
     runs: tuple[RunEffect, ...]
+
+    @functools.cached_property
+    def error(self) -> dict[str, ErrorFigures]:
+        """Keys ``before``, ``predicted``, ``from_file``."""
+        return staged(self.before, self.predicted, self.from_file, self.wild)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -242,7 +246,6 @@ def _sum(
     for part in unwritten:
         predicted += part.contribution[rows]
     from_file = error + _added_by_files(files, [*own.values()], recording, rows)
-    wild = np.asarray(fit.wild[axis][rows])
     constant, left = found.datum
     if not any(constant[k] for k in mine):
         # No list takes a constant away: what is left is judged about its middle.
@@ -254,12 +257,11 @@ def _sum(
         unit=found.job.spec.axes[axis].plain_unit,
         noise=float(fit.noise[axis]),
         datum=left[axis],
-        error=staged(error, predicted, from_file, wild),
         rows=rows,
         before=error,
         predicted=predicted,
         from_file=from_file,
-        wild=wild,
+        wild=np.asarray(fit.wild[axis][rows]),
         runs=tuple(fit.runs.get(axis, ())),
     )
 

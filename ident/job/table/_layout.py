@@ -19,7 +19,7 @@ from ...exchange import (
     nodes_in,
     point_nodes,
 )
-from ...kinds._keys import TableSpec
+from ...kinds._keys import Grid, TableSpec
 from ...readings import Tables
 from ..file._load import Job
 
@@ -123,9 +123,6 @@ def _full_turn(job: Job, index: int, fit: TableSpec, nodes: ListNodes) -> bool:
         )
     return True
 
-
-Grid = tuple[float, float, int]
-"""Start, interval and number of nodes, in mm or °."""
 
 _KEYS = ("start", "interval", "points")
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)

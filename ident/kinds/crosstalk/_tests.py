@@ -101,17 +101,6 @@ def columns_of(
     return result
 
 
-def _even_nodes(
-    positions: Float[np.ndarray, "n k"], axes: Axes, counts: tuple[int, ...]
-) -> Nodes:
-    """Return evenly spaced nodes from the first to the last event along each axis."""
-    ends = [(column.min(), column.max()) for column in positions.T]
-    return tuple(
-        _rounded(np.linspace(*ends[axis], count))
-        for axis, count in zip(axes, counts, strict=True)
-    )
-
-
 def choose_tests(
     events: Events, group: Int[np.ndarray, " n"], modes: tuple[int, ...], most: int
 ) -> tuple[Axes, Float[np.ndarray, "p k"]]:
@@ -132,42 +121,43 @@ def choose_tests(
             "axes that it needs."
         )
         raise FitError(msg)
-    grids = [_even_nodes(events.positions, *candidate) for candidate in candidates]
-    sizes = [math.prod(counts) for _, counts in candidates]
+    sizes = [math.prod(map(len, grid)) for _, grid in candidates]
     # What the finest choice rejects has no part in the search.
-    finest = int(np.argmax(sizes))
-    columns = columns_of(events.positions, candidates[finest][0], grids[finest])
+    columns = columns_of(events.positions, *candidates[int(np.argmax(sizes))])
     sound = np.ones(len(events), bool)
     for _, mine, found in fitted(events, group, columns, "student"):
         sound[mine] = ~found.wild
     events, group = events.take(sound), group[sound]
     cell, none = _cells(events.positions), np.zeros(len(events), bool)
     tried = []
-    for (axes, _), grid in zip(candidates, grids, strict=True):
-        columns = columns_of(events.positions, axes, grid)
+    for candidate in candidates:
+        columns = columns_of(events.positions, *candidate)
         left = held_out(events, group, columns, cell, none)
         tried.append(left * np.sqrt(events.weight))
     scale = min(max(1.4826 * float(np.median(np.abs(left))), 1e-9) for left in tried)
     chosen, _ = simplest(tried, sizes, scale, cell)
-    return candidates[chosen][0], _grid(grids[chosen])
-
-
-def _grid(nodes: Nodes) -> Float[np.ndarray, "p k"]:
-    shape = math.prod(map(len, nodes)), len(nodes)
-    return np.array([*itertools.product(*nodes)]).reshape(shape)
+    axes, grid = candidates[chosen]
+    return axes, np.array([*itertools.product(*grid)])
 
 
 def _candidates(
     positions: Float[np.ndarray, "n k"], modes: tuple[int, ...], most: int
-) -> list[tuple[Axes, tuple[int, ...]]]:
-    """Return axes and number of tests along each, so many at most.
+) -> list[tuple[Axes, Nodes]]:
+    """Return axes and even nodes from the first to the last event along each, so many at most.
 
     Over one axis at least three where the events bear them: one statement of the manuals has
     exactly three tests in mode 2 (S-37), which the check of lists warns of else.
     """
-    moving = np.flatnonzero(np.ptp(positions, axis=0) > 0).tolist()
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    moving = np.flatnonzero(high > low).tolist()
     return [
-        (axes, counts)
+        (
+            axes,
+            tuple(
+                _rounded(np.linspace(low[axis], high[axis], count))
+                for axis, count in zip(axes, counts, strict=True)
+            ),
+        )
         for mode in modes
         for axes in itertools.combinations(moving, mode - 1)
         for counts in itertools.product(
