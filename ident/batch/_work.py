@@ -163,10 +163,10 @@ def _failed(task: Task, reason: str) -> Row:
 
 def inputs_hash(path: Path) -> str:
     """Return one hash for all files that a job reads, as far as they are there."""
-    from ..job import input_hashes
+    from ..job import load_job
 
     try:
-        return hash_of_inputs(input_hashes(path))
+        return hash_of_inputs(load_job(path).hashes())
     except (AxcompError, OSError) as error:
         # Once what is missing or wrong has changed, this is another hash.
         return hash_of_inputs({path.name: " ".join(str(error).split())})

@@ -47,7 +47,7 @@ def fit(
 
     start = time.monotonic()
     with working("reading the job") as step:
-        from ..job import result_json, run_job, use_compilation_cache
+        from ..job import run_job, tree_json, use_compilation_cache
 
         use_compilation_cache()
         result = run_job(job, out, progress=step, after=after)
@@ -63,7 +63,7 @@ def fit(
     for line in lines:
         console.print(line, markup=False, soft_wrap=True)
     if as_json:
-        typer.echo(result_json(result), nl=False)
+        typer.echo(tree_json(result.tree), nl=False)
     return result.passed and result.confirmed
 
 

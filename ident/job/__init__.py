@@ -38,14 +38,10 @@ from ...data.files import write_atomically as write_atomically
 from .._lazy import importer
 from ..proof import ErrorFigures as ErrorFigures, GateCheck as GateCheck
 from ._cache import use_compilation_cache as use_compilation_cache
-from ._run import (
-    input_hashes as input_hashes,
-    run_job as run_job,
-)
+from ._run import run_job as run_job
 from .file._faults import JobError as JobError
 from .file._load import (
     Job as Job,
-    load_conventions as load_conventions,
     load_job as load_job,
 )
 from .result._job_result import (
@@ -53,7 +49,6 @@ from .result._job_result import (
     LoadStep as LoadStep,
     WholeAxis as WholeAxis,
     plain as plain,
-    result_json as result_json,
     tree_json as tree_json,
 )
 from .result._result import (

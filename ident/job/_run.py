@@ -17,7 +17,7 @@ from ._fits import fit_all
 from ._measure_again import measure_again, plan_second
 from ._whole import judge_whole
 from .file._load import Job, load_job
-from .result._job_result import JobResult, result_json
+from .result._job_result import JobResult, tree_json
 from .result._result import Remark
 from .write._first_run import first_run_programs, program_names
 from .write._lists import AxisFiles, files_of, judge_files, startup_fragment
@@ -115,18 +115,8 @@ def run_job(
         load_sheet=load_sheet(job, files, result.fits, programs),
         wall_time=time.perf_counter() - start,
     )
-    folder.write(RESULT, result_json(result).encode())
+    folder.write(RESULT, tree_json(result.tree).encode())
     return result
-
-
-def input_hashes(path: Path) -> dict[str, str]:
-    """Return the hash of every file that a job reads, as ``result.json`` has them.
-
-    Raises:
-        AxcompError: If the job cannot run.
-        OSError: If a file cannot be read.
-    """
-    return load_job(path).hashes()
 
 
 def _names(job: Job) -> list[str]:

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from axcomp.ident.exchange import StoredConventions, TomlError, read_conventions
-from axcomp.ident.job import load_conventions
 from axcomp.models import ConventionError, Conventions
 
 
@@ -72,8 +71,8 @@ def test_bad_file_is_one_line_with_its_place(
 def test_file_of_another_machine_is_refused_by_jobs(tmp_path: Path) -> None:
     path = tmp_path / "c.toml"
     path.write_text('machine = "mill-7"\nplane_sign = -1\n')
-    assert load_conventions(path, "mill-7")[1] == {"plane_sign"}
-    assert load_conventions(path)[0].plane_sign == -1
+    assert read_conventions(path, "mill-7").verified == {"plane_sign"}
+    assert read_conventions(path).conventions.plane_sign == -1
     match = r"c.toml:1: found the conventions of machine 'mill-7', expected 'mill-8'"
     with pytest.raises(TomlError, match=match):
-        load_conventions(path, "mill-8")
+        read_conventions(path, "mill-8")

@@ -162,34 +162,13 @@ def load_job(path: Path, *, needs_fits: bool = True) -> Job:
             kind = "a folder" if file.is_dir() else "no such file"
             raise job.error(where, f"found {name!r}: {kind}, expected a file")
         inputs.append(file)
-    conventions, verified = job.conventions, job.verified
-    if spec.machine.conventions is not None:
-        conventions, verified = load_conventions(
-            job.file(spec.machine.conventions), spec.machine.id
-        )
+    job = dataclasses.replace(job, inputs=tuple(dict.fromkeys(inputs)))
+    if spec.machine.conventions is None:
+        return job
+    rules = read_conventions(job.file(spec.machine.conventions), spec.machine.id)
     return dataclasses.replace(
-        job,
-        conventions=conventions,
-        verified=verified,
-        inputs=tuple(dict.fromkeys(inputs)),
+        job, conventions=rules.conventions, verified=rules.verified
     )
-
-
-def load_conventions(
-    path: Path, machine: str | None = None
-) -> tuple[Conventions, frozenset[str]]:
-    """Return the conventions that a file states, and which of them are settled.
-
-    Args:
-        path: The file, as `axcomp verify` saves it.
-        machine: Id of the machine that it must belong to, or None.
-
-    Raises:
-        TomlError: If it is no such file, a name is unknown, a value cannot be taken, or
-            it belongs to another machine.
-    """
-    found = read_conventions(path, machine)
-    return found.conventions, found.verified
 
 
 def sha256(path: Path) -> str:

@@ -173,13 +173,8 @@ _DEPTH = 3
 _text = json.JSONEncoder(allow_nan=False).encode
 
 
-def result_json(result: JobResult) -> str:
-    """Return ``result.json`` as text; it holds no NaN and no infinity."""
-    return tree_json(result.tree)
-
-
 def tree_json(tree: Mapping[str, Any]) -> str:
-    """Return the tree of ``result.json``, all of it `plain`, as text."""
+    """Return the tree of ``result.json``, all of it `plain`, as text without NaN."""
     return _lines(dict(tree), _DEPTH) + "\n"
 
 

@@ -188,6 +188,12 @@ class AbstractResult(abc.ABC):
         return judgement_of(self)
 
     @property
+    def sign(self) -> int:
+        """With which the controller adds its entries."""
+        signs = [r.value for r in self.conventions if r.name.endswith("_sign")]
+        return int(signs[0]) if signs else 1
+
+    @property
     def measured(self) -> SecondMeasurement | None:
         """The readings with the list active, or None."""
         return None if self.again is None else self.again.readings
@@ -270,14 +276,11 @@ class TableResult(AbstractResult):
     @property
     def expectation(self) -> Expectation | None:
         """The largest offset of the written list at a node that was measured."""
-        sign = next(
-            (int(r.value) for r in self.conventions if r.name.endswith("_sign")), 1
-        )
         best: Expectation | None = None
         for branch, entries in self.table.items():
             reached = np.where(self.support[branch] > 0, np.abs(entries), -1.0)
             index = np.unravel_index(int(np.argmax(reached)), reached.shape)
-            value = sign * float(entries[index])
+            value = self.sign * float(entries[index])
             if best is None or abs(value) > abs(best.value):
                 places = zip(self.masters, self.nodes, reversed(index), strict=True)
                 best = Expectation(

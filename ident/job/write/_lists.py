@@ -29,7 +29,6 @@ class AxisFiles:
 
     Attributes:
         axis: Name in the job.
-        number: Its logical number.
         existing: What it has already.
         drafts: All its fits, in the order of the job.
         cycles: Value of P-AXIS-00243, where a fit asks for one.
@@ -48,7 +47,6 @@ class AxisFiles:
     """
 
     axis: str
-    number: int
     existing: AxisLists
     drafts: tuple[AbstractDraft, ...]
     cycles: int | None
@@ -62,6 +60,11 @@ class AxisFiles:
     same: frozenset[str] = frozenset()
     root: Path = Path()
     written: tuple[Path, ...] = ()
+
+    @property
+    def number(self) -> int:
+        """Its logical number."""
+        return self.existing.axis
 
     @property
     def compensation_name(self) -> str:
@@ -205,7 +208,6 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
         reasons = ["the list is new to the controller (hochlauf.lis names it)"]
     return AxisFiles(
         axis=axis,
-        number=lists.axis,
         existing=lists,
         drafts=every,
         cycles=cycles,
