@@ -25,10 +25,10 @@ def directed_marks(
 
 
 def side_by_side(
-    height: float, titles: tuple[str, str], across: str, up: str, shared: bool = True
+    height: float, titles: tuple[str, str], across: str, up: str
 ) -> tuple[Figure, list[Axes]]:
     """Return two panels with a line at 0, what each shows above it, and labels."""
-    figure, panels = style.new_figure(height, columns=2, sharey=shared)
+    figure, panels = style.new_figure(height, columns=2, sharey=True)
     for panel, title in zip(panels, titles, strict=True):
         panel.axhline(0, color=style.INK, linewidth=0.7)
         panel.set_title(title)

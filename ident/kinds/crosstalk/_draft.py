@@ -179,7 +179,7 @@ class CrosstalkDraft(AbstractDraft):
         added = self.added_to_log(done)
         corrected = dataclasses.replace(log, error=log.error + added)
         left = cut_events(corrected, fit.effect).value
-        before, workspace = fit.events.value, self._workspace()
+        before = fit.events.value
         model, predicted = (
             (self.model, fit.predicted) if self.written else (None, before)
         )
@@ -191,8 +191,7 @@ class CrosstalkDraft(AbstractDraft):
             held_out="event",
             model=model,
             written=fit.kept(self.old.active) & self.written,
-            coverage=0.0 if model is None else coverage_of(model, workspace),
-            workspace=workspace,
+            coverage=0.0 if model is None else coverage_of(model, self._workspace()),
             fit=fit,
             from_file=left,
             time=log.time[fit.events.start],

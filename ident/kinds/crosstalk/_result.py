@@ -124,7 +124,6 @@ class CrosstalkResult(AbstractResult):
         model: The written list as the controller runs it; None: nothing is written.
         written: Which tests of the fit stand in it.
         coverage: Share of the workspace that the tests cover, 0 to 1.
-        workspace: From where to where each adaptation axis goes in mm.
         fit: The estimate behind it with its events (sign of the error).
         from_file: What the written file, read back, leaves of each event.
         time: When each event begins, in s.
@@ -133,7 +132,6 @@ class CrosstalkResult(AbstractResult):
     model: Crosstalk | None
     written: Bool[np.ndarray, " q"]
     coverage: float
-    workspace: Float[np.ndarray, "k 2"]
     fit: CrosstalkFit
     from_file: Float[np.ndarray, " n"]
     time: Float[np.ndarray, " n"]
@@ -192,6 +190,17 @@ class CrosstalkResult(AbstractResult):
         """Return parameters, deviations and support for result.json."""
         fit, events = self.fit, self.fit.events
         names = [name.replace(" ", "_") for name in BRANCHES]
+        columns = {
+            "time": self.time,
+            "kind": [BRANCHES[row] for row in events.branch],
+            "positions": events.positions,
+            "peak": events.peak,
+            "error": events.value,
+            "standard_deviation": events.standard_deviation,
+            "predicted": fit.predicted,
+            "from_file": self.from_file,
+            "wild": events.wild,
+        }
         return {
             "master": self.master,
             "adaptation": list(self.adaptation),
@@ -216,18 +225,8 @@ class CrosstalkResult(AbstractResult):
             "noise": dict(zip(names, fit.noise, strict=True)),
             "coverage": self.coverage,
             "events": [
-                {
-                    "time": self.time[k],
-                    "kind": BRANCHES[events.branch[k]],
-                    "positions": events.positions[k],
-                    "peak": events.peak[k],
-                    "error": events.value[k],
-                    "standard_deviation": events.standard_deviation[k],
-                    "predicted": fit.predicted[k],
-                    "from_file": self.from_file[k],
-                    "wild": events.wild[k],
-                }
-                for k in range(len(events))
+                dict(zip(columns, row, strict=True))
+                for row in zip(*columns.values(), strict=True)
             ],
         }
 

@@ -198,15 +198,12 @@ class FrictionResult(AbstractResult):
         if self.knots is None:
             return None
         speed = self.knots.velocity / 1000.0
-        sign = next(
-            (int(r.value) for r in self.conventions if r.name.endswith("_sign")), 1
-        )
         slow = speed < min(_JOG, float(speed[-1]))
         largest = int(np.argmax(np.where(slow, -1, np.abs(self.knots.out))))
         return Expectation(
             {},
             1,
-            sign * float(self.knots.out[largest] * self.knots.unit),
+            self.sign * float(self.knots.out[largest] * self.knots.unit),
             self.unit,
             speed=float(speed[largest]),
         )
