@@ -32,6 +32,8 @@ CHANNELS = (
 
 _FIRST = 30.0
 """Share of a lag that counts as its beginning is one over this."""
+_PAUSE = 1e6
+"""s between recordings of which each has a clock of its own: every lag has forgotten."""
 _STRAIGHT = 4.0
 """Square of the readings' distance from a line, in their noise, up to which it is one."""
 
@@ -185,6 +187,7 @@ class JointData:
         run: Number of the repeated run or separate set-up; None where there is one.
         runs: The same by axis, for axes on which other runs than these (or none) may have
             an offset of their own.
+        clock_number: Of the clock that tells the time of each row; None where there is one.
     """
 
     position: Columns = dataclasses.field(default_factory=dict)
@@ -198,6 +201,7 @@ class JointData:
     runs: Mapping[str, Int[np.ndarray, " t"] | None] = dataclasses.field(
         default_factory=dict
     )
+    clock_number: Int[np.ndarray, " t"] | None = None
 
     channels: ClassVar[tuple[str, ...]] = CHANNELS
     """Attributes that hold arrays by name."""
@@ -291,6 +295,10 @@ class JointData:
         if sensor not in self._clocks:
             values = self.column("temperature", sensor, wanted)
             time = self.clock_for(f"{wanted}: a lag")
+            if self.clock_number is not None:
+                # A recording remembers nothing of the one before.
+                known = time[np.isfinite(time)]
+                time = time + (np.ptp(known) + _PAUSE) * self.clock_number
             self._clocks[sensor] = clocked(time, values)
         return self._clocks[sensor]
 

@@ -74,6 +74,7 @@ def stack(parts: Iterable[Observed]) -> Observed:
         start = float(clocks[-1].max(initial=start)) + 1.0
     return Observed(
         time=None if any(p.time is None for p in every) else np.concatenate(clocks),
+        clock_number=None,
         run=numbered([part.run for part in every]),
         source=numbered([part.source for part in every]),
         rotary=frozenset().union(*(part.rotary for part in every)),

@@ -149,6 +149,7 @@ def read_group(
     several = run is not None and len(np.unique(run)) > 1
     time = joined([part.time for part in parts])
     order = np.arange(sum(counts), dtype=float) if time is None else time
+    slices = rows_of(lead.sources, counts)
     fold, by_run = folds(run, order)
     # Runs without an offset: it is what tells the temperature.
     heated = _unique((one.axis,) for one in members if one.sensors)
@@ -170,8 +171,11 @@ def read_group(
             time=time,
             run=run if several else None,
             runs=dict.fromkeys(heated, beside),
+            clock_number=None
+            if time is None or followed(time, slices)
+            else np.repeat(np.arange(len(counts)), counts),
         ),
-        slices=rows_of(lead.sources, counts),
+        slices=slices,
         run=run,
         order=np.asarray(order, dtype=float),
         timed=time is not None,
@@ -294,6 +298,12 @@ def _way(rows: Rows, axis: str, fit: FitSpec) -> Float[np.ndarray, " t"]:
     )
     least = min(_TAKEN_UP * float(np.ptp(place[np.isfinite(place)])), _LONGEST)
     return np.where(np.abs(place - place[turned]) < least, np.nan, found)
+
+
+def followed(time: Float[np.ndarray, " t"], slices: Mapping[str, slice]) -> bool:
+    """Return whether the clocks of all measurements follow each other, as one clock would."""
+    parts = [time[rows] for rows in slices.values()]
+    return all(np.nanmax(a) < np.nanmin(b) for a, b in itertools.pairwise(parts))
 
 
 def folds(

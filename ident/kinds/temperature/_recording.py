@@ -1,7 +1,6 @@
 """What was measured for a thermal line: its readings, and which of them are any."""
 
 import dataclasses
-import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -88,10 +87,11 @@ def _one_clock(
     group: "GroupRecording",
 ) -> tuple[Float[np.ndarray, " t"] | None, tuple[str, ...]]:
     """Return the instants of all measurements, where they follow each other; else why not."""
+    from ...job.joint._recording import followed  # takes long to load
+
     time, order = group.data.time, "The rows have no time"
     if time is not None:
-        parts = [time[rows] for rows in group.slices.values()]
-        if all(np.nanmax(a) < np.nanmin(b) for a, b in itertools.pairwise(parts)):
+        if followed(time, group.slices):
             return time - np.nanmin(time), ()
         order = "The clocks of the measurements do not follow each other"
     rest = "rows are taken in their order, and a lag behind the sensor cannot be seen."
