@@ -235,7 +235,6 @@ def _fit(
         share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},
         wild={axis: fit.over_rows(~fit.active, False) for axis, fit in fits.items()},
         runs=runs,
-        run_curves={axis: fit.curves() for axis, fit in fits.items()},
         gauges=gauges,
         confusions=tuple(each for own in known.values() for each in confusions_of(own)),
         converged=all(fit.estimate.converged for fit in fits.values()),

@@ -128,21 +128,6 @@ class Part:
 
 
 @dataclasses.dataclass(frozen=True)
-class RunCurve:
-    """What was taken off one run: linear between instants.
-
-    Attributes:
-        run: Its number.
-        time: In s; empty for an offset alone.
-        value: At these instants in mm or °, or the offset.
-    """
-
-    run: int
-    time: Float[np.ndarray, " _k"]
-    value: Float[np.ndarray, " _n"]
-
-
-@dataclasses.dataclass(frozen=True)
 class JointFit:
     """Effects fitted together; signs are those of the *error*.
 
@@ -155,7 +140,6 @@ class JointFit:
         share: Weight that the loss left each reading, 0 to 1, by axis.
         wild: Readings that the loss rejected outright, by axis.
         runs: Offset and drift of each run against the datum, by axis.
-        run_curves: The same in full: what `predict` adds for rows of these runs if asked.
         gauges: What may be moved between effects without changing the sum.
         confusions: What these data cannot tell apart.
         converged: Whether the iterations reached their tolerance.
@@ -169,7 +153,6 @@ class JointFit:
     share: Mapping[str, Float[np.ndarray, " t"]]
     wild: Mapping[str, Bool[np.ndarray, " t"]]
     runs: Mapping[str, tuple[RunEffect, ...]]
-    run_curves: Mapping[str, tuple[RunCurve, ...]]
     gauges: tuple[Gauge, ...]
     confusions: tuple[Confusion, ...]
     converged: bool
@@ -221,18 +204,10 @@ class JointFit:
             result[part.effect.axis] = result[part.effect.axis] + part.curve(data)
         if not runs:
             return result
-        for axis, curves in self.run_curves.items():
-            for curve in curves:
-                own = np.ones(len(data), bool)
-                run = data.run_of(axis)
-                if run is not None:
-                    own = run == curve.run
-                if len(curve.time) and data.time is not None:
-                    result[axis][own] += np.interp(
-                        data.time[own], curve.time, curve.value
-                    )
-                else:
-                    result[axis][own] += curve.value[0]
+        rows = np.arange(len(data))
+        for axis, fit in self.fits.items():
+            for rank, columns in fit.design.course.columns(data, axis, rows).items():
+                result[axis] += columns @ fit.theta[fit.design.places_of_rank(rank)]
         return result
 
     def places_of(self, number: int) -> Int[np.ndarray, " p"]:
