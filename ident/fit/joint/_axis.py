@@ -114,6 +114,11 @@ class AxisFit:
         return np.asarray(error - self.design.columns @ self.theta)
 
     @property
+    def message(self) -> str:
+        """One sentence or more on how the fit went."""
+        return self.estimate.message(len(self.left))
+
+    @property
     def datum(self) -> tuple[float, float]:
         """Constant of the axis in mm or °, and its standard deviation."""
         at = self.design.datum

@@ -142,8 +142,6 @@ class JointFit:
         runs: Offset and drift of each run against the datum, by axis.
         gauges: What may be moved between effects without changing the sum.
         confusions: What these data cannot tell apart.
-        converged: Whether the iterations reached their tolerance.
-        message: One sentence or more on how the fit went.
         fits: Of each axis: its stack, and what its rows tell, with the rules of the gauge.
     """
 
@@ -155,14 +153,26 @@ class JointFit:
     runs: Mapping[str, tuple[RunEffect, ...]]
     gauges: tuple[Gauge, ...]
     confusions: tuple[Confusion, ...]
-    converged: bool
-    message: str
     fits: Mapping[str, "AxisFit"] = dataclasses.field(repr=False)
 
     @property
     def datum(self) -> dict[str, tuple[float, float]]:
         """Constant of each axis in mm or °, and its standard deviation."""
         return {axis: fit.datum for axis, fit in self.fits.items()}
+
+    @property
+    def converged(self) -> bool:
+        """Whether the iterations reached their tolerance."""
+        return all(fit.estimate.converged for fit in self.fits.values())
+
+    @property
+    def message(self) -> str:
+        """One sentence or more on how the fit went."""
+        if len(self.fits) == 1:
+            return next(iter(self.fits.values())).message
+        return " ".join(
+            f"Axis {axis}: {fit.message}" for axis, fit in self.fits.items()
+        )
 
     @property
     def axes(self) -> tuple[str, ...]:
