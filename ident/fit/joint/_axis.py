@@ -253,7 +253,7 @@ class AxisFit:
         return heavy
 
     def covariance(self, places: Int[np.ndarray, " p"]) -> Float[np.ndarray, "p p"]:
-        """Return the joint covariance of some unknowns, see `JointFit.covariance`."""
+        """Return the joint covariance of some unknowns, see `Part.covariance`."""
         known, functionals = self.known, np.zeros((self.design.size, len(places)))
         functionals[places, np.arange(len(places))] = 1.0
 

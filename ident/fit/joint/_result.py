@@ -82,8 +82,21 @@ class Part:
     @property
     def standard_deviation(self) -> Float[np.ndarray, " p"]:
         """Of the values under the stated gauge, same unit; inf where the data do not tell them."""
-        places = self.fit.design.places_of(self.name)
-        return np.asarray(self.fit.deviation[places])
+        return np.asarray(self.fit.deviation[self.places])
+
+    @property
+    def covariance(self) -> Float[np.ndarray, "p p"]:
+        """Joint covariance of the values, under the gauge of the fit.
+
+        Scaled to the stated standard deviations, which know of lags and of noise that drifts
+        as well. A value that the readings do not tell has the variance inf, and NaN beside it.
+        """
+        return self.fit.covariance(self.places)
+
+    @property
+    def places(self) -> Int[np.ndarray, " p"]:
+        """Which unknowns of its axis the values are."""
+        return self.fit.design.places_of(self.name)
 
     @property
     def lags(self) -> Mapping[str, tuple[float, float]]:
@@ -219,20 +232,3 @@ class JointFit:
             for rank, columns in fit.design.course.columns(data, axis, rows).items():
                 result[axis] += columns @ fit.theta[fit.design.places_of_rank(rank)]
         return result
-
-    def places_of(self, number: int) -> Int[np.ndarray, " p"]:
-        """Return which unknowns of its axis the values of a part are."""
-        part = self.parts[number]
-        return self.fits[part.effect.axis].design.places_of(part.name)
-
-    def covariance(self, number: int) -> Float[np.ndarray, "p p"]:
-        """Return the joint covariance of the values of a part, under the gauge of the fit.
-
-        Scaled to the stated standard deviations, which know of lags and of noise that drifts
-        as well. A value that the readings do not tell has the variance inf, and NaN beside it.
-
-        Args:
-            number: Which of the parts.
-        """
-        axis = self.parts[number].effect.axis
-        return self.fits[axis].covariance(self.places_of(number))
