@@ -145,7 +145,7 @@ class Fit(Mapping[str, FittedEffect]):
     def covariance(self, name: str) -> Float[np.ndarray, "p p"]:
         """Return the joint covariance of the values of an effect, in the order of the list.
 
-        In mm² or °², see `JointFit.covariance`. A value that the readings do not tell has
+        In mm² or °², see `Part.covariance`. A value that the readings do not tell has
         the variance inf, and NaN beside it.
 
         Raises:
@@ -154,8 +154,7 @@ class Fit(Mapping[str, FittedEffect]):
         one = self.effects[name]
         if self.joint is None or not isinstance(one.effect, AbstractEffect):
             raise KeyError(name)
-        own = self.joint.covariance(self.stated.place(one.effect))
-        return own + one.common**2
+        return self.joint.part(one.effect.name).covariance + one.common**2
 
     def write(
         self,
@@ -316,9 +315,7 @@ def fit(
                 for each in gauges
             )
         if constraints and name in constraints:
-            assert joint is not None
-            together = joint.covariance(stated.place(one))
-            table = _constrained(part, table, together, constraints[name])
+            table = _constrained(part, table, constraints[name])
         if place is not None:
             model = part.effect.to_model(table, -1.0)
             zero = -float(np.mean(one.offsets(model, *(np.array([x]) for x in place))))
@@ -417,7 +414,6 @@ def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
 def _constrained(
     part: Part,
     table: Float[np.ndarray, "..."],
-    covariance: Float[np.ndarray, "p p"],
     inequality: Callable[[Any], Array],
 ) -> Float[np.ndarray, "..."]:
     """Return the most probable table of a part whose model keeps inequalities, by IPOPT.
@@ -425,12 +421,12 @@ def _constrained(
     Args:
         part: As it was fitted.
         table: Its values, with the constant that they hold.
-        covariance: Of its values.
         inequality: Values that the model of the controller keeps at or above zero.
 
     Raises:
         FitError: If nothing keeps them, or the readings do not determine the values.
     """
+    covariance = part.covariance
     if not np.isfinite(covariance).all():
         msg = f"constraints: the readings do not determine all of {part.name}"
         raise FitError(msg)

@@ -41,11 +41,6 @@ class Stated:
     names: tuple[str, ...]
     constrained: tuple[str, ...] = ()
 
-    def place(self, effect: AbstractEffect | Friction) -> int:
-        """Return which part of a joint fit an effect is."""
-        stack = [one for one in self.effects if isinstance(one, AbstractEffect)]
-        return next(k for k, one in enumerate(stack) if one is effect)
-
     @property
     def active_kinds(self) -> tuple[str, ...]:
         """Compensations of the effects that acted while measuring."""

@@ -34,14 +34,12 @@ _BELIEF = 2.0
 
 @dataclasses.dataclass(frozen=True)
 class Regression:
-    """A fitted model; from the robust passes alone its covariance is 0.
+    """Fitted factors of columns.
 
     Attributes:
-        coefficients: One per column, then one per non-linear parameter; 0 where undetermined.
+        coefficients: One per column; 0 where undetermined.
         noise: How the residuals scatter, wild ones left out.
         residual: Reading − fit per row.
-        pseudo: Pseudo-residuals that led to the coefficients, 0 where wild.
-        share: Weight that the loss left each reading, 0 to 1.
         wild: Readings that the loss rejected outright.
         converged: Whether the robust passes converged.
         covariance: Of the coefficients, drift of the residuals counted in; infinite on the
@@ -54,8 +52,6 @@ class Regression:
     coefficients: Float[np.ndarray, " k"]
     noise: DriftNoise
     residual: Float[np.ndarray, " t"]
-    pseudo: Float[np.ndarray, " t"]
-    share: Float[np.ndarray, " t"]
     wild: Bool[np.ndarray, " t"]
     converged: bool
     covariance: Float[np.ndarray, "k k"]
@@ -75,7 +71,6 @@ def regress(
     time: Float[np.ndarray, " t"] | None = None,
     weight: Float[np.ndarray, " t"] | None = None,
     loss: str = "student",
-    quick: bool = False,
     noise: float | None = None,
 ) -> Regression:
     r"""Return the factors of columns that explain readings.
@@ -90,7 +85,6 @@ def regress(
         time: Of each reading; None = in the order of the rows, one per unit.
         weight: Known relative weights (1/variance ratio), or None.
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
-        quick: Coefficients only: covariance and drift are left out (hold-out folds).
         noise: Scatter of a reading of weight 1 as it is known beforehand, of readings that are
             independent: counts as two readings, lets as many unknowns be fitted as there are
             readings, and columns that cannot be separated are undetermined, not refused.
@@ -104,13 +98,14 @@ def regress(
     scale = np.sqrt(np.square(columns * root[:, None]).sum(axis=0))
     design = columns / np.where(scale > 0, scale, 1.0)
     scale = np.where(scale > 0, scale, 1.0)
-    if noise is None:
-        if count <= size:
-            msg = f"{count} readings for {size} unknowns, expected more than {size}."
-            raise FitError(msg)
-        _refuse_confounded(columns * root[:, None])
+    if noise is None and count <= size:
+        msg = f"{count} readings for {size} unknowns, expected more than {size}."
+        raise FitError(msg)
     # In an orthonormal basis of the columns the information is a unit matrix.
-    basis, _ = _spectrum(design * root[:, None])
+    basis, lost = _spectrum(design * root[:, None])
+    if noise is None and lost.shape[1]:
+        msg = "the readings cannot tell the columns apart."
+        raise FitError(msg)
     size = basis.shape[1]
     stack = Stack((ColumnsEffect(NoPrior(size), size, _RIDGE),), banded=False)
     part = design @ basis
@@ -123,69 +118,46 @@ def regress(
         start=_least_magnitudes(part * root[:, None], target * root, loss),
     )
     left = target - part @ found.centre
-    share = found.loss.share(left * root / found.loss.scale)
     wild = found.loss.wild(left * root / found.loss.scale)
-    if wild.any() and int((~wild).sum()) <= size:
+    rows = ~wild
+    if wild.any() and int(rows.sum()) <= size:
         msg = "the readings that agree with each other are too few to fit."
         raise FitError(msg)
-    result = Regression(
-        coefficients=basis @ found.values / scale,
-        noise=DriftNoise(found.noise if loss == "gauss" else found.loss.scale),
-        residual=target - part @ found.values,
-        pseudo=share * left / found.posterior.problem.gain,
-        share=share,
-        wild=wild,
-        converged=found.converged,
-        covariance=np.zeros((len(scale), len(scale))),
-        independent=np.full(len(scale), float(count)),
-        undetermined=np.zeros(len(scale), bool),
-    )
-    if quick:
-        return result
-    return _with_covariance(result, design, scale, known, time, noise)
-
-
-def _with_covariance(
-    result: Regression,
-    design: Float[np.ndarray, "t k"],
-    scale: Float[np.ndarray, " k"],
-    known: Float[np.ndarray, " t"],
-    time: Float[np.ndarray, " t"] | None,
-    belief: float | None = None,
-) -> Regression:
-    """Return the result with covariance, drift and what is not determined."""
-    rows = ~result.wild
-    clock = np.arange(len(rows), dtype=float) if time is None else np.asarray(time)
-    weight, part, pseudo = known[rows], design[rows], result.pseudo[rows]
-    seen, unseen = _spectrum(np.sqrt(weight)[:, None] * part)
+    share = found.loss.share(left * root / found.loss.scale)
+    pseudo = (share * left / found.posterior.problem.gain)[rows]
+    clock = np.arange(count, dtype=float) if time is None else np.asarray(time)
+    clock, weights, kept = clock[rows], known[rows], design[rows]
+    seen, unseen = _spectrum(np.sqrt(weights)[:, None] * kept)
     lacking = (np.abs(unseen) > SINGULAR**0.5).any(axis=1)
     # The likelihood needs as many columns as the readings see.
-    own = part @ seen
-    if belief is None:
-        noise = find_drift(clock[rows], own, pseudo, weight)
+    own = kept @ seen
+    if noise is None:
+        drifting = find_drift(clock, own, pseudo, weights)
     else:
         # Known beforehand: counts as a few readings.
-        square = float((weight * pseudo**2).sum()) + _BELIEF * belief**2
+        square = float((weights * pseudo**2).sum()) + _BELIEF * noise**2
         free = float(rows.sum() - own.shape[1]) + _BELIEF
-        noise = DriftNoise(float(np.sqrt(square / max(free, 1.0))))
+        drifting = DriftNoise(float(np.sqrt(square / max(free, 1.0))))
     inverse = seen @ seen.T
-    scatter = scatter_of_sums(noise, clock[rows], part, weight)
+    scatter = scatter_of_sums(drifting, clock, kept, weights)
     covariance = inverse @ scatter @ inverse / np.outer(scale, scale)
-    plain = (noise.white**2 + noise.drift**2) * np.diag(inverse) / scale**2
+    plain = (drifting.white**2 + drifting.drift**2) * np.diag(inverse) / scale**2
     swell = np.diag(covariance) / np.maximum(plain, 1e-300)
     independent = float(rows.sum()) / np.maximum(swell, 1.0)
-    if noise.drift > 0:
+    if drifting.drift > 0:
         # The variances themselves rest on as many readings: the variance of Student's t.
-        free = np.maximum(independent, _LEAST_FREE)
-        heavy = np.sqrt(free / (free - 2.0))
+        free_each = np.maximum(independent, _LEAST_FREE)
+        heavy = np.sqrt(free_each / (free_each - 2.0))
         covariance = covariance * np.outer(heavy, heavy)
     covariance[lacking, :] = covariance[:, lacking] = 0.0
     covariance[lacking, lacking] = np.inf
-    return dataclasses.replace(
-        result,
-        coefficients=np.where(lacking, 0.0, result.coefficients),
+    return Regression(
+        coefficients=np.where(lacking, 0.0, basis @ found.values / scale),
+        noise=drifting,
+        residual=target - part @ found.values,
+        wild=wild,
+        converged=found.converged,
         covariance=covariance,
-        noise=noise,
         independent=np.where(lacking, 0.0, independent),
         undetermined=lacking,
     )
@@ -204,19 +176,6 @@ def _spectrum(
     values = np.append(values, np.zeros(size - len(values)))
     seen = values > SINGULAR * max(float(values[0]), 1e-300)
     return right[seen].T / values[seen], right[~seen].T
-
-
-def _refuse_confounded(columns: Float[np.ndarray, "t k"]) -> None:
-    """Refuse columns that the readings cannot tell apart.
-
-    Raises:
-        FitError: If a shift between some of them changes nothing.
-    """
-    scale = np.sqrt(np.square(columns).sum(axis=0))
-    _, null = _spectrum(columns / np.where(scale > 0.0, scale, 1.0))
-    if null.shape[1]:
-        msg = "the readings cannot tell the columns apart."
-        raise FitError(msg)
 
 
 def _least_magnitudes(

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from jaxtyping import Bool
 
-from ..core import one_blas_thread, regress
+from ..core import one_blas_thread
 from ._columns import Columns
 from ._data import (
     AxisSummary,
@@ -261,9 +261,10 @@ def _steeper(chosen: Selection, term: Term) -> str:
     laws = [block for block in blocks if block.shape[1] == 1]
     own, data = chosen.columns.of(term), chosen.view.data
     columns = np.hstack([own, *laws, np.ones((len(own), 1))])
-    fit = regress(columns, data.current[term.axis], quick=True)
-    size = float(np.sqrt(np.mean(data.velocity[term.axis] ** 2)))
-    slope = float(fit.coefficients[0]) / size
+    root = np.sqrt(chosen.columns.weight)
+    right = data.current[term.axis] * root
+    factors = np.linalg.lstsq(columns * root[:, None], right, rcond=None)[0]
+    slope = float(factors[0] / np.sqrt(np.mean(data.velocity[term.axis] ** 2)))
     way = "forwards" if slope > 0 else "backwards"
     return f" It is steeper {way} by {2.0 * abs(slope):.3g} per unit of velocity."
 

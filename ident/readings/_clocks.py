@@ -155,7 +155,7 @@ def find_offset(
         return float(np.clip(offset + found.coefficients[-1], *near)), found
 
     try:
-        factors = regress(columns(best, keep), signal[keep], quick=True).coefficients
+        factors = regress(columns(best, keep), signal[keep]).coefficients
         best, found = beside(best, factors)
         # The slope is another one there.
         best, found = beside(best, found.coefficients[:-1])

@@ -86,36 +86,26 @@ class Shapes:
 
     Attributes:
         basis: Over all unknowns.
-        owner: Number of the block of each shape.
-        labels: Its name.
+        names: Block and label of each shape.
         free: Whether no prior holds it.
         order: Numbers of the shapes, those that give way first in front.
     """
 
     basis: Float[np.ndarray, "n m"]
-    owner: Int[np.ndarray, " m"]
-    labels: tuple[str, ...]
+    names: tuple[tuple[str, str], ...]
     free: Bool[np.ndarray, " m"]
     order: Int[np.ndarray, " m"]
 
     @classmethod
     def of(cls, blocks: Sequence[Block]) -> "Shapes":
         """Return the shapes of blocks."""
-        counts = [len(block.labels) for block in blocks]
-        owner = np.repeat(np.arange(len(blocks)), counts)
-        priority = np.array([block.priority for block in blocks])[owner]
+        priority = [block.priority for block in blocks for _ in block.labels]
         return cls(
             np.asarray(scipy.linalg.block_diag(*(block.basis for block in blocks))),
-            owner,
-            tuple(label for block in blocks for label in block.labels),
+            tuple((block.name, label) for block in blocks for label in block.labels),
             np.concatenate([block.free for block in blocks]),
             np.argsort(priority, kind="stable"),
         )
-
-    def names(self, blocks: Sequence[Block]) -> list[tuple[str, str]]:
-        """Return the block and the label of each shape."""
-        pairs = zip(self.owner, self.labels, strict=True)
-        return [(blocks[own].name, label) for own, label in pairs]
 
 
 @final
@@ -183,14 +173,14 @@ class Freedoms:
     ) -> "Freedoms":
         """Return the freedoms of blocks at readings; the volume is where they could stand."""
         shapes = Shapes.of(blocks)
-        varied = _varied(readings, volume, len(shapes.labels))
+        varied = _varied(readings, volume, len(shapes.names))
         actual, ideal = (_Seen.of(stack, shapes, rows) for rows in (readings, varied))
         common, lost = ideal.null(shapes.free), actual.null(shapes.free)
         zero = _given_way(common, shapes.order)
         held = _given_way(lost, np.array([*zero, *shapes.order], np.int64))
         null = shapes.basis @ (lost / actual.scale[:, None])
-        gauges = _gauges(common, zero, shapes.names(blocks))
-        kept = np.delete(np.arange(len(shapes.labels)), [rule for rule, _ in gauges])
+        gauges = _gauges(common, zero, shapes.names)
+        kept = np.delete(np.arange(len(shapes.names)), [rule for rule, _ in gauges])
         hidden, dual, share = actual.hidden(ideal, kept)
         parts = _resolved(hidden)
         return cls(
@@ -342,8 +332,9 @@ def _gauges(
 def _lost(shapes: Shapes, parts: Float[np.ndarray, "m h"]) -> Bool[np.ndarray, " n"]:
     """Return the unknowns with a part in directions, judged within their block."""
     result = np.zeros(len(shapes.basis), bool)
-    for block in range(int(shapes.owner.max()) + 1):
-        own = shapes.owner == block
+    owners = np.array([name for name, _ in shapes.names])
+    for block in np.unique(owners):
+        own = owners == block
         moves = np.abs(shapes.basis[:, own] @ parts[own])
         result |= (moves > _VALUE * moves.max(axis=0, initial=1e-300)).any(axis=1)
     return result
@@ -354,22 +345,23 @@ def _groups(
 ) -> tuple[Undetermined, ...]:
     """Return what is hidden, shapes that share a direction together."""
     part = (parts != 0.0).astype(float)
-    directions: dict[tuple[int, ...], int] = {}
-    members: dict[tuple[int, ...], list[int]] = {}
+    by_tools = {block.name for block in blocks if block.by_tools}
+    directions: dict[tuple[str, ...], int] = {}
+    members: dict[tuple[str, ...], list[int]] = {}
     count, group = connected_components(part @ part.T)
     for number in range(count):
-        own = np.flatnonzero(group == number)
+        own = np.flatnonzero(group == number).tolist()
         along = int(part[own].any(axis=0).sum())
-        owners = tuple(dict.fromkeys(shapes.owner[own].tolist()))
+        owners = tuple(dict.fromkeys(shapes.names[k][0] for k in own))
         if along:
             directions[owners] = directions.get(owners, 0) + along
-            members.setdefault(owners, []).extend(own.tolist())
+            members.setdefault(owners, []).extend(own)
     result = []
     for owners, shared in members.items():
-        labels: dict[int, dict[str, None]] = {one: {} for one in owners}
-        for k in sorted(shared):
-            labels[int(shapes.owner[k])][shapes.labels[k]] = None
-        named = tuple((blocks[one].name, tuple(own)) for one, own in labels.items())
-        tools = all(blocks[one].by_tools for one in owners)
-        result.append(Undetermined(named, directions[owners], tools))
+        names = [shapes.names[k] for k in sorted(shared)]
+        named = tuple(
+            (one, tuple(dict.fromkeys(label for name, label in names if name == one)))
+            for one in owners
+        )
+        result.append(Undetermined(named, directions[owners], by_tools >= {*owners}))
     return tuple(result)

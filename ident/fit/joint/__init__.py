@@ -24,7 +24,6 @@ from ._result import (
     Identifiability as Identifiability,
     JointFit as JointFit,
     Part as Part,
-    RunCurve as RunCurve,
 )
 from ._tables import (
     Cross as Cross,

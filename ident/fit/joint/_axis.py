@@ -41,7 +41,7 @@ from ._effect import AbstractEffect, Rank
 from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, lagging, sensors_to_fit
-from ._result import Options, Part, RunCurve, Smoothness
+from ._result import Options, Part, Smoothness
 
 Vector = Float[np.ndarray, " _n"]
 
@@ -112,6 +112,11 @@ class AxisFit:
         """Error − fit of the readings that were used."""
         error = _error(self.design, self.data)
         return np.asarray(error - self.design.columns @ self.theta)
+
+    @property
+    def message(self) -> str:
+        """One sentence or more on how the fit went."""
+        return self.estimate.message(len(self.left))
 
     @property
     def datum(self) -> tuple[float, float]:
@@ -248,7 +253,7 @@ class AxisFit:
         return heavy
 
     def covariance(self, places: Int[np.ndarray, " p"]) -> Float[np.ndarray, "p p"]:
-        """Return the joint covariance of some unknowns, see `JointFit.covariance`."""
+        """Return the joint covariance of some unknowns, see `Part.covariance`."""
         known, functionals = self.known, np.zeros((self.design.size, len(places)))
         functionals[places, np.arange(len(places))] = 1.0
 
@@ -314,20 +319,6 @@ class AxisFit:
             RunEffect(run, *each)
             for run, each in zip(design.course.runs, numbers.T.tolist(), strict=True)
         )
-
-    def curves(self) -> tuple[RunCurve, ...]:
-        """Return what was taken off each run, over the time."""
-        design, theta, course = self.design, self.theta, self.design.course
-        if not course.runs:
-            return ()
-        value = np.zeros((len(course.runs), course.pieces * course.steps + 1))
-        drifts = {Rank.RUNS: course.offsets, Rank.WANDER: course.bridges}
-        for rank, own in drifts.items():
-            places = design.places_of_rank(rank)
-            value = value + theta[places].reshape(len(value), own.shape[1]) @ own.T
-        times = [np.linspace(*span, value.shape[1]) for span in course.spans]
-        times = times or [np.zeros(0)] * len(value)
-        return tuple(map(RunCurve, course.runs, times, value))
 
     def parts(self) -> list[Part]:
         """Return the fitted effects."""

@@ -80,6 +80,38 @@ class Course:
         constant = len(share) * np.log(self.steps) + inner * np.log(share).sum()
         return Independent(rows, float(constant))
 
+    def columns(
+        self, data: JointData, axis: str, rows: Int[np.ndarray, " r"]
+    ) -> dict[Rank, Any]:
+        """Return the columns of offsets and bridges; rows of other runs have none of them."""
+        if not self.runs:
+            return {}
+        run, labels = _run_of(data, axis, rows), np.array(self.runs)
+        index = np.minimum(np.searchsorted(labels, run), len(labels) - 1)
+        place = np.zeros(len(rows))
+        if self.spans and data.time is not None:
+            low, high = np.array(self.spans).T
+            since = data.time[rows] - low[index]
+            place = np.clip(since / (high - low)[index], 0.0, 1.0)
+        cells = self.pieces * self.steps
+        cell = np.floor(np.nan_to_num(place) * cells).astype(np.int64)
+        cell = np.minimum(cell, max(cells - 1, 0))
+        right = place * cells - cell
+        first = index * (cells + 1)
+        nodes = first + cell, first + np.minimum(cell + 1, cells)
+        entries = (np.tile(np.arange(len(rows)), 2), np.concatenate(nodes))
+        known = labels[index] == run
+        shares = np.concatenate([known * (1.0 - right), known * right])
+        shape = (len(rows), len(labels) * (cells + 1))
+        at = sp.csr_array((shares, entries), shape=shape)
+        parts = {Rank.RUNS: self.offsets, Rank.WANDER: self.bridges}
+        each = sp.eye_array(len(labels))
+        return {
+            rank: sp.csr_array(at @ sp.kron(each, own, format="csr"))
+            for rank, own in parts.items()
+            if own.shape[1]
+        }
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Design:
@@ -222,7 +254,8 @@ def design_of(
             dataclasses.replace(each, table=table) for each in effect.components(places)
         )
         count += effect.size
-    course, beside = _course(data, axis, rows, drift, wander)
+    course = _course(data, axis, rows, drift, wander)
+    beside = course.columns(data, axis, rows)
     constant: Any = sp.csr_array(np.ones((len(rows), 1)))
     for rank, added in {Rank.DATUM: constant, **beside}.items():
         places = np.arange(count, count + added.shape[1])
@@ -257,43 +290,29 @@ def _nuisance(
     return Component(name, rank, places, prior=prior, level=level)
 
 
+def _run_of(
+    data: JointData, axis: str, rows: Int[np.ndarray, " r"]
+) -> Int[np.ndarray, " r"]:
+    own = data.run_of(axis)
+    return np.zeros(len(rows), np.int64) if own is None else own[rows]
+
+
 def _course(
     data: JointData, axis: str, rows: Int[np.ndarray, " r"], drift: int, wander: bool
-) -> tuple[Course, dict[Rank, Any]]:
-    """Return what the reference does, and the columns of its offsets and bridges.
+) -> Course:
+    """Return what the reference does.
 
     One run alone has no offset. A drift has bridges between its knots, as many as all rows of
     the recording can tell.
     """
-    own = data.run_of(axis)
-    run = np.zeros(len(rows), np.int64) if own is None else own[rows]
-    labels, index = np.unique(run, return_inverse=True)
-    if len(labels) < 2 and not drift:
-        return Course(), {}
-    course = Course(tuple(int(label) for label in labels))
-    place = np.zeros(len(rows))
-    if drift and data.time is not None:
-        time = data.time[rows]
-        low, high = np.full(len(labels), np.inf), np.full(len(labels), -np.inf)
-        np.minimum.at(low, index, time)
-        np.maximum.at(high, index, time)
-        high = np.maximum(high, low + 1e-12)
-        spans = tuple(zip(low.tolist(), high.tolist(), strict=True))
-        most = min(_STEPS, len(data) // _READINGS) // (len(labels) * drift)
-        course = Course(course.runs, spans, drift, max(most, 1) if wander else 1)
-        place = (time - low[index]) / (high - low)[index]
-    cells = course.pieces * course.steps
-    cell = np.clip(np.floor(place * cells), 0, max(cells - 1, 0)).astype(np.int64)
-    right = place * cells - cell
-    first = index * (cells + 1)
-    nodes = first + cell, first + np.minimum(cell + 1, cells)
-    entries = (np.tile(np.arange(len(rows)), 2), np.concatenate(nodes))
-    shape = (len(rows), len(labels) * (cells + 1))
-    at = sp.csr_array((np.concatenate([1.0 - right, right]), entries), shape=shape)
-    parts = {Rank.RUNS: course.offsets, Rank.WANDER: course.bridges}
-    each = sp.eye_array(len(labels))
-    return course, {
-        rank: sp.csr_array(at @ sp.kron(each, own, format="csr"))
-        for rank, own in parts.items()
-        if own.shape[1]
-    }
+    labels, index = np.unique(_run_of(data, axis, rows), return_inverse=True)
+    runs = tuple(int(label) for label in labels)
+    if not drift or data.time is None:
+        return Course(runs if len(runs) > 1 else ())
+    low, high = np.full(len(runs), np.inf), np.full(len(runs), -np.inf)
+    np.minimum.at(low, index, data.time[rows])
+    np.maximum.at(high, index, data.time[rows])
+    high = np.maximum(high, low + 1e-12)
+    spans = tuple(zip(low.tolist(), high.tolist(), strict=True))
+    most = min(_STEPS, len(data) // _READINGS) // (len(runs) * drift)
+    return Course(runs, spans, drift, max(most, 1) if wander else 1)

@@ -22,14 +22,14 @@ from ._axis import AxisFit, fit_axis
 from ._design import design_of
 from ._effect import AbstractEffect, Rank
 from ._gauge import Rules, Unheld
-from ._identified import identified
+from ._identified import Identified, identified
 from ._result import (
     Identifiability,
     JointFit,
     Options,
     Smoothness,
 )
-from ._words import confusions_of, gauges_of
+from ._words import Confusion, Gauge, confusions_of, gauges_of
 
 
 def fit_joint(
@@ -66,7 +66,49 @@ def fit_joint(
         FitError: If an input is missing, or the readings do not determine the effects.
     """
     placed = [effect.placed(data) for effect in effects]
-    return _fit(data, placed, Options(loss, smoothness, drift), use)
+    groups, options = _by_axis(placed), Options(loss, smoothness, drift)
+
+    def one(axis: str) -> AxisFit:
+        found = fit_axis(axis, groups[axis], data, options, use)
+        wild = float((~found.active).mean())
+        if options.loss == "student" and wild > TOO_MANY:
+            # So many that agree with each other: not they are at fault.
+            mild = dataclasses.replace(options, loss="huber")
+            return fit_axis(axis, groups[axis], data, mild, use)
+        return found
+
+    with one_blas_thread():
+        # Axes share no unknowns; their matrix products leave the interpreter free. The
+        # largest first, so that none is left alone at the end.
+        size = {axis: sum(each.size for each in own) for axis, own in groups.items()}
+        order = sorted(groups, key=lambda axis: -size[axis])
+        with ThreadPoolExecutor(min(len(groups), cores())) as pool:
+            found = dict(zip(order, pool.map(one, order), strict=True))
+        fits = {axis: found[axis] for axis in groups}
+        parts = {part.name: part for fit in fits.values() for part in fit.parts()}
+        runs = {axis: fit.runs() for axis, fit in fits.items()}
+        gauges, confusions = _told([fit.known for fit in fits.values()])
+    return JointFit(
+        parts=tuple(parts[effect.name] for effect in placed),
+        noise={axis: fit.estimate.noise for axis, fit in fits.items()},
+        residual={a: fit.over_rows(fit.left, np.nan) for a, fit in fits.items()},
+        share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},
+        wild={axis: fit.over_rows(~fit.active, False) for axis, fit in fits.items()},
+        runs=runs,
+        gauges=gauges,
+        confusions=confusions,
+        fits=fits,
+    )
+
+
+def _told(
+    axes: Sequence[Identified],
+) -> tuple[tuple[Gauge, ...], tuple[Confusion, ...]]:
+    """Return the freedoms of all axes, and what their rows cannot tell."""
+    return (
+        tuple(gauge for known in axes for gauge in gauges_of(known)),
+        tuple(each for known in axes for each in confusions_of(known)),
+    )
 
 
 def held_out_errors(
@@ -161,17 +203,14 @@ def examine_design(
             for axis, own in _by_axis(placed).items()
             for design in [design_of(axis, own, data, drift, use, axis in data.error)]
         ]
-        gauges = tuple(gauge for known in axes for gauge in gauges_of(known))
+        gauges, confusions = _told(axes)
     share = {
         effect.name: known.share_of(effect.name)
         for known in axes
         for effect in known.design.effects
     }
-    return Identifiability(
-        tuple(share[effect.name] for effect in placed),
-        gauges,
-        tuple(each for known in axes for each in confusions_of(known)),
-    )
+    shares = tuple(share[effect.name] for effect in placed)
+    return Identifiability(shares, gauges, confusions)
 
 
 def _by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[AbstractEffect]]:
@@ -192,53 +231,3 @@ def _by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[AbstractEffect
         names.add(effect.name)
         result.setdefault(effect.axis, []).append(effect)
     return result
-
-
-def _fit(
-    data: JointData,
-    placed: Sequence[AbstractEffect],
-    options: Options,
-    use: Bool[np.ndarray, " t"] | None,
-) -> JointFit:
-    groups = _by_axis(placed)
-
-    def one(axis: str) -> AxisFit:
-        found = fit_axis(axis, groups[axis], data, options, use)
-        wild = float((~found.active).mean())
-        if options.loss == "student" and wild > TOO_MANY:
-            # So many that agree with each other: not they are at fault.
-            mild = dataclasses.replace(options, loss="huber")
-            return fit_axis(axis, groups[axis], data, mild, use)
-        return found
-
-    with one_blas_thread():
-        # Axes share no unknowns; their matrix products leave the interpreter free. The
-        # largest first, so that none is left alone at the end.
-        size = {axis: sum(each.size for each in own) for axis, own in groups.items()}
-        order = sorted(groups, key=lambda axis: -size[axis])
-        with ThreadPoolExecutor(min(len(groups), cores())) as pool:
-            found = dict(zip(order, pool.map(one, order), strict=True))
-        fits = {axis: found[axis] for axis in groups}
-        parts = {part.name: part for fit in fits.values() for part in fit.parts()}
-        known = {axis: fit.known for axis, fit in fits.items()}
-        runs = {axis: fit.runs() for axis, fit in fits.items()}
-        gauges = tuple(each for own in known.values() for each in gauges_of(own))
-    messages = [
-        (f"Axis {axis}: " if len(fits) > 1 else "")
-        + fit.estimate.message(len(fit.left))
-        for axis, fit in fits.items()
-    ]
-    return JointFit(
-        parts=tuple(parts[effect.name] for effect in placed),
-        noise={axis: fit.estimate.noise for axis, fit in fits.items()},
-        residual={a: fit.over_rows(fit.left, np.nan) for a, fit in fits.items()},
-        share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},
-        wild={axis: fit.over_rows(~fit.active, False) for axis, fit in fits.items()},
-        runs=runs,
-        run_curves={axis: fit.curves() for axis, fit in fits.items()},
-        gauges=gauges,
-        confusions=tuple(each for own in known.values() for each in confusions_of(own)),
-        converged=all(fit.estimate.converged for fit in fits.values()),
-        message=" ".join(messages),
-        fits=fits,
-    )

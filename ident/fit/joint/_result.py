@@ -82,8 +82,21 @@ class Part:
     @property
     def standard_deviation(self) -> Float[np.ndarray, " p"]:
         """Of the values under the stated gauge, same unit; inf where the data do not tell them."""
-        places = self.fit.design.places_of(self.name)
-        return np.asarray(self.fit.deviation[places])
+        return np.asarray(self.fit.deviation[self.places])
+
+    @property
+    def covariance(self) -> Float[np.ndarray, "p p"]:
+        """Joint covariance of the values, under the gauge of the fit.
+
+        Scaled to the stated standard deviations, which know of lags and of noise that drifts
+        as well. A value that the readings do not tell has the variance inf, and NaN beside it.
+        """
+        return self.fit.covariance(self.places)
+
+    @property
+    def places(self) -> Int[np.ndarray, " p"]:
+        """Which unknowns of its axis the values are."""
+        return self.fit.design.places_of(self.name)
 
     @property
     def lags(self) -> Mapping[str, tuple[float, float]]:
@@ -128,21 +141,6 @@ class Part:
 
 
 @dataclasses.dataclass(frozen=True)
-class RunCurve:
-    """What was taken off one run: linear between instants.
-
-    Attributes:
-        run: Its number.
-        time: In s; empty for an offset alone.
-        value: At these instants in mm or °, or the offset.
-    """
-
-    run: int
-    time: Float[np.ndarray, " _k"]
-    value: Float[np.ndarray, " _n"]
-
-
-@dataclasses.dataclass(frozen=True)
 class JointFit:
     """Effects fitted together; signs are those of the *error*.
 
@@ -155,11 +153,8 @@ class JointFit:
         share: Weight that the loss left each reading, 0 to 1, by axis.
         wild: Readings that the loss rejected outright, by axis.
         runs: Offset and drift of each run against the datum, by axis.
-        run_curves: The same in full: what `predict` adds for rows of these runs if asked.
         gauges: What may be moved between effects without changing the sum.
         confusions: What these data cannot tell apart.
-        converged: Whether the iterations reached their tolerance.
-        message: One sentence or more on how the fit went.
         fits: Of each axis: its stack, and what its rows tell, with the rules of the gauge.
     """
 
@@ -169,17 +164,28 @@ class JointFit:
     share: Mapping[str, Float[np.ndarray, " t"]]
     wild: Mapping[str, Bool[np.ndarray, " t"]]
     runs: Mapping[str, tuple[RunEffect, ...]]
-    run_curves: Mapping[str, tuple[RunCurve, ...]]
     gauges: tuple[Gauge, ...]
     confusions: tuple[Confusion, ...]
-    converged: bool
-    message: str
     fits: Mapping[str, "AxisFit"] = dataclasses.field(repr=False)
 
     @property
     def datum(self) -> dict[str, tuple[float, float]]:
         """Constant of each axis in mm or °, and its standard deviation."""
         return {axis: fit.datum for axis, fit in self.fits.items()}
+
+    @property
+    def converged(self) -> bool:
+        """Whether the iterations reached their tolerance."""
+        return all(fit.estimate.converged for fit in self.fits.values())
+
+    @property
+    def message(self) -> str:
+        """One sentence or more on how the fit went."""
+        if len(self.fits) == 1:
+            return next(iter(self.fits.values())).message
+        return " ".join(
+            f"Axis {axis}: {fit.message}" for axis, fit in self.fits.items()
+        )
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -221,33 +227,8 @@ class JointFit:
             result[part.effect.axis] = result[part.effect.axis] + part.curve(data)
         if not runs:
             return result
-        for axis, curves in self.run_curves.items():
-            for curve in curves:
-                own = np.ones(len(data), bool)
-                run = data.run_of(axis)
-                if run is not None:
-                    own = run == curve.run
-                if len(curve.time) and data.time is not None:
-                    result[axis][own] += np.interp(
-                        data.time[own], curve.time, curve.value
-                    )
-                else:
-                    result[axis][own] += curve.value[0]
+        rows = np.arange(len(data))
+        for axis, fit in self.fits.items():
+            for rank, columns in fit.design.course.columns(data, axis, rows).items():
+                result[axis] += columns @ fit.theta[fit.design.places_of_rank(rank)]
         return result
-
-    def places_of(self, number: int) -> Int[np.ndarray, " p"]:
-        """Return which unknowns of its axis the values of a part are."""
-        part = self.parts[number]
-        return self.fits[part.effect.axis].design.places_of(part.name)
-
-    def covariance(self, number: int) -> Float[np.ndarray, "p p"]:
-        """Return the joint covariance of the values of a part, under the gauge of the fit.
-
-        Scaled to the stated standard deviations, which know of lags and of noise that drifts
-        as well. A value that the readings do not tell has the variance inf, and NaN beside it.
-
-        Args:
-            number: Which of the parts.
-        """
-        axis = self.parts[number].effect.axis
-        return self.fits[axis].covariance(self.places_of(number))

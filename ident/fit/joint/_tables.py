@@ -113,8 +113,13 @@ class AbstractTable(AbstractEffect):
         """See `AbstractEffect`."""
         mesh = list(np.meshgrid(*(places or self.grid)))
         rows = np.column_stack([each.ravel() for each in mesh])
-        found = model.offset(rows if len(mesh) > 1 else rows[:, 0])
-        return np.asarray(found).reshape(mesh[0].shape)
+        ways = (1, -1) if self.table_effect.way else (1,)
+        found = [
+            np.asarray(model.offset(*model.looked_up(rows, np.full(len(rows), way))))
+            for way in ways
+        ]
+        shape = mesh[0].shape
+        return np.reshape(found, (2, *shape) if len(ways) > 1 else shape)
 
 
 def _grid(start: Number, interval: Number, points: int) -> Float[np.ndarray, " n"]:
@@ -216,15 +221,6 @@ class Leadscrew(AbstractLine):
         del sign
         pos, neg = table if self.bilateral else (table, None)
         return models.Leadscrew(self._model_nodes, pos, neg, self.modulo or None)
-
-    def offsets(
-        self, model: Any, *places: Float[np.ndarray, " _n"]
-    ) -> Float[np.ndarray, "..."]:
-        """See `AbstractEffect`."""
-        (place,) = places or self.grid
-        ways = np.array([1.0, -1.0] if self.bilateral else [1.0])
-        rows = [model.offset(place, np.full(len(place), way)) for way in ways]
-        return np.stack(rows) if self.bilateral else np.asarray(rows[0])
 
 
 @final

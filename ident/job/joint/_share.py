@@ -119,8 +119,7 @@ class Share:
     @property
     def message(self) -> str:
         """How the fit of this axis went."""
-        _, found, rest = self.fit.message.partition(f"Axis {self.axis}: ")
-        return rest.partition(" Axis ")[0] if found else self.fit.message
+        return self.fit.fits[self.axis].message
 
     @property
     def noise(self) -> float:

@@ -227,7 +227,7 @@ class TemperaturePlan(AbstractPlan):
             ),
             values=part.values,
             # Of what these readings do not tell nothing is written.
-            covariance=np.nan_to_num(share.fit.covariance(share.number), posinf=0.0),
+            covariance=np.nan_to_num(share.part.covariance, posinf=0.0),
             lags=tuple(
                 Lag(s, float(lag), part.lags.get(s, (0.0, 0.0))[1])
                 for s, lag in line.lags.items()

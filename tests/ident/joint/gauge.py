@@ -28,9 +28,9 @@ def in_gauge(
         theta = np.zeros(design.size)
         theta[design.datum] = (datum or {}).get(axis, 0.0)
         for number in own:
-            theta[fit.places_of(number)] = result[number]
+            theta[fit.parts[number].places] = result[number]
         theta = known.rules.project(theta)
         constants[axis] = float(theta[design.datum])
         for number in own:
-            result[number] = theta[fit.places_of(number)]
+            result[number] = theta[fit.parts[number].places]
     return result, constants

@@ -171,8 +171,8 @@ def test_a_ring_shares_its_constant_alone() -> None:
 def test_a_joint_covariance_keeps_the_rule(mixed: Any, effects: Any) -> None:
     case = mixed(6, count=800)
     fit = fit_joint(case.data, effects(0.0)[:2])
-    for number, part in enumerate(fit.parts):
-        spread = fit.covariance(number)
+    for part in fit.parts:
+        spread = part.covariance
         assert np.sqrt(np.diag(spread)) == pytest.approx(part.standard_deviation)
         # Whatever is read, the table has mean zero over the readings: sums of some 1e-7 mm²
         # cancel to rounding.

@@ -52,6 +52,11 @@ def fitted(data: JointData, **options: Any) -> JointFit:
     return fit_joint(data, stack, **{"loss": "gauss", "drift": 6} | options)
 
 
+def reference(fit: JointFit, data: JointData) -> np.ndarray:
+    """Return what was taken off the run, in mm."""
+    return fit.predict(data, runs=True)["X"] - fit.predict(data)["X"]
+
+
 def ratios(fit: JointFit) -> np.ndarray:
     """Return (value − truth) / deviation of both tables."""
     own = [truth(X, X, 160.0), truth(Y, Y, 80.0)]
@@ -76,9 +81,8 @@ def test_tables_are_as_far_from_the_truth_as_they_say(walk: float) -> None:
 def test_a_walk_is_taken_off_where_pieces_alone_leave_it() -> None:
     data, wander = walked(1, WALK)
     fit = fitted(data)
-    curve = fit.run_curves["X"][0]
     assert data.time is not None
-    left = np.interp(data.time, curve.time, curve.value) - wander
+    left = reference(fit, data) - wander
     # White noise of 0.5 µm against 0.047 µm per root of a second: a filter that knows both
     # leaves some 0.1 µm; six straight pieces leave 0.3 µm.
     assert np.std(left) < 1.5e-4
@@ -99,9 +103,8 @@ def test_where_nothing_wanders_the_walk_costs_next_to_nothing() -> None:
         # Seven knots of a drift and a walk that is not there.
         ratio = one.standard_deviation / other.standard_deviation
         assert np.median(ratio) < 1.15
-    curve = free.run_curves["X"][0]
     # The deviation of a knot is some 0.05 µm.
-    assert np.std(curve.value) < 7e-5
+    assert np.std(reference(free, data)) < 7e-5
 
 
 def test_no_gauge_and_no_confusion_comes_of_a_walk() -> None:
@@ -141,9 +144,11 @@ def test_a_fold_keeps_the_walk_of_the_whole() -> None:
 def test_few_readings_have_no_walk() -> None:
     data, _ = walked(6, WALK)
     few = data.take(np.arange(0, ROWS, 60))
-    curve = fitted(few, drift=3).run_curves["X"][0]
-    # 200 readings tell the knots of the drift, and no more.
-    assert len(curve.value) == 4
+    curve = reference(fitted(few, drift=3), few)
+    # 200 readings tell four knots of the drift, and no more: it is straight between them, and
+    # each inner knot bends two of the differences.
+    bent = np.abs(np.diff(curve, 2)) > 1e-12
+    assert 0 < bent.sum() <= 4
 
 
 @pytest.mark.parametrize("pieces", [0, 4])
