@@ -33,11 +33,6 @@ class Reading:
     lines: Mapping[int, TemperatureLine] = dataclasses.field(default_factory=dict)
     commanded: bool = False
 
-    def span(self, axis: int) -> float | None:
-        """Return the length of the modulo range of an axis; None: it has none."""
-        found = self.modulo.get(axis)
-        return None if found is None else found[1] - found[0]
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class InUse:

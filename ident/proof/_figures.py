@@ -76,30 +76,23 @@ class ErrorTally:
     Attributes:
         sizes: Number, sum of squares and largest magnitude, of all readings and of those
             that are not wild.
-        iso230: Figures of ISO 230-2, of readings that are in one part.
     """
 
     sizes: Float[np.ndarray, "2 3"]
-    iso230: Mapping[str, float] | None = None
 
     @classmethod
     def of(
         cls,
         error: Float[np.ndarray, " t"],
-        runs: RunTable | None = None,
         wild: Bool[np.ndarray, " t"] | None = None,
     ) -> "ErrorTally":
         """Return that of some readings; arguments as `error_figures`."""
-        iso: dict[str, float] | None = None
-        if runs is not None:
-            found = iso230_figures(runs.target, error, runs.run, runs.direction)
-            iso = {key: value for key, value in found.items() if value is not None}
         sound = error if wild is None else error[~wild]
         sizes = [
             [len(own), np.square(own).sum(), np.abs(own).max(initial=0.0)]
             for own in (error, sound)
         ]
-        return cls(np.array(sizes, dtype=float), iso)
+        return cls(np.array(sizes, dtype=float))
 
     def __add__(self, other: "ErrorTally") -> "ErrorTally":
         both = self.sizes + other.sizes
@@ -107,16 +100,10 @@ class ErrorTally:
         return ErrorTally(both)
 
     @property
-    def counts(self) -> tuple[int, int]:
-        """Number of readings, and of wild ones."""
-        every, sound = self.sizes[:, 0]
-        return int(every), int(every - sound)
-
-    @property
     def figures(self) -> ErrorFigures:
         """What they come to."""
         (every, square, largest), (sound, least, most) = self.sizes.tolist()
-        found = ErrorFigures(math.sqrt(square / max(every, 1)), largest, self.iso230)
+        found = ErrorFigures(math.sqrt(square / max(every, 1)), largest)
         if sound in (0, every):
             return found
         without = math.sqrt(least / sound)
@@ -138,7 +125,12 @@ def error_figures(
         wild: Readings that are the instrument's fault; figures without them are given
             beside those of all readings. ISO 230-2 knows no such thing.
     """
-    return ErrorTally.of(error, runs, wild).figures
+    figures = ErrorTally.of(error, wild).figures
+    if runs is None:
+        return figures
+    found = iso230_figures(runs.target, error, runs.run, runs.direction)
+    iso = {key: value for key, value in found.items() if value is not None}
+    return dataclasses.replace(figures, iso230=iso)
 
 
 def wild_readings(

@@ -174,7 +174,7 @@ def test_motion_that_is_under_way_from_its_first_row_shakes_nothing(
 ) -> None:
     place = underway * np.arange(ROWS)
     motion = Motion({1: place}, {}, TIME)
-    found = motion.acceleration(1, None)
+    found = motion.rates(1)[1]
     assert found is not None
     # 0.2 mm in a cycle of 1 ms: a start from rest would be 200 m/s²; digits of the place.
     np.testing.assert_allclose(found, 0.0, atol=1e-6)
@@ -182,11 +182,11 @@ def test_motion_that_is_under_way_from_its_first_row_shakes_nothing(
 
 def test_acceleration_from_the_first_row_on_is_held_back_to_it() -> None:
     speeding = Motion({1: 10.0 * TIME + 250.0 * TIME**2}, {}, TIME)
-    found = speeding.acceleration(1, None)
+    found = speeding.rates(1)[1]
     assert found is not None
     np.testing.assert_allclose(found, 500.0, rtol=1e-6)  # digits of the place
     starting = Motion({1: np.array([0.0, 0.0, 1e-3, 3e-3])}, {}, TIME[:4])
-    found = starting.acceleration(1, None)
+    found = starting.rates(1)[1]
     assert found is not None
     np.testing.assert_allclose(found, [0.0, 0.0, 1000.0, 1000.0], rtol=1e-9)
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +11,7 @@ from jaxtyping import Float, Int
 from ....data.measurements import Measurement
 from ....models import DirectionState, directions
 from ...core import filled
+from .._nodes import Ranges
 from .._units import ExchangeError, expect
 
 _COLUMNS = {
@@ -36,6 +38,7 @@ class Motion:
         accelerations: By axis in mm/s² or °/s²; derived where they are missing.
         temperatures: By sensor, in °C.
         actuals: Actual positions by axis, for conventions that take them.
+        ranges: Of the axes that turn, in °.
         source: Where it comes from, for messages.
     """
 
@@ -54,6 +57,7 @@ class Motion:
     actuals: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
         default_factory=dict
     )
+    ranges: Ranges = dataclasses.field(default_factory=dict)
     source: str = "motion"
 
     @classmethod
@@ -67,7 +71,7 @@ class Motion:
         Raises:
             CellError: If a column holds a cell that cannot be used.
         """
-        columns: dict[str, dict[int, np.ndarray]] = {}
+        columns: dict[str, Any] = {"positions": {}, "directions": {}}
         temperatures: dict[str, np.ndarray] = {}
         for role in measured.values:
             name, _, quantity = role.partition(".")
@@ -81,7 +85,7 @@ class Motion:
                 columns.setdefault(_COLUMNS[quantity], {})[axis] = values
         time = measured.get("time")
         return cls(
-            **{"positions": {}, "directions": {}, **columns},
+            **columns,
             time=None if time is None else np.asarray(time, float),
             temperatures=temperatures,
             source=str(measured.source),
@@ -153,67 +157,47 @@ class Motion:
         step = np.median(steps)
         return bool(np.max(np.abs(steps - step)) <= _EVEN * step)
 
-    def velocity(self, axis: int, span: float | None) -> Float[np.ndarray, " t"] | None:
-        """Return the velocity in mm/s or °/s: given, else the backward difference.
+    def rates(
+        self, axis: int, actual: bool = False
+    ) -> tuple[Float[np.ndarray, " t"] | None, Float[np.ndarray, " t"] | None]:
+        """Return velocity and acceleration in mm/s and mm/s², or °: given, else derived.
 
-        None where neither can be had. Before the first row the axis stood there.
+        Backward differences; before the first row the axis stood there. How an axis that
+        moves from the first row on came to its velocity is not known: the first rows have
+        the first acceleration that can be told. None where one cannot be had.
 
         Args:
             axis: Logical number.
-            span: Length of the modulo range of the axis, or None.
+            actual: As they were, of the actual positions; an axis without its own moves as
+                it is commanded.
         """
-        if axis in self.velocities:
-            return self.velocities[axis]
-        if self.time is None or axis not in self.positions:
-            return None
-        return self._rate(unwrapped(self.positions[axis], span))
+        own = actual and self.time is not None and axis in self.actuals
+        velocity = None if own else self.velocities.get(axis)
+        acceleration = None if own else self.accelerations.get(axis)
+        first = 2 if velocity is None else 1
+        places = self.actuals if own else self.positions
+        if velocity is None and self.time is not None and axis in places:
+            velocity = self._rate(self.unwrapped(axis, places[axis]))
+        if acceleration is None and self.time is not None and velocity is not None:
+            acceleration = self._rate(velocity)
+            moving = acceleration.size > first and velocity[first - 1] != 0.0
+            acceleration[:first] = acceleration[first] if moving else 0.0
+        return velocity, acceleration
 
-    def acceleration(
-        self, axis: int, span: float | None
-    ) -> Float[np.ndarray, " t"] | None:
-        """Return the acceleration in mm/s² or °/s², likewise.
-
-        How an axis that moves from the first row on came to its velocity is not known:
-        the first rows have the first acceleration that can be told.
-        """
-        if axis in self.accelerations:
-            return self.accelerations[axis]
-        velocity = self.velocity(axis, span)
-        if self.time is None or velocity is None:
-            return None
-        return self._change(velocity, given=axis in self.velocities)
+    def unwrapped(
+        self, axis: int, position: Float[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " t"]:
+        """Return positions of an axis, one that turns as one that goes on."""
+        if axis not in self.ranges:
+            return position
+        low, high = self.ranges[axis]
+        return np.unwrap(position, period=high - low)
 
     def lacks(self, axis: int, quantity: str) -> str:
         """Return in words what a ``velocity`` or ``acceleration`` cannot be had from."""
         if self.time is None:
             return f"there is neither A{axis}.{quantity} nor time"
         return f"there is neither A{axis}.{quantity} nor A{axis}.position"
-
-    def actual_rates(
-        self, axis: int, span: float | None
-    ) -> tuple[Float[np.ndarray, " t"] | None, Float[np.ndarray, " t"] | None]:
-        """Return velocity and acceleration as they were: of the actual positions.
-
-        An axis without its own moves as it is commanded.
-
-        Args:
-            axis: Logical number.
-            span: Length of the modulo range of the axis, or None.
-        """
-        if self.time is None or axis not in self.actuals:
-            return self.velocity(axis, span), self.acceleration(axis, span)
-        velocity = self._rate(unwrapped(self.actuals[axis], span))
-        return velocity, self._change(velocity, given=False)
-
-    def _change(
-        self, velocity: Float[np.ndarray, " t"], *, given: bool
-    ) -> Float[np.ndarray, " t"]:
-        """Return the acceleration to a velocity, one that is derived from row 1 on."""
-        first = 1 if given else 2
-        found = self._rate(velocity)
-        moving = found.size > first and velocity[first - 1] != 0.0
-        found[:first] = found[first] if moving else 0.0
-        return found
 
     def _rate(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         assert self.time is not None
@@ -222,13 +206,6 @@ class Motion:
             # Times are rounded in files: one step for all is nearer to the truth.
             steps = np.full_like(steps, (self.time[-1] - self.time[0]) / steps.size)
         return np.concatenate([np.zeros(min(1, values.size)), np.diff(values) / steps])
-
-
-def unwrapped(
-    position: Float[np.ndarray, " t"], span: float | None
-) -> Float[np.ndarray, " t"]:
-    """Return the position of an axis that turns as one that goes on."""
-    return position if span is None else np.unwrap(position, period=span)
 
 
 def direction_of_motion(

@@ -27,7 +27,7 @@ from ._events import (
     loaded_versions,
     selected_rows,
 )
-from ._motion import Motion, direction_of_motion, unwrapped
+from ._motion import Motion, direction_of_motion
 
 _SMALLEST = 256
 """Motions are padded to powers of two from here on: few shapes to compile."""
@@ -91,6 +91,7 @@ def simulate(
     timed = events is None or motion.time is not None
     expect(timed, motion.source, "no time", "time, for events")
     motion.check(cycle_time)
+    motion = dataclasses.replace(motion, ranges=reading.modulo)
     reading = dataclasses.replace(reading, commanded=events is None)
     versions, spans = loaded_versions(lists, events or (), motion.rows)
     added: dict[tuple[int, str], Float[np.ndarray, " t"]] = {}
@@ -117,7 +118,7 @@ def simulate(
                 motion.position(axis, f"for {one.kind.noun} of A{one.axis}")
         numbers = axes_in_use(used, machine)
         controller = controller_of(computed, machine, numbers, reading)
-        whole = _controller_motion(motion, numbers, reading)
+        whole = _controller_motion(motion, numbers, reading.conventions)
         if events is not None:
             others = [one for one in events if one.action != "reload"]
             windows = {
@@ -152,7 +153,7 @@ def simulate(
 
 
 def _controller_motion(
-    motion: Motion, numbers: Sequence[int], reading: Reading
+    motion: Motion, numbers: Sequence[int], conventions: Conventions
 ) -> ControllerMotion:
     """Return the motion as the controller takes it, a column per axis.
 
@@ -168,23 +169,22 @@ def _controller_motion(
     ) -> Float[Array, "t a"]:
         return as_array(np.stack([none if c is None else c for c in columns], axis=1))
 
-    conventions = reading.conventions
-    pairs = [(n, reading.span(n)) for n in numbers]
+    def rates(actual: bool) -> list[Float[Array, "t a"]]:
+        pairs = [motion.rates(n, actual) for n in numbers]
+        return [table([pair[k] for pair in pairs]) for k in (0, 1)]
+
     actual = _actuals(motion, numbers, conventions)
-    velocities: Float[Array, "t a"] | None = None
-    accelerations: Float[Array, "t a"] | None = None
-    if conventions.crosstalk_input == "actual":
-        rates = [motion.actual_rates(n, span) for n, span in pairs]
-        velocities = table([one[0] for one in rates])
-        accelerations = table([one[1] for one in rates])
+    by_actual = conventions.crosstalk_input == "actual"
+    velocity, acceleration = rates(actual=False)
+    velocities, accelerations = rates(actual=True) if by_actual else (None, None)
     return ControllerMotion(
         position=table([motion.positions.get(n) for n in numbers]),
-        velocity=table([motion.velocity(n, span) for n, span in pairs]),
-        acceleration=table([motion.acceleration(n, span) for n, span in pairs]),
+        velocity=velocity,
+        acceleration=acceleration,
         temperature=(
             table(list(motion.temperatures.values())) if motion.temperatures else None
         ),
-        direction=_directions(motion, numbers, reading),
+        direction=_directions(motion, numbers, conventions),
         actual=actual,
         actual_velocity=velocities,
         actual_acceleration=accelerations,
@@ -192,19 +192,19 @@ def _controller_motion(
 
 
 def _directions(
-    motion: Motion, numbers: Sequence[int], reading: Reading
+    motion: Motion, numbers: Sequence[int], conventions: Conventions
 ) -> Float[Array, "t a"] | None:
     """Return the directions where the controller cannot tell them by positions."""
-    if not motion.directions and not reading.modulo:
+    if not motion.directions and not motion.ranges:
         return None
     places = motion.positions
-    if reading.conventions.direction_source == "actual":
+    if conventions.direction_source == "actual":
         places = motion.actuals
     columns = []
     for axis in numbers:
         found = motion.directions.get(axis)
         if found is None and motion.time is not None and axis in places:
-            found = direction_of_motion(unwrapped(places[axis], reading.span(axis)), 0)
+            found = direction_of_motion(motion.unwrapped(axis, places[axis]), 0)
         columns.append(np.zeros(motion.rows) if found is None else found.astype(float))
     return as_array(np.stack(columns, axis=1))
 

@@ -46,9 +46,9 @@ class CrosstalkChannel(AbstractChannel):
         why = f"for the crosstalk of A{self.axis}"
         dynamic, *places = change.masters or self.masters
         actual = change.conventions.crosstalk_input == "actual"
-        velocity, acceleration = self.motion.rates(dynamic, why, actual)
+        velocity, acceleration = self.motion.required_rates(dynamic, why, actual)
         if change.conventions.crosstalk_velocity == "slave":
-            velocity = self.motion.rates(self.axis, why, actual)[0]
+            velocity = self.motion.required_rates(self.axis, why, actual)[0]
         law = self.law(change.conventions)
         columns = [self.motion.position(axis, why)[rows] for axis in places]
         where: Float[np.ndarray, "r k"] | None = None

@@ -239,11 +239,11 @@ class CrosstalkEntries(AbstractEntries):
 
     def lacks(self, one: InUse, motion: Motion, reading: Reading) -> str | None:
         master = one.masters[0]
-        if motion.acceleration(master, reading.span(master)) is None:
+        if motion.rates(master)[1] is None:
             return motion.lacks(master, "acceleration")
         by_slave = reading.conventions.crosstalk_velocity == "slave"
         mover = one.axis if by_slave else master
-        if motion.velocity(mover, reading.span(mover)) is None:
+        if motion.rates(mover)[0] is None:
             return motion.lacks(mover, "velocity")
         return None
 

@@ -23,12 +23,12 @@ class FrictionChannel(AbstractChannel):
         )
         if self.law(self.conventions).delay_cycles:
             self.relevant = (*self.relevant, "friction_delay")
-        _ = self.motion.rates(self.axis, "for its friction compensation")
+        _ = self.motion.required_rates(self.axis, "for its friction compensation")
 
     def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
         del shift
         why = "for its friction compensation"
-        velocity, _ = self.motion.rates(self.axis, why)
+        velocity, _ = self.motion.required_rates(self.axis, why)
         law = self.law(change.conventions)
         if self.motion.cycle is None:
             return Parts(np.asarray(law.current(velocity))[rows])

@@ -217,7 +217,7 @@ class FrictionEntries(AbstractEntries):
         raise ExchangeError(self.value, f"values in {unit.name}", expected)
 
     def lacks(self, one: InUse, motion: Motion, reading: Reading) -> str | None:
-        if motion.velocity(one.axis, reading.span(one.axis)) is None:
+        if motion.rates(one.axis)[0] is None:
             return motion.lacks(one.axis, "velocity")
         return None
 

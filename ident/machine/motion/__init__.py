@@ -5,7 +5,6 @@ truth stands beside what a user would see.
 """
 
 from ._everything import (
-    HARD as HARD,
     SPACE as SPACE,
     Fault as Fault,
     machine_with_everything as machine_with_everything,

@@ -22,7 +22,7 @@ from ._record import AxisLoop, WorkingMachine
 
 SPACE = {"X": 800.0, "Y": 400.0, "Z": 200.0}
 """Travel of each axis from 0, in mm."""
-HARD = 1500.0
+_HARD = 1500.0
 """Largest acceleration of the programme in mm/s²."""
 
 _SOURCES: tuple[AbstractErrorSource, ...] = (
@@ -105,7 +105,7 @@ def work_programme(seconds: float = 1800.0, seed: int = 0) -> Programme:
     pauses, and jobs anywhere. Shorter ones have the same parts, fewer of each.
     """
     rng = np.random.default_rng(seed)
-    path = Path({"X": 5.0, "Y": 5.0, "Z": 100.0}, HARD)
+    path = Path({"X": 5.0, "Y": 5.0, "Z": 100.0}, _HARD)
     share = seconds / 1800.0
     path.rest(1.0)
     # All axes come from below, so that from here on each has a direction.

@@ -4,6 +4,7 @@ import copy
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -110,10 +111,8 @@ def motion_of(
         for one in log.offsets
         if one.axis is not None and one.acts is not None and one.acts.any()
     }
-    path = vars(Motion.of(log.motion, number))
-    return LogMotion(
-        **path, cycle=log.cycle, ranges=ranges, drives=drives, acting=acting
-    )
+    path: dict[str, Any] = {**vars(Motion.of(log.motion, number)), "ranges": ranges}
+    return LogMotion(**path, cycle=log.cycle, drives=drives, acting=acting)
 
 
 def reports_of(

@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...exchange import ExchangeError, Motion, Ranges, direction_of_motion
+from ...exchange import ExchangeError, Motion, direction_of_motion
 
 MOST_CYCLES = 10
 """Cycles by which an offset is tried to be later or earlier."""
@@ -24,14 +24,12 @@ class LogMotion(Motion):
     Attributes:
         cycle: Time step in s; None where the rows are independent.
         clock: Cycles by which what was reported was recorded later.
-        ranges: Of the axes that turn, in °.
         drives: Position on the drive bus by axis, which contains the compensations.
         acting: Whether a compensation is on, per row, by axis and name, where the log says so.
     """
 
     cycle: float | None = None
     clock: float = 0.0
-    ranges: Ranges = dataclasses.field(default_factory=dict)
     drives: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
         default_factory=dict
     )
@@ -72,12 +70,9 @@ class LogMotion(Motion):
         place = self.actual(axis, why) if actual else self.position(axis, why)
         if self.cycle is None:
             return np.full(self.rows, start, dtype=np.int64)
-        if axis in self.ranges:
-            low, high = self.ranges[axis]
-            place = np.unwrap(place, period=high - low)
-        return direction_of_motion(place, start)
+        return direction_of_motion(self.unwrapped(axis, place), start)
 
-    def rates(
+    def required_rates(
         self, axis: int, why: str, actual: bool = False
     ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
         """Return velocity and acceleration of an axis in mm/s and mm/s², or °.
@@ -85,16 +80,11 @@ class LogMotion(Motion):
         Raises:
             ExchangeError: If the log has neither them nor what they follow from.
         """
-        span = None
-        if axis in self.ranges:
-            span = self.ranges[axis][1] - self.ranges[axis][0]
-        found = self.velocity(axis, span), self.acceleration(axis, span)
-        if actual:
-            found = self.actual_rates(axis, span)
-        if found[0] is None or found[1] is None:
+        velocity, acceleration = self.rates(axis, actual)
+        if velocity is None or acceleration is None:
             raise ExchangeError(
                 where=self.source,
                 found=f"no velocity and acceleration of A{axis}, nor time",
                 expected=f"A{axis}.position and time {why}",
             )
-        return found[0], found[1]
+        return velocity, acceleration
