@@ -15,7 +15,6 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.linalg import block_diag
 from scipy.signal import firwin
 
 from ..core import (
@@ -321,7 +320,9 @@ class Equation:
         shapes, ways = len(self.structure.shapes), self.structure.ways
         last = factors[len(self.fixed_names) :].reshape(ways, -1)[:, -1]
         by_shape = np.concatenate([each * np.eye(shapes) for each in last])
-        return np.asarray(block_diag(np.eye(len(factors)), by_shape))
+        found = np.eye(len(factors) + len(by_shape), len(factors) + shapes)
+        found[len(factors) :, len(factors) :] = by_shape
+        return found
 
     @cached_property
     def reading(
@@ -347,7 +348,7 @@ class Equation:
             offset = 0.5 * both @ to_law / one.sum()
             names, beside = (*names, "offset"), np.vstack([beside, offset])
             to_law = to_law - np.outer(both, offset)
-        law = np.asarray(block_diag(*[sums] * structure.ways)) @ to_law
+        law = np.kron(np.eye(structure.ways), sums) @ to_law
         return (*names, *words), np.vstack([beside, law]), to_law
 
     @cached_property
@@ -357,7 +358,7 @@ class Equation:
         found = np.zeros((fixed + len(structure.names),) * 2)
         bends = structure.bends
         if bends is not None:
-            found[fixed:, fixed:] = block_diag(*[bends.T @ bends] * structure.ways)
+            found[fixed:, fixed:] = np.kron(np.eye(structure.ways), bends.T @ bends)
         return found
 
 

@@ -243,7 +243,7 @@ class FrictionFit:
         }
 
     @property
-    def _parted(self) -> bool:
+    def parted(self) -> bool:
         """Whether the offset was parted from a difference of levels by a gauge."""
         return "offset" in self.names and "offset" not in self.equation.fixed_names
 
@@ -271,7 +271,7 @@ class FrictionFit:
                 continue
             if name.endswith(WAYS) and not seen[name.endswith(WAYS[1])]:
                 found[name] = _ONE_WAY
-            elif not all(seen) and (gone or (self._parted and name == "offset")):
+            elif not all(seen) and (gone or (self.parted and name == "offset")):
                 found[name] = _LEVEL
             elif gone:
                 found[name] = _CONFUSED
@@ -291,11 +291,11 @@ class FrictionFit:
         """Sentences on what can only be told together."""
         fixed, structure = self.equation.fixed_names, self.structure
         seen = self.equation.recording.samples.directions
-        if not self._parted and (all(seen) or "offset" not in fixed):
+        if not self.parted and (all(seen) or "offset" not in fixed):
             return ()
         mean = structure.levels / structure.levels.sum()
         levels = self.state[len(fixed) :].reshape(structure.ways, -1) @ mean
-        offset = 0.0 if self._parted else self.state[fixed.index("offset")]
+        offset = 0.0 if self.parted else self.state[fixed.index("offset")]
         parts = [f"level⁺ + offset = {levels[0] + offset:.4g}"] * seen[0]
         parts += [f"level⁻ − offset = {levels[-1] - offset:.4g}"] * seen[1]
         rule = "; the offset is chosen so that both levels are equal"

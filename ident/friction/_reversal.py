@@ -31,8 +31,8 @@ from ._structures import (
 
 _FARTHEST, _NOTHING = 0.02, 1e-6
 """mm: no friction takes longer to build up, however soft the drive, and below is none."""
-_DISTANCES = np.concatenate([[0.0], np.geomspace(1e-4, _FARTHEST, 6)])
-"""Where the search for the distance starts, in mm."""
+_DISTANCES = np.concatenate([[0.0], np.geomspace(1e-4, _FARTHEST, 20)])
+"""Where the search for the distance starts, in mm: a wrong delay makes up for larger steps."""
 _MOST_DELAY = 30
 """Largest delay that is tried, in cycles."""
 _ASIDE = 4
@@ -157,7 +157,7 @@ def fit_reversal(
         # A rough table shows where the delay is, whatever the law.
         few = KnotTable(True, default_knots(recording.speed, _ROUGH))
         rough = _Search(recording, few, *given)
-        every = np.ones(len(position), bool)
+        every = np.isin(np.arange(len(position)), np.concatenate(rows))
         table = rough.grid(np.zeros(0), every, range(_MOST_DELAY + 1))
         delays = _beside(int(np.argmin(table.min(axis=(0, 2)))))
         found = [
@@ -243,25 +243,23 @@ class _Search:
         delays: range,
     ) -> Float[np.ndarray, "l d s"]:
         """Return the sums of squares by look-ahead, delay and distance; else infinite."""
-        near, far = self.near[keep[self.near]], self.far[keep[self.far]]
-        columns, beside, load = (
-            self.columns(tuple(shape)),
-            self.beside,
-            self.recording.target,
-        )
-        split = columns.shape[1]
-        total = float(load[near] @ load[near] + load[far] @ load[far])
+        use, load = np.flatnonzero(keep), self.recording.target[keep]
+        columns, beside = self.columns(tuple(shape)), self.beside[use]
+        split, total = columns.shape[1], float(load @ load)
         found = np.full((LOOKAHEADS, _MOST_DELAY + 1, len(_DISTANCES)), np.inf)
         for delay in delays:
-            away = np.concatenate([columns[far - delay], beside[far]], axis=1)
-            gram, moment = away.T @ away, away.T @ load[far]
-            own = np.concatenate([columns[near - delay], beside[near]], axis=1)
+            design = np.concatenate([columns[use - delay], beside], axis=1)
+            gram, moment = design.T @ design, design.T @ load
             for place, distance in enumerate(_DISTANCES):
                 for lookahead, share in enumerate(self.share(float(distance))):
-                    design = own.copy()
-                    design[:, :split] *= share[near - delay, None]
-                    right = moment + design.T @ load[near]
-                    gain = right @ ridged(gram + design.T @ design, right)
+                    # Steady friction, and what is different where not all of it acts.
+                    rows = np.flatnonzero(share[use - delay] != 1.0)
+                    steady = design[rows]
+                    acts = steady.copy()
+                    acts[:, :split] *= share[use[rows] - delay, None]
+                    right = moment + (acts - steady).T @ load[rows]
+                    normal = gram + acts.T @ acts - steady.T @ steady
+                    gain = right @ ridged(normal, right)
                     found[lookahead, delay, place] = total - gain
         return np.asarray(np.maximum(found, 0.0))
 

@@ -391,7 +391,7 @@ def share_of(
     place[len(position) :] = position[-1]  # standing still behind the end
     motion = jnp.asarray(place), jnp.asarray(padded(velocity))
 
-    @lru_cache(maxsize=32)
+    @lru_cache(maxsize=64)
     def share(distance: float) -> Float[np.ndarray, "l t"]:
         found = _shares(*motion, jnp.asarray(distance))
         return np.asarray(found)[:, : len(position)]

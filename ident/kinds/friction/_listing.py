@@ -63,6 +63,8 @@ class LawCurve:
         weight: Share of the recording at each speed.
         positive_share: How much the positive direction counts in the list, 0 to 1: half
             where both were driven, all where it alone was.
+        common: Weights of the speeds over which both directions are taken to be alike on
+            average; 0 where a constant load is told from friction otherwise.
         velocity: At which the law speaks for each speed, positive direction first: held
             beyond the speeds that were driven so.
         currents: Moving positive, moving negative (as a positive number), and their mean:
@@ -73,6 +75,7 @@ class LawCurve:
     speed: Float[np.ndarray, " v"]
     weight: Float[np.ndarray, " v"]
     positive_share: Float[np.ndarray, " v"]
+    common: Float[np.ndarray, " v"]
     velocity: Float[np.ndarray, " v2"]
     currents: Float[np.ndarray, "3 v"]
     deviations: Float[np.ndarray, "3 v"]
@@ -94,7 +97,8 @@ class LawCurve:
 
     def mean_of(self, laws: Laws) -> Float[np.ndarray, "v n"]:
         """Return what a list can say of other laws."""
-        return np.asarray(_read(laws.friction(self.velocity), self.positive_share)[2])
+        friction = laws.friction(self.velocity)
+        return np.asarray(_read(friction, self.positive_share, self.common)[2])
 
     def deviation_of(self, knots: Knots, level: float) -> Float[np.ndarray, " k"]:
         """Return the standard deviations of entries that give a share of the friction.
@@ -119,12 +123,16 @@ class LawCurve:
 
 
 def _read(
-    friction: Float[np.ndarray, "v2 *n"], positive_share: Float[np.ndarray, " v"]
+    friction: Float[np.ndarray, "v2 *n"],
+    positive_share: Float[np.ndarray, " v"],
+    common: Float[np.ndarray, " v"],
 ) -> Float[np.ndarray, "3 v *n"]:
     """Return `LawCurve.currents` of friction at `LawCurve.velocity`."""
     ahead, back = np.split(friction, 2)
+    load = np.tensordot(common, 0.5 * (ahead + back), 1)
+    ahead, back = ahead - load, load - back
     share = positive_share.reshape(-1, *[1] * (friction.ndim - 1))
-    return np.stack([ahead, -back, share * ahead - (1.0 - share) * back])
+    return np.stack([ahead, back, share * ahead + (1.0 - share) * back])
 
 
 def law_curve(found: Identified, samples: DriveSamples) -> LawCurve | None:
@@ -160,15 +168,27 @@ def law_curve(found: Identified, samples: DriveSamples) -> LawCurve | None:
     held = [np.clip(speed, each[0], each[-1]) for each in driven]
     both = np.concatenate([held[0], -held[1]])
 
+    # Where directions saw other speeds, equal levels of both are an extrapolation: that of a
+    # table says nothing, that of a law is used while it is known better than both differ.
+    common, apart = np.zeros(len(speed)), fit.friction(both).reshape(2, -1).sum(axis=0)
+    alike = weight * share * (1.0 - share)
+    if fit.parted and alike.any():
+        alike /= alike.sum()
+        differing = 0.5 * np.sqrt(alike @ (apart - alike @ apart) ** 2)
+        sd = fit.standard_deviations.get("offset", np.inf)
+        if not fit.structure.parametric or sd > differing:
+            common = alike
+
     def read(friction: np.ndarray) -> np.ndarray:
-        return _read(friction, share)
+        return _read(friction, share, common)
 
     return LawCurve(
         speed=speed,
         weight=weight / weight.sum(),
         positive_share=share,
+        common=common,
         velocity=both,
-        currents=read(fit.band(both)[0]),
+        currents=read(fit.friction(both)),
         deviations=found.choice.deviation(fit, found.without, both, read),
     )
 

@@ -362,6 +362,26 @@ def test_each_direction_counts_at_the_speeds_that_it_saw(tmp_path: Path) -> None
     assert gate["from_file"].value <= 1.1 * found.error["predicted"].sound.rms + 0.024
 
 
+@pytest.mark.usefixtures("no_drawing")
+def test_list_and_its_constant_load_go_together_where_directions_saw_other_speeds(
+    tmp_path: Path,
+) -> None:
+    pairs = zip((1, 2, 5, 10, 22) * 2, (1, 3, 9, 30, 90, 250) * 2, strict=False)
+    pieces = [motion(pair)[[*range(400), *range(1200, 1600)]] for pair in pairs]
+    velocity = np.concatenate([*pieces, motion((250,))[400:]])
+    law = StribeckFriction(2.0, [2.0, 3.0], 25.0, 1.3, [0.04, 0.002])
+    record(tmp_path, velocity=velocity, law=law)
+    found = friction(run(tmp_path, keys=FULL.replace("12.0", "24.0")))
+    assert found.knots is not None
+    assert found.view.offset is not None
+    speed = np.array([60.0, 150.0, 240.0])
+    # Seen in motion are friction and load together, there in one direction only.
+    seen = np.asarray(law(-speed)) + OFFSET
+    given = -found.knots.current(speed) + found.view.offset
+    # Nothing makes up for a load that is none of the list's: it was off by 0.3 A.
+    np.testing.assert_allclose(given, seen, atol=0.1)
+
+
 def test_a_list_that_misses_the_prediction_is_stopped(
     done: tuple[Path, JobResult],
 ) -> None:

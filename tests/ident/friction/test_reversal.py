@@ -39,10 +39,17 @@ def motion(rest: bool = False) -> tuple[np.ndarray, np.ndarray]:
 
 
 def recorded(
-    law: AbstractFriction, setting: tuple[int, float, int], *, rest: bool = False
+    law: AbstractFriction,
+    setting: tuple[int, float, int],
+    *,
+    rest: bool = False,
+    position: np.ndarray | None = None,
 ) -> tuple[DriveSamples, np.ndarray, np.ndarray]:
     """A drive whose friction changes over as a controller gives it."""
-    position, velocity = motion(rest)
+    if position is None:
+        position, velocity = motion(rest)
+    else:
+        velocity = np.gradient(position, CYCLE)
     model = FrictionCompensation(law, *setting)
     friction = np.array(model.run(model.start(), position, velocity)[0])
     hard = np.gradient(velocity, CYCLE)
@@ -86,6 +93,24 @@ def test_unknown_law_that_no_formula_gives_is_found_by_a_table() -> None:
     # Knots of the fit are not those of the truth: 1 % of the distance, of the current.
     assert found.position_delay == pytest.approx(0.008, rel=0.01)
     assert np.abs(steady(TABLE, samples, found)[4:]).max() < 0.04
+
+
+@pytest.mark.parametrize(
+    ("setting", "period"), [((3, 0.005, 5), 1.5), ((2, 0.012, 1), 2.3)]
+)
+def test_a_wrong_delay_does_not_make_up_for_a_distance(
+    setting: tuple[int, float, int], period: float
+) -> None:
+    law = FrictionTable(
+        Setpoints(np.array([1.0, 10.0, 40.0, 120.0])), np.array([6.0, 4.5, 4.2, 4.9])
+    )
+    angle = 2 * np.pi * np.arange(6000) * CYCLE / period
+    position = 20.0 * np.sin(angle + 0.3)
+    samples, _, velocity = recorded(law, setting, position=position)
+    found = fit_reversal(samples, position, velocity)
+    assert (found.lookahead, found.delay_cycles) == (setting[0], setting[2])
+    # Knots of the fit are not those of the truth.
+    assert found.position_delay == pytest.approx(setting[1], rel=0.01)
 
 
 @pytest.mark.parametrize("seed", range(2))
