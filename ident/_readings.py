@@ -173,5 +173,9 @@ def recording_of(
         run = np.unique(given["run"], return_inverse=True)[1].astype(np.int64)
     heated = [one.axis for one in stack if isinstance(one, Temperature)]
     return JointData(
-        **tables, time=given.get("time"), run=run, runs=dict.fromkeys(heated)
+        **tables,
+        time=given.get("time"),
+        run=run,
+        runs=dict.fromkeys(heated),
+        clock_number=None,
     )

@@ -219,6 +219,7 @@ def _everything_varies(design: Design, data: JointData) -> JointData:
         **channels,
         time=rng.uniform(began, ended, count),
         run=rng.choice(np.array(runs), count) if runs else None,
+        clock_number=None,
     )
 
 

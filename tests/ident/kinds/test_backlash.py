@@ -96,7 +96,7 @@ def test_the_planted_width_lies_within_the_stated_deviation_at_the_right_rate(
 ) -> None:
     distances = []
     alarms = 0
-    for seed in range(30):
+    for seed in range(60):
         position, error, direction, run = cycles(seed, 0.012)
         steps = np.random.default_rng(500 + seed).normal(0.0, walk, len(error))
         found = fitted(tmp_path, position, error + np.cumsum(steps), direction, run)
@@ -104,13 +104,11 @@ def test_the_planted_width_lies_within_the_stated_deviation_at_the_right_rate(
         distances.append((width - 0.012) / deviation)
         assert found.dependence is not None
         alarms += found.dependence.significant
-    # 95 % of 30 within two deviations; 6 misses have a chance below 0.4 %.
-    assert (np.abs(distances) < 2.0).mean() > 0.84
-    # Deviations twice too large would put 95 % within one.
-    assert (np.abs(distances) < 1.0).mean() < 0.85
+    # What is seen within 25 % of what is stated; 60 of them tell it to 9 %.
+    assert 0.75 < np.sqrt(np.mean(np.square(distances))) < 1.25
     # At a level of 1 %, and only where it matters; an instrument that wanders as well looks
     # like a change along the axis more often.
-    assert alarms <= (4 if walk else 2)
+    assert alarms <= (6 if walk else 3)
 
 
 def test_offsets_of_the_runs_are_no_backlash(tmp_path: Path) -> None:
