@@ -109,7 +109,7 @@ class ArrowFactor:
         assert lower is not None
         # The factor is clean: above the diagonal stands nothing.
         whole = lower + lower.T
-        np.einsum("ii->i", whole)[:] *= 0.5
+        whole.reshape(-1)[:: len(whole) + 1] *= 0.5
         return np.asarray(whole)
 
     def selected(self, offsets: Sequence[int]) -> Float[np.ndarray, "n s"]:

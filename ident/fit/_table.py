@@ -25,7 +25,14 @@ from ..core._posterior import FILL
 from ._checks import Extent, Smoothness, check_layout, check_smoothness
 from ._once import judge_once
 from ._reconsider import at_medians, crowded, reconsidered
-from ._result import NONE_LEFT_OUT, Judged, far_runs, residual_of, result_of
+from ._result import (
+    NONE_LEFT_OUT,
+    Judged,
+    Vector,
+    far_runs,
+    residual_of,
+    result_of,
+)
 from ._types import Samples, TableFit, TableLayout
 
 _EXACT = 1e-5
@@ -240,7 +247,7 @@ class _Memory:
         stack, readings = self.stack(apart), self.readings
         error, effect = readings.value, stack.effects[-1]
 
-        def offsets(level: float) -> Float[np.ndarray, " r"]:
+        def offsets(level: float) -> Vector:
             own = np.zeros(stack.size - self.layout.effect.size)
             if isinstance(effect, GroupEffect):
                 middle = self.by_run(np.median, error)
