@@ -132,14 +132,6 @@ class ArrowFactor:
                 )
         return found
 
-    @cached_property
-    def variances(self) -> Float[np.ndarray, " n"]:
-        """Diagonal of the inverse."""
-        border = np.diag(self.border_inverse)
-        if not len(self.band):
-            return border
-        return np.concatenate([self.selected([0])[:, 0], border])
-
 
 def _by_block(
     lower: Float[np.ndarray, "m m"],

@@ -21,18 +21,11 @@ from ..core import (
     one_blas_thread,
     sums_of,
 )
-from ..core._posterior import FILL
+from ..core._posterior import FILL, Vector
 from ._checks import Extent, Smoothness, check_layout, check_smoothness
 from ._once import judge_once
 from ._reconsider import at_medians, crowded, reconsidered
-from ._result import (
-    NONE_LEFT_OUT,
-    Judged,
-    Vector,
-    far_runs,
-    residual_of,
-    result_of,
-)
+from ._result import NONE_LEFT_OUT, Judged, far_runs, residual_of, result_of
 from ._types import Samples, TableFit, TableLayout
 
 _EXACT = 1e-5
