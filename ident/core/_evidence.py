@@ -21,14 +21,14 @@ from ._posterior import Posterior, Problem
 from ._readings import Readings
 from ._stack import Stack
 
-_SCALES = (1e-1, 1e1, 1e3, 1e5)
+_SCALES = (1e-3, 1e-1, 1e1, 1e3, 1e5)
 """Weights of second differences, relative to the density, that are tried first."""
 _LIFTS, _EASED = (1.0, 10.0, 100.0), 0.1
 """Weights of fourth differences that are tried, relative to the square of those of second
 differences alone, and the factor of the latter beside them."""
 _WORTH = 2.0
 """Gain in evidence below which the simpler of two priors is taken."""
-_LOOSER = (1e1, 1e0, 1e-1, 1e-2, 1e-3)
+_LOOSER = (1e-3, 1e-2, 1e-1, 1e0, 1e1)
 """Weights of second differences, relative to the density, that predict a ripple, too."""
 _CONTRADICTED, _SPARE, _COSTLY = 6.0, 0.25, 1.2
 """Gain in prediction, as of −2 log-likelihood, from which on readings contradict the prior; share
@@ -99,14 +99,14 @@ def _loosened(problem: Problem, best: Posterior) -> Posterior:
     dearer unknowns: Y.-J. Kim, C. Gu, J. R. Statist. Soc. B 66(2), 2004).
     """
 
-    def cost(post: Posterior) -> float:
-        spare = problem.count - _COSTLY * post.used
+    def cost(square: float, used: float) -> float:
+        spare = problem.count - _COSTLY * used
         if spare < _SPARE * problem.count:
             return np.inf  # a fit through every reading says nothing of the next one
-        square = max(post.residual_square, 1e-300)
-        return problem.count * float(np.log(square) - 2.0 * np.log(spare))
+        return problem.count * float(np.log(max(square, 1e-300)) - 2.0 * np.log(spare))
 
-    least = cost(best) - _CONTRADICTED
+    fewest = best.used
+    least = cost(best.residual_square, fewest) - _CONTRADICTED
     together = []
     for prior, _, own in problem.stack.priors if np.isfinite(least) else ():
         if prior.scanned:
@@ -119,8 +119,13 @@ def _loosened(problem: Problem, best: Posterior) -> Posterior:
             weights = best.weights.copy()
             weights[own] = scale * loose[own]
             found = problem.at(weights)
-            if found is not None and cost(found) < least:
-                best, least = found, cost(found)
+            if found is None:
+                continue
+            if cost(found.residual_square, fewest) >= least:
+                break  # with more smoothness residuals are larger still
+            reached = cost(found.residual_square, found.used)
+            if reached < least:
+                best, least = found, reached
     return best
 
 

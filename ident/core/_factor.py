@@ -109,7 +109,7 @@ class ArrowFactor:
         assert lower is not None
         # The factor is clean: above the diagonal stands nothing.
         whole = lower + lower.T
-        np.einsum("ii->i", whole)[:] *= 0.5
+        whole.reshape(-1)[:: len(whole) + 1] *= 0.5
         return np.asarray(whole)
 
     def selected(self, offsets: Sequence[int]) -> Float[np.ndarray, "n s"]:
@@ -131,14 +131,6 @@ class ArrowFactor:
                     "mj,mj->j", shaped[:, k:], shaped[:, : n - k]
                 )
         return found
-
-    @cached_property
-    def variances(self) -> Float[np.ndarray, " n"]:
-        """Diagonal of the inverse."""
-        border = np.diag(self.border_inverse)
-        if not len(self.band):
-            return border
-        return np.concatenate([self.selected([0])[:, 0], border])
 
 
 def _by_block(

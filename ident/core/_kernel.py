@@ -25,25 +25,20 @@ def _cell(position, axis):
 
 @numba.njit(inline="always")
 @no_type_check
-def _weighed(rest, weight, loss, tally):
-    """Return a residual × √weight, weight × ψ, and whether it counts; tally it."""
+def _weighed(rest, weight, loss):
+    """Return a residual × √weight, weight × ψ, and what it adds to the tally."""
     per_scale, per_freedom, corner, limit, wild = loss
     residual = rest * np.sqrt(weight)
     size = abs(residual) * per_scale
     if not size <= limit:
-        return residual, 0.0, False
+        return residual, 0.0, (0.0, 0.0, 0.0, 0.0, 0.0)
     share = 1.0 / (1.0 + size * size * per_freedom)
     slope = (2.0 * share - 1.0) * share
     if size > corner:
         share, slope = corner / size, 0.0
-    push = weight * share * rest
-    tally[0] += 1.0
-    tally[1] += slope
-    tally[2] += push * share * rest
-    if size <= wild:
-        tally[3] += weight * rest * rest
-        tally[4] += 1.0
-    return residual, push, True
+    push, good = weight * share * rest, 1.0 if size <= wild else 0.0
+    square = good * weight * rest * rest
+    return residual, push, (1.0, slope, push * share * rest, square, good)
 
 
 def machine_code(function: Any) -> Any:
@@ -72,6 +67,7 @@ def add_plane(
 ):  # fmt: skip
     """Add readings of an equidistant plane; a record has the products of a cell's corners."""
     fast = int(axes[1][3]) + 1
+    count, slopes, pushes, squares, good = 0.0, 0.0, 0.0, 0.0, 0.0
     for t in range(len(value)):
         slow, u = _cell(along[t], axes[0])
         column, v = _cell(across[t], axes[1])
@@ -82,10 +78,12 @@ def add_plane(
         for p in range(4):
             rest -= shares[p] * theta[corners[p]]
         w = weight[t] if len(weight) else 1.0
-        residual[t], push, counts = _weighed(rest, w, loss, tally)
+        residual[t], push, own = _weighed(rest, w, loss)
+        count, slopes, pushes = count + own[0], slopes + own[1], pushes + own[2]
+        squares, good = squares + own[3], good + own[4]
         for p in range(4):
             right[corners[p]] += shares[p] * push
-        if not (full and counts):
+        if not (full and own[0]):
             continue
         one, place = record[node], 0
         for p in range(4):
@@ -93,6 +91,8 @@ def add_plane(
             for q in range(p + 1):
                 one[place] += w * shares[p] * shares[q]
                 place += 1
+    # In memory, other stores between, each sum would wait for the one before.
+    tally += np.array([count, slopes, pushes, squares, good])
 
 
 @machine_code

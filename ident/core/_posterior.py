@@ -60,8 +60,7 @@ class Problem:
         density, held = [], np.zeros(stack.size)
         for number, (prior, here, _) in enumerate(stack.priors):
             own = diagonal[here]
-            reached = own[own > 0.0]
-            mean = float(reached.mean()) if len(reached) else 1.0
+            mean = float(own.sum()) / max(int(np.count_nonzero(own)), 1) or 1.0
             density += [mean] * len(prior.rows)
             held[here] = stack.effects[number].ridge * mean
         pinned = 0
@@ -157,7 +156,7 @@ class Problem:
 
     def _dense_factor(self, prior: Float[np.ndarray, "u u"]) -> ArrowFactor | None:
         matrix = self.sums.border + prior
-        np.einsum("ii->i", matrix)[:] += self.held
+        matrix.reshape(-1)[:: len(matrix) + 1] += self.held
         return ArrowFactor.of(np.zeros((0, 1)), self.sums.cross, matrix)
 
     def _band_factor(self, weights: Vector) -> ArrowFactor | None:

@@ -40,23 +40,23 @@ class Stack:
         sizes = [effect.size for effect in self.effects]
         return (0, *np.cumsum(sizes).tolist())
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of unknowns."""
         return self.starts[-1]
 
-    @property
+    @cached_property
     def band(self) -> int:
         """Number of unknowns of the band."""
         return self.starts[1] if self.banded else 0
 
-    @property
+    @cached_property
     def table(self) -> TableEffect | None:
         """The effect whose unknowns form the band."""
         first = self.effects[0]
         return first if self.banded and isinstance(first, TableEffect) else None
 
-    @property
+    @cached_property
     def offsets(self) -> tuple[int, ...]:
         """Diagonals of the band that readings reach."""
         return (0,) if self.table is None else self.table.offsets
@@ -86,7 +86,7 @@ class Stack:
             for penalty in effect.prior.penalties
         )
 
-    @property
+    @cached_property
     def small(self) -> bool:
         """Whether all unknowns together are few, and none of them form a band."""
         return not self.band and self.size <= SMALL

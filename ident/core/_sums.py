@@ -118,12 +118,11 @@ class Sums:
     def band_matrix(self) -> sp.csr_array:
         """$A^T W A$ of the band, both triangles."""
         n = self.stack.band
-        parts: Any = [
-            self.diagonals[: n - k, s] for s, k in enumerate(self.stack.offsets)
-        ]
-        away: Any = [-k for k in self.stack.offsets]
-        lower = sp.csr_array(sp.diags_array(parts, offsets=away, shape=(n, n)))
-        return sp.csr_array(lower + sp.tril(lower, -1).T)
+        offsets = self.stack.offsets
+        lower: Any = [self.diagonals[: n - k, s] for s, k in enumerate(offsets)]
+        away: Any = [*(-k for k in offsets), *offsets[1:]]
+        both = sp.diags_array([*lower, *lower[1:]], offsets=away, shape=(n, n))
+        return sp.csr_array(both)
 
     def moved(self, step: Vector, gain: float = 1.0) -> "Sums":
         """Return the sums about θ + step, the weights of the loss kept.

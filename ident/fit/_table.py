@@ -21,7 +21,7 @@ from ..core import (
     one_blas_thread,
     sums_of,
 )
-from ..core._posterior import FILL
+from ..core._posterior import FILL, Vector
 from ._checks import Extent, Smoothness, check_layout, check_smoothness
 from ._once import judge_once
 from ._reconsider import at_medians, crowded, reconsidered
@@ -240,7 +240,7 @@ class _Memory:
         stack, readings = self.stack(apart), self.readings
         error, effect = readings.value, stack.effects[-1]
 
-        def offsets(level: float) -> Float[np.ndarray, " r"]:
+        def offsets(level: float) -> Vector:
             own = np.zeros(stack.size - self.layout.effect.size)
             if isinstance(effect, GroupEffect):
                 middle = self.by_run(np.median, error)

@@ -303,7 +303,8 @@ def test_a_factor_solves_and_inverts_what_dense_algebra_does(
     np.testing.assert_allclose(
         factor.solve(right[:, 0]), inverse @ right[:, 0], atol=1e-13
     )
-    np.testing.assert_allclose(factor.variances, np.diag(inverse), rtol=1e-12)
+    corner = inverse[band:, band:]
+    np.testing.assert_allclose(factor.border_inverse, corner, rtol=1e-12, atol=1e-14)
     assert factor.logdet == pytest.approx(
         float(np.linalg.slogdet(matrix)[1]), rel=1e-13
     )
@@ -311,6 +312,8 @@ def test_a_factor_solves_and_inverts_what_dense_algebra_does(
         found = factor.selected([0, width - 1])[: band - width + 1, 1]
         expected = np.diagonal(inverse[:band, :band], 1 - width)
         np.testing.assert_allclose(found, expected, atol=1e-14)
+        own, diagonal = factor.selected([0])[:, 0], np.diag(inverse)[:band]
+        np.testing.assert_allclose(own, diagonal, rtol=1e-12)
 
 
 def test_parts_that_nothing_couples_are_factorised_as_one_matrix_would_be() -> None:
