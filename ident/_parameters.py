@@ -200,7 +200,9 @@ def weights_of(measured: Float[Array, "..."], given: ArrayLike | None) -> Array:
             msg = "weights: found one below 0 or NaN, expected 0 or more"
             raise ValueError(msg)
         if not isinstance(measured, Tracer):
-            lost = np.flatnonzero((weights > 0) & ~np.isfinite(measured))
+            # By NumPy: under jit, JAX traces what it computes of constants, too.
+            used = np.asarray(weights) > 0
+            lost = np.flatnonzero(used & ~np.isfinite(np.asarray(measured)))
             if lost.size:
                 msg = (
                     f"measured: reading {lost[0]} is not finite; weight 0 leaves it out"

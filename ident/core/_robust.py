@@ -246,7 +246,10 @@ class _Passes:
         # A first table too smooth takes a bend for wild readings: least squares bends.
         problem = self._problem(matrix, theta)
         plain = self._solved(problem, self._light(problem)).about()
-        other = self._robust(self._chosen(plain, None), total)
+        try:
+            other = self._robust(self._chosen(plain, None), total)
+        except FitError:
+            return found  # so far off that a node lost all of its readings
         kept = other.posterior.problem.count > found.posterior.problem.count
         return other if kept and other.noise < 0.5 * found.noise else found
 

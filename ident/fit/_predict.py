@@ -171,6 +171,8 @@ def spatial_blocks(
         parts = min(cells, 4 * count)
         blocks = blocks * parts + cell.astype(np.int64) * parts // cells
         size *= parts
+    if size == 1:  # nothing is around a single cell: one reading in so many
+        return np.arange(len(blocks)) % count
     # Every group gets the same number of blocks, in random places.
     group = np.random.default_rng(0).permutation(np.arange(size) % min(count, size))
     return np.asarray(group[np.minimum(blocks, size - 1)], np.int64)

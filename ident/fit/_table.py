@@ -17,6 +17,7 @@ from ..core import (
     Readings,
     Stack,
     estimate,
+    least_scale,
     memory,
     one_blas_thread,
     sums_of,
@@ -28,8 +29,6 @@ from ._reconsider import at_medians, crowded, reconsidered
 from ._result import NONE_LEFT_OUT, Judged, far_runs, residual_of, result_of
 from ._types import Samples, TableFit, TableLayout
 
-_EXACT = 1e-5
-"""Smallest scatter relative to the spread of the readings."""
 _THIN = 20_000
 """Readings that tell their spread."""
 _DENSE = 60
@@ -177,11 +176,10 @@ def estimate_table(
 def floor_of(error: Float[np.ndarray, " t"]) -> float:
     """Return the smallest scatter of readings to believe in, in mm or °.
 
-    Without any noise the prior's own pull would make readings wild.
+    Without any noise the prior's own pull would make readings wild, and so would a step of
+    a coarse instrument.
     """
-    thin = error[:: max(1, len(error) // _THIN)]
-    low, high = np.quantile(thin, (0.05, 0.95))
-    return max(_EXACT * float(high - low), 1e-12)
+    return least_scale(error[:: max(1, len(error) // _THIN)])
 
 
 def fixed_weights(

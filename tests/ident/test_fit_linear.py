@@ -228,3 +228,13 @@ def test_the_factor_is_a_solver_of_lineax() -> None:
     bad = lx.MatrixLinearOperator(-jnp.eye(3), lx.positive_semidefinite_tag)
     lost = lx.linear_solve(bad, jnp.ones(3), ArrowCholesky(), throw=False)
     assert lost.result == lx.RESULTS.singular
+
+
+def test_readings_may_be_constants_of_a_compiled_fit() -> None:
+    error, weight = jnp.asarray(ERROR), jnp.asarray(WEIGHT)
+
+    def middle(smoothness: Any) -> Any:
+        return fitted(TABLES["plane"], PLACE, error, weight, smoothness).values[5, 3]
+
+    # One rounding of compiled code against another, times the condition of the matrix.
+    np.testing.assert_allclose(jax.jit(middle)(0.5), middle(0.5), rtol=1e-10)

@@ -14,6 +14,7 @@ from axcomp.ident.fit import (
     deviations,
     fit_table,
     predict,
+    spatial_blocks,
 )
 from axcomp.ident.job.table._draft import written_deviation
 
@@ -267,6 +268,21 @@ def test_huber_leaves_wild_readings_out_of_the_noise() -> None:
     fit = fit_table(LINE, dataclasses.replace(samples, error=error), loss="huber")
     # 3000 readings tell their scatter to 1.3 %; the wild ones pull the table a little.
     assert fit.noise == pytest.approx(NOISE, rel=0.1)
+
+
+def test_steps_of_a_coarse_instrument_are_not_wild() -> None:
+    # A level of 12.3 µm read in whole µm: mostly 12, sometimes 13.
+    level = 0.0123 + np.random.default_rng(0).normal(0.0, 2e-4, 155)
+    samples = Samples(np.tile(NODES, 5)[:, None], np.round(level, 3))
+    fit = fit_table(LINE, samples)
+    assert not fit.wild.any()
+    assert fit.noise == pytest.approx(np.std(samples.error), rel=0.1)
+
+
+def test_a_single_cell_is_judged_on_readings_left_out() -> None:
+    layout = TableLayout((NODES[[0, -1]],))
+    groups = spatial_blocks(layout, readings(layout, 30), 5)
+    assert np.bincount(groups).tolist() == [6] * 5
 
 
 def test_a_table_with_two_directions_is_not_asked_without_any() -> None:

@@ -15,10 +15,13 @@ from functools import cached_property
 from typing import final
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Bool, Float
 from numpy.polynomial import legendre
+from scipy.sparse.linalg import spsolve
 
 from ..._recording import JointData
+from ...core import AbstractPrior
 from .._identifiable import Shapes, null_space, pivoted
 from ._design import Design, design_of
 from ._effect import Component, Rank
@@ -112,6 +115,10 @@ class Rules:
         """Return the freedoms of the sum in any data, and the rule that fixes them."""
         null = _spread(design.stated, ideal.basis, design.size)
         null = null @ null_space(ideal.matrix)
+        for part, basis in zip(design.stated, ideal.basis, strict=True):
+            if part.prior is not None and null.shape[1]:
+                reached = np.asarray(basis.any(axis=1))
+                null[part.places] = _carried_on(part.prior, reached, null[part.places])
         return cls(null, _eliminated(design, null))
 
     @cached_property
@@ -163,6 +170,24 @@ def _eliminated(
         rows.append(functional)
         remaining = remaining @ right[rank:].T
     return np.vstack(rows)
+
+
+def _carried_on(
+    prior: AbstractPrior,
+    reached: Bool[np.ndarray, " p"],
+    null: Float[np.ndarray, "p g"],
+) -> Float[np.ndarray, "p g"]:
+    """Return directions that go on beyond the values that rows reach, bent the least.
+
+    Else what is moved leaves a step between the last node that was read and the next one.
+    """
+    rows = [prior.rows[k] for k in np.flatnonzero(~prior.optional)]
+    bent, result = sp.vstack(rows).tocsc(), null.copy()
+    beyond, known = bent[:, ~reached], bent[:, reached] @ null[reached]
+    if beyond.shape[1]:
+        found = spsolve((beyond.T @ beyond).tocsc(), -(beyond.T @ known))
+        result[~reached] = found.reshape(-1, null.shape[1])
+    return result
 
 
 def ideal_shapes(design: Design, data: JointData, drift: int) -> Shapes:
