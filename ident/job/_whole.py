@@ -149,9 +149,10 @@ class _Axis:
         limits, name = self.job.limits, self.name
         jump = next((c for c in checks if c.name == "max_jump"), None)
         if jump is not None and not jump.passed:
+            verb = "comes or goes" if len(names) == 1 else "come or go"
             words = (
                 f"{name} moves by up to {jump.value:.4g} {self.unit} by itself where"
-                f" {' and '.join(names)} come or go, more than max_jump"
+                f" {' and '.join(names)} {verb}, more than max_jump"
                 f" ({limits.max_jump:g} {self.unit}). Move the zero of the tables to"
                 f" where {name} is homed (datum), take the bulk of it out mechanically,"
                 " or raise max_jump in [gate] if the builder of the machine allows it."

@@ -111,17 +111,23 @@ def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> GridNodes:
 
 def _full_turn(job: Job, index: int, fit: TableSpec, nodes: ListNodes) -> bool:
     """Return whether the table goes round, refusing one that goes round in part."""
-    span = job.spec.axes[fit.over[0]].modulo
-    if not fit.turns(job.spec.axes) or span is None:
-        return fit.turns(job.spec.axes)
+    span, turns = job.spec.axes[fit.over[0]].modulo, fit.turns(job.spec.axes)
+    if span is None:
+        return turns
     ends = nodes.positions[[0, -1]]
-    if np.max(np.abs(ends - np.array(span))) > 1e-9:
-        raise job.error(
-            ("fits", index),
-            f"found nodes from {ends[0]:g} to {ends[1]:g}, expected the modulo range of"
-            f" {fit.over[0]} from {span[0]:g} to {span[1]:g}, both ends included",
+    whole = bool(np.max(np.abs(ends - np.array(span))) <= 1e-9)
+    if whole == turns:
+        return turns
+    reason = (
+        f"found nodes from {ends[0]:g} to {ends[1]:g}, expected the modulo range of"
+        f" {fit.over[0]} from {span[0]:g} to {span[1]:g}, both ends included"
+    )
+    if whole:
+        reason = (
+            f"found nodes over the whole turn of {fit.over[0]} and no modulo, expected"
+            " modulo = true (first = last): else the axis jumps where a turn ends"
         )
-    return True
+    raise job.error(("fits", index), reason)
 
 
 _KEYS = ("start", "interval", "points")

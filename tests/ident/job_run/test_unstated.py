@@ -145,6 +145,18 @@ def test_a_whole_turn_has_no_slope(tmp_path: Path) -> None:
         run_job(path, tmp_path / "out")
 
 
+def test_a_table_over_a_whole_turn_closes_or_is_refused(tmp_path: Path) -> None:
+    # Unclosed, the last node is a guess, and C jumps by it where a turn ends.
+    turn = np.arange(0.0, 360.0, 15.0)
+    error = 4e-3 * np.sin(np.deg2rad(turn))
+    path = job(tmp_path, shown(0, 0), axis="C", interval=10.0, points=37)
+    table(tmp_path / "m.csv", "C.position [deg],C.error [deg]", turn, error)
+    match = r"over the whole turn of C and no modulo, expected modulo = true"
+    with pytest.raises(JobError, match=match):
+        run_job(path, tmp_path / "out")
+    assert not list((tmp_path / "out").glob("*"))
+
+
 def test_a_list_with_the_compensation_asks_whether_it_was_on(tmp_path: Path) -> None:
     laser(tmp_path / "laser.csv")
     run_job(screw_job(tmp_path), tmp_path / "out")
