@@ -13,7 +13,7 @@ from .._draft import AbstractDraft
 from ..file._load import Job
 from ..result._job_result import LoadStep
 from ..result._result import AbstractResult, Expectation
-from ..result._verdict import Code
+from ..result._verdict import Code, Verdict
 from ._first_run import nameless
 from ._lists import AxisFiles
 
@@ -82,6 +82,11 @@ def load_sheet(
             job=job.path.name,
             axes=job.spec.axes,
             rejected=[one.axis for one in files if one.failed],
+            refuted=[
+                line["name"]
+                for line, (_, result) in zip(lines, pairs, strict=True)
+                if line["axis"] in axes and _is_refuted(result)
+            ],
             files=let_out,
             unsettled=[one for one in lines if one["conventions"]],
             plc_objects={
@@ -113,6 +118,13 @@ def load_sheet(
     )
     steps = [part.splitlines() for part in re.split(r"^## ", text, flags=re.M)[1:]]
     return tuple(LoadStep(action, " ".join(lines)) for action, *lines in steps)
+
+
+def _is_refuted(result: AbstractResult) -> bool:
+    """Return whether a second measurement speaks against a list."""
+    found = result.judgement
+    shown = found.has(Code.DIAGNOSED) or found.has(Code.NO_BETTER)
+    return shown and found.verdict is Verdict.REJECTED
 
 
 def _place(axis: str, expected: Expectation) -> str:

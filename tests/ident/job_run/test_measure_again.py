@@ -156,7 +156,7 @@ def test_flipped_machine_is_named_and_nothing_is_called_verified(
     page = (job.parent / "out" / "report.html").read_text("utf-8")
     assert '<div class="verdict bad">Take the list out again: the list doubles' in page
     assert "Verified:" not in page
-    assert "<b>Next:</b> Take the lists out again" in page
+    assert "<b>Next:</b> Take the leadscrew of X out again" in page
 
 
 def test_list_that_was_not_active_is_asked_for_and_taken_out(
