@@ -5,9 +5,11 @@ import os
 import pkgutil
 import subprocess
 import sys
+from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
+from packaging.specifiers import SpecifierSet
 
 import axcomp
 
@@ -25,6 +27,17 @@ def _run(
         cwd=folder, capture_output=True, text=True, check=False,
         env=os.environ | {"COLUMNS": "200"},
     )  # fmt: skip
+
+
+def test_every_pinned_version_runs_on_the_first_python_3_11() -> None:
+    # Debian 12 has 3.11.2: one package that wants a later one, and nothing is installed.
+    wanted = {
+        one.name: SpecifierSet(one.metadata["Requires-Python"] or "")
+        for one in distributions()
+    }
+    assert "axcomp" in wanted
+    late = [name for name, versions in wanted.items() if "3.11.0" not in versions]
+    assert late == []
 
 
 def test_every_module_can_be_imported() -> None:
