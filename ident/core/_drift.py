@@ -149,13 +149,9 @@ def find_drift(
     start = min(starts, key=lambda each: cost(each)[0])
     # A drift longer than the log cannot be separated from a level, which the columns hold.
     bounds = [(np.log(1e-4), np.log(1e6)), (low - 2.0, high + 1.0)]
-    # Its own first steps are a share of the start: none from where a logarithm is 0.
-    simplex = start + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     found = minimize(
         lambda each: cost(each)[0], start, method="Nelder-Mead", bounds=bounds,
-        options={
-            "xatol": 0.02, "fatol": 0.02, "maxiter": 120, "initial_simplex": simplex
-        },
+        options={"xatol": 0.02, "fatol": 0.02, "maxiter": 120},
     )  # fmt: skip
     value, variance = cost(found.x)
     if not value < independent - _WORTH:
