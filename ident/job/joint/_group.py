@@ -111,11 +111,8 @@ def fit_group(
         MeasurementError: If a role is missing or a value cannot be used.
         JobError: If the readings cannot carry the fit, or a result fits no list.
     """
-    recording, unfit = read_group(tables, every), dict[int, str]()
-    for one in every:
-        why = one.unfit(recording) or one.confused(every, recording)
-        if why or (len(every) == 1 and (why := one.undetermined(recording.data))):
-            unfit[one.index] = why
+    recording = read_group(tables, every)
+    unfit = {one.index: why for one in every if (why := _unfit(one, every, recording))}
     members = tuple(one for one in every if one.index not in unfit)
     try:
         if not members:
@@ -148,14 +145,20 @@ def fit_alone(one: AbstractPlan, recording: GroupRecording) -> Share:
     Raises:
         FitError: If the readings do not tell it.
     """
-    why = one.unfit(recording) or one.confused([one], recording)
-    why = why or one.undetermined(recording.data)
-    if why:
+    if why := _unfit(one, [one], recording):
         raise FitError(why)
     share = Share(_identified("", (one,), recording), 0)
     if not share.group.written[0]:
         raise FitError(share.why_lost)
     return share
+
+
+def _unfit(
+    one: AbstractPlan, members: Sequence[AbstractPlan], recording: GroupRecording
+) -> str:
+    """Return why a member cannot be fitted to these readings, in words, or nothing."""
+    why = one.unfit(recording) or one.confused(members, recording)
+    return why or (one.undetermined(recording.data) if len(members) == 1 else "")
 
 
 def _identified(
