@@ -24,32 +24,10 @@ from .keys import Spec
 if TYPE_CHECKING:
     from ...job.joint._share import Share
     from ...job.write._lists import AxisFiles
+    from .plan import BacklashPlan
 
 _SPREAD = "lr_param.n_backlash_cyc"
 """Entry that spreads a reversal over cycles (P-AXIS-00243)."""
-
-
-@dataclasses.dataclass(frozen=True)
-class KnownBacklash:
-    """What an axis list says of the backlash.
-
-    Attributes:
-        old: Its entries, or None.
-        active: Whether they acted while measuring.
-    """
-
-    old: Backlash | None
-    active: bool
-
-    @property
-    def reference(self) -> int:
-        """Direction in which the axis is right without it."""
-        return 1 if self.old is None else self.old.reference
-
-    @property
-    def acting(self) -> float:
-        """Width that acted while measuring, in mm or °."""
-        return float(self.old.width) if self.active and self.old is not None else 0.0
 
 
 def sides_of(share: "Share") -> Sides:
@@ -70,18 +48,17 @@ class BacklashDraft(AbstractDraft):
     """A fitted backlash.
 
     Attributes:
+        plan: What the axis list holds.
         share: Its part of the joint fit.
-        known: What the axis list holds.
     """
 
-    fit: Spec
+    plan: "BacklashPlan"
     share: "Share"
-    known: KnownBacklash
 
     @property
     def width(self) -> float:
         """What is written, in mm or °."""
-        return float(self.share.part.values[0]) + self.known.acting
+        return float(self.share.part.values[0]) + self.plan.acting
 
     @property
     def written(self) -> bool:
@@ -105,7 +82,7 @@ class BacklashDraft(AbstractDraft):
         return abs(self.width)
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
-        reference = 1 if self.known.reference > 0 else -1
+        reference = 1 if self.plan.reference > 0 else -1
         model = Backlash(jnp.asarray(self.width), reference, cycles or 0)
         return dict(entries_of_backlash(model, (), self.job.conventions))
 
@@ -121,7 +98,7 @@ class BacklashDraft(AbstractDraft):
                 jump, spread, limits, unit, _SPREAD, "start-up or COMP ON/OFF"
             ),
         ]  # fmt: skip
-        old = self.known.old
+        old = self.plan.old
         if limits.max_change is not None and old is not None:
             change = abs(self.width - float(old.width))
             words = "against the axis list"
@@ -129,10 +106,8 @@ class BacklashDraft(AbstractDraft):
         return tuple(lines)
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
-        from .plan import BacklashPlan  # draws on this module
-
         assert isinstance(fit, Spec)
-        again = BacklashPlan(tables.job, self.index, fit, self.known)
+        again = dataclasses.replace(self.plan, job=tables.job, fit=fit)
         draft = again.alone(tables, {})
         assert isinstance(draft, BacklashDraft)  # its own
         sides = sides_of(draft.share)
@@ -148,7 +123,7 @@ class BacklashDraft(AbstractDraft):
     def prove(self, done: "AxisFiles") -> BacklashResult:
         share, sides = self.share, sides_of(self.share)
         # About the mean of both directions, which the tables of the axis look after.
-        added = 0.5 * sides.direction * (self._read_back(done) - self.known.acting)
+        added = 0.5 * sides.direction * (self._read_back(done) - self.plan.acting)
         from_file = sides.before + added
         result = BacklashResult(
             **self.frame(done),
@@ -157,7 +132,7 @@ class BacklashDraft(AbstractDraft):
             files=tuple(n for n in done.written if n.name == done.machine_name),
             held_out=share.recording.held_out,
             width=self.width if self.written else 0.0,
-            reference=self.known.reference,
+            reference=self.plan.reference,
             cycles=done.cycles or 0,
             fit=share.part,
             noise=share.noise,
@@ -165,7 +140,7 @@ class BacklashDraft(AbstractDraft):
             from_file=from_file,
             dependence=change_along(float(share.part.values[0]), sides),
         )
-        said = remarks_of(result, self.known.old is not None, self.known.active)
+        said = remarks_of(result, self.plan.old is not None, self.plan.active)
         remarks = (*share.remarks(), *said, *done.remarks)
         return dataclasses.replace(result, remarks=remarks)
 
@@ -183,6 +158,6 @@ class BacklashDraft(AbstractDraft):
         """Return the width that the written file holds."""
         listing = done.machine
         if listing is None:
-            return 0.0 if self.known.old is None else float(self.known.old.width)
+            return 0.0 if self.plan.old is None else float(self.plan.old.width)
         back = backlash_from_list(listing, self.job.conventions)
         return 0.0 if back is None else float(back.width)

@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 from jaxtyping import Float
 
+from .... import models
 from ..._recording import JointData
 from ...fit.joint import Backlash
 from ...job._draft import AbstractPlan
 from ...job.table._plan import was_active
 from ...readings import Tables
-from ._draft import BacklashDraft, KnownBacklash
+from ._draft import BacklashDraft
 from .entries import backlash_from_list
 from .keys import Spec
 
@@ -45,7 +46,7 @@ def plan(tables: Tables, index: int, fit: Spec) -> "BacklashPlan":
             "backlash was active while measuring, but no axis list that switches it on"
             " is given, expected machine_data = the file that was loaded",
         )
-    return BacklashPlan(job, index, fit, KnownBacklash(old, active))
+    return BacklashPlan(job, index, fit, old, active)
 
 
 @final
@@ -54,11 +55,23 @@ class BacklashPlan(AbstractPlan):
     """A backlash.
 
     Attributes:
-        known: What the axis list holds.
+        old: Entries of the axis list, or None.
+        active: Whether they acted while measuring.
     """
 
     fit: Spec
-    known: KnownBacklash
+    old: models.Backlash | None
+    active: bool
+
+    @property
+    def reference(self) -> int:
+        """Direction in which the axis is right without it."""
+        return 1 if self.old is None else self.old.reference
+
+    @property
+    def acting(self) -> float:
+        """Width that acted while measuring, in mm or °."""
+        return float(self.old.width) if self.active and self.old is not None else 0.0
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -81,7 +94,7 @@ class BacklashPlan(AbstractPlan):
     def effect(
         self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
     ) -> Backlash:
-        return Backlash(self.axis, reference=self.known.reference)
+        return Backlash(self.axis, reference=self.reference)
 
     def draft(self, share: "Share") -> BacklashDraft:
-        return BacklashDraft(self.job, self.index, self.fit, share, self.known)
+        return BacklashDraft(self.job, self.index, self.fit, self, share)

@@ -14,7 +14,6 @@ from ...job._draft import AbstractDraft
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
 from ...job.result._second import SecondMeasurement
-from ...job.table._readings import datum_of
 from ...proof import GateCheck
 from ...proof.axis import check_switching
 from ...readings import Tables
@@ -36,6 +35,7 @@ from .keys import Spec, temperature_names
 if TYPE_CHECKING:
     from ...job.joint._share import Share
     from ...job.write._lists import AxisFiles
+    from .plan import TemperaturePlan
 
 _LINE = KIND.prefix
 
@@ -46,12 +46,14 @@ class TemperatureDraft(AbstractDraft):
     """A fitted thermal line.
 
     Attributes:
+        plan: What was asked for.
         found: The estimate, in the sign of the error.
         share: Its part of the joint fit.
         lost: Why the coefficient is held constant, in words; empty where it is not.
     """
 
     fit: Spec
+    plan: "TemperaturePlan"
     found: TemperatureFit
     share: "Share"
     lost: str = ""
@@ -67,12 +69,6 @@ class TemperatureDraft(AbstractDraft):
     @property
     def partial(self) -> bool:
         return bool(self.lost)
-
-    @property
-    def datum(self) -> float | None:
-        """Where the instrument was set to zero at all temperatures, or None."""
-        found = datum_of(self.job, self.index, self.fit)
-        return None if found is None else found[0]
 
     @functools.cached_property
     def zero(self) -> float:
@@ -156,9 +152,8 @@ class TemperatureDraft(AbstractDraft):
 
     def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
-        from .plan import TemperaturePlan  # it makes such drafts
-
-        again = TemperaturePlan(tables.job, self.index, fit, tables)
+        own = self.plan
+        again = dataclasses.replace(own, job=tables.job, fit=fit, tables=tables)
         recording, rows = read_thermal(again)
         read = recording.data.take(rows)
         known = np.isfinite(read.error[self.axis])

@@ -206,9 +206,10 @@ def _not_told(draft: "TemperatureDraft") -> Iterator[Remark]:
             " correction acts everywhere."
         )
     yield from _alike(fit)
-    if draft.datum is not None and (asked is None or "offset" in asked):
+    datum = draft.plan.datum
+    if datum is not None and (asked is None or "offset" in asked):
         yield Remark.warning(
-            f"The instrument was set to zero at {draft.datum:g} mm (datum): a"
+            f"The instrument was set to zero at {datum:g} mm (datum): a"
             " shift of the whole axis is not seen, and only the growth from there"
             " is corrected."
         )

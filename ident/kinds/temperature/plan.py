@@ -58,6 +58,12 @@ class TemperaturePlan(AbstractPlan):
     tables: Tables
     chosen: Temperature | None = None
 
+    @property
+    def datum(self) -> float | None:
+        """Where the instrument was set to zero at all temperatures, or None."""
+        found = datum_of(self.job, self.index, self.fit)
+        return None if found is None else found[0]
+
     @functools.cached_property
     def effects(self) -> dict[str, str]:
         """Sensor of each effect that is fitted.
@@ -85,11 +91,11 @@ class TemperaturePlan(AbstractPlan):
     def alone(self, tables: Tables, left: Leftovers) -> TemperatureDraft:
         recording, kept = read_thermal(self)
         line, data = self.line(recording.data), recording.data
-        datum = datum_of(self.job, self.index, self.fit)
+        datum = self.datum
         if datum is not None and "coefficient" in line.sensors:
             # The instrument was set to zero there: what the offset does, nobody saw.
             only = {"coefficient": line.sensors["coefficient"]}
-            line = dataclasses.replace(line, sensors=only, reference=datum[0])
+            line = dataclasses.replace(line, sensors=only, reference=datum)
         rows = complete_rows(line, data, kept)
         if lost := self._confused(line, data):
             # Where the slope and its change are one, the offset may stand apart from both.
@@ -240,4 +246,4 @@ class TemperaturePlan(AbstractPlan):
         )
         if self.meets and len(fit.laws) > 1:
             fit = about_meeting(fit)
-        return TemperatureDraft(self.job, self.index, self.fit, fit, share)
+        return TemperatureDraft(self.job, self.index, self.fit, self, fit, share)
