@@ -12,6 +12,12 @@ table fit fail:
 * the scatter within a line may be structure. Between "all of it" and "none" the table goes half
   way to the reading, which is the choice with the least loss in the worse of the two cases.
 
+Where a surface bends from node to node the evidence may take the noise for structure as well:
+a prior that explains every reading leaves next to none. Fourth differences along both axes
+at once tell it better (on surfaces that bend over one to two nodes it is right to about 20 %,
+where the evidence takes it 2.5 times too small); the table is then that of the same prior for
+as large a noise. White structure from node to node stays noise in either.
+
 Two probings settle both; this file then has nothing to say.
 """
 
@@ -28,6 +34,9 @@ _MOST = 0.9
 """Share of the nodes that must have their reading."""
 _FEWEST = 5
 """Lines from which on their scatter can be judged."""
+_ORDER, _NORM, _ALIKE = 4, 70.0, 6.9
+"""Order of the differences that tell the noise of a smooth surface; their scatter along both
+axes for noise of 1; how many of them, as neighbours overlap, say as much as an independent one."""
 
 
 def judge_once(fit: TableFit, samples: Samples) -> TableFit:
@@ -45,6 +54,9 @@ def judge_once(fit: TableFit, samples: Samples) -> TableFit:
         return fit
     readings = fit.values.copy()
     readings[place] += np.where(fit.wild, 0.0, fit.residual)
+    least = _least_noise(readings)
+    if least > fit.noise:
+        fit = _noisier(fit, place, least)
     across, rough = max(enumerate(_roughness(readings)), key=lambda pair: pair[1])
     # Below the scatter of a reading no offset can hide; from twice that on, all of it can.
     share = float(np.clip(rough / fit.noise - 1.0, 0.0, 1.0))
@@ -69,6 +81,45 @@ def _nodes_read(
     np.add.at(visits, (second, first), 1)
     once = visits.max() == 1 and visits.mean() >= _MOST
     return (second, first) if once else None
+
+
+def _least_noise(readings: Float[np.ndarray, "n m"]) -> float:
+    """Return the least noise of a reading that fourth differences along both axes allow.
+
+    They take away all that is smooth over five nodes along either axis, and every structure
+    along a line. Less one standard deviation of it; 0 for a mesh too small to tell.
+    """
+    bends = np.diff(np.diff(readings, _ORDER, axis=0), _ORDER, axis=1)
+    if not bends.size:
+        return 0.0
+    noise = 1.4826 * float(np.median(np.abs(bends))) / _NORM
+    return noise / (1.0 + float(np.sqrt(0.5 * _ALIKE / bends.size)))
+
+
+def _noisier(
+    fit: TableFit,
+    place: tuple[Int[np.ndarray, " t"], Int[np.ndarray, " t"]],
+    noise: float,
+) -> TableFit:
+    """Return the table of the same prior for readings of a larger noise."""
+    assert fit.estimate is not None  # a fit of readings in memory has one
+    weights = fit.estimate.posterior.weights * (noise / fit.noise) ** 2
+    post = fit.estimate.posterior.problem.at(weights)
+    if post is None:
+        return fit
+    table = fit.layout.effect
+    values = table.to_table(post.values[: table.size])
+    deviation = noise * np.sqrt(post.inverse_diagonal[: table.size])
+    return dataclasses.replace(
+        fit,
+        values=values,
+        standard_deviation=table.to_table(deviation),
+        noise=noise,
+        smoothness=dict(zip(table.prior.names, weights.tolist(), strict=True)),
+        residual=fit.residual + (fit.values - values)[place],
+        covariance=post.covariance(table.offsets).scaled(np.full(table.size, noise)),
+        estimate=dataclasses.replace(fit.estimate, posterior=post),
+    )
 
 
 def _roughness(readings: Float[np.ndarray, "n m"]) -> tuple[float, float]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from axcomp.data.measurements import read_table
 from axcomp.ident.fit import Samples, TableFit, TableLayout, fit_table, predict
@@ -81,6 +82,22 @@ def test_a_smooth_surface_probed_once_is_left_to_the_evidence() -> None:
     found = fit(probed(1, rough=0.0, line=0.0, noise=0.002))
     assert found.line_offset == 0.0
     assert "second probing" not in found.message
+
+
+def test_noise_is_not_taken_for_bends_from_node_to_node() -> None:
+    inside, ratios = [], []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        field = gaussian_filter(rng.normal(size=(33, 33)), 1.0)[10:-10, 10:-10]
+        truth = 0.003 * field / field.std()
+        once, again = truth + rng.normal(0.0, 0.001, (2, 13, 13))
+        found = fit(once)
+        inside.append(np.abs(found.values - truth) <= 2.0 * found.standard_deviation)
+        predicted = np.hypot(rms(found.standard_deviation), found.noise)
+        ratios.append(predicted / rms(again - found.values))
+    # By the evidence alone 50 % and 0.4 over 24 surfaces.
+    assert 0.9 <= np.mean(inside) <= 0.99
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.25)
 
 
 def test_an_offset_of_every_line_is_allowed_for_where_lines_are_rough() -> None:
