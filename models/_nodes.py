@@ -32,6 +32,9 @@ def float_array(value: Any) -> Array:
     """Return the value as an array of 64-bit floats (converter of all model fields)."""
     if isinstance(value, Array) and value.dtype == jnp.float64:
         return value
+    if isinstance(value, (float, int, np.ndarray)):
+        # A type converted by JAX takes as long again as all the rest.
+        return jnp.asarray(np.asarray(value, dtype=np.float64))
     return jnp.asarray(value, dtype=jnp.float64)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..core import FitError, one_blas_thread
-from ._equation import Equation, Known, Recording, record, ridged, weigh
+from ._equation import Known, Recording, record, ridged, weigh
 from ._inverse import fit_competing
 from ._result import FrictionFit
 from ._samples import DriveSamples
@@ -209,7 +209,7 @@ def choose_law(
         found: dict[AbstractStructure, Candidate] = {}
         near, candidates = None, list[Candidate]()
         for kind in kinds:
-            fit = fit_competing(Equation(recording, kind), weights, near)
+            fit = fit_competing(weights.free.under(kind), weights, near)
             # Both directions apart have nearly the shape that they have together.
             near = fit.shape if len(fit.shape) else None
             # Where the data do not carry a law, the simpler one speaks for it.

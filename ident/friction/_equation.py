@@ -257,7 +257,8 @@ class Equation:
 
     def under(self, structure: AbstractStructure) -> "Equation":
         """Return the same rows for another kind of law."""
-        return Equation(self.recording, structure)
+        same = structure == self.structure
+        return self if same else Equation(self.recording, structure)
 
     @cached_property
     def fixed_names(self) -> tuple[str, ...]:
@@ -302,11 +303,18 @@ class Equation:
         """All columns that follow no shape."""
         return np.hstack([self.beside, in_line(self.recording.steady(self.structure))])
 
+    @cached_property
+    def _shapeless(self) -> Float[np.ndarray, "s c"]:
+        """What `rows` returns where no column follows a shape."""
+        return np.hstack([self.unbent, self.recording.target[:, None]])
+
     def rows(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s c"]:
         """Return columns of all linear factors, slopes by the shape, and the target, per row.
 
         The slopes are those of the last column of each direction.
         """
+        if not len(shape):
+            return self._shapeless
         fixed, ways = len(self.fixed_names), self.structure.ways
         last = self.falling(shape)
         steady = np.split(self.unbent[:, fixed:], ways, axis=1)

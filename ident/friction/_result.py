@@ -167,7 +167,7 @@ class FrictionFit:
         prior = np.pad(self.prior, (0, len(self.shape)))
         root, _ = rooted(even + prior)
         inverse = root @ root.T
-        leverage = ((left @ inverse) * self.rows.right[:, :-1]).sum(axis=1)
+        leverage = np.einsum("sk,sk->s", left @ inverse, self.rows.right[:, :-1])
         push = self.error / np.clip(1.0 - leverage, 1.0 - _LARGEST_LEVERAGE, 1.0)
         freedom = max(self.count - len(inverse), 1)
         noise = float((self.share * push) @ push) / freedom
@@ -358,9 +358,9 @@ def lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> in
         scores: Per row, in order; rows left out have zeros.
         piece: Stretch of even time steps; no lag reaches from one to the next.
     """
-    same = piece[1:] == piece[:-1]
-    size = np.square(scores).sum(axis=0)
-    beside = (scores[1:] * scores[:-1] * same[:, None]).sum(axis=0)
+    same = (piece[1:] == piece[:-1]) * 1.0
+    size = np.einsum("tk,tk->k", scores, scores)
+    beside = np.einsum("tk,tk,t->k", scores[1:], scores[:-1], same)
     used = size > 0
     rho = np.clip(beside / np.where(used, size, 1.0), 0.0, _STRONGEST)
     far = used / (1 - rho) ** 4

@@ -115,7 +115,7 @@ class AbstractStructure(abc.ABC):
         """Names of the parameters of one direction as users read them, by the factors."""
         return self.factors, np.eye(len(self.factors))
 
-    @property
+    @cached_property
     def bends(self) -> Float[np.ndarray, "b k"] | None:
         """What of the factors of one direction a smoothness prior keeps small, or None."""
         return None
@@ -318,7 +318,7 @@ class KnotTable(AbstractStructure):
         """See `AbstractStructure`."""
         return np.ones(len(self.knots))
 
-    @property
+    @cached_property
     def bends(self) -> Float[np.ndarray, "b k"] | None:
         """See `AbstractStructure`: how far each knot lies off the line of its neighbours.
 
