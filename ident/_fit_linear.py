@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ..models import Cross, FrictionTable, Leadscrew, ModuloNodes, Plane
 from ._linear_solver import Arrow, ArrowCholesky
 from ._parameters import Form, as_float, fitted_arrays, path_name, weights_of
-from .core import FitError, TableEffect
+from .core import FitError, TableEffect, shared_table
 
 M = TypeVar("M")
 
@@ -335,4 +335,4 @@ def _effect(table: Any) -> TableEffect:
     if isinstance(table, Leadscrew):
         ring = table.modulo is not None and table.modulo is not False
         way = None if table.neg is None else "way"
-    return TableEffect(nodes, ("1", "2")[: len(nodes)], way, ring)
+    return shared_table(nodes, ("1", "2")[: len(nodes)], way, ring)

@@ -35,6 +35,7 @@ from ._effect import (
     TableEffect as TableEffect,
     axis_nodes as axis_nodes,
     design_of as design_of,
+    shared_table as shared_table,
     touched as touched,
 )
 from ._errors import FitError as FitError

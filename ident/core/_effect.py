@@ -3,6 +3,7 @@
 import abc
 import dataclasses
 import functools
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, final
 
@@ -20,7 +21,7 @@ from ...models import (
     Plane,
     Setpoints,
 )
-from ._chain import Chain, chain
+from ._chain import chain
 from ._prior import AbstractPrior, NoPrior, Smooth
 from ._readings import Readings, filled
 
@@ -105,29 +106,6 @@ def axis_nodes(nodes: Float[np.ndarray, " n"]) -> EquidistantNodes | Setpoints:
     return Setpoints(jnp.asarray(nodes))
 
 
-@functools.lru_cache(maxsize=8)
-def _smooth(
-    slow: Chain,
-    fast: Chain | None,
-    branches: int,
-    order: bytes,
-    axes: tuple[int, int] = (1, 2),
-) -> Smooth:
-    """Return the prior of tables on the same nodes, which many jobs share."""
-    return Smooth(slow, fast, branches, np.frombuffer(order, np.int64), axes)
-
-
-@functools.lru_cache(maxsize=8)
-def _model(nodes: tuple[bytes, ...], both: bool, ring: bool) -> Plane | Leadscrew:
-    """Return the model of tables on the same nodes, which many jobs share."""
-    axes = [axis_nodes(np.frombuffer(each, np.float64)) for each in nodes]
-    if len(axes) == 2:
-        first, second = axes
-        return Plane(first, second, jnp.zeros((second.count, first.count)))
-    empty = jnp.zeros(axes[0].count)
-    return Leadscrew(axes[0], empty, empty if both else None, ring or None)
-
-
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class TableEffect(AbstractEffect):
@@ -151,8 +129,13 @@ class TableEffect(AbstractEffect):
     @cached_property
     def model(self) -> Plane | Leadscrew:
         """The controller's model of such a table, all values 0."""
-        nodes = tuple(each.tobytes() for each in self.nodes)
-        return _model(nodes, self.way is not None, self.ring)
+        axes = [axis_nodes(each) for each in self.nodes]
+        if len(axes) == 2:
+            first, second = axes
+            return Plane(first, second, jnp.zeros((second.count, first.count)))
+        empty = jnp.zeros(axes[0].count)
+        neg = None if self.way is None else empty
+        return Leadscrew(axes[0], empty, neg, self.ring or None)
 
     @property
     def axes(self) -> tuple[AbstractNodes, ...]:
@@ -203,22 +186,18 @@ class TableEffect(AbstractEffect):
         places = self.place.reshape(self.branches, -1)
         return places[:, :-1].reshape(-1) if self.ring else places.reshape(-1)
 
-    @property
+    @cached_property
     def prior(self) -> Smooth:
         """See `AbstractEffect`: differences along the axes of the table."""
-        return self._prior
-
-    @cached_property
-    def _prior(self) -> Smooth:
         if len(self.nodes) == 2:
             first, second = (chain(nodes) for nodes in self.nodes)
-            order = np.arange(first.size * second.size).tobytes()
+            order = np.arange(first.size * second.size)
             if first.size <= second.size:
-                return _smooth(second, first, 1, order, (2, 1))
-            return _smooth(first, second, 1, order, (1, 2))
+                return Smooth(second, first, 1, order, (2, 1))
+            return Smooth(first, second, 1, order, (1, 2))
         axis = chain(self.nodes[0], self.ring)
-        order = self.place.reshape(self.branches, -1)[:, : axis.size].tobytes()
-        return _smooth(axis, None, self.branches, order)
+        order = self.place.reshape(self.branches, -1)[:, : axis.size].reshape(-1)
+        return Smooth(axis, None, self.branches, order)
 
     def design(self, readings: Readings) -> Design:
         """See `AbstractEffect`."""
@@ -239,6 +218,28 @@ class TableEffect(AbstractEffect):
         if self.branches == 2:
             shape = (2, *shape)
         return np.ascontiguousarray(values[self.place].reshape(shape))
+
+
+def shared_table(
+    nodes: Sequence[Float[np.ndarray, " _n"]],
+    inputs: tuple[str, ...],
+    way: str | None = None,
+    ring: bool = False,
+) -> TableEffect:
+    """Return a table by the attributes of `TableEffect`, the same object for the same ones.
+
+    Many jobs share it, with all that it knows of its nodes.
+    """
+    kept = tuple(np.asarray(each, np.float64).tobytes() for each in nodes)
+    return _shared_table(kept, inputs, way, ring)
+
+
+@functools.lru_cache(maxsize=8)
+def _shared_table(
+    nodes: tuple[bytes, ...], inputs: tuple[str, ...], way: str | None, ring: bool
+) -> TableEffect:
+    arrays = tuple(np.frombuffer(each, np.float64) for each in nodes)
+    return TableEffect(arrays, inputs, way, ring)
 
 
 @final

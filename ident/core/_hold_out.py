@@ -105,10 +105,21 @@ def _without_runs(
 ) -> tuple[Sums, Float[np.ndarray, " f"]]:
     """Return sums and estimate with effects of the runs that are present only."""
     stack = sums.stack
+    slim, border = _with_runs(stack, present.tobytes())
+    n = stack.band
+    inside = border.T @ theta[n:]
+    start = np.concatenate([theta[:n], inside])
+    step = np.concatenate([np.zeros(n), border @ inside - theta[n:]])
+    return sums.moved(step, gain).reduced(slim, border), start
+
+
+@functools.lru_cache(maxsize=64)
+def _with_runs(stack: Stack, present: bytes) -> tuple[Stack, Float[np.ndarray, "m k"]]:
+    """Return a stack of fewer runs, and the unknowns of the border per unknown of its own."""
     effect = stack.effects[-1]
     assert isinstance(effect, GroupEffect)
     n, before = stack.band, stack.starts[-2]
-    own = dataclasses.replace(effect, present=present)
+    own = dataclasses.replace(effect, present=np.frombuffer(present, bool))
     slim = Stack((*stack.effects[:-1], own), stack.banded)
     # Effects of all runs per effect of the fewer ones: the same columns in another basis.
     turn = effect.contrast.T @ own.contrast
@@ -118,7 +129,4 @@ def _without_runs(
     for part in range(effect.parts):
         row, column = kept + part * rows, kept + part * columns
         border[row : row + rows, column : column + columns] = turn
-    inside = border.T @ theta[n:]
-    start = np.concatenate([theta[:n], inside])
-    step = np.concatenate([np.zeros(n), border @ inside - theta[n:]])
-    return sums.moved(step, gain).reduced(slim, border), start
+    return slim, border

@@ -68,6 +68,10 @@ class Problem:
             held, pinned = held + pins, int((pins > 0.0).sum())
         return cls(sums, theta, gain, np.array(density), held, pinned)
 
+    def again(self, sums: Sums, theta: Vector, gain: float) -> "Problem":
+        """Return the problem of sums of the same matrix about another estimate."""
+        return dataclasses.replace(self, sums=sums, theta=theta, gain=gain)
+
     @property
     def stack(self) -> Stack:
         """The effects."""
@@ -89,10 +93,10 @@ class Problem:
         ends = [prior.bounds for prior, _, _ in self.stack.priors]
         return np.asarray(np.concatenate(ends) + np.log(self.density)[:, None])
 
-    @cached_property
+    @property
     def optional(self) -> Bool[np.ndarray, " k"]:
         """Weights that may be 0: those of fourth differences."""
-        return np.concatenate([prior.optional for prior, _, _ in self.stack.priors])
+        return self.stack.optional
 
     @cached_property
     def right(self) -> Vector:
@@ -226,12 +230,11 @@ class Posterior:
 
     @cached_property
     def _prior(self) -> tuple[float, Vector]:
-        found = [
-            prior.logdet(self.weights[own])
-            for prior, _, own in self.problem.stack.priors
-        ]
-        slopes = np.concatenate([slope for _, slope in found])
-        return float(sum(value for value, _ in found)), slopes
+        value, slopes = 0.0, np.zeros(len(self.weights))
+        for prior, _, own in self.problem.stack.priors:
+            part, slopes[own] = prior.logdet(self.weights[own])
+            value += part
+        return value, slopes
 
     @cached_property
     def evidence(self) -> float:
@@ -320,7 +323,7 @@ class Posterior:
         """Return the problem of the same sums about these values, so that digits are kept."""
         problem = self.problem
         moved = problem.sums.moved(self.values - problem.theta, problem.gain)
-        return dataclasses.replace(problem, sums=moved, theta=self.values)
+        return problem.again(moved, self.values, problem.gain)
 
 
 @final

@@ -281,7 +281,10 @@ class _Passes:
                 active = float(sums.tally[0])
             factor = None if full else post.factor
             gain = max(float(sums.tally[1] / max(sums.tally[0], 1.0)), 0.1)
-            problem = self._problem(sums, about, gain)
+            if full:
+                problem = self._problem(sums, about, gain)
+            else:
+                problem = post.problem.again(sums, about, gain)
             weights = post.weights if self.fixed is None else self.fixed(problem)
             post = self._solved(problem, weights, factor)
             trail = [*trail[-1:], (about, post.values - about)]

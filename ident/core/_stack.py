@@ -6,7 +6,7 @@ from typing import Any, final
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ._effect import KEPT, AbstractEffect, Design, TableEffect, design_of
 from ._prior import AbstractPrior, Penalty
@@ -107,6 +107,11 @@ class Stack:
         return np.asarray(self.rows.transpose(0, 2, 1) @ self.rows)
 
     @cached_property
+    def optional(self) -> Bool[np.ndarray, " k"]:
+        """Weights that may be 0: those of fourth differences."""
+        return np.concatenate([prior.optional for prior, _, _ in self.priors])
+
+    @cached_property
     def free(self) -> int:
         """Number of unknowns that no prior holds."""
         return sum(prior.free for prior, _, _ in self.priors)
@@ -125,9 +130,14 @@ class Stack:
         if self not in kept:
             nodes, shares = self.design(readings)
             count, width = shares.shape
-            ends = np.arange(count + 1) * width
-            parts = (shares.reshape(-1), nodes.reshape(-1), ends)
-            kept[self] = compact(sp.csr_array(parts, shape=(count, self.size)))
+            if count * self.size <= _WHOLE:
+                place = nodes + self.size * np.arange(count)[:, None]
+                flat = np.bincount(place.ravel(), shares.ravel(), count * self.size)
+                kept[self] = flat.reshape(count, self.size)
+            else:
+                ends = np.arange(count + 1) * width
+                parts = (shares.reshape(-1), nodes.reshape(-1), ends)
+                kept[self] = sp.csr_array(parts, shape=(count, self.size))
         return kept[self]
 
 

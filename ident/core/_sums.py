@@ -77,11 +77,16 @@ class Sums:
         )
 
     def __add__(self, other: "Sums") -> "Sums":
-        parts = {
-            field.name: getattr(self, field.name) + getattr(other, field.name)
-            for field in dataclasses.fields(self)[1:]
-        }
-        return Sums(self.stack, **parts)
+        return Sums(
+            self.stack,
+            self.diagonals + other.diagonals,
+            self.cross + other.cross,
+            self.border + other.border,
+            self.right + other.right,
+            self.tally + other.tally,
+            self.histogram + other.histogram,
+            self.support + other.support,
+        )
 
     def with_matrix(self, other: "Sums") -> "Sums":
         """Return these sums with the matrix and the support of others."""

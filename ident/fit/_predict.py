@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..core import (
+    CellCovariance,
     FitError,
     GroupEffect,
     design_of,
@@ -105,16 +106,17 @@ def deviations(
     """Return the standard deviation of one of several tables at each reading, in mm or °.
 
     Args:
-        fits: Tables of one layout.
+        fits: Tables of one layout and smoothness.
         which: Table that is asked for each reading.
         samples: The readings.
     """
     nodes, shares = design_of(fits[0].layout.effect, samples.readings)
-    result = np.zeros(len(which))
-    for number, fit in enumerate(fits):
-        own = which == number
-        result[own] = fit.covariance.variance(nodes[own], shares[own])
-    return np.sqrt(result)
+    parts = [fit.covariance for fit in fits]
+    # The tables one after the other, as if they were one.
+    columns = np.concatenate([part.columns for part in parts])
+    whole = CellCovariance(parts[0].offsets, columns)
+    first = which * len(parts[0].columns)
+    return np.asarray(np.sqrt(whole.variance(nodes + first[:, None], shares)))
 
 
 def leave_out(

@@ -1,11 +1,13 @@
 """The fit of one table: readings in, node values with uncertainty and support out."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.ndimage import median
 
 from ..core import (
     Estimate,
@@ -16,6 +18,7 @@ from ..core import (
     Problem,
     Readings,
     Stack,
+    TableEffect,
     estimate,
     least_scale,
     memory,
@@ -218,20 +221,13 @@ class _Memory:
 
     def stack(self, apart: Sequence[int]) -> Stack:
         """Return the table, and effects of the runs; some do not count in their mean."""
-        table = self.layout.effect
-        if not len(self.labels):
-            return Stack((table,), table.size > _DENSE)
         counted = ~np.isin(self.labels, list(apart))
-        trend = "order" if self.drift else None
-        effect = GroupEffect(counted, np.ones(len(counted), bool), "run", trend)
-        return Stack((table, effect), table.size > _DENSE)
+        return _stack(self.layout.effect, counted.tobytes(), self.drift)
 
-    def by_run(
-        self, of: Callable[..., np.ndarray], values: Float[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " r"]:
-        """Return a number of each run."""
+    def middle(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " r"]:
+        """Return the median of each run."""
         run = self.readings.inputs["run"]
-        return np.array([of(values[run == k]) for k in range(len(self.labels))])
+        return np.asarray(median(values, run, np.arange(len(self.labels))))
 
     def __call__(self, loss: str, apart: Sequence[int]) -> TableFit:
         """Return the fit by one loss, some runs left out of the mean of all."""
@@ -241,8 +237,8 @@ class _Memory:
         def offsets(level: float) -> Vector:
             own = np.zeros(stack.size - self.layout.effect.size)
             if isinstance(effect, GroupEffect):
-                middle = self.by_run(np.median, error)
-                own[: effect.contrast.shape[1]] = effect.contrast.T @ (middle - level)
+                offset = self.middle(error) - level
+                own[: effect.contrast.shape[1]] = effect.contrast.T @ offset
             return own
 
         over = memory(stack, readings)
@@ -272,7 +268,7 @@ class _Memory:
             residual = residual / np.sqrt(readings.weight)
         suspects: tuple[int, ...] = ()
         if len(self.labels) > 2:
-            scatter = self.by_run(np.median, np.abs(residual))
+            scatter = self.middle(np.abs(residual))
             loud = self.labels[scatter > _LOUD * np.median(scatter)].tolist()
             suspects = tuple(sorted({*loud, *far_runs(fit.runs)}))
         return dataclasses.replace(
@@ -282,6 +278,24 @@ class _Memory:
             wild=judged.wild,
             suspect_runs=suspects,
         )
+
+
+@functools.lru_cache(maxsize=8)
+def _stack(table: TableEffect, counted: bytes, drift: bool) -> Stack:
+    """Return a table, and effects of its runs; jobs on the same nodes share it.
+
+    Args:
+        table: The table.
+        counted: Truth value of each run: whether it counts in the mean of all.
+        drift: Whether runs have a drift beside their offset.
+    """
+    banded = table.size > _DENSE
+    if not counted:
+        return Stack((table,), banded)
+    counts = np.frombuffer(counted, bool)
+    trend = "order" if drift else None
+    effect = GroupEffect(counts, np.ones(len(counts), bool), "run", trend)
+    return Stack((table, effect), banded)
 
 
 def _runs(samples: Samples, effects: str) -> Int[np.ndarray, " r"]:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..core import CellCovariance, Estimate, Readings, TableEffect
+from ..core import CellCovariance, Estimate, Readings, TableEffect, shared_table
 
 Array = np.ndarray
 
@@ -42,9 +42,8 @@ class TableLayout:
     def effect(self) -> TableEffect:
         """The table as an effect over ``position 1``, ``position 2`` and ``direction``."""
         names = tuple(f"position {k + 1}" for k in range(len(self.nodes)))
-        nodes = tuple(np.asarray(each, float) for each in self.nodes)
         way = "direction" if self.branches == 2 else None
-        return TableEffect(nodes, names, way, self.periodic)
+        return shared_table(self.nodes, names, way, self.periodic)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from .... import models
-from ...core import FitError, Readings, Smooth, TableEffect, axis_nodes
+from ...core import FitError, Readings, Smooth, TableEffect, axis_nodes, shared_table
 from ._effect import AbstractEffect, Component, Inputs, Number, Ranges, Rank, Rows
 
 Numbers = Sequence[Number] | Float[np.ndarray, " n"]
@@ -169,7 +169,7 @@ class AbstractLine(AbstractTable):
     @cached_property
     def table_effect(self) -> TableEffect:
         """See `AbstractTable`."""
-        return TableEffect((self.nodes,), self.masters, None, self.modulo)
+        return shared_table((self.nodes,), self.masters, None, self.modulo)
 
     @property
     def _model_nodes(self) -> models.EquidistantNodes | models.Setpoints:
@@ -291,7 +291,7 @@ class Plane(AbstractTable):
         else:
             each = zip(self.start, self.interval, self.points, strict=True)
             nodes = tuple(_grid(*axis) for axis in each)
-        return TableEffect(nodes, self.masters)
+        return shared_table(nodes, self.masters)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
         """See `AbstractEffect`."""
