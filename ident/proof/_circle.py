@@ -16,12 +16,12 @@ from ...models import (
     FrictionTable,
 )
 
-_FORGOTTEN = 20.0
-"""Time constants of the loop after which it has forgotten how it began, to 1e-6 µm."""
+_FORGOTTEN = 30.0
+"""Time constants of the loop after which nothing is left of how it began."""
 _GAINS = 50.0, 300.0, 100.0
 """Of a cascade with velocity feed-forward, in 1/s: position gain Kv, bandwidth of the velocity
 loop, and one over its integral time."""
-_ARCS = 24
+_ARCS = 16
 """Arcs of the turn that are followed side by side, each from when it would be forgotten."""
 _ENTRIES = 32
 """Entries to which a list is filled up: lists of any length are one program."""
@@ -89,18 +89,18 @@ def circular_test(
     arcs = begins + np.arange(before + length)[:, None]
     found = _follow(
         law,
-        np.asarray(inertia),
+        jnp.asarray(inertia),
         _filled_up(compensation),
-        np.asarray(out_unit),
-        np.stack([position, velocity, -speed * speed * position]),
-        np.asarray([*_GAINS, cycle]),
-        arcs,
+        jnp.asarray(out_unit),
+        jnp.asarray(np.stack([position, velocity, -speed * speed * position])),
+        jnp.asarray([*_GAINS, cycle]),
+        jnp.asarray(arcs),
     )
     places = np.empty((turn, 2))
     places[arcs[before:] - before] = np.asarray(found)[before:]
     phase, position = phase[before:], position[before:]
     # The other axis does not err: this one's share of the radius is cos of the angle.
-    radial = (places.T - position) * (position / radius)
+    radial = (places.T - position) * np.cos(phase)
     return CircularTest(
         angle=np.rad2deg(phase - phase[0]),
         without=radial[0],
