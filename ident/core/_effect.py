@@ -186,9 +186,13 @@ class TableEffect(AbstractEffect):
         places = self.place.reshape(self.branches, -1)
         return places[:, :-1].reshape(-1) if self.ring else places.reshape(-1)
 
-    @cached_property
+    @property
     def prior(self) -> Smooth:
         """See `AbstractEffect`: differences along the axes of the table."""
+        return self._prior
+
+    @cached_property
+    def _prior(self) -> Smooth:
         if len(self.nodes) == 2:
             first, second = (chain(nodes) for nodes in self.nodes)
             order = np.arange(first.size * second.size)
