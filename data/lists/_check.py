@@ -1,6 +1,6 @@
 """`check`: what is wrong with compensation, axis and start-up lists."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from ._check_crosstalk import check_crosstalk
 from ._check_names import check_names, check_remarks
@@ -22,6 +22,7 @@ def check(
     increment: float | None = None,
     gantry: Iterable[tuple[int, int]] = (),
     plane_index: str = "ji",
+    modulo: Mapping[int, tuple[float, float]] | None = None,
 ) -> list[Finding]:
     """Return what is wrong with lists of one machine, each alone and as a set.
 
@@ -32,6 +33,8 @@ def check(
         gantry: Pairs of logical axis numbers, master and partner, that form a gantry.
         plane_index: First index of a plane table: master 2 (``ji``) or 1 (``ij``), as the
             conventions of the controller say (S-17).
+        modulo: Range in ° by logical number of the axes that go round; None where nobody
+            said which do.
 
     Returns:
         Findings in the order of the files, then of their lines.
@@ -41,7 +44,7 @@ def check(
     """
     if build is not None:
         parse_build(build)
-    views = [ListView(file, build, increment, plane_index) for file in files]
+    views = [ListView(file, build, increment, plane_index, modulo) for file in files]
     for view in views:
         _check_alone(view)
     check_set(views, gantry)

@@ -2,13 +2,24 @@
 
 import operator
 
-from ._check_columns import check_ascending, check_complete, check_size, usable
+from ._check_columns import (
+    check_ascending,
+    check_complete,
+    check_size,
+    column_values,
+    usable,
+)
+from ._check_lists import axis_number
 from ._check_view import ListView, shorten
 from ._entry import Rows
+from ._finding import Level
 from ._registry import registry
 
 _LOW_SCALE = 200
 """Friction scaling, in 0.1 %, below which a table hardly acts (semantics.md)."""
+
+_PER_DEGREE = 10_000
+"""List units in a degree, where `unit` is 1."""
 
 
 def check_tables(view: ListView) -> None:
@@ -72,8 +83,7 @@ def _check_leadscrew(view: ListView) -> None:
         check_complete(
             view, key, count, absent=70083 if key == pos else None, strict=modulo
         )
-        if modulo:
-            _check_closed(view, key, count)
+        _check_closed(view, key, count)
     if sides == 0 and (rows := view.rows(neg)) is not None:
         _unused(view, rows, "the table is unilateral (bilateral 0)")
     free = known["kw.ssfk.set_pos_without_comp"]
@@ -100,22 +110,53 @@ def _unused(view: ListView, rows: Rows, why: str) -> None:
 
 
 def _check_closed(view: ListView, key: str, count: int) -> None:
-    """Report a modulo table whose ends differ: the axis jumps where it passes over."""
-    rows = view.rows(key)
-    if rows is None or count < 2:
+    """Report a table over a turn whose ends differ: the axis jumps where it passes over."""
+    rows, turn = view.rows(key), _turn(view, count)
+    if rows is None or turn is None:
         return
     first, last = (rows.last.get((index,)) for index in (0, count - 1))
     if first is None or last is None or rows.integers[first] == rows.integers[last]:
         return
+    (level, what), flag = turn, registry().by_key["kw.ssfk.modulo"]
     ends = f"[0] = {rows.texts[first]}, [{count - 1}] = {rows.texts[last]}"
+    also = "" if view.integer(flag.key) else f", and {flag.key} 1"
     view.add(
-        "warning",
-        f"the ends of the modulo table differ: {key} {ends}",
+        level,
+        f"the ends of the {what} differ: {key} {ends}",
         view.value_place(rows, last),
-        parameter=registry().by_key["kw.ssfk.modulo"],
+        parameter=flag,
         found=ends,
-        expected="the same value at both ends",
+        expected=f"the same value at both ends{also}",
     )
+
+
+def _turn(view: ListView, count: int) -> tuple[Level, str] | None:
+    """Return what a table over a turn of its axis is, and how grave unequal ends are.
+
+    None where it goes over no whole turn. The list itself says so only by `modulo`.
+    """
+    if view.integer("kw.ssfk.modulo"):
+        return "warning", "modulo table"
+    start, interval = (
+        view.integer(f"kw.ssfk.{n}") for n in ("kw_startpos", "interval")
+    )
+    setpoints = view.rows("kw.ssfk.table[].setpoint")
+    if interval and start is not None:
+        end = start + (count - 1) * interval
+    elif interval == 0 and setpoints is not None:
+        places = column_values(setpoints, count)
+        start, end = places[0], places[-1]
+    else:
+        return None
+    if view.integer("kw.ssfk.unit") != 1:
+        return None
+    if view.modulo is None:
+        is_turn = end - start == 360 * _PER_DEGREE
+        what = "table over 360 (a whole turn, where the axis goes round)"
+        return ("info", what) if is_turn else None
+    low, high = view.modulo.get(axis_number(view) or 0, (0.0, 0.0))
+    inside = start <= round(low * _PER_DEGREE) < round(high * _PER_DEGREE) <= end
+    return ("warning", "table over the whole turn of its axis") if inside else None
 
 
 def _check_friction(view: ListView) -> None:

@@ -35,6 +35,7 @@ class ListView:
         build: str | None,
         increment: float | None = None,
         plane_index: str = "ji",
+        modulo: Mapping[int, tuple[float, float]] | None = None,
     ) -> None:
         """Look at ``file`` as a controller of ``build`` would, the newest if None.
 
@@ -43,11 +44,13 @@ class ListView:
             build: Of the controller.
             increment: mm (or degrees) per encoder increment, where it is known.
             plane_index: First index of a plane table: master 2 (``ji``) or 1 (``ij``).
+            modulo: Range in ° by logical number of the axes that go round; None: unknown.
         """
         self.file = file
         self.plane_index = plane_index
         self.build = build
         self.increment = increment
+        self.modulo = modulo
         self.columns: Mapping[str, Rows] = file.columns
         self.findings: list[Finding] = []
         self._lines: dict[int, Line] = {}

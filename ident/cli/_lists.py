@@ -11,8 +11,10 @@ from ..report._scale import count
 from ._options import (
     AsJson,
     Increment,
+    Modulo,
     Plots,
     Rules,
+    axis_ranges,
     read_lists,
     read_shown_list,
     refuse,
@@ -34,6 +36,7 @@ def check(
     strict: bool = False,
     build: str | None = None,
     increment: Increment = None,
+    modulo: Modulo = None,
     conventions: Rules = None,
     as_json: AsJson = False,
 ) -> bool:
@@ -51,9 +54,10 @@ def check(
 
     lists = read_lists(files)
     index, _ = _plane_index(conventions)
+    ranges = None if modulo is None else axis_ranges(modulo, "--modulo")
     try:
         findings = check_lists(
-            lists, build=build, increment=increment, plane_index=index
+            lists, build=build, increment=increment, plane_index=index, modulo=ranges
         )
     except BuildError as error:
         msg = f"--build: {error}"

@@ -348,3 +348,35 @@ def test_commands_for_lists_load_no_numerical_library(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert done.stdout.splitlines()[-1].strip() == ""
+
+
+@pytest.mark.parametrize("equidistant", [True, False])
+def test_check_names_an_open_table_over_the_whole_turn(
+    equidistant: bool, tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "achskw4.lis"
+    entries: dict[str, str | int | float | bool] = {
+        "kopf.achs_nr": 4,
+        "kw.ssfk.unit": 1,
+        "kw.ssfk.interval": 900_000 if equidistant else 0,
+        "kw.ssfk.kw_startpos": 0,
+        "kw.ssfk.kw_nr_max": 5,
+        "kw.ssfk.bilateral": 0,
+    }
+    entries |= {f"kw.ssfk.table[{i}].pos": 7 * i for i in range(5)}
+    if not equidistant:
+        entries |= {f"kw.ssfk.table[{i}].setpoint": 900_000 * i for i in range(5)}
+    path.write_bytes(new_list(entries).dumps())
+    assert main(["check", str(path), "--strict"]) == 0
+    said = capsys.readouterr().out
+    assert "info" in said
+    assert "where the axis goes round" in said
+    assert main(["check", str(path), "--strict", "--modulo", "A4=0:360"]) == 1
+    said = capsys.readouterr().out
+    assert "warning" in said
+    assert "[0] = 0, [4] = 28" in said
+    assert "kw.ssfk.modulo 1" in said
+    # Part of a turn is held at its ends, and another axis is the one that goes round.
+    for turn in ("A4=0:720", "A5=0:360"):
+        assert main(["check", str(path), "--strict", "--modulo", turn]) == 0
+        assert "ends" not in capsys.readouterr().out

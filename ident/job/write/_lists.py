@@ -335,7 +335,7 @@ def _check(job: Job, lists: Sequence[ListFile]) -> list[Finding]:
         if axis.gantry is not None
     ]
     build, index = job.spec.controller.build, job.conventions.plane_index
-    return check(lists, build=build, gantry=pairs, plane_index=index)
+    return check(lists, build=build, gantry=pairs, plane_index=index, modulo=job.ranges)
 
 
 def _identity(item: Finding) -> tuple[str | None, str, str]:
