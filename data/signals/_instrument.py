@@ -111,7 +111,7 @@ def _judged(
         elif not reason and not doubt < _DOUBT * found.scatter:
             reason = (
                 f"{1e6 * found.deviation:.2g} µs of doubt are {1e3 * doubt:.2g} µm (or"
-                f" 0.001°) at {found.speed:.3g} per s"
+                f" m°) at {found.speed:.3g} per s"
             )
     return dataclasses.replace(
         clock, determined=not reason, statement=_words(clock, reason)

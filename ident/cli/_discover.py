@@ -159,6 +159,8 @@ def _print(console: "Console", found: "Discovery") -> None:
 
 
 def _amount(value: float, unit: str) -> str:
-    if unit == "mm":
-        return f"{1e3 * value:.3g} µm"
-    return f"{1e3 * value:.3g} m°" if unit == "°" else f"{value:.3g}"
+    if unit not in {"mm", "°"}:
+        return f"{value:.3g}"
+    from ...data.measurements import small_unit
+
+    return f"{1e3 * value:.3g} {small_unit(unit)}"

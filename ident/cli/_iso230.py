@@ -163,10 +163,10 @@ _MEANING = {
 def _print(
     files: dict[str, Path], tests: "dict[str, Iso230]", last: "Iso230Test"
 ) -> None:
-    from ...data.measurements import EDITION, describe_drift, with_arrows
+    from ...data.measurements import EDITION, describe_drift, small_unit, with_arrows
 
     console = wide_console()
-    small = "0.001°" if last.unit == "deg" else "µm"
+    small = small_unit(last.unit)
     heads = [
         f"{f'{name}: {path.name}' if name else path.name} [{small}]"
         for name, path in files.items()

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from ...data.measurements import small_unit
 from ._columns import Design, followed, slow_functions, smooth
 from ._data import Drift, Unexplained, Verdict
 from ._evidence import Groups, robust_groups, weights_about
@@ -259,7 +260,7 @@ def amount(found: Selection, rms: float) -> str:
     """Return a length, an angle or a current as a person writes it."""
     if found.view.channel == "current":
         return f"{rms:.3g}"
-    return f"{1e3 * rms:.2g} {'µm' if found.view.unit == 'mm' else 'm°'}"
+    return f"{1e3 * rms:.2g} {small_unit(found.view.unit)}"
 
 
 def stays(

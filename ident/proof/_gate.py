@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...data.measurements import small_unit
 from ._dynamics import (
     GateTable,
     acceleration,
@@ -87,8 +88,7 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
     feed = limits.feed / 60.0
     steepest, at_slope = slope(table)
     sharpest, at_kink = kink(table)
-    # 1 µm per mm is 0.001, and so is 0.001° per °.
-    per = "µm/mm" if table.unit == "mm" else "0.001°/°"
+    per = f"{small_unit(table.unit)}/{unit}"
     found: dict[str, tuple[str, tuple[float, str]]] = {
         "max_correction": (unit, _largest(table, table.offset)),
         "max_slope": (per, (1e3 * steepest, at_slope)),

@@ -18,6 +18,7 @@ from ...data.measurements import (
     EDITION,
     Iso230,
     describe_iso230,
+    small_unit,
     widest_reversal,
     with_arrows,
 )
@@ -37,7 +38,7 @@ def draw_iso_chart(
 ) -> "Figure":
     """Return the chart of one positioning test, or of several overlaid.
 
-    Errors are drawn in µm (0.001° for a rotary axis) over positions in mm (°). The axis
+    Errors are drawn in µm (m° for a rotary axis) over positions in mm (°). The axis
     of errors holds everything that is drawn; nothing is cut off.
 
     Args:
@@ -52,7 +53,7 @@ def draw_iso_chart(
     with style.house_style():
         figure, (axes,) = style.new_figure(6.0)
         figure.set_dpi(150)
-        small, long = ("0.001°", "°") if unit == "deg" else ("µm", "mm")
+        small, long = small_unit(unit), "°" if unit == "deg" else "mm"
         single = len(tests) == 1
         low, high = _extent(tests.values())
         room = 0.08 * (high - low or 1.0)

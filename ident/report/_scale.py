@@ -3,6 +3,8 @@
 import dataclasses
 import math
 
+from ...data.measurements import small_unit
+
 
 @dataclasses.dataclass(frozen=True)
 class Scale:
@@ -34,8 +36,9 @@ class Scale:
 
 def scale_of(unit: str) -> Scale:
     """Return the display units for an error in ``mm``, ``deg`` or a unit of current."""
-    known = {"mm": Scale("mm", "µm"), "deg": Scale("°", "0.001°")}
-    return known.get(unit, Scale("mm/s", unit, 1.0))
+    if unit not in {"mm", "deg"}:
+        return Scale("mm/s", unit, 1.0)
+    return Scale("mm" if unit == "mm" else "°", small_unit(unit))
 
 
 def number(value: float, *, signed: bool = False) -> str:

@@ -114,8 +114,9 @@ def test_backlash_of_a_rotary_axis_is_told_in_degrees(
     found = run(tmp_path, BACKLASH, 'type = "rotary"').fits[0]
     assert isinstance(found, BacklashResult)
     words = [remark.message for remark in found.remarks]
-    assert scale_of(found.unit).error == "0.001°"
-    assert not any("µm" in each for each in words)
+    assert scale_of(found.unit).error == "m°"
+    assert not any("µm" in each or "0.001°" in each for each in words)
+    assert size or any("m° ± " in each for each in words)
 
 
 def test_every_kind_of_fit_has_the_keys_that_the_interface_promises(

@@ -257,7 +257,7 @@ def test_rotary_axes_are_shown_in_thousandths_of_a_degree(cross: Make) -> None:
     scale = scale_of(fit.unit)
     (axes,) = curve_plot(fit, readings_of(fit, scale), scale).figure.axes
     assert axes.get_xlabel() == "X in °"
-    assert axes.get_ylabel() == "error of Y in 0.001°"
+    assert axes.get_ylabel() == "error of Y in m°"
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
-from ....data.measurements import ColumnSpec, Lines
+from ....data.measurements import ColumnSpec, Lines, small_unit
 from ...diagnosis import AXIS_WORD
 from ...kinds import NAMES, kind
 from ...kinds._keys import FitSpec, JobPart
@@ -100,7 +100,7 @@ class Axis(JobPart, frozen=True):
     @property
     def small_unit(self) -> str:
         """Thousandths of it, in which errors are read."""
-        return "µm" if self.kind == "linear" else "0.001°"
+        return small_unit(self.plain_unit)
 
 
 class ColumnChoice(JobPart, frozen=True):

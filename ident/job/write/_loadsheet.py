@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from ....data.measurements import small_unit
 from ..._templates import templates
 from ...diagnosis import OBJECTS, SCOPE
 from .._draft import AbstractDraft
@@ -16,8 +17,6 @@ from ..result._result import AbstractResult, Expectation
 from ..result._verdict import Code, Verdict
 from ._first_run import nameless
 from ._lists import AxisFiles
-
-_SHOWN = {"mm": ("µm", 1e3), "deg": ("· 0.001°", 1e3)}
 
 
 def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, Any]:
@@ -39,7 +38,9 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
         "expected": expected,
     }
     if expected is not None:
-        unit, factor = _SHOWN.get(expected.unit, (expected.unit, 1.0))
+        unit, factor = expected.unit, 1.0
+        if unit in {"mm", "deg"}:
+            unit, factor = small_unit(unit), 1e3
         place, value = _place(word, expected), factor * expected.value
         line |= {"place": place, "value": value, "unit": unit}
     return line

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 from numpy.polynomial import legendre
 from scipy.special import fdtrc  # scipy.stats takes long to load
 
+from ....data.measurements import small_unit
 from ...core import FitError, regress
 from ...fit.joint import Part
 from ...job.result._result import AbstractResult, Expectation, Remark
@@ -185,7 +186,7 @@ def remarks_of(result: BacklashResult, known: bool, active: bool) -> Iterator[Re
         known: An axis list says in which direction the axis is right.
         active: Whether backlash was active while measuring.
     """
-    unit = "µm" if result.unit == "mm" else "× 0.001°"
+    unit = small_unit(result.unit)
     along = result.dependence
     if result.significant:
         yield Remark.info(f"{result.type.capitalize()}.")

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
+from ....data.measurements import small_unit
 from ...report import _style as style
 from ...report._body import Body, Plot
 from ...report._scale import Scale, count, grouped, number, percent, place
@@ -56,7 +57,7 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
         yield ("Told only together", " ".join(found.gauges))
     if fit.knots is not None:
         rounded = fit.knots.rms / fit.knots.unit
-        slowest = "1 µm/s" if fit.length_unit == "mm" else "0.001°/s"
+        slowest = f"1 {small_unit(fit.length_unit)}/s"
         yield (
             "List",
             f"{count(len(fit.knots.velocity), 'entry', 'entries')} from {slowest} to"
@@ -66,7 +67,7 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
         )
     around = fit.identified.reversal
     if around is not None:
-        small = "µm" if fit.length_unit == "mm" else "· 0.001°"
+        small = small_unit(fit.length_unit)
         yield (
             "Reversal",
             f"{count(around.reversals, 'reversal')}: look-ahead {around.lookahead}"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from ....data.lists import Value
+from ....data.measurements import small_unit
 from ....models import FrictionCompensation
 from ...friction import Knots, place_knots
 from ...job._draft import AbstractDraft, AbstractPlan, Leftovers
@@ -221,7 +222,7 @@ class FrictionDraft(AbstractDraft):
             )
         found = self.found.reversal
         if found is not None and found.position_delay > 0.001:
-            small = "µm" if self.recording.samples.unit == "mm" else "· 0.001°"
+            small = small_unit(self.recording.samples.unit)
             yield Remark.warning(
                 f"After a reversal friction takes {1e3 * found.position_delay:.1f}"
                 f" {small} to build up; the list goes no further than 1 {small}"
