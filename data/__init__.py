@@ -4,7 +4,8 @@
   room `axcomp.data.signals`: motion from positions, delays, phases (NumPy and SciPy).
 * `axcomp.data.lists`: compensation, axis and start-up lists (plain Python).
 
-Beside them `axcomp.data.files`: files that are whole, also after a crash or a power cut.
+Beside them `axcomp.data.files`: files that are whole, also after a crash or a power cut, and
+`axcomp.data.toml`: TOML files, read with the line of what is wrong in them.
 """
 
 from .errors import AxcompError as AxcompError

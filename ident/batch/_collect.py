@@ -10,6 +10,7 @@ import csv
 import dataclasses
 import glob
 import hashlib
+import io
 import os
 import tomllib
 from collections import Counter
@@ -17,6 +18,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...data.toml import TomlError, read_toml, read_utf8
 from .._job_text import job_text
 from ._folder import BatchError
 
@@ -167,13 +169,16 @@ def _table_rows(path: Path) -> list[dict[str, Any]]:
 
     try:
         if path.suffix.lower() == ".csv":
-            with path.open(encoding="utf-8-sig") as file:
-                names = next(csv.reader(file), [])
+            text = read_utf8(path)
+            names = next(csv.reader(io.StringIO(text, newline="")), [])
             texts = pv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
-            table = pv.read_csv(path, convert_options=texts)
+            table = pv.read_csv(io.BytesIO(text.encode()), convert_options=texts)
         else:
             table = pq.read_table(path)
-    except (pa.ArrowException, UnicodeDecodeError) as error:
+    except TomlError as error:
+        where = f"{path}:{error.line}"
+        raise BatchError(where, error.reason) from None
+    except pa.ArrowException as error:
         reason = f"cannot read the table of jobs: {str(error).splitlines()[0]}"
         raise BatchError(str(path), reason) from None
     names = table.column_names
@@ -190,13 +195,12 @@ def _table_rows(path: Path) -> list[dict[str, Any]]:
 
 def _template(path: Path, where: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return read_toml(path)[1]
     except OSError as error:
         reason = f"found template {path}: {error.strerror}, expected a job file"
         raise BatchError(where, reason) from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        reason = f"template {path} is no TOML: {error}"
-        raise BatchError(where, reason) from None
+    except TomlError as error:
+        raise BatchError(where, f"template {error}") from None
 
 
 def _value(key: str, cell: Any) -> Any:

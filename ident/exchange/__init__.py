@@ -64,11 +64,6 @@ from ._table import (
     offset_at as offset_at,
     refuse_lost_nodes as refuse_lost_nodes,
 )
-from ._toml import (
-    TomlError as TomlError,
-    line_of as line_of,
-    read_toml as read_toml,
-)
 from ._units import (
     LIST_UNITS as LIST_UNITS,
     ExchangeError as ExchangeError,

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ...data.toml import TomlError, line_of, read_toml
 from ...models import ConventionError, Conventions
 from .._job_text import job_line
-from ._toml import TomlError, line_of, read_toml
 
 _TABLES = ("verified", "assumed")
 _IDENTITY = ("machine", "saved_at")

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from axcomp.data.toml import TomlError
 from axcomp.ident.cli import main
 from axcomp.ident.cli._app import _again
-from axcomp.ident.exchange import TomlError
 from axcomp.ident.job import JobError, load_job, run_job
 from axcomp.ident.report import headline_of, scale_of
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from axcomp.ident.exchange import StoredConventions, TomlError, read_conventions
+from axcomp.data.toml import TomlError
+from axcomp.ident.exchange import StoredConventions, read_conventions
 from axcomp.models import ConventionError, Conventions
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from axcomp.ident.exchange import TomlError
+from axcomp.data.toml import TomlError
 from axcomp.ident.job import JobError, OutputError, load_job
 
 GOOD = """

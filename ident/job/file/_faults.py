@@ -8,7 +8,7 @@ from typing import Any
 
 import pydantic
 
-from ...exchange import TomlError, line_of
+from ....data.toml import TomlError, line_of
 from ...kinds import NAMES, kind
 from ...kinds._keys import JobPart, KeyPath
 from ._schema import (

@@ -13,6 +13,7 @@ import numpy as np
 import pydantic
 
 from ....data.lists import ListFile
+from ....data.toml import read_toml
 from ....models import Conventions
 from ...exchange import (
     AxisLists,
@@ -21,7 +22,6 @@ from ...exchange import (
     Reading,
     axis_number,
     read_conventions,
-    read_toml,
 )
 from ...kinds._keys import KeyPath
 from ...proof import GateLimits

@@ -22,7 +22,7 @@ JOB = '[axes.X]\nnumber = 1\n[measurements.m]\nfile = "m.csv"\n'
          r"t\.csv: rows 1 and 3: found two jobs named 'x'"),
         ("job,template\nx,a.toml\ny,nix.toml\n",
          r"t\.csv: row 2: found template .*nix\.toml: No such file or directory, expected"),
-        ("job,template\nx,bad.toml\n", r"t\.csv: row 1: template .*bad\.toml is no TOML"),
+        ("job,template\nx,bad.toml\n", r"t\.csv: row 1: template .*bad\.toml:1: not TOML"),
         ("job,template\n", r"t\.csv: found no rows, expected one per job"),
     ],
 )  # fmt: skip
@@ -32,6 +32,20 @@ def test_a_table_of_jobs_is_refused_with_its_row(
     (tmp_path / "a.toml").write_text(JOB)
     (tmp_path / "bad.toml").write_text("[axes\n")
     (tmp_path / "t.csv").write_text(table)
+    with pytest.raises(BatchError, match=match):
+        collect_jobs([str(tmp_path / "t.csv")], tmp_path / "out")
+
+
+@pytest.mark.parametrize("name", ["t.csv", "a.toml"])
+def test_a_table_or_template_that_is_no_utf_8_is_refused_as_a_job_is(
+    tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "a.toml").write_text(JOB)
+    (tmp_path / "t.csv").write_text("job,template\nx,a.toml\n")
+    with (tmp_path / name).open("ab") as file:
+        file.write("# Fräse,a.toml\n".encode("latin-1"))
+    line = 3 if name == "t.csv" else 5
+    match = rf"{name}:{line}: found byte 0xe4, expected UTF-8 text"
     with pytest.raises(BatchError, match=match):
         collect_jobs([str(tmp_path / "t.csv")], tmp_path / "out")
 

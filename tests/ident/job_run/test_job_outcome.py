@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, check
-from axcomp.ident.exchange import TomlError
+from axcomp.data.toml import TomlError
 from axcomp.ident.job import TableResult, run_job
 
 from .screw import (

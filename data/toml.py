@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from ...data.errors import AxcompError
+from .errors import AxcompError
 
 _AT = re.compile(r"(.*?) \(at (?:line (\d+), column (\d+)|end of document)\)")
 
@@ -37,13 +37,7 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
         TomlError: If it is none.
         OSError: If it cannot be read.
     """
-    raw = path.read_bytes()
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        reason = f"found byte 0x{raw[error.start]:02x}, expected UTF-8 text"
-        raise TomlError(str(path), line, reason) from None
+    text = read_utf8(path)
     try:
         return text, tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -54,6 +48,22 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
         place = f" in column {match[3]}" if match[3] else ""
         twice = _stated_twice(text, line) if "Cannot" in match[1] else None
         reason = twice or f"not TOML: {match[1]}{place}"
+        raise TomlError(str(path), line, reason) from None
+
+
+def read_utf8(path: Path) -> str:
+    """Return the text of a file.
+
+    Raises:
+        TomlError: If it is not UTF-8.
+        OSError: If it cannot be read.
+    """
+    raw = path.read_bytes()
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        reason = f"found byte 0x{raw[error.start]:02x}, expected UTF-8 text"
         raise TomlError(str(path), line, reason) from None
 
 
