@@ -209,7 +209,11 @@ def _keys(effect: AbstractEffect | Friction) -> dict[str, Any]:
         if value not in (None, {}, field.default):
             keys[field.name] = value
     if isinstance(effect, Temperature):
-        lag = {"fit": "auto", 0.0: "none"}.get(effect.lag, effect.lag)
+        lag, *others = dict.fromkeys(effect.lags.values())
+        if others:
+            msg = f"write: found {effect.name} with several lags, expected one: a job has one"
+            raise FitError(msg)
+        lag = {"fit": "auto", 0.0: "none"}.get(lag, lag)
         keys |= {"lag": lag, "reference": float(effect.reference)}
         if len(effect.sensors) == 2 and len(effect.sensor_names) == 1:
             keys["sensor"] = keys.pop("sensors")["offset"]

@@ -343,6 +343,32 @@ def test_nodes_are_given_one_way() -> None:
         axcomp.Temperature("X")
 
 
+@pytest.mark.parametrize(("word", "lag"), [("auto", "fit"), ("none", 0.0), (60, 60)])
+def test_a_lag_has_the_words_of_a_job(word: str, lag: float | str) -> None:
+    sensors = {"offset": "spindle", "coefficient": "scale"}
+    assert axcomp.Temperature("X", sensor="scale", lag=word).lags == {"scale": lag}
+    effect = axcomp.Temperature("X", sensors=sensors, lag={"spindle": word})
+    assert effect.lags == {"spindle": lag, "scale": 0.0}
+    with pytest.raises(FitError, match="found lag 'non', expected 'fit'"):
+        axcomp.Temperature("X", sensor="scale", lag="non")
+
+
+def test_lags_of_several_sensors_are_no_job(tmp_path: Path) -> None:
+    warm, position = np.repeat([20.0, 22.0, 25.0], 5), np.tile(np.arange(5.0), 3)
+    data = {
+        "X.position": 100 * position,
+        "X.error": 1e-3 * (warm - 20.0) * (1.0 + position),
+        "temperature.spindle": warm,
+        "temperature.scale": warm,
+        "time": 60.0 * np.arange(15.0),
+    }
+    sensors = {"offset": "spindle", "coefficient": "scale"}
+    effect = axcomp.Temperature("X", sensors=sensors, lag={"spindle": 10.0})
+    fit = axcomp.fit([effect], data)
+    with pytest.raises(FitError, match="with several lags, expected one"):
+        fit.write(tmp_path, axes={"X": 1})
+
+
 @pytest.mark.parametrize(
     ("effect", "roles"),
     [

@@ -50,7 +50,7 @@ class Temperature(AbstractEffect):
         law: How each depends on its temperature: ``"linear"`` where not given, or a number of
             nodes.
         lag: Time constant in s by which the structure follows its sensors (below 0: they
-            follow it), or ``"fit"``; or by sensor.
+            follow it), ``"none"``, or ``"fit"`` (``"auto"``, as a job says); or by sensor.
         reference_temperature: In °C, where nothing is to be corrected; the nearest measured
             one counts.
     """
@@ -116,7 +116,10 @@ class Temperature(AbstractEffect):
         object.__setattr__(self, "sensors", ordered)
         for value in self.lags.values():
             if isinstance(value, str) and value != "fit":
-                msg = f"{self.name}: found lag {value!r}, expected 'fit' or seconds."
+                msg = (
+                    f"{self.name}: found lag {value!r}, expected 'fit' (or 'auto'), 'none'"
+                    " or seconds."
+                )
                 raise FitError(msg)
         for nodes in self.law.values():
             if isinstance(nodes, str) and nodes not in _COUNTS:
@@ -144,9 +147,12 @@ class Temperature(AbstractEffect):
     @property
     def lags(self) -> dict[str, Number | str]:
         """Time constant in s or ``"fit"``, by sensor."""
-        if isinstance(self.lag, Mapping):
-            return {sensor: self.lag.get(sensor, 0.0) for sensor in self.sensor_names}
-        return dict.fromkeys(self.sensor_names, self.lag)
+        lags = self.lag
+        if not isinstance(lags, Mapping):
+            lags = dict.fromkeys(self.sensor_names, lags)
+        words: dict[Number | str, Number | str] = {"auto": "fit", "none": 0.0}
+        found = {sensor: lags.get(sensor, 0.0) for sensor in self.sensor_names}
+        return {sensor: words.get(lag, lag) for sensor, lag in found.items()}
 
     @property
     def nodes(self) -> dict[str, Float[np.ndarray, " _n"]]:
