@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, final
+from typing import TYPE_CHECKING, Any, Literal, cast, final
 
 import jax.numpy as jnp
 import numpy as np
@@ -213,11 +213,11 @@ def fit(
     loss: str = "student",
     smoothness: float | int | str = "auto",
     drift: int = 0,
-    remove: Literal["none", "offset", "line"] = "none",
+    remove: str = "none",
     datum: float | Sequence[float] | None = None,
     active: Mapping[str, Any] | None = None,
     constraints: Mapping[str, Callable[[Any], Array]] | None = None,
-    solver: Literal["factor", "ipopt"] | None = None,
+    solver: str | None = None,
 ) -> Fit:
     """Fit a stack of effects to readings.
 
@@ -248,6 +248,14 @@ def fit(
             keeps the constraints.
         ValueError: If options do not fit together.
     """
+    for option, word, words in (
+        ("remove", remove, ("none", "offset", "line")),
+        ("solver", solver, ("factor", "ipopt", None)),
+    ):
+        if word not in words:
+            known = ", ".join(repr(each) for each in words if each)
+            msg = f"{option}: found {word!r}, expected one of {known}."
+            raise ValueError(msg)
     if constraints and solver == "factor":
         msg = "constraints need solver='ipopt': the factor knows no inequalities."
         raise ValueError(msg)
@@ -269,7 +277,8 @@ def fit(
         tuple(effects), given, options, treated, tuple(active or ()), names,
         tuple(constraints or ()),
     )  # fmt: skip
-    recording = recording_of(stack, without_zero_of(stack, given, remove))
+    way = cast("Literal['none', 'offset', 'line']", remove)
+    recording = recording_of(stack, without_zero_of(stack, given, way))
     found: dict[str, FittedEffect] = {}
     noise: dict[str, float] = {}
     constant: dict[str, tuple[float, float]] = {}

@@ -264,6 +264,11 @@ def test_a_table_knows_that_few_runs_do_not_tell_their_mean() -> None:
     ("options", "message"),
     [
         ({"datum": 300.0}, "found 300, expected 0 to 200"),
+        (
+            {"remove": "lin"},
+            "remove: found 'lin', expected one of 'none', 'offset', 'line",
+        ),
+        ({"solver": "optimistix"}, "expected one of 'factor', 'ipopt'"),
         ({"datum": [1.0, 2.0]}, "expected a table alone"),
         ({"active": {"cross": None}}, "found cross among active"),
         ({"constraints": {"leadscrew": abs}, "solver": "factor"}, "solver='ipopt'"),
