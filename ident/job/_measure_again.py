@@ -23,11 +23,13 @@ from ._draft import AbstractDraft
 from .file._load import Job, load_job, sha256
 from .result._job_result import JobResult
 from .result._result import AbstractResult, Remark
-from .result._second import MeasuredAgain
+from .result._second import MeasuredAgain, SecondMeasurement
 from .write._lists import AxisFiles
 
 _CONVENTIONS = "conventions.toml"
 """Name in the output folder, where the job names no file of its machine."""
+_NEAR = 0.1
+"""Share by which a list that is turned round may act otherwise than it says."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -162,6 +164,7 @@ def measure_again(
         if readings is not None or diagnosis is not None:
             figures = fit.error if fit.group is None else sums.get(fit.axis, fit.error)
             before, predicted = (figures[k].sound.rms for k in ("before", "predicted"))
+            diagnosis = _turned(diagnosis, readings)
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
         found.append(dataclasses.replace(fit, again=again))
     settled, more = _settled_by(found)
@@ -172,6 +175,22 @@ def measure_again(
         fits=tuple(_finished(one, settled) for one in found),
         remarks=(*result.remarks, *remarks, *more),
         second=second.record,
+    )
+
+
+def _turned(
+    found: Diagnosis | None, readings: SecondMeasurement | None
+) -> Diagnosis | None:
+    """Return a diagnosis, "sign" where it cannot tell and the readings show that by themselves."""
+    factor = None if readings is None else readings.factor
+    if found is None or found.verdict != "cannot tell" or factor is None:
+        return found
+    value, deviation = factor
+    if abs(value + 1.0) > _NEAR or 3.0 * deviation > _NEAR:
+        return found
+    words = "added with opposite sign"
+    return dataclasses.replace(
+        found, verdict="sign", value=value, sentence=words, sign=-1
     )
 
 

@@ -36,6 +36,8 @@ class SecondMeasurement:
             others.
         added: What the list adds at these readings, standard deviation in mm or °; None
             where only a diagnosis can tell that it acts.
+        factor: How many times it acts, and its standard deviation, where these readings
+            show that by themselves; None likewise.
     """
 
     name: str
@@ -45,6 +47,7 @@ class SecondMeasurement:
     run: Int[np.ndarray, " t"] | None = None
     wild: Bool[np.ndarray, " t"] | None = None
     added: float | None = None
+    factor: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if self.error.size == 0 or not np.isfinite(self.error).all():

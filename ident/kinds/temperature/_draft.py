@@ -1,5 +1,6 @@
 """The thermal line of one axis, fitted: judged, written for list and PLC, read back."""
 
+import contextlib
 import dataclasses
 import functools
 from collections.abc import Mapping
@@ -10,6 +11,7 @@ from jaxtyping import Float
 
 from ....data.lists import ListFile, Value
 from ....models import TemperatureLine
+from ...core import FitError, regress
 from ...job._draft import AbstractDraft
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
@@ -155,13 +157,26 @@ class TemperatureDraft(AbstractDraft):
         own = self.plan
         again = dataclasses.replace(own, job=tables.job, fit=fit, tables=tables)
         recording, rows = read_thermal(again)
-        read = recording.data.take(rows)
-        known = np.isfinite(read.error[self.axis])
-        error, count = read.error[self.axis][known], int(known.sum())
-        place = read.position.get(self.axis)
-        positions = np.zeros((count, 1)) if place is None else place[known, None]
+        data, line = recording.data, self.found.line
+        read = data.take(rows)
+        warm = [line.structure(data, sensor)[rows] for sensor in self.sensors]
+        place = read.position.get(self.axis, np.zeros(int(rows.sum())))
+        taken = self.found.predict(np.stack(warm, axis=1), place)
+        known = np.isfinite(read.error[self.axis]) & np.isfinite(taken)
+        error, taken = read.error[self.axis][known], taken[known]
+        # The zero is where the line takes nothing off, as in the first measurement: the
+        # middle of the readings is another one, where the line is not what it should be.
+        zero, factor = float(np.median(error)), None
+        with contextlib.suppress(FitError):
+            fitted = regress(np.stack([np.ones(len(error)), taken], axis=1), error)
+            zero, left = map(float, fitted.coefficients)
+            factor = 1.0 - left, float(fitted.standard_deviation[1])
         return SecondMeasurement(
-            ", ".join(fit.sources), positions, error - np.median(error)
+            ", ".join(fit.sources),
+            place[known, None],
+            error - zero,
+            added=float(np.std(taken)),
+            factor=factor,
         )
 
     def prove(self, done: "AxisFiles") -> TemperatureResult:

@@ -134,13 +134,14 @@ Case = tuple[float, Diagnosis]
 def cases_of(use: InUse, scene: Scene) -> tuple[list[Case], float, float | None]:
     """Return every explanation of a change, and what else the fits say of it.
 
-    That is the factor of the offset that fits best, and the largest shift in mm or ° that
-    the readings cannot exclude and that would matter; None where there is none.
+    That is the factor of the offset that fits best, NaN where these places show none, and
+    the largest shift in mm or ° that the readings cannot exclude and that would matter; None
+    where there is none.
     """
     channel, target = scene.channel(use, use.axis), scene.target(use, use.axis)
     factor, _, power = target.fitted(channel.column(channel.plain)[None])
     if not power[0]:
-        return [(0.0, Diagnosis(use.axis, use.name, "cannot tell"))], 1.0, None
+        return [(0.0, Diagnosis(use.axis, use.name, "cannot tell"))], math.nan, None
     found = search(channel, target)
     cases = []
     for one in found.rivals:

@@ -1,6 +1,7 @@
 """From measurements without and with the lists to what is wrong with them."""
 
 import dataclasses
+import math
 import operator
 from collections.abc import Mapping, Sequence
 
@@ -136,7 +137,7 @@ def _doubt(
 
     Args:
         shares: Probability by word.
-        factor: What fits best, of the offset that the list gives.
+        factor: What fits best, of the offset that the list gives; NaN: none shows.
         blind: Shift that these readings cannot tell from none, in the unit of lengths.
         unit: Of lengths.
     """
@@ -145,6 +146,11 @@ def _doubt(
         return (
             f"right, or shifted by up to {blind:.1f} {unit}: these readings"
             " do not show the difference; measure at more places, or with less noise"
+        )
+    if math.isnan(factor):
+        return (
+            "what the list says is the same at all these places, as is the zero of an"
+            " instrument"
         )
     if likely[0] == "cannot tell" and abs(factor) < 0.3:
         return "it does nothing to any axis that was measured; is it active?"

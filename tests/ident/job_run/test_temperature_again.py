@@ -1,0 +1,93 @@
+"""A temperature line as loaded, measured again while the machine warms up and cools down."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.ident.cli import main
+
+TIME = np.arange(0.0, 3 * 3600.0, 60.0)
+WARM = 20.0 + 6.0 * np.where(
+    TIME < 7200.0, 1.0 - np.exp(-TIME / 3000.0), 0.9 * np.exp(-(TIME - 7200.0) / 3000.0)
+)
+PLACE = np.tile(np.linspace(0.0, 400.0, 5), len(TIME))[: len(TIME)]
+GROWTH = (4e-3 + 11e-6 * PLACE) * (WARM - 20.0)
+MEASURED = """
+[axes.X]
+number = 1
+limits = [0.0, 400.0]
+[measurements.m]
+file = "{name}.csv"
+active = {active}
+remove = "none"
+[measurements.m.columns]
+"X.position" = "x"
+"X.error" = {{ column = "e", unit = "mm" }}
+"temperature.scale" = "T"
+"""
+FIT = """
+[[fits]]
+compensation = "temperature"
+axis = "X"
+measurement = "m"
+sensor = "scale"
+lag = "none"
+"""
+
+
+def write(folder: Path, name: str, error: np.ndarray, active: str, fit: str) -> Path:
+    rng = np.random.default_rng(len(name))
+    noisy = error + 3e-4 * rng.standard_normal(len(error))
+    np.savetxt(
+        folder / f"{name}.csv", np.stack([TIME, PLACE, noisy, WARM], axis=1),
+        delimiter=",", header="time,x,e,T", comments="",
+    )  # fmt: skip
+    path = folder / f"{name}.toml"
+    path.write_text(MEASURED.format(name=name, active=active) + fit)
+    return path
+
+
+def added(folder: Path) -> np.ndarray:
+    """What the PLC makes the controller add, by the table beside its program."""
+    rows = np.loadtxt(folder / "temperature_X.csv", delimiter=",", skiprows=1)
+    offset, slope = (np.interp(WARM, rows[:, 0], rows[:, k]) for k in (1, 2))
+    (one,) = json.loads((folder / "result.json").read_text())["fits"]
+    found: np.ndarray = offset + 1e-6 * slope * (
+        PLACE - one["parameters"]["position_0"]
+    )
+    return found
+
+
+@pytest.mark.parametrize(
+    ("acts", "status", "verdict", "code"),
+    [
+        (1.0, 0, "good", "verified"),
+        (-1.0, 1, "rejected", "diagnosed"),
+        (0.0, 1, "rejected", "no_better"),
+    ],
+)
+def test_a_temperature_line_is_measured_again(
+    acts: float, status: int, verdict: str, code: str, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    job = write(tmp_path, "job", GROWTH, "[]", FIT)
+    assert main(["fit", str(job), "--out", str(out)]) == 0
+    # Another day the zero of the instrument is another one.
+    left = GROWTH + acts * added(out) + 0.002
+    after = write(tmp_path, "after", left, '["temperature"]', "")
+    asked = ["fit", str(job), "--out", str(out), "--after", str(after)]
+    assert main(asked) == status
+    (one,) = json.loads((out / "result.json").read_text())["fits"]
+    assert one["verdict"] == verdict
+    assert one["reasons"][0]["code"] == code
+    figures = one["error"]["verified" if acts == 1.0 else "measured_again"]
+    # Taken off where the line takes nothing off, not in the middle of the readings.
+    truth = np.sqrt(np.mean((left - 0.002) ** 2 + 3e-4**2))
+    assert figures["rms"] == pytest.approx(truth, rel=0.1)
+    signs = {rule["name"]: rule["state"] for rule in one["conventions"]}
+    assert signs["temperature_sign"] == ("verified" if acts == 1.0 else "assumed")
+    if acts == -1.0:
+        assert one["diagnosis"]["verdict"] == "sign"
+        assert "temperature_sign = -1" in (out / "conventions.toml").read_text()
