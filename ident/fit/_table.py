@@ -30,6 +30,7 @@ from ._checks import Extent, Smoothness, check_layout, check_smoothness
 from ._once import judge_once
 from ._reconsider import at_medians, crowded, reconsidered
 from ._result import NONE_LEFT_OUT, Judged, far_runs, residual_of, result_of
+from ._steps import Steps
 from ._types import Samples, TableFit, TableLayout
 
 _THIN = 20_000
@@ -89,6 +90,7 @@ def fit_table(
         smoothness,
         run_effects == "drift",
         allow_gaps,
+        _steps(samples),
     )
     extent.check(layout, fit_to.stack(()).free, allow_gaps)
     with one_blas_thread():
@@ -147,6 +149,7 @@ def estimate_table(
     loss: str,
     start: Callable[[float], Float[np.ndarray, " r"]] | None = None,
     near: Estimate | None = None,
+    step: float = 0.0,
 ) -> Estimate:
     """Return the estimate of a stack whose first effect is a table.
 
@@ -159,6 +162,7 @@ def estimate_table(
         loss: As for `fit_table`.
         start: Effects of runs to begin with, for the level of the table.
         near: Where to begin, if not there.
+        step: Of the instrument, in mm or °: a reading that is off by one is none that is wild.
 
     Raises:
         FitError: If the readings do not determine the unknowns or the loss is unknown.
@@ -170,7 +174,7 @@ def estimate_table(
     weights = None
     if not isinstance(smoothness, str):
         weights = fixed_weights(smoothness, stack.effects[0].prior.names)
-    floor = floor_of(first)
+    floor = max(floor_of(first), step)
     return estimate(
         stack, over, loss=loss, weights=weights, floor=floor, start=begin, near=near
     )
@@ -218,6 +222,7 @@ class _Memory:
     smoothness: Smoothness
     drift: bool
     allow_gaps: bool
+    steps: Steps
 
     def stack(self, apart: Sequence[int]) -> Stack:
         """Return the table, and effects of the runs; some do not count in their mean."""
@@ -241,11 +246,19 @@ class _Memory:
                 own[: effect.contrast.shape[1]] = effect.contrast.T @ offset
             return own
 
-        over = memory(stack, readings)
-        found = estimate_table(stack, over, error, self.smoothness, loss, offsets)
+        estimated = functools.partial(
+            estimate_table,
+            stack,
+            memory(stack, readings),
+            error,
+            self.smoothness,
+            loss,
+            step=self.steps.size,
+        )
+        found = estimated(offsets)
 
         def again(near: Estimate) -> Estimate:
-            return estimate_table(stack, over, error, self.smoothness, loss, near=near)
+            return estimated(near=near)
 
         if loss == "huber" and not found.converged:
             # Readings of a node that contradict all others pull evenly from any distance.
@@ -272,7 +285,7 @@ class _Memory:
             loud = self.labels[scatter > _LOUD * np.median(scatter)].tolist()
             suspects = tuple(sorted({*loud, *far_runs(fit.runs)}))
         return dataclasses.replace(
-            fit,
+            fit.doubted(self.steps.common(residual, judged.wild)),
             residual=residual,
             share=judged.share,
             wild=judged.wild,
@@ -296,6 +309,12 @@ def _stack(table: TableEffect, counted: bytes, drift: bool) -> Stack:
     trend = "order" if drift else None
     effect = GroupEffect(counts, np.ones(len(counts), bool), "run", trend)
     return Stack((table, effect), banded)
+
+
+def _steps(samples: Samples) -> Steps:
+    """Return the steps in which the instrument reads; places differ by direction, too."""
+    ways = [] if samples.branch is None else [samples.branch]
+    return Steps.of(samples.error, [*samples.positions.T, *ways])
 
 
 def _runs(samples: Samples, effects: str) -> Int[np.ndarray, " r"]:

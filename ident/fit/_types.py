@@ -155,3 +155,13 @@ class TableFit:
     estimate: Estimate | None = dataclasses.field(
         default=None, repr=False, compare=False
     )
+
+    def doubted(self, variance: float) -> "TableFit":
+        """Return it with a further variance of every node by itself, in mm² or °²."""
+        columns = self.covariance.columns.copy()
+        columns[:, 0] += variance
+        return dataclasses.replace(
+            self,
+            standard_deviation=np.sqrt(np.square(self.standard_deviation) + variance),
+            covariance=dataclasses.replace(self.covariance, columns=columns),
+        )

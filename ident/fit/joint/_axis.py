@@ -34,10 +34,11 @@ from ...core import (
 )
 from .._checks import check_smoothness
 from .._identifiable import SINGULAR, pivoted
+from .._steps import Steps
 from .._table import fixed_weights, floor_of
 from .._types import RunEffect
 from ._design import Design, design_of
-from ._effect import AbstractEffect, Rank
+from ._effect import TABLES, AbstractEffect, Rank
 from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, lagging, sensors_to_fit
@@ -155,6 +156,7 @@ class AxisFit:
         for sensor, found in self.lags.items():
             moved = known.rules.project(found.slope)
             variance = variance + np.square(moved * self.lag_deviation[sensor])
+        variance = variance + self._rounded
         return np.where(known.lost, np.inf, np.sqrt(np.maximum(variance, 0.0)))
 
     @cached_property
@@ -273,10 +275,20 @@ class AxisFit:
         for sensor, lag in self.lags.items():
             moved = known.rules.project(lag.slope)[places] * self.lag_deviation[sensor]
             found = found + np.outer(moved, moved)
+        found = found + np.diag(self._rounded[places])
         lost = known.lost[places]
         found[lost], found[:, lost] = np.nan, np.nan
         found[lost, lost] = np.inf
         return np.asarray(found)
+
+    @cached_property
+    def _rounded(self) -> Float[np.ndarray, " n"]:
+        """Variance of each unknown by what the instrument rounds off every time at a place."""
+        steps, found = _steps(self.design, self.data), np.zeros(self.design.size)
+        common = steps.common(self.left, ~self.active)
+        for part in self.design.components:
+            found[part.places] = common if part.rank in TABLES else 0.0
+        return found
 
     @cached_property
     def lag_deviation(self) -> dict[str, float]:
@@ -399,6 +411,13 @@ def _error(design: Design, data: JointData) -> Float[np.ndarray, " r"]:
     return np.asarray(data.error[design.axis][design.rows], float)
 
 
+def _steps(design: Design, data: JointData) -> Steps:
+    """Return the steps in which the instrument reads; a place is one of all axes."""
+    columns = [*data.position.values(), *data.direction.values()]
+    places = [np.nan_to_num(each)[design.rows] for each in columns]
+    return Steps.of(_error(design, data), places)
+
+
 def _estimated(
     design: Design,
     data: JointData,
@@ -421,7 +440,7 @@ def _estimated(
         memory(design.stack, Readings(error, {}), design.columns),
         loss=options.loss,
         weights=_weights(design, options.smoothness),
-        floor=floor_of(error),
+        floor=max(floor_of(error), _steps(design, data).size),
         start=start,
         pins=unheld.pins if unheld.pins.any() else None,
         near=near,
