@@ -41,7 +41,7 @@ from ._design import Design, design_of
 from ._effect import TABLES, AbstractEffect, Rank
 from ._gauge import Unheld
 from ._identified import Identified, identified
-from ._lag import FoundLag, find_lags, lagging, sensors_to_fit
+from ._lag import FoundLag, find_lags, lagging, sensed_variances, sensors_to_fit
 from ._result import Options, Part, Smoothness
 
 Vector = Float[np.ndarray, " _n"]
@@ -293,7 +293,10 @@ class AxisFit:
     @cached_property
     def lag_deviation(self) -> dict[str, float]:
         """Standard deviation of each lag in s, such as noise with a memory leaves it."""
-        result = {}
+        result: dict[str, float] = {}
+        sensed = sensed_variances(
+            self.design, self.data, self.estimate.values, self.active, self.lags
+        )
         for sensor, found in self.lags.items():
             seen = [found.direction[own] @ rest[:, 0] for own, rest in self._stretches]
             swell = 1.0
@@ -306,7 +309,10 @@ class AxisFit:
                 white = self.estimate.scatter[0] * np.square(way).sum()
                 drifting = variances_of_sums(self.drift, self._clock, way)[0]
                 swell = max(swell, float(drifting / white))
-            result[sensor] = found.deviation * float(np.sqrt(swell))
+            variance = found.deviation**2
+            # What the residual shows of a sensor's noise is part of its memory.
+            variance = max(swell * variance, variance + sensed.get(sensor, 0.0))
+            result[sensor] = float(np.sqrt(variance))
         return result
 
     def runs(self) -> tuple[RunEffect, ...]:

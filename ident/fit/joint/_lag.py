@@ -15,8 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import minimize_scalar
+from scipy.special import comb
 
-from ..._recording import JointData
+from ..._recording import JointData, clocked, lagged
 from ...core import (
     Estimate,
     FitError,
@@ -37,6 +38,9 @@ _SETTLED = 0.01
 """Gain below which lags stay where they were: a tenth of a deviation, for a single one."""
 _STEP = 0.02
 """Step in a lag for its slope, as a share of it."""
+_ORDER, _DRAWS, _SHIFT = 3, 64, 1e-3
+"""Order of the differences that tell the noise of a sensor; how often it is drawn anew; change
+of a temperature in K for what it moves."""
 _RIDGE = 1e-9
 _SEEN = 1e-9
 """Least share of a lag's effect that counts as its own beside all other unknowns."""
@@ -176,6 +180,57 @@ def _with_deviations(
         )
         for k, sensor in enumerate(shown)
     }
+
+
+def sensed_variances(
+    design: Design,
+    data: JointData,
+    theta: Vector,
+    active: Bool[np.ndarray, " r"],
+    found: Mapping[str, FoundLag],
+) -> dict[str, float]:
+    """Return the variance in s² of each lag that shows, by the noise of its sensor.
+
+    The structure remembers that noise for the whole lag, so that it is none of a reading:
+    drawing it anew tells how far it moves the lag.
+
+    Args:
+        design: Columns, lags fitted.
+        data: All rows.
+        theta: Values of all unknowns.
+        active: Readings that are believed.
+        found: The lags by sensor.
+    """
+    lags = {sensor: lag.value for sensor, lag in found.items() if lag.value > 0.0}
+    if not lags:
+        return {}
+    own, rng, result = _heated_places(design), np.random.default_rng(0), {}
+    for sensor, lag in lags.items():
+        warmth = data.temperature[sensor]
+        shown = clocked(np.asarray(data.time, float), warmth)
+        ends = [
+            dataclasses.replace(
+                data, temperature={**data.temperature, sensor: warmth + shift}
+            )
+            for shift in (_SHIFT, -_SHIFT)
+        ]
+        above, below = (_heated(design, end, lags) @ theta[own] for end in ends)
+        way = np.where(active, found[sensor].direction, 0.0)
+        pull = np.zeros(len(data))
+        pull[design.rows] = way * (above - below) / (2.0 * _SHIFT)
+        pull /= max(float(way @ way), 1e-300)
+        # What a temperature does is smooth over a few readings of its sensor.
+        steps = np.diff(shown.values, _ORDER)
+        square = float(steps @ steps) / max(len(steps), 1)
+        noise = np.sqrt(square / comb(2 * _ORDER, _ORDER))
+        draws = noise * rng.standard_normal((_DRAWS, len(shown.clock)))
+        draws[:, 0] = 0.0  # a line through the first readings begins
+        moved = [
+            pull[shown.known] @ lagged(shown.clock, draw, lag)[shown.back]
+            for draw in draws
+        ]
+        result[sensor] = float(np.mean(np.square(moved)))
+    return result
 
 
 def lag_variances(

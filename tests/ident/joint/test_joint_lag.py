@@ -139,3 +139,22 @@ def test_lag_that_rough_tables_do_all_of_has_a_deviation_beyond_any_lag() -> Non
     hidden, alone = np.sqrt(lag_variances(seen, left))
     assert hidden > 1e7
     assert alone == pytest.approx(500.0)
+
+
+def test_lag_knows_of_the_noise_of_its_sensor() -> None:
+    found, time = [], np.linspace(0.0, 1800.0, 500)
+    heat = 21.0 + 3.0 * np.sin(time / 250.0) + time / 600.0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        place = rng.uniform(0.0, 1000.0, 500)
+        error = 8e-6 * place * (lagged(time, heat, LAG) - 20.0)
+        error += rng.normal(0.0, 2e-4, 500)
+        shown = {"T": heat + rng.normal(0.0, 0.2, 500)}
+        data = JointData({"X": place}, {"X": error}, temperature=shown, time=time)
+        warm = Temperature("X", {"coefficient": "T"}, lag="fit")
+        found.append(fit_joint(data, [warm], loss="gauss").parts[0].lags["T"])
+    lags, deviations = np.transpose(found)
+    scatter = np.sqrt(np.mean(np.square(lags - LAG)))
+    # Eight scatter by a quarter; some deviations were half as large.
+    assert deviations.min() > 0.75 * scatter
+    assert np.median(deviations) < 1.5 * scatter
