@@ -8,7 +8,8 @@ table fit fail:
 
 * an offset of each scan line (the probe touches off anew, the guide settles) hides in the
   structure between the lines. It is taken to be as large as the scatter of a reading. On three
-  probings of one printer bed, 13 × 13 nodes, it was 1.1 to 1.4 times that.
+  probings of one printer bed, 13 × 13 nodes, it was 1.1 to 1.4 times that. On a surface that
+  is smooth across its lines fourth differences of their means show it, up to the same size.
 * the scatter within a line may be structure. Between "all of it" and "none" the table goes half
   way to the reading, which is the choice with the least loss in the worse of the two cases.
 
@@ -34,6 +35,9 @@ _MOST = 0.9
 """Share of the nodes that must have their reading."""
 _FEWEST = 5
 """Lines from which on their scatter can be judged."""
+_SQUARE, _OVERLAP = 70.0, 2.6
+"""Mean square of fourth differences along one axis for noise of 1; how many of them, as they
+overlap, say as much as an independent one."""
 _ORDER, _NORM, _ALIKE = 4, 70.0, 6.9
 """Order of the differences that tell the noise of a smooth surface; their scatter along both
 axes for noise of 1; how many of them, as neighbours overlap, say as much as an independent one."""
@@ -58,9 +62,13 @@ def judge_once(fit: TableFit, samples: Samples) -> TableFit:
     if least > fit.noise:
         fit = _noisier(fit, place, least)
     across, rough = max(enumerate(_roughness(readings)), key=lambda pair: pair[1])
-    # Below the scatter of a reading no offset can hide; from twice that on, all of it can.
+    # Below the scatter of a reading no structure can hide; from twice that on, all of it can.
     share = float(np.clip(rough / fit.noise - 1.0, 0.0, 1.0))
-    return _half_way(fit, place, across, share) if share else fit
+    alone = [_offset_of_lines(readings, axis, fit.noise) for axis in (0, 1)]
+    if not share:
+        across = int(np.argmax(alone))
+    offset = max(share * fit.noise, alone[across])
+    return _half_way(fit, place, across, share, offset) if offset else fit
 
 
 def _nodes_read(
@@ -138,14 +146,42 @@ def _roughness(readings: Float[np.ndarray, "n m"]) -> tuple[float, float]:
     return found[0], found[1]
 
 
+def _offset_of_lines(
+    readings: Float[np.ndarray, "n m"], axis: int, noise: float
+) -> float:
+    """Return by how much lines of a surface that is smooth across them are off, at most the noise.
+
+    As a standard deviation, by fourth differences of their means; 0 where the noise of their
+    readings alone may give as large ones.
+    """
+    count, length = readings.shape[axis], readings.shape[1 - axis]
+    if count <= _ORDER:
+        return 0.0
+    bends = np.diff(readings.mean(axis=1 - axis), _ORDER)
+    square, chance = float(np.mean(np.square(bends))) / _SQUARE, noise**2 / length
+    most = 1.0 + 2.0 * np.sqrt(2.0 * _OVERLAP / len(bends))
+    if square < most * chance:
+        return 0.0
+    return min(noise, float(np.sqrt(square - chance)))
+
+
 def _half_way(
     fit: TableFit,
     place: tuple[Int[np.ndarray, " t"], Int[np.ndarray, " t"]],
     across: int,
     share: float,
+    offset: float,
 ) -> TableFit:
-    """Return the table half way to its readings, with an offset of every line in its noise."""
-    toward, offset = 0.5 * share, share * fit.noise
+    """Return the table half way to its readings, with an offset of every line in its noise.
+
+    Args:
+        fit: Of the smooth surface.
+        place: Node of every reading.
+        across: Array axis along which lines follow each other.
+        share: Part of the scatter that may be structure, 0 to 1.
+        offset: Standard deviation of an offset of every line, in mm or °.
+    """
+    toward = 0.5 * share
     kept = np.where(fit.wild, 0.0, toward)
     moved = np.zeros_like(fit.values)
     moved[place] = kept * fit.residual
@@ -163,13 +199,18 @@ def _half_way(
         along = np.abs(np.diff(unknown, axis=1 - across).flat[0])
         columns[:, slot] += offset**2 if step in (0, along) else 0.0
     columns[:, 0] += table.to_values(gain)
+    size = offset / fit.noise
+    way = (
+        f", and the table goes {toward:.0%} of the way from the smooth surface to each reading"
+        if share
+        else ""
+    )
     message = (
         f"{fit.message} Every node was read once, and the lines of readings differ by more "
         "than readings scatter: an offset of every line and structure as fine as the nodes "
         "cannot be told from noise. The standard deviations allow for such an offset, as "
-        f"large as {'the scatter' if share == 1.0 else f'{share:.0%} of the scatter'} of a "
-        f"reading, and the table goes {toward:.0%} of the way from the smooth surface to "
-        "each reading. A second probing would tell."
+        f"large as {'the scatter' if size >= 1.0 else f'{size:.0%} of the scatter'} of a "
+        f"reading{way}. A second probing would tell."
     )
     return dataclasses.replace(
         fit,

@@ -107,6 +107,22 @@ def test_an_offset_of_every_line_is_allowed_for_where_lines_are_rough() -> None:
     assert "A second probing would tell." in found.message
 
 
+@pytest.mark.parametrize("across", [0, 1])
+def test_lines_of_a_smooth_surface_that_are_off_are_allowed_for(across: int) -> None:
+    inside, ratios = [], []
+    truth = probed(0, rough=0.0, line=0.0, noise=0.0)
+    for seed in range(16):
+        z = probed(seed, rough=0.0, line=0.005, noise=0.005)
+        found = fit(z.T if across else z)
+        error = found.values - (truth.T if across else truth)
+        inside.append(np.abs(error) <= 2.0 * found.standard_deviation)
+        ratios.append(rms(found.standard_deviation) / rms(error))
+    # Over 40 seeds 92 %; 65 % and 0.5 where the smooth surface alone speaks. One in six has
+    # lines that look like noise.
+    assert np.mean(inside) >= 0.85
+    assert np.median(ratios) == pytest.approx(1.0, abs=0.25)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("across", [0, 1])
 def test_the_stated_deviations_hold_for_lines_along_either_master(across: int) -> None:
