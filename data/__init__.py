@@ -4,8 +4,9 @@
   room `axcomp.data.signals`: motion from positions, delays, phases (NumPy and SciPy).
 * `axcomp.data.lists`: compensation, axis and start-up lists (plain Python).
 
-Beside them `axcomp.data.files`: files that are whole, also after a crash or a power cut, and
-`axcomp.data.toml`: TOML files, read with the line of what is wrong in them.
+Beside them `axcomp.data.files`: files that are whole, also after a crash or a power cut,
+`axcomp.data.toml`: TOML files, read with the line of what is wrong in them, and
+`axcomp.data.units`: units as people read them.
 """
 
 from .errors import AxcompError as AxcompError

@@ -103,7 +103,6 @@ from ._units import (
     UNITS as UNITS,
     Unit as Unit,
     find_unit as find_unit,
-    small_unit as small_unit,
     unit as unit,
 )
 from ._words import (

@@ -126,11 +126,6 @@ LIBRARY_UNIT: dict[str, str] = {
 """Unit inside the library, by dimension (increments become lengths or angles)."""
 
 
-def small_unit(unit: str) -> str:
-    """Return how people read thousandths of ``mm``, or of ``deg``: in µm or m°."""
-    return "µm" if unit == "mm" else "m°"
-
-
 # Spellings met in files, folded to the names above. Micro comes as two code points.
 _FOLDS = (
     ("\N{MICRO SIGN}", "u"),

@@ -161,6 +161,6 @@ def _print(console: "Console", found: "Discovery") -> None:
 def _amount(value: float, unit: str) -> str:
     if unit not in {"mm", "°"}:
         return f"{value:.3g}"
-    from ...data.measurements import small_unit
+    from ...data.units import small_unit
 
     return f"{1e3 * value:.3g} {small_unit(unit)}"

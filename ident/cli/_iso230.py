@@ -13,6 +13,7 @@ from ._said import note, print_json, table_of, wide_console
 
 if TYPE_CHECKING:
     from ...data.measurements import ColumnSpec, Iso230, Iso230Test
+    from ...data.units import small_unit
 
 
 def iso230(
@@ -163,7 +164,7 @@ _MEANING = {
 def _print(
     files: dict[str, Path], tests: "dict[str, Iso230]", last: "Iso230Test"
 ) -> None:
-    from ...data.measurements import EDITION, describe_drift, small_unit, with_arrows
+    from ...data.measurements import EDITION, describe_drift, with_arrows
 
     console = wide_console()
     small = small_unit(last.unit)

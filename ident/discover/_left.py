@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ...data.measurements import small_unit
+from ...data.units import small_unit
 from ._columns import Design, followed, slow_functions, smooth
 from ._data import Drift, Unexplained, Verdict
 from ._evidence import Groups, robust_groups, weights_about

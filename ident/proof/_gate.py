@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...data.measurements import small_unit
+from ...data.units import small_unit
 from ._dynamics import (
     GateTable,
     acceleration,

@@ -18,10 +18,10 @@ from ...data.measurements import (
     EDITION,
     Iso230,
     describe_iso230,
-    small_unit,
     widest_reversal,
     with_arrows,
 )
+from ...data.units import small_unit
 from . import _style as style
 
 _SERIES = ("#7d8590", style.GREEN, "#7a3e9d")

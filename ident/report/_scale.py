@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from ...data.measurements import small_unit
+from ...data.units import small_unit
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
-from ....data.measurements import ColumnSpec, Lines, small_unit
+from ....data.measurements import ColumnSpec, Lines
+from ....data.units import small_unit
 from ...diagnosis import AXIS_WORD
 from ...kinds import NAMES, kind
 from ...kinds._keys import FitSpec, JobPart

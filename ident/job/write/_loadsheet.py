@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from ....data.measurements import small_unit
+from ....data.units import small_unit
 from ..._templates import templates
 from ...diagnosis import OBJECTS, SCOPE
 from .._draft import AbstractDraft

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from numpy.polynomial import legendre
 from scipy.special import fdtrc  # scipy.stats takes long to load
 
-from ....data.measurements import small_unit
+from ....data.units import small_unit
 from ...core import FitError, regress
 from ...fit.joint import Part
 from ...job.result._result import AbstractResult, Expectation, Remark

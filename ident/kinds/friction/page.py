@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
-from ....data.measurements import small_unit
+from ....data.units import small_unit
 from ...report import _style as style
 from ...report._body import Body, Plot
 from ...report._scale import Scale, count, grouped, number, percent, place

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from ....data.lists import Value
-from ....data.measurements import small_unit
+from ....data.units import small_unit
 from ....models import FrictionCompensation
 from ...friction import Knots, place_knots
 from ...job._draft import AbstractDraft, AbstractPlan, Leftovers

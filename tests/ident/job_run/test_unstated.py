@@ -140,7 +140,7 @@ def test_a_whole_turn_has_no_slope(tmp_path: Path) -> None:
         tmp_path, shown(0, 0), axis="C", interval=10.0, points=37, keys="modulo = true"
     )
     table(tmp_path / "m.csv", "C.position [deg],C.error [deg]", turn, error)
-    match = r"found a constant of 50\.\d+ ± 0\.\d+ 0\.001° in the error of C"
+    match = r"found a constant of 50\.\d+ ± 0\.\d+ m° in the error of C"
     with pytest.raises(JobError, match=match):
         run_job(path, tmp_path / "out")
 
