@@ -13,7 +13,6 @@ from ._said import note, print_json, table_of, wide_console
 
 if TYPE_CHECKING:
     from ...data.measurements import ColumnSpec, Iso230, Iso230Test
-    from ...data.units import small_unit
 
 
 def iso230(
@@ -165,6 +164,7 @@ def _print(
     files: dict[str, Path], tests: "dict[str, Iso230]", last: "Iso230Test"
 ) -> None:
     from ...data.measurements import EDITION, describe_drift, with_arrows
+    from ...data.units import small_unit
 
     console = wide_console()
     small = small_unit(last.unit)
