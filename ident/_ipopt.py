@@ -15,6 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Array, Float
 
 VectorFunction = Callable[[Float[Array, " x"], Any], Float[Array, " r"]]
@@ -250,4 +251,35 @@ def least_squares_ipopt(
     stats = solver.stats()
     values = np.clip(np.asarray(found["x"]).ravel() * unit, lower, upper)
     status = _STATUS.get(stats["return_status"], "failed")
+    return IpoptSolution(values, int(stats["iter_count"]), status)
+
+
+def quadratic_ipopt(
+    matrix: Any, slopes: Any, margins: Float[np.ndarray, " g"]
+) -> IpoptSolution:
+    r"""Minimise $\frac12 x^T P x$ subject to $S x + m \ge 0$, by IPOPT.
+
+    Sparse throughout: a plane of 10⁴ nodes takes some seconds.
+
+    Args:
+        matrix: $P$, sparse and positive definite.
+        slopes: $S$, sparse.
+        margins: $m$; where none is below zero the solution is zero.
+    """
+    count, unit = matrix.shape[0], -float(margins.min(initial=0.0))
+    if not unit > 0.0:
+        return IpoptSolution(np.zeros(count), 0, "converged")
+    x = ca.MX.sym("x", count)
+    # The more unknowns there are, the less each of them costs.
+    scaled = matrix * (count / matrix.diagonal().mean())
+    weights, rows = (ca.DM(sp.csc_matrix(each)) for each in (scaled, slopes))
+    problem = {"x": x, "f": 0.5 * ca.dot(x, weights @ x), "g": rows @ x}
+    options = {key: value for key, value in _OPTIONS.items() if key != "no_nlp_grad"}
+    options |= {"ipopt.hessian_constant": "yes", "ipopt.jac_d_constant": "yes"}
+    options |= {"ipopt.tol": 1e-9}
+    solver = ca.nlpsol("solver", "ipopt", problem, options)
+    found = solver(x0=0.0, lbg=-margins / unit, ubg=np.inf)
+    stats = solver.stats()
+    status = _STATUS.get(stats["return_status"], "failed")
+    values = unit * np.asarray(found["x"]).ravel()
     return IpoptSolution(values, int(stats["iter_count"]), status)

@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast, final
+from typing import TYPE_CHECKING, Any, Literal, cast, final, get_args
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,7 +16,7 @@ from ._ipopt import least_squares_ipopt
 from ._readings import Friction, Roles, arrays_of, recording_of, without_zero_of
 from ._write_job import Stated, verdicts_of, write_job
 from .core import FitError
-from .fit import doubt_of_means
+from .fit import Constraint, doubt_of_means, margins_of
 from .fit.joint import (
     AbstractEffect,
     Confusion,
@@ -181,7 +181,7 @@ class Fit(Mapping[str, FittedEffect]):
             What the job found; `JobResult.passed` tells whether everything is fit for use.
 
         Raises:
-            FitError: If effects keep constraints, which a job does not know.
+            FitError: If a function says what effects keep, which a job does not know.
             AxcompError: If the job cannot be run.
         """
         return write_job(self.stated, Path(folder), lists or {}, axes or {}, gate or {})
@@ -216,7 +216,8 @@ def fit(
     remove: str = "none",
     datum: float | Sequence[float] | None = None,
     active: Mapping[str, Any] | None = None,
-    constraints: Mapping[str, Callable[[Any], Array]] | None = None,
+    constraints: Mapping[str, Callable[[Any], Array] | Sequence[Constraint]]
+    | None = None,
     solver: str | None = None,
 ) -> Fit:
     """Fit a stack of effects to readings.
@@ -236,10 +237,12 @@ def fit(
             axis, whose values then say so.
         active: Models that acted while measuring, by name of the effect (`load_model`
             gives them): the new values are old + residual. Tables and backlash.
-        constraints: Values that a model keeps at or above zero, by name of the effect:
-            ``{"leadscrew": lambda m: jnp.diff(m.pos)}`` never falls. The most probable
-            values that do, at the smoothness of the fit; deviations, `joint` and
-            `held_out` stay those of the fit without.
+        constraints: What the entries of a table keep, by name of the effect:
+            ``{"leadscrew": ["monotone"]}`` turns back nowhere, ``"non-negative"`` is
+            nowhere below zero; or a function to values that the model keeps at or above
+            zero: ``lambda m: 0.001 - jnp.diff(m.pos)``. The most probable values that do,
+            at the smoothness of the fit; deviations, `joint` and `held_out` stay those of
+            the fit without.
         solver: ``"ipopt"`` takes constraints; the factor does not. Left out: as needed.
 
     Raises:
@@ -265,17 +268,15 @@ def fit(
     place = _datum(stack, datum)
     options = {"loss": loss, "smoothness": smoothness}
     treated = {"drift": drift, "remove": remove, "datum": place}
-    unknown = [
-        name for name in (*(active or {}), *(constraints or {})) if name not in names
-    ]
+    constraints = constraints or {}
+    unknown = [name for name in (*(active or {}), *constraints) if name not in names]
     if unknown:
         msg = (
             f"found {', '.join(unknown)} among active and constraints, expected {names}"
         )
         raise ValueError(msg)
     stated = Stated(
-        tuple(effects), given, options, treated, tuple(active or ()), names,
-        tuple(constraints or ()),
+        tuple(effects), given, options, treated, tuple(active or ()), names, constraints
     )  # fmt: skip
     way = cast("Literal['none', 'offset', 'line']", remove)
     recording = recording_of(stack, without_zero_of(stack, given, way))
@@ -323,16 +324,14 @@ def fit(
                 else each
                 for each in gauges
             )
-        if constraints and name in constraints:
-            table = _constrained(part, table, constraints[name])
+        acted = one.offsets(active[name]) if active and name in active else 0.0
+        if name in constraints:
+            table = _constrained(part, table, constraints[name], place, acted)
+        zero = _zero(part.effect, table, place)
+        table = table - zero - acted
         if place is not None:
-            model = part.effect.to_model(table, -1.0)
-            zero = -float(np.mean(one.offsets(model, *(np.array([x]) for x in place))))
-            table = table - zero
             value, deviation = constant[one.axis]
             constant[one.axis] = (value + zero, deviation)
-        if active and name in active:
-            table = table - one.offsets(active[name])
         found[name] = FittedEffect(
             one,
             part.effect.to_model(table, -1.0),
@@ -413,6 +412,18 @@ def _datum(
     return place
 
 
+def _zero(
+    effect: AbstractEffect,
+    table: Float[np.ndarray, "..."],
+    place: tuple[float, ...] | None,
+) -> float:
+    """Return what a table says at the datum, the mean of both directions; 0 without one."""
+    if place is None:
+        return 0.0
+    model = effect.to_model(table, -1.0)
+    return -float(np.mean(effect.offsets(model, *(np.array([x]) for x in place))))
+
+
 def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
     inertia = None if effect.inertia == "fit" else float(effect.inertia)
     velocity, acceleration, current = (given[role] for role in effect.roles[1:])
@@ -423,19 +434,24 @@ def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
 def _constrained(
     part: Part,
     table: Float[np.ndarray, "..."],
-    inequality: Callable[[Any], Array],
+    constraint: Callable[[Any], Array] | Sequence[Constraint],
+    place: tuple[float, ...] | None,
+    acted: Float[np.ndarray, "..."] | float,
 ) -> Float[np.ndarray, "..."]:
     """Return the most probable table of a part whose model keeps inequalities, by IPOPT.
 
     Args:
         part: As it was fitted.
         table: Its values, with the constant that they hold.
-        inequality: Values that the model of the controller keeps at or above zero.
+        constraint: Of the model of the controller, as for `fit`.
+        place: Where that is zero, None where nothing says so.
+        acted: What a table added to its values while measuring.
 
     Raises:
-        FitError: If nothing keeps them, or the readings do not determine the values.
+        FitError: If nothing keeps them, the readings do not determine the values, or words
+            stand for what is no table.
     """
-    covariance = part.covariance
+    covariance, effect = part.covariance, part.effect
     if not np.isfinite(covariance).all():
         msg = f"constraints: the readings do not determine all of {part.name}"
         raise FitError(msg)
@@ -443,20 +459,53 @@ def _constrained(
     kept = sizes > _EMPTY * sizes.max()
     # What neither readings nor prior move stays where it is.
     span = modes[:, kept] * np.sqrt(sizes[kept])
-    along = np.stack([part.effect.table(column) for column in span.T], axis=-1)
+    moves = [effect.table(column) for column in span.T]
+    written = table - _zero(effect, table, place) - acted
+    along = np.stack([one - _zero(effect, one, place) for one in moves], axis=-1)
+    inequality = (
+        constraint if callable(constraint) else _margins(part, written, constraint)
+    )
 
     def keeps(move: Float[Array, " k"], args: Any) -> Float[Array, " g"]:
         middle, along = args
-        table = middle + along @ move
-        return jnp.ravel(inequality(part.effect.to_model(table, -1.0)))
+        return jnp.ravel(inequality(effect.to_model(middle + along @ move, -1.0)))
 
     found = least_squares_ipopt(
         lambda move, _: move,
         np.zeros(span.shape[1]),
-        (jnp.asarray(table), jnp.asarray(along)),
+        (jnp.asarray(written), jnp.asarray(along)),
         inequality=keeps,
     )
     if not found.converged:
         msg = f"constraints of {part.name}: IPOPT ended as '{found.status}'"
         raise FitError(msg)
-    return np.asarray(table + along @ found.values)
+    return np.asarray(table + np.stack(moves, axis=-1) @ found.values)
+
+
+def _margins(
+    part: Part, written: Float[np.ndarray, "..."], words: Sequence[Constraint]
+) -> Callable[[Any], Array]:
+    """Return what a model keeps at or above zero where its entries keep words.
+
+    Raises:
+        FitError: If the part is no table, or goes round.
+    """
+    effect, known = part.effect, get_args(Constraint)
+    table = effect.table_effect
+    if (
+        table is None
+        or not set(words) <= {*known}
+        or (table.ring and known[0] in words)
+    ):
+        msg = (
+            f"constraints of {part.name}: found {', '.join(words)}, expected a function, or"
+            f" of a table {' and '.join(known)} (the first with two ends)"
+        )
+        raise FitError(msg)
+
+    def entries(model: Any) -> Array:
+        return jnp.concatenate([jnp.ravel(each) for each in model.tables])
+
+    shaped = np.asarray(entries(effect.to_model(written, -1.0))).reshape(written.shape)
+    rows = jnp.asarray(margins_of(words, shaped, effect.grid).toarray())
+    return lambda model: rows @ entries(model)

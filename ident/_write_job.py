@@ -30,7 +30,7 @@ class Stated:
         treated: Keys of the measurement.
         active: Names of effects that acted while measuring.
         names: Of the effects.
-        constrained: Names of effects that keep inequalities.
+        constraints: What effects keep, by name: words, or a function.
     """
 
     effects: tuple[AbstractEffect | Friction, ...]
@@ -39,7 +39,7 @@ class Stated:
     treated: Mapping[str, Any]
     active: tuple[str, ...]
     names: tuple[str, ...]
-    constrained: tuple[str, ...] = ()
+    constraints: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     @property
     def active_kinds(self) -> tuple[str, ...]:
@@ -69,10 +69,11 @@ def write_job(
     """Write readings and job into a folder, run the job there; see `Fit.write`."""
     from .job import run_job
 
-    if stated.constrained:
+    functions = [name for name, each in stated.constraints.items() if callable(each)]
+    if functions:
         msg = (
-            f"write: found constraints of {', '.join(stated.constrained)}, which a job does "
-            "not keep: its lists would be those of the fit without them."
+            f"write: found constraints of {', '.join(functions)} as a function, which a job "
+            "does not keep: its lists would be those of the fit without them."
         )
         raise FitError(msg)
     numbered = _numbered(stated, lists, axes)
@@ -192,8 +193,11 @@ def _fits(stated: Stated) -> Iterator[dict[str, Any]]:
     """Return the keys of each fit; what shares its readings is one group."""
     together = [one for one in stated.effects if isinstance(one, AbstractEffect)]
     several = len(together) > 1 or stated.treated["drift"]
-    for one in stated.effects:
+    for name, one in zip(stated.names, stated.effects, strict=True):
         keys = _keys(one) | {"measurement": "readings"}
+        if name in stated.constraints:
+            words = list(stated.constraints[name])
+            keys |= {"solver": "ipopt", "constraints": words}
         if isinstance(one, AbstractEffect):
             keys |= {k: v for k, v in stated.options.items() if one.grid or k == "loss"}
             if several:

@@ -141,9 +141,7 @@ class Problem:
         """
         stack = self.stack
         if stack.band == stack.size and len(stack.offsets) > 3:
-            prior: Any = sp.csr_array(sp.diags_array(self.held))
-            for weight, term in self._terms(weights):
-                prior = prior + weight * term.penalty.gram
+            prior = self.prior(weights)
             matrix = self.sums.band_matrix + prior
             right = self.right - prior @ self.theta
             inverse = sp.diags_array(1.0 / np.maximum(matrix.diagonal(), 1e-300))
@@ -152,6 +150,21 @@ class Problem:
                 return np.asarray(self.theta + move)
         found = self.at(weights)
         return None if found is None else found.values
+
+    def prior(self, weights: Vector) -> sp.csr_array:
+        """Return the precision of the prior for these weights."""
+        found: Any = sp.csr_array(sp.diags_array(self.held))
+        for weight, term in self._terms(weights):
+            gram: Any = sp.coo_array(term.penalty.gram)
+            places = tuple(at + term.here.start for at in gram.coords)
+            found = found + weight * sp.csr_array((gram.data, places), found.shape)
+        return found
+
+    def precision(self, weights: Vector) -> sp.csr_array:
+        """Return information + prior precision, both triangles."""
+        sums = self.sums
+        rows = [[sums.band_matrix, sums.cross.T], [sums.cross, sums.border]]
+        return sp.csr_array(sp.block_array(rows) + self.prior(weights))
 
     def _terms(self, weights: Vector) -> list[tuple[float, Term]]:
         """Return the terms of the prior that have a weight, and it."""

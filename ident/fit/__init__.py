@@ -2,7 +2,8 @@
 
 `fit_table` (`_table`) and `fit_streamed` (`_stream`) are one estimator, that of
 `axcomp.ident.core`; `_result` says what it found, `_once` what a single probing cannot tell.
-`predict` and `leave_out` say what a fit says elsewhere, and without some readings.
+`predict` and `leave_out` say what a fit says elsewhere, and without some readings;
+`_inequalities` makes the written values keep what they must.
 """
 
 from ..core import (
@@ -11,9 +12,16 @@ from ..core import (
     cores as cores,
     one_blas_thread as one_blas_thread,
 )
+from ._inequalities import (
+    Constraint as Constraint,
+    Inequalities as Inequalities,
+    kept as kept,
+    margins_of as margins_of,
+)
 from ._predict import (
     deviations as deviations,
     leave_out as leave_out,
+    mean_row as mean_row,
     predict as predict,
     spatial_blocks as spatial_blocks,
     zeroed as zeroed,

@@ -59,6 +59,21 @@ def _design(
     return layout.effect.design(samples.readings)
 
 
+def mean_row(
+    layout: TableLayout,
+    positions: Float[np.ndarray, "t d"],
+    branch: Int[np.ndarray, " t"] | None = None,
+) -> Float[np.ndarray, " n"]:
+    """Return the share of each unknown in the mean of a table at positions.
+
+    Arguments and errors as for `predict`.
+    """
+    nodes, shares = _design(layout, positions, branch)
+    row = np.zeros(layout.effect.size)
+    np.add.at(row, nodes, shares / len(positions))
+    return row
+
+
 def zeroed(
     fit: TableFit,
     positions: Float[np.ndarray, "t d"],
@@ -78,9 +93,7 @@ def zeroed(
         FitError: As `predict`.
     """
     effect = fit.layout.effect
-    nodes, shares = _design(fit.layout, positions, branch)
-    row = np.zeros(effect.size)
-    np.add.at(row, nodes, shares / len(positions))
+    row = mean_row(fit.layout, positions, branch)
     zero = float(row @ effect.to_values(fit.values))
     assert fit.estimate is not None  # only folds have none
     posterior = fit.estimate.posterior

@@ -158,6 +158,7 @@ def fold_of(fit: TableFit, post: Posterior) -> TableFit:
         runs = [run for run, there in zip(runs, effect.present, strict=True) if there]
     count = int(post.problem.count)
     fold = result_of(fit.layout, found, fit.loss, count=count, runs=runs)
+    fold = fold if fit.keeps is None else fit.keeps(fold)
     return dataclasses.replace(fold, estimate=None)
 
 

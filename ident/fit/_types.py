@@ -1,7 +1,7 @@
 """What goes into a table fit and what comes out: arrays and their meaning."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -133,6 +133,8 @@ class TableFit:
         estimate: The fit of the stack behind it, from which groups are left out.
         line_offset: Standard deviation in mm or ° of an offset of every line of readings that a
             single probing cannot show, and that is allowed for; else 0.
+        keeps: Makes a fit keep the inequalities that this one keeps, None where there are
+            none: folds keep them as well.
     """
 
     layout: TableLayout
@@ -155,6 +157,7 @@ class TableFit:
     estimate: Estimate | None = dataclasses.field(
         default=None, repr=False, compare=False
     )
+    keeps: "Callable[[TableFit], TableFit] | None" = None
 
     def doubted(self, variance: float) -> "TableFit":
         """Return it with a further variance of every node by itself, in mm² or °²."""

@@ -93,8 +93,8 @@ def fit_output_error(
             little sooner or later, and solvers end apart. At 0.01 and 1 they agree.
         solver: ``"optimistix"`` (Levenberg-Marquardt) or ``"ipopt"``.
         constraints: ``"non-negative"``: friction falls nowhere below 0 up to the highest
-            speed driven, while its parameters may have any sign; by IPOPT only. Without it
-            each parameter of friction is at least 0.
+            speed driven, while its parameters may have any sign; without it each of them is
+            at least 0. ``"monotone"``: it falls nowhere over the speed. By IPOPT only.
 
     Raises:
         FitError: If the recording, the guess or the options cannot be used.

@@ -24,10 +24,10 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from ...models import FrictionCompensation, StribeckFriction
-from .._ipopt import least_squares_ipopt
+from .._ipopt import VectorFunction, least_squares_ipopt
 
 Solver = Literal["optimistix", "ipopt"]
-Constraint = Literal["non-negative"]
+Constraint = Literal["monotone", "non-negative"]
 
 PARAMETERS = (
     "inertia",
@@ -255,6 +255,19 @@ def _levels(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " g"]
     return jnp.concatenate([law.level(speed, ahead), law.level(speed, -ahead)])
 
 
+@lru_cache
+def _inequality(constraints: tuple[Constraint, ...]) -> VectorFunction | None:
+    """Return what constraints keep at or above zero; the same function for the same ones."""
+
+    def margins(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " g"]:
+        levels = _levels(values, problem)
+        rises = jnp.diff(levels.reshape(2, -1)).ravel()
+        each = {"monotone": rises, "non-negative": levels}
+        return jnp.concatenate([each[word] for word in constraints])
+
+    return margins if constraints else None
+
+
 residual_of = eqx.filter_jit(_residual)
 
 
@@ -354,7 +367,7 @@ def solve(
             problem,
             lower=low,
             upper=high,
-            inequality=_levels if "non-negative" in constraints else None,
+            inequality=_inequality(tuple(constraints)),
             tolerance=_IPOPT_TOLERANCE,
             max_steps=_IPOPT_STEPS,
         )

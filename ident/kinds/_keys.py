@@ -6,7 +6,7 @@ Each compensation has its own in the part ``keys`` of its folder: a class ``Spec
 import abc
 import difflib
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -122,6 +122,13 @@ class FitSpec(JobPart, frozen=True):
         yield from ()
 
 
+def unkept(constraints: list[Any], solver: str, where: KeyPath) -> Iterator[Fault]:
+    """Yield that the solver of a fit keeps no constraints; `where` is the key of the fit."""
+    if constraints and solver != "ipopt":
+        reason = f"found with solver {solver!r}, expected 'ipopt', which keeps them"
+        yield (*where, "constraints"), reason
+
+
 class TableSpec(FitSpec, frozen=True):
     """A table: values at nodes over one or two positions.
 
@@ -130,6 +137,13 @@ class TableSpec(FitSpec, frozen=True):
     """
 
     nodes_wanted: ClassVar[str] = "start, interval and points"
+
+    solver: Literal["factor", "ipopt"] = "factor"
+    """Solver: `"ipopt"` keeps constraints, the factor knows none. Example: `"ipopt"`."""
+    constraints: list[Literal["monotone", "non-negative"]] = Field(default_factory=list)
+    """What the entries of the list keep: along each master they turn back nowhere
+    (`"monotone"`, per direction), none is below 0 (`"non-negative"`); with ipopt.
+    Example: `["monotone"]`."""
 
     @property
     @abc.abstractmethod
@@ -161,7 +175,13 @@ class TableSpec(FitSpec, frozen=True):
         """Return what the user must make sure of."""
         return []
 
+    def faults_in_group(self, where: KeyPath) -> Iterator[Fault]:
+        if self.constraints:
+            reason = "found in a group, expected a fit of its own, which keeps them"
+            yield (*where, "constraints"), reason
+
     def faults(self, job: "JobFile", where: KeyPath) -> Iterator[Fault]:
+        yield from unkept(self.constraints, self.solver, where)
         grid = {key: getattr(self, key) for key in ("start", "interval", "points")}
         given = [key for key, value in grid.items() if value is not None]
         missing = [key for key in grid if key not in given]

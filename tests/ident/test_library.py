@@ -293,7 +293,7 @@ def test_a_job_is_not_written_where_it_would_fit_something_else(tmp_path: Path) 
     data = along_x(0)
     rising = {"leadscrew": lambda model: jnp.diff(model.pos)}
     fit = axcomp.fit([SCREW], data, constraints=rising)
-    with pytest.raises(FitError, match="found constraints of leadscrew"):
+    with pytest.raises(FitError, match="found constraints of leadscrew as a function"):
         fit.write(tmp_path, axes={"X": 1})
     old = fit["leadscrew"].model
     with pytest.raises(FitError, match="leadscrew was active while measuring"):

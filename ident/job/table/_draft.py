@@ -55,7 +55,7 @@ class TableDraft(AbstractDraft):
     @functools.cached_property
     def integers(self) -> Int[np.ndarray, "..."]:
         """Entries of the new table."""
-        return self.plan.table.to_integers(self.plan.offset(self.estimate.values))
+        return self.plan.to_integers(self.plan.offset(self.estimate.values))
 
     @functools.cached_property
     def offset(self) -> Float[np.ndarray, "..."]:

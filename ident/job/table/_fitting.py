@@ -45,6 +45,11 @@ def fit_alone(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
     """
     log, words = in_pieces(tables, plan, left)
     if log is not None:
+        if plan.fit.constraints:
+            reason = (
+                "found beside a log that is read in pieces, expected stream = false"
+            )
+            raise plan.job.error(("fits", plan.index, "constraints"), reason)
         found = fit_log(log)
     else:
         readings, more = read_fit(tables, plan, left)
@@ -100,6 +105,9 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         if not suit(nodes, places):
             words += f" Nodes that suit these readings: {grid_words(places)}."
         remarks.append(Remark.warning(words))
+    if (inequalities := plan.inequalities) is not None:
+        free, fit = fit, inequalities.keep(fit, samples)
+        remarks.append(_kept(plan, fit.values - free.values))
     zero, estimate = plan.zeroed(fit)
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
@@ -108,6 +116,17 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     readings = dataclasses.replace(readings, error=before)
     return TableDraft(
         plan.job, plan.index, spec, plan, estimate, effects, readings, left, remarks
+    )
+
+
+def _kept(plan: Plan, moved: Float[np.ndarray, "..."]) -> Remark:
+    """Return what it took that the entries keep the constraints."""
+    unit = plan.job.spec.axes[plan.axis].small_unit
+    count = int(np.sum(np.abs(moved) >= 0.5 / LIST_UNITS))
+    return Remark.info(
+        f"The entries are {' and '.join(plan.fit.constraints)}, as constraints asks: for it"
+        f" {count} of {moved.size} moved, by up to {1e3 * np.abs(moved).max():.1f} {unit}."
+        " Standard deviations are those of the fit without."
     )
 
 

@@ -15,7 +15,7 @@ from ...exchange import (
     Model,
     refuse_lost_nodes,
 )
-from ...fit import TableFit, predict, zeroed
+from ...fit import Inequalities, TableFit, kept, mean_row, predict, zeroed
 from ...kinds import kinds
 from ...kinds._keys import FitSpec, TableSpec
 from ...readings import Tables
@@ -149,7 +149,30 @@ class Plan(AbstractPlan):
         """
         wanted = [self.offset(one.values - self.zero_of(one)) for one in estimates]
         ends = self.table.to_offsets(np.array(self.table.value_bounds))
-        return self.table.to_integers(np.clip(np.stack(wanted), min(ends), max(ends)))
+        inside = np.clip(np.stack(wanted), min(ends), max(ends))
+        return np.stack([self.to_integers(each) for each in inside])
+
+    def to_integers(self, offset: Float[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
+        """Return offsets at the nodes as the entries of the list, which keep `constraints`.
+
+        Raises:
+            ExchangeError: If one does not fit its type.
+        """
+        nodes = self.table.layout.nodes
+        return kept(self.fit.constraints, self.table.to_integers(offset), nodes)
+
+    @property
+    def inequalities(self) -> Inequalities | None:
+        """What the values of the fit keep, so that the entries do; None: nothing."""
+        if not self.fit.constraints:
+            return None
+        table, at = self.table, self._at_datum()
+        old = self.old_offset if self.active else None
+        layout, words = table.layout, tuple(self.fit.constraints)
+        start = np.zeros(layout.shape) if old is None else table.sign * old
+        size = layout.effect.size
+        zero = np.zeros(size) if at is None else mean_row(layout, *at)
+        return Inequalities(words, -table.sign, start, zero)
 
     def branch(
         self, direction: Int[np.ndarray, " t"] | None
@@ -203,6 +226,11 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
                 )
             refuse_lost_nodes(table, old, existing.source)
     fit.refuse(job, index, table)
+    if table.periodic and "monotone" in fit.constraints:
+        reason = (
+            "found 'monotone' for a table that goes round, expected one with two ends"
+        )
+        raise job.error((*where, "constraints"), reason)
     return Plan(
         job=job,
         index=index,

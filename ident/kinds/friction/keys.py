@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from .._keys import Count, Fault, FitSpec, KeyPath, Positive
+from .._keys import Count, Fault, FitSpec, KeyPath, Positive, unkept
 
 if TYPE_CHECKING:
     from ...job.file._schema import JobFile
@@ -27,8 +27,9 @@ class Spec(FitSpec, frozen=True):
     Example: `"output_error"`."""
     solver: Literal["optimistix", "ipopt"] = "optimistix"
     """Solver of the output-error fit. Example: `"ipopt"`."""
-    constraints: list[Literal["non-negative"]] = Field(default_factory=list)
-    """What the law must keep; with ipopt. Example: `["non-negative"]`."""
+    constraints: list[Literal["monotone", "non-negative"]] = Field(default_factory=list)
+    """What the law must keep: over the speed it falls nowhere (`"monotone"`), or never
+    below 0 (`"non-negative"`); with ipopt. Example: `["non-negative"]`."""
     reversal: bool = False
     """Whether lookahead, distance and delay at reversals are fitted. Example:
     `true`."""
@@ -56,8 +57,4 @@ class Spec(FitSpec, frozen=True):
                         f"found with method {self.method!r}, expected 'output_error'"
                     )
                     yield (*where, key), reason
-        if self.constraints and self.solver != "ipopt":
-            reason = (
-                f"found with solver {self.solver!r}, expected 'ipopt', which keeps them"
-            )
-            yield (*where, "constraints"), reason
+        yield from unkept(self.constraints, self.solver, where)

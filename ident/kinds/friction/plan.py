@@ -64,6 +64,9 @@ class FrictionPlan(AbstractPlan):
                 unit=unit.current,
                 reach=float(np.max(np.abs(recording.samples.velocity))),
             )
+            if "monotone" in fit.constraints:  # of its rounded lines as of the law
+                rising = np.maximum.accumulate(knots.out)
+                knots = dataclasses.replace(knots, out=rising)
         view = view_of(recording, found, curve, knots, level)
         return FrictionDraft(
             job, self.index, fit, recording, found, curve, unit, knots, view, level

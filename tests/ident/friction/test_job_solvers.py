@@ -51,7 +51,7 @@ def run(folder: Path, cycle: float, keys: str) -> FrictionResult:
         ),
         ('method = "output_error"\nsolver = "newton"', "solver"),
         (
-            'method = "output_error"\nsolver = "ipopt"\nconstraints = ["monotone"]',
+            'method = "output_error"\nsolver = "ipopt"\nconstraints = ["rising"]',
             "constraints",
         ),
     ],

@@ -1,0 +1,130 @@
+"""What the written values of a table keep: the most probable values that do, by IPOPT."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal, final
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from ..core import FitError, design_of
+from ._types import Array, Samples, TableFit
+
+Constraint = Literal["monotone", "non-negative"]
+"""The entries of the list turn back nowhere along a master; none of them is below zero."""
+
+
+def margins_of(
+    words: Sequence[str], entries: Array, nodes: Sequence[Float[np.ndarray, " _n"]]
+) -> sp.csr_array:
+    """Return rows whose products with entries are nowhere below zero where they keep the words.
+
+    Args:
+        words: Of `Constraint`.
+        entries: Entries of a list, shaped like its table: they tell which way it goes.
+        nodes: Positions along each master, master 1 first.
+    """
+    each: Any = sp.eye_array(entries.size, format="csr")
+    number = np.arange(entries.size).reshape(entries.shape)
+    rows = [each] if "non-negative" in words else []
+    for axis, way in _ways(entries, nodes) if "monotone" in words else ():
+        later, earlier = (np.delete(number, end, axis) for end in (0, -1))
+        signs = sp.diags_array(np.broadcast_to(way, later.shape).ravel())
+        rows.append(signs @ (each[later.ravel()] - each[earlier.ravel()]))
+    return sp.csr_array(sp.vstack(rows))
+
+
+def kept(
+    words: Sequence[str], entries: Array, nodes: Sequence[Float[np.ndarray, " _n"]]
+) -> Array:
+    """Return the entries, exactly within the words that they keep but for rounding.
+
+    Arguments as for `margins_of`.
+    """
+    ways = list(_ways(entries, nodes)) if "monotone" in words else []
+    found = np.maximum(entries, 0) if "non-negative" in words else entries
+    for axis, way in ways:
+        rising = np.maximum.accumulate(found, axis)
+        falling = np.flip(np.maximum.accumulate(np.flip(found, axis), axis), axis)
+        found = np.where(way > 0, rising, falling)
+    return found
+
+
+def _ways(
+    entries: Array, nodes: Sequence[Float[np.ndarray, " _n"]]
+) -> Iterator[tuple[int, Array]]:
+    """Return the axis of the array over each master, and ±1: its line rises there, or falls."""
+    own = tuple(range(-len(nodes), 0))
+    for k, places in enumerate(nodes):
+        away = (places - places.mean()).reshape(-1, *[1] * k)
+        line = np.sum(away * entries, axis=own, keepdims=True)
+        yield -1 - k, np.where(line < 0.0, -1.0, 1.0)
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Inequalities:
+    """What the entries of a list keep, which follow from the values of a fit.
+
+    Attributes:
+        words: Of `Constraint`.
+        sign: Of an entry against the error.
+        start: What a table that acted while measuring adds to each entry, in mm or °.
+        zero: Shares of the unknowns in what the datum takes off all values; 0 without one.
+    """
+
+    words: tuple[Constraint, ...]
+    sign: int
+    start: Array
+    zero: Float[np.ndarray, " n"]
+
+    def keep(self, fit: TableFit, samples: Samples) -> TableFit:
+        """Return the most probable table that keeps them; its folds will keep them as well.
+
+        Args:
+            fit: As fitted without.
+            samples: Its readings.
+
+        Raises:
+            FitError: If nothing keeps them.
+        """
+        found, table = self.most_probable(fit), fit.layout.effect
+        nodes, shares = design_of(table, samples.readings)
+        moved = table.to_values(found.values - fit.values)[nodes] * shares
+        residual = fit.residual - moved.sum(axis=1)
+        return dataclasses.replace(found, residual=residual, keeps=self.most_probable)
+
+    def most_probable(self, fit: TableFit) -> TableFit:
+        """Return the fit with the most probable values that keep them.
+
+        They move as little as possible in the metric of the posterior, effects of runs with
+        them; standard deviations stay those of the fit without.
+
+        Raises:
+            FitError: If nothing keeps them.
+        """
+        from .._ipopt import quadratic_ipopt  # takes long to load
+
+        assert fit.estimate is not None  # a fit, not one of its folds made bare
+        post, table = fit.estimate.posterior, fit.layout.effect
+        values = table.to_values(fit.values)
+        entries = self.start + self.sign * (fit.values - self.zero @ values)
+        rows = margins_of(self.words, entries, fit.layout.nodes)
+        nodes: Any = sp.csr_array(
+            (np.ones(len(table.place)), (np.arange(len(table.place)), table.place)),
+            (len(table.place), len(post.values)),
+        )
+        zero = sp.csr_array(np.pad(self.zero, (0, len(post.values) - table.size))[None])
+        common = sp.csr_array(np.asarray(rows.sum(axis=1))[:, None])
+        found = quadratic_ipopt(
+            post.problem.precision(post.weights),
+            self.sign * (rows @ nodes - common @ zero),
+            rows @ entries.ravel(),
+        )
+        if not found.converged:
+            words = " and ".join(self.words)
+            msg = f"constraints: found none that is {words}, IPOPT ended as '{found.status}'"
+            raise FitError(msg)
+        moved = table.to_table(found.values[: table.size])
+        return dataclasses.replace(fit, values=fit.values + moved)
