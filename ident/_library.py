@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
     from .job import JobResult
 
+Datum = float | Sequence[float]
+"""A position, one per master."""
 _FOLDS = 5
 """Blocks of consecutive readings that are held out in turn where there is one run."""
 _EMPTY = 1e-10
@@ -214,7 +216,7 @@ def fit(
     smoothness: float | int | str = "auto",
     drift: int = 0,
     remove: str = "none",
-    datum: float | Sequence[float] | None = None,
+    datum: Datum | Mapping[str, Datum] | None = None,
     active: Mapping[str, Any] | None = None,
     constraints: Mapping[str, Callable[[Any], Array] | Sequence[Constraint]]
     | None = None,
@@ -233,8 +235,8 @@ def fit(
         remove: Takes an arbitrary zero of the instrument off the error of each axis, its
             mean or the line (over two masters, the plane) through it; what constant is left
             is the machine's, and a table of the axis holds it, as the written list does.
-        datum: Position where the error is zero, one per master; for a table alone on its
-            axis, whose values then say so.
+        datum: Position where the error is zero, one per master, also as ``{"at": …}``; for
+            a table alone on its axis, whose values then say so.
         active: Models that acted while measuring, by name of the effect (`load_model`
             gives them): the new values are old + residual. Tables and backlash.
         constraints: What the entries of a table keep, by name of the effect:
@@ -386,7 +388,7 @@ def _holders(stack: Sequence[AbstractEffect]) -> dict[str, AbstractEffect]:
 
 
 def _datum(
-    stack: Sequence[AbstractEffect], datum: float | Sequence[float] | None
+    stack: Sequence[AbstractEffect], datum: Datum | Mapping[str, Datum] | None
 ) -> tuple[float, ...] | None:
     """Return where the error is zero, one position per master.
 
@@ -395,7 +397,11 @@ def _datum(
     """
     if datum is None:
         return None
-    place = tuple(float(each) for each in np.atleast_1d(np.asarray(datum)))
+    if isinstance(datum, Mapping) and set(datum) != {"at"}:
+        msg = f"datum: found {', '.join(datum) or 'no key'}, expected at"
+        raise FitError(msg)
+    at = datum["at"] if isinstance(datum, Mapping) else datum
+    place = tuple(float(each) for each in np.atleast_1d(np.asarray(at)))
     for one in stack:
         nodes = one.grid
         alone = [other.axis for other in stack].count(one.axis) == 1

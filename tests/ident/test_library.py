@@ -78,6 +78,19 @@ def test_what_an_axis_lags_behind_its_command_is_no_error(tmp_path: Path) -> Non
     )
 
 
+def test_effects_and_datum_are_stated_in_the_words_of_a_job() -> None:
+    plane = axcomp.Plane("Z", ("X", "Y"), start=[0, 0], interval=[5, 5], points=[3, 4])
+    assert [len(nodes) for nodes in plane.grid] == [3, 4]
+    data = along_x(1)
+    one, other = (
+        axcomp.fit([SCREW], data, datum=at)["leadscrew"].model
+        for at in (100.0, {"at": [100.0]})
+    )
+    np.testing.assert_array_equal(one.pos, other.pos)
+    with pytest.raises(FitError, match="datum: found zero, expected at"):
+        axcomp.fit([SCREW], data, datum={"zero": 100.0})
+
+
 def test_models_of_a_fit_take_the_error_off() -> None:
     rng = np.random.default_rng(3)
     x, y = rng.uniform(0.0, 100.0, (2, 600))

@@ -270,15 +270,19 @@ class Plane(AbstractTable):
 
     masters: tuple[str, str] = dataclasses.field()  # pyright: ignore[reportIncompatibleVariableOverride]
     nodes: tuple[Float[np.ndarray, " _n1"], Float[np.ndarray, " _n2"]] | None = None
-    start: tuple[Number, Number] | None = dataclasses.field(default=None, kw_only=True)
-    interval: tuple[Number, Number] | None = dataclasses.field(
-        default=None, kw_only=True
-    )
-    points: tuple[int, int] | None = dataclasses.field(default=None, kw_only=True)
+    start: Sequence[Number] | None = dataclasses.field(default=None, kw_only=True)
+    interval: Sequence[Number] | None = dataclasses.field(default=None, kw_only=True)
+    points: Sequence[int] | None = dataclasses.field(default=None, kw_only=True)
 
     compensation = "plane"
     rank = Rank.PLANE
     no_keys = ("nodes",)
+
+    def __post_init__(self) -> None:
+        for key in ("masters", "start", "interval", "points"):
+            if (given := getattr(self, key)) is not None:  # lists do as well
+                object.__setattr__(self, key, tuple(given))
+        super().__post_init__()
 
     @cached_property
     def table_effect(self) -> TableEffect:
