@@ -83,6 +83,7 @@ def _all_units() -> Iterable[Unit]:
     yield Unit("0.01mm", "length", 1, 100)
     yield Unit("thou", "length", 127, 5_000)
     yield Unit("uin", "length", 127, 5_000_000)
+    yield Unit("mdeg", "angle", 1, 1_000)
     yield Unit("arcmin", "angle", 1, 60)
     yield Unit("arcsec", "angle", 1, 3_600)
     yield Unit("mrad", "angle", _RADIAN, 1_000)
@@ -147,6 +148,7 @@ _ALIASES = {
         "degC": "C",
         "degF": "F",
         "deg": "degree degrees grad",
+        "mdeg": "0.001deg millidegree millidegrees",
         "arcmin": "arcminutes arcmins Winkelminuten",
         "arcsec": "arcseconds arcsecs '' ″ Winkelsekunden",
         "um": "micron microns micrometer micrometre micrometers micrometres Mikrometer"

@@ -47,9 +47,11 @@ _NUMBERED = re.compile(r"(?:axis|achse)[\W_]*(\d+)|\|(\d+)$", re.IGNORECASE)
 _OFF = re.compile(r"d([xyz])", re.IGNORECASE)
 _LINEAR = ("X", "Y", "Z")
 _FINE = 0.5
-"""Largest error that rather is one in mm than in µm."""
+"""Largest error that rather is one in mm than in µm, or in ° than in m°."""
 _UNSTATED = {"error": ("um", "mm"), "current": ("A", "%", "raw")}
 """Units among which a column without one asks, by kind of role."""
+_UNSTATED_ANGLE = ("mdeg", "arcsec", "deg")
+"""Units among which the error of a rotary axis asks."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,15 +121,22 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     named, outside = _with_encoders(table, named)
     named, drift = _with_drift(named)
     home, owner = _home(table, axes, named), _owner(table, axes, named)
+    angles = {
+        each.axis or home[0]
+        for each in named
+        if each.kind in _PLACES and _is_angle(each.column)
+    }
     assumed: dict[str, str] = {}
     for each in sorted(named, key=_telling):
         if each.axis is None and each.kind in _OWNED:
             axis, stated = owner if each.kind == "error" else home
             if not stated:
                 assumed.setdefault(axis, each.column.name)
-    unnamed = _unnamed(table, named, home[0], owner[0])
+    unnamed = _unnamed(table, named, home[0], owner[0], turns=owner[0] in angles)
     if unnamed and not home[1]:
         assumed.setdefault(home[0], unnamed[0].column)
+    if any(_is_place(each) and _is_angle(each.choices[0][1]) for each in unnamed):
+        angles.add(home[0])
     if not unnamed and _says_it_all(table, named):
         bare = any(each.axis is None and each.kind in _OWNED for each in named)
         return Meaning(owner[0] if bare else None, assumed, {}, (), unused)
@@ -135,7 +144,7 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     unclear: list[Unclear] = []
     runs = [each for each in named if each.column.run is not None]
     if runs:
-        question = _of_runs(runs, owner[0])
+        question = _of_runs(runs, owner[0], turns=owner[0] in angles)
         if len(question.choices) == 1:
             ((text, spec),) = question.choices
             roles[text] = [spec]
@@ -144,7 +153,8 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         named = [each for each in named if each.kind != runs[0].kind]
     for each in _without_commands(named):
         axis = (owner if each.kind == "error" else home)[0]
-        options, asks = _options(each, axis, outside=outside)
+        turns = (each.axis or axis) in angles
+        options, asks = _options(each, axis, outside=outside, turns=turns)
         if each.column is drift:
             asks |= {"drift"}
         if asks:
@@ -170,6 +180,7 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
 
 
 _OWNED = frozenset(KINDS)
+_PLACES = frozenset(("position", "actual", "encoder"))
 _READ = frozenset(("error", "actual", "encoder", "current"))
 """Kinds of role that were measured."""
 _AT_REST = 0.1
@@ -177,11 +188,18 @@ _AT_REST = 0.1
 
 
 def _unnamed(
-    table: Table, named: Sequence[_Named], home: str, owner: str
+    table: Table, named: Sequence[_Named], home: str, owner: str, *, turns: bool
 ) -> list[Unclear]:
     """Return the questions for a position and an error that no column names itself.
 
     A position goes over the largest range, an error over the smallest.
+
+    Args:
+        table: The file as read.
+        named: Columns that name a role themselves.
+        home: Axis of a position that names none.
+        owner: Axis of an error that names none.
+        turns: The positions of the owner are angles.
     """
     if table.advice:
         return _advised(table, home, owner)
@@ -189,7 +207,7 @@ def _unnamed(
     taken = {id(each.column) for each in named}
     free = [c for c in table.columns if id(c) not in taken and _is_length(c)]
     free.sort(key=lambda each: span(each.values), reverse=True)
-    place = not kinds & {"position", "actual", "encoder", "temperature", "current"}
+    place = not kinds & (_PLACES | {"temperature", "current"})
     error = not kinds & _READ
     if len(free) < place + error:
         return []
@@ -197,12 +215,13 @@ def _unnamed(
     if place:
         choices = [(f"{home}.position", _spec(each, each.unit)) for each in free]
         found.append(_unclear(free[0], {"role"}, choices))
+        turns = _is_angle(free[0]) and home == owner
     if error:
         fine = sorted(reversed(free), key=lambda each: not says_correction(each.name))
         choices = [
             (f"{owner}.error", _spec(each, unit, sign))
             for each in fine
-            for unit in _units(each, "error")
+            for unit in _units(each, "error", turns=turns)
             for sign in ((-1, 1) if says_correction(each.name) else (1,))
         ]
         asks = {"role"} if fine[0].unit else {"role", "unit"}
@@ -226,11 +245,11 @@ def _advised(table: Table, home: str, owner: str) -> list[Unclear]:
     ]
 
 
-def _of_runs(runs: Sequence[_Named], home: str) -> Unclear:
+def _of_runs(runs: Sequence[_Named], home: str, *, turns: bool) -> Unclear:
     """Return the question for the unit of a role with one column per run."""
     first = runs[0]
     choices = []
-    for unit in _units(first.column, first.kind):
+    for unit in _units(first.column, first.kind, turns=turns):
         parts = (
             dataclasses.replace(
                 _spec(each.column, unit),
@@ -258,6 +277,15 @@ def _is_length(column: Column) -> bool:
     if column.text is not None or column.role is not None or not fits:
         return False
     return not words_in([column.name]) & WORDS["lag"] and span(column.values) > 0.0
+
+
+def _is_place(question: Unclear) -> bool:
+    return question.choices[0][0].endswith(".position")
+
+
+def _is_angle(column: Column | ColumnSpec) -> bool:
+    unit = find_unit(column.unit or "")
+    return unit is not None and unit.dimension == "angle"
 
 
 def span(values: Float[np.ndarray, " t"]) -> float:
@@ -444,7 +472,7 @@ def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
 
 
 def _options(
-    each: _Named, axis: str, *, outside: bool
+    each: _Named, axis: str, *, outside: bool, turns: bool
 ) -> tuple[list[tuple[str, ColumnSpec]], set[str]]:
     """Return the roles that a column may have, and what is to be asked of it."""
     column, asks = each.column, set[str]()
@@ -453,19 +481,26 @@ def _options(
         name = each.axis or axis
         texts = [f"{name}.actual", f"{name}.encoder"]
         asks.add("instrument")
-    units = _units(column, each.kind)
+    units = _units(column, each.kind, turns=turns)
     if len(units) > 1:
         asks.add("unit")
     pairs = itertools.product(texts, units)
     return [(text, _spec(column, unit)) for text, unit in pairs], asks
 
 
-def _units(column: Column, kind: str) -> Sequence[str | None]:
-    """Return the units that a column of this kind may have, the likeliest first."""
+def _units(column: Column, kind: str, *, turns: bool) -> Sequence[str | None]:
+    """Return the units that a column of this kind may have, the likeliest first.
+
+    Args:
+        column: Of the file.
+        kind: Of its role.
+        turns: The positions of its axis are angles.
+    """
     if column.unit is not None or kind not in _UNSTATED:
         return [column.unit]
+    units = _UNSTATED_ANGLE if turns and kind == "error" else _UNSTATED[kind]
     fine = kind == "error" and _largest(column) < _FINE
-    return _UNSTATED[kind][::-1] if fine else _UNSTATED[kind]
+    return units[::-1] if fine else units
 
 
 def _spec(column: Column, unit: str | None, sign: int = 1) -> ColumnSpec:

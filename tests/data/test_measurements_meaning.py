@@ -225,6 +225,12 @@ def test_the_order_of_targets_tells_which_direction_is_positive(tmp_path: Path) 
     assert found.require("C.error")[4] == pytest.approx(4.0 / 3600.0)
 
 
+@pytest.mark.parametrize("unit", ["m°", "mdeg", "0.001°", "1/1000°", "0,001 deg"])
+def test_thousandths_of_a_degree_are_read(tmp_path: Path, unit: str) -> None:
+    text = f"Target [deg];Error [{unit}]\n0;0\n90;12.5\n"
+    assert read(tmp_path, text, axis="C").require("C.error").tolist() == [0.0, 0.0125]
+
+
 def test_directions_that_no_order_tells_are_left_to_the_job(tmp_path: Path) -> None:
     alone = read(tmp_path, TURNS + "".join(f"{k};{k};CW\n" for k in range(5)), axis="C")
     assert "C.direction" not in alone.values

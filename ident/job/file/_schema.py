@@ -113,8 +113,8 @@ class ColumnChoice(JobPart, frozen=True):
     column: str | None = None
     """Name of the column in the file. Example: `"dz"`."""
     unit: str | None = None
-    """Unit of its numbers: m, mm, um, nm, in, thou, deg, arcsec, rad, s, ms, degC, K, A, Nm,
-    %, inc …; left out: mm, °, s, °C, A. Example: `"um"`."""
+    """Unit of its numbers: m, mm, um, nm, in, thou, deg, mdeg, arcsec, rad, s, ms, degC, K,
+    A, Nm, %, inc …; left out: mm, °, s, °C, A. Example: `"um"`."""
     file: str | None = None
     """File that holds it, where the measurement has several. Example:
     `"logger.csv"`."""

@@ -1,6 +1,7 @@
 """What `axcomp new` writes: roles, nodes, fits and questions."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -143,6 +144,30 @@ def test_a_unit_that_the_file_lacks_is_asked_for_the_likelier_first(
     answers = question["answers"]
     assert isinstance(answers, list)
     assert f'"Z.error" = {{ column = "dz", unit = "{first}" }}' == answers[0]
+
+
+@pytest.mark.parametrize(
+    ("head", "size", "units"),
+    [
+        ("c [deg],error", 12.3, ["mdeg", "arcsec", "deg"]),
+        ("c [deg],error", 0.0123, ["deg", "arcsec", "mdeg"]),
+        ("target [deg],channel2", 12.3, ["mdeg", "arcsec", "deg"]),
+        ("angle [deg],Up 1", 12.3, ["mdeg", "arcsec", "deg"]),
+        ("c [deg],dz", 12.3, ["um", "mm"]),
+    ],
+)
+def test_a_rotary_axis_without_a_unit_is_asked_for_one_of_angles(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    head: str,
+    size: float,
+    units: list[str],
+) -> None:
+    rows = "".join(f"{30 * k},{size * k / 12:.5f}\n" for k in range(13))
+    new(tmp_path, f"{head}\n{rows}", *(() if "dz" in head else ("--axis", "C=4")))
+    told = [str(each["answers"]) for each in asked(tmp_path, capsys)]
+    (answers,) = [each for each in told if ".error" in each]
+    assert re.findall(r'unit = "(\w+)"', answers) == units
 
 
 def test_a_current_without_a_unit_is_asked_for(
