@@ -6,7 +6,6 @@ from ._check_columns import (
     check_ascending,
     check_complete,
     check_size,
-    column_values,
     usable,
 )
 from ._check_lists import axis_number
@@ -144,11 +143,11 @@ def _turn(view: ListView, count: int) -> tuple[Level, str] | None:
     if interval and start is not None:
         end = start + (count - 1) * interval
     elif interval == 0 and setpoints is not None:
-        places = column_values(setpoints, count)
-        start, end = places[0], places[-1]
+        ends = (setpoints.last.get((index,)) for index in (0, count - 1))
+        start, end = (None if at is None else setpoints.integers[at] for at in ends)
     else:
         return None
-    if view.integer("kw.ssfk.unit") != 1:
+    if start is None or end is None or view.integer("kw.ssfk.unit") != 1:
         return None
     if view.modulo is None:
         is_turn = end - start == 360 * _PER_DEGREE
