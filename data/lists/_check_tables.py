@@ -140,13 +140,12 @@ def _turn(view: ListView, count: int) -> tuple[Level, str] | None:
         view.integer(f"kw.ssfk.{n}") for n in ("kw_startpos", "interval")
     )
     setpoints = view.rows("kw.ssfk.table[].setpoint")
+    end: int | None = None
     if interval and start is not None:
         end = start + (count - 1) * interval
     elif interval == 0 and setpoints is not None:
         ends = (setpoints.last.get((index,)) for index in (0, count - 1))
         start, end = (None if at is None else setpoints.integers[at] for at in ends)
-    else:
-        return None
     if start is None or end is None or view.integer("kw.ssfk.unit") != 1:
         return None
     if view.modulo is None:
