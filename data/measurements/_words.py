@@ -4,6 +4,7 @@ All that reads names looks here: the readers take a name for a role where each o
 is known (`kind_said`), `axcomp new` asks where one of them is (`kinds_in`).
 """
 
+import functools
 import re
 from collections.abc import Iterable
 
@@ -132,6 +133,7 @@ def says_nothing(words: Iterable[str]) -> bool:
     return all(word.casefold() in _COUNTERS | _SAY_NOTHING for word in words)
 
 
+@functools.lru_cache(maxsize=1024)
 def kind_said(text: str) -> str | None:
     """Return the kind of role that a name without an axis says with all its words, or None.
 
