@@ -7,13 +7,15 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from ._errors import check_lengths
+from ._errors import SignalError, check_lengths
 from ._order import median
 
 _JUMP = 0.5
 """Share of the sample time by which a step must differ to be a jump, at least."""
 _JITTER = 6.0
 """Robust standard deviations of the steps by which it must differ besides."""
+_SHUFFLED = 1.0 / 3.0
+"""Share of steps back from which on samples are in no order, and nothing moves."""
 
 _KINDS = {
     "gap": ("gap", "gaps"),
@@ -71,12 +73,16 @@ def read_clock(time: Float[np.ndarray, " t"]) -> Clock:
     alternate between 10 and 12 ms do not jump.
 
     Raises:
-        SignalError: If there are fewer than three times or none rises.
+        SignalError: If there are fewer than three times, none rises or many go back.
     """
     check_lengths("clock", time.size, least=3)
     steps = time[1:] - time[:-1]
     rising = steps > 0.0
     check_lengths("rising steps of the clock", int(rising.sum()), least=1)
+    back = int(np.count_nonzero(steps < 0.0))
+    if back > _SHUFFLED * steps.size:
+        what, found = "clock", f"{back} of {steps.size} steps that go back"
+        raise SignalError(what, found, "samples in the order of their times")
     usual = median(steps[rising])
     away = np.abs(steps - usual)
     spread = 1.4826 * median(away[rising])

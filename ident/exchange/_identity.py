@@ -16,6 +16,8 @@ Increments = float | Mapping[int, float] | None
 MOST_REVERSAL_CYCLES = 19
 """For a reversal and for the temperature: fewer than 20 (S-25, S-44)."""
 _TABLES = ("table[]", "table[][]", "position[]")
+_WIDE = 2**32
+"""Size from which on no type of a table has an integer."""
 _LONGEST = 60
 """Characters of a number that somebody meant."""
 _DIGITS = re.compile(r"([0-9]{1,5})\D*$")
@@ -128,14 +130,21 @@ def values_of(
     keys = [f"{prefix}.{table}.{field}".lower() for table in _TABLES]
     for rows in (listing.columns[name] for name in keys if name in listing.columns):
         if None in rows.integers:
-            at = rows.integers.index(None)
-            entry = listing.entry_at(rows.lines[at])
-            raise ExchangeError(
-                where=f"{listing.source}:{entry.line}: {entry.name}",
-                found=repr(entry.value),
-                expected="an integer",
+            raise _entry_error(
+                listing, rows.lines[rows.integers.index(None)], "an integer"
+            )
+        wide = [abs(value or 0) >= _WIDE for value in rows.integers]
+        if any(wide):
+            raise _entry_error(
+                listing, rows.lines[wide.index(True)], "an integer of 32 bits"
             )
     return listing.table(prefix, field)
+
+
+def _entry_error(listing: ListFile, line: int, expected: str) -> ExchangeError:
+    entry = listing.entry_at(line)
+    where = f"{listing.source}:{entry.line}: {entry.name}"
+    return ExchangeError(where=where, found=repr(entry.value), expected=expected)
 
 
 def column(

@@ -212,6 +212,7 @@ def test_display_of_few_digits_counts_as_noise() -> None:
         (lambda: decimate(TIME[:100], 10), "found 100 samples, expected at least 201"),
         (lambda: smoothed_motion(TIME, TIME, bandwidth=300.0), "at most 250 Hz"),
         (lambda: read_clock(np.zeros(5)), "rising steps of the clock"),
+        (lambda: read_clock(np.array([3.0, 1, 2, 0, 4])), "2 of 4 steps that go back"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(call, match: str) -> None:

@@ -325,6 +325,15 @@ def test_value_beyond_sgn32_is_refused(value: float) -> None:
         table.to_integers(np.array([0.0, value]))
 
 
+def test_an_entry_of_more_than_32_bits_is_refused_with_its_line() -> None:
+    text = "kw.ssfk.unit 1\nkw.ssfk.interval 10\nkw.ssfk.kw_nr_max 1\n"
+    text += "kw.ssfk.table[0].pos 99999999999999999999\n"
+    with pytest.raises(
+        ExchangeError, match=r"lis:4: .*found '9+', expected an integer"
+    ):
+        leadscrew_from_list(ListFile.parse(text.encode(), "achskw1.lis"), RULES)
+
+
 @pytest.mark.parametrize(
     ("count", "build", "expected"),
     [(101, None, None), (102, None, 102 * 2), (102, "V3.1.3079.6", 102 * 2)],

@@ -117,7 +117,8 @@ def trend_through(
     left = values - design @ solution
     free = max(len(values) - design.shape[1], 1)
     variance = float(np.sum(left**2) / free + deviation**2)
-    spread = np.sqrt(variance * np.diag(np.linalg.pinv(design.T @ design)))
+    # By the rows, which no place that is far off rounds below zero.
+    spread = np.sqrt(variance * np.sum(np.square(np.linalg.pinv(design)), axis=1))
     return Trend(
         constant=float(solution[0]),
         constant_deviation=float(spread[0]),

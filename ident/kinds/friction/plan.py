@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from ...job.write._lists import AxisFiles
 
 _ENTRIES = 20
+_SURE = 2.0
+"""Standard deviations from which on an inertia is one."""
 
 
 def plan(tables: Tables, index: int, fit: Spec) -> "FrictionPlan":
@@ -160,14 +162,16 @@ class FrictionDraft(AbstractDraft):
     def _circle(self, back: FrictionCompensation | None) -> CircularTest | None:
         """Return a simulated circle, where mass, law and list are known."""
         fit = self.found.fit
-        inertia = fit.parameters.get("inertia")
+        inertia = fit.parameters.get("inertia", 0.0)
         law, unit = fit.law, self.unit.current
-        if back is None or law is None or not inertia or unit is None:
+        if back is None or law is None or unit is None:
             return None
+        if inertia <= _SURE * fit.standard_deviations.get("inertia", 0.0):
+            return None  # without a mass nothing moves as an axis does
         if self.recording.samples.unit != "mm":
             return None  # a circle is drawn by linear axes
         cycle = self.job.spec.controller.cycle_time
-        return circular_test(law, float(inertia), back, out_unit=unit, cycle=cycle)
+        return circular_test(law, inertia, back, out_unit=unit, cycle=cycle)
 
     def _remarks(self) -> Iterator[Remark]:
         yield from self.recording.remarks

@@ -43,12 +43,13 @@ def record(
     velocity: np.ndarray | None = None,
     law: AbstractFriction = LAW,
     limit: float = np.inf,
+    inertia: float = INERTIA,
 ) -> None:
     rng = np.random.default_rng(8)
     v = motion() if velocity is None else velocity
     step = 0.002
     x, a = np.cumsum(v) * step, np.gradient(v, step)
-    i = INERTIA * a + np.asarray(law(v)) + OFFSET + NOISE * rng.normal(size=v.size)
+    i = inertia * a + np.asarray(law(v)) + OFFSET + NOISE * rng.normal(size=v.size)
     i = np.clip(i, -limit, limit)
     table = np.column_stack([np.arange(v.size) * step, x, sign * i])
     np.savetxt(folder / "trace.csv", table, "%.7f", ",", header="t,x,i", comments="")
@@ -180,6 +181,16 @@ def test_report_says_what_a_list_cannot(done: tuple[Path, JobResult]) -> None:
     }  # fmt: skip
     tree = json.loads((done[0] / "out" / "result.json").read_text())["fits"][0]
     assert tree["parameters"]["curve"]["velocity"][0] > 0
+
+
+@pytest.mark.parametrize("inertia", [0.0, -INERTIA])
+def test_no_circle_is_drawn_for_a_mass_that_is_none(
+    tmp_path: Path, inertia: float
+) -> None:
+    record(tmp_path, inertia=inertia)
+    result = run(tmp_path)
+    assert friction(result).circle is None
+    assert write_report(result, tmp_path / "out")[0].exists()
 
 
 def test_what_a_cautious_list_leaves_is_no_friction_of_the_place(
