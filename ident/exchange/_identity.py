@@ -129,22 +129,15 @@ def values_of(
     """
     keys = [f"{prefix}.{table}.{field}".lower() for table in _TABLES]
     for rows in (listing.columns[name] for name in keys if name in listing.columns):
-        if None in rows.integers:
-            raise _entry_error(
-                listing, rows.lines[rows.integers.index(None)], "an integer"
-            )
-        wide = [abs(value or 0) >= _WIDE for value in rows.integers]
-        if any(wide):
-            raise _entry_error(
-                listing, rows.lines[wide.index(True)], "an integer of 32 bits"
-            )
+        for line, value in zip(rows.lines, rows.integers, strict=True):
+            if value is None or abs(value) >= _WIDE:
+                entry = listing.entry_at(line)
+                raise ExchangeError(
+                    where=f"{listing.source}:{entry.line}: {entry.name}",
+                    found=repr(entry.value),
+                    expected="an integer" + " of 32 bits" * (value is not None),
+                )
     return listing.table(prefix, field)
-
-
-def _entry_error(listing: ListFile, line: int, expected: str) -> ExchangeError:
-    entry = listing.entry_at(line)
-    where = f"{listing.source}:{entry.line}: {entry.name}"
-    return ExchangeError(where=where, found=repr(entry.value), expected=expected)
 
 
 def column(

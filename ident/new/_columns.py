@@ -121,11 +121,7 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     named, outside = _with_encoders(table, named)
     named, drift = _with_drift(named)
     home, owner = _home(table, axes, named), _owner(table, axes, named)
-    angles = {
-        each.axis or home[0]
-        for each in named
-        if each.kind in _PLACES and _is_angle(each.column)
-    }
+    angles = _angles(table, named, home[0])
     assumed: dict[str, str] = {}
     for each in sorted(named, key=_telling):
         if each.axis is None and each.kind in _OWNED:
@@ -135,8 +131,6 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     unnamed = _unnamed(table, named, home[0], owner[0], turns=owner[0] in angles)
     if unnamed and not home[1]:
         assumed.setdefault(home[0], unnamed[0].column)
-    if any(_is_place(each) and _is_angle(each.choices[0][1]) for each in unnamed):
-        angles.add(home[0])
     if not unnamed and _says_it_all(table, named):
         bare = any(each.axis is None and each.kind in _OWNED for each in named)
         return Meaning(owner[0] if bare else None, assumed, {}, (), unused)
@@ -181,6 +175,8 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
 
 _OWNED = frozenset(KINDS)
 _PLACES = frozenset(("position", "actual", "encoder"))
+_WITH_PLACE = _PLACES | {"temperature", "current"}
+"""Kinds beside which no column without a name is a position."""
 _READ = frozenset(("error", "actual", "encoder", "current"))
 """Kinds of role that were measured."""
 _AT_REST = 0.1
@@ -203,19 +199,14 @@ def _unnamed(
     """
     if table.advice:
         return _advised(table, home, owner)
-    kinds = {each.kind for each in named}
-    taken = {id(each.column) for each in named}
-    free = [c for c in table.columns if id(c) not in taken and _is_length(c)]
-    free.sort(key=lambda each: span(each.values), reverse=True)
-    place = not kinds & (_PLACES | {"temperature", "current"})
-    error = not kinds & _READ
+    kinds, free = {each.kind for each in named}, _free(table, named)
+    place, error = not kinds & _WITH_PLACE, not kinds & _READ
     if len(free) < place + error:
         return []
     found = []
     if place:
         choices = [(f"{home}.position", _spec(each, each.unit)) for each in free]
         found.append(_unclear(free[0], {"role"}, choices))
-        turns = _is_angle(free[0]) and home == owner
     if error:
         fine = sorted(reversed(free), key=lambda each: not says_correction(each.name))
         choices = [
@@ -228,6 +219,25 @@ def _unnamed(
         asks |= {"sign"} if says_correction(fine[0].name) else set()
         found.append(_unclear(fine[0], asks, choices))
     return found
+
+
+def _free(table: Table, named: Sequence[_Named]) -> list[Column]:
+    """Return the columns that may hold positions or errors and name none, the widest first."""
+    taken = {id(each.column) for each in named}
+    free = [c for c in table.columns if id(c) not in taken and _is_length(c)]
+    return sorted(free, key=lambda each: span(each.values), reverse=True)
+
+
+def _angles(table: Table, named: Sequence[_Named], home: str) -> set[str]:
+    """Return the axes whose positions are angles; those that no column names are of `home`."""
+    places = [(each.axis, each.column) for each in named if each.kind in _PLACES]
+    if not any(each.kind in _WITH_PLACE for each in named):
+        places = [(home, column) for column in _free(table, named)[:1]]
+    return {
+        axis or home
+        for axis, column in places
+        if (unit := find_unit(column.unit or "")) and unit.dimension == "angle"
+    }
 
 
 def _advised(table: Table, home: str, owner: str) -> list[Unclear]:
@@ -277,15 +287,6 @@ def _is_length(column: Column) -> bool:
     if column.text is not None or column.role is not None or not fits:
         return False
     return not words_in([column.name]) & WORDS["lag"] and span(column.values) > 0.0
-
-
-def _is_place(question: Unclear) -> bool:
-    return question.choices[0][0].endswith(".position")
-
-
-def _is_angle(column: Column | ColumnSpec) -> bool:
-    unit = find_unit(column.unit or "")
-    return unit is not None and unit.dimension == "angle"
 
 
 def span(values: Float[np.ndarray, " t"]) -> float:
