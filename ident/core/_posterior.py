@@ -162,9 +162,7 @@ class Problem:
 
     def precision(self, weights: Vector) -> sp.csr_array:
         """Return information + prior precision, both triangles."""
-        sums = self.sums
-        rows = [[sums.band_matrix, sums.cross.T], [sums.cross, sums.border]]
-        return sp.csr_array(sp.block_array(rows) + self.prior(weights))
+        return sp.csr_array(self.sums.matrix + self.prior(weights))
 
     def _terms(self, weights: Vector) -> list[tuple[float, Term]]:
         """Return the terms of the prior that have a weight, and it."""

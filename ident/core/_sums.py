@@ -129,6 +129,14 @@ class Sums:
         both = sp.diags_array([*lower, *lower[1:]], offsets=away, shape=(n, n))
         return sp.csr_array(both)
 
+    @property
+    def matrix(self) -> sp.csr_array:
+        """$A^T W A$ of all unknowns, both triangles."""
+        if not self.stack.band:
+            return sp.csr_array(self.border)
+        rows: Any = [[self.band_matrix, self.cross.T], [self.cross, self.border]]
+        return sp.csr_array(sp.block_array(rows))
+
     def moved(self, step: Vector, gain: float = 1.0) -> "Sums":
         """Return the sums about θ + step, the weights of the loss kept.
 

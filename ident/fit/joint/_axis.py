@@ -29,6 +29,7 @@ from ...core import (
     estimate,
     find_drift,
     memory,
+    one_blas_thread,
     scatter_of_sums,
     variances_of_sums,
 )
@@ -139,6 +140,7 @@ class AxisFit:
         return whole
 
     @cached_property
+    @one_blas_thread()
     def deviation(self) -> Float[np.ndarray, " n"]:
         """Standard deviation of each unknown; inf where it is confused."""
         known = self.known
@@ -254,6 +256,7 @@ class AxisFit:
             heavy[part.places] = free / (free - 2.0)
         return heavy
 
+    @one_blas_thread()
     def covariance(self, places: Int[np.ndarray, " p"]) -> Float[np.ndarray, "p p"]:
         """Return the joint covariance of some unknowns, see `Part.covariance`."""
         known, functionals = self.known, np.zeros((self.design.size, len(places)))

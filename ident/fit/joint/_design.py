@@ -22,10 +22,14 @@ from ...core import (
     ColumnsEffect,
     FitError,
     Independent,
+    Loss,
     NoPrior,
+    Readings,
     Smooth,
     Stack,
     chain,
+    compact,
+    sums_of,
 )
 from ._effect import AbstractEffect, Component, Rank
 
@@ -176,7 +180,10 @@ class Design:
     @cached_property
     def information(self) -> sp.csr_array:
         """Information of all rows on the unknowns, Σ x xᵀ, whatever was measured in them."""
-        return sp.csr_array(self.columns.T @ self.columns)
+        nothing = Readings(np.zeros(len(self.rows)), {})
+        zero = np.zeros(self.size)
+        columns = compact(self.columns)
+        return sums_of(self.stack, nothing, zero, Loss(), design=columns)[0].matrix
 
     @cached_property
     def diagonal(self) -> Float[np.ndarray, " n"]:
@@ -187,7 +194,8 @@ class Design:
     def reached(self) -> Bool[np.ndarray, " n"]:
         """Unknowns that readings tell anything of: more than the noise of a position does."""
         # Columns may be lengths and speeds: judged by the largest of one unit.
-        top = np.asarray(abs(self.columns).max(axis=0).toarray()).reshape(-1)
+        top = np.zeros(self.size)
+        np.maximum.at(top, self.columns.indices, np.abs(self.columns.data))
         least = np.zeros(self.size)
         for part in self.components:
             own = top[part.places]
