@@ -1,8 +1,12 @@
 import threading
 
+import numpy as np
+import pytest
 from threadpoolctl import ThreadpoolController
 
-from axcomp.ident.core import one_blas_thread
+from axcomp.ident.core import Estimate, one_blas_thread
+from axcomp.ident.core._evidence import Spread, View
+from axcomp.ident.fit.joint import JointData, Leadscrew, fit_joint
 
 
 def _blas_threads() -> list[int]:
@@ -36,3 +40,25 @@ def test_overlapping_fits_leave_the_number_of_blas_threads_as_it_was() -> None:
         for thread in threads:
             thread.join()
         assert _blas_threads() == before
+
+
+def test_deviations_that_are_asked_for_later_are_computed_on_one_blas_thread(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    threads: list[int] = []
+    spread = Estimate.spread
+
+    def watched(self: Estimate, view: View) -> Spread:
+        threads.extend(_blas_threads())
+        return spread(self, view)
+
+    place = np.tile(np.linspace(0.0, 90.0, 10), 3)
+    error = np.random.default_rng(0).normal(0.0, 1e-3, len(place))
+    data = JointData(position={"X": place}, error={"X": error})
+    part = fit_joint(data, [Leadscrew("X", np.linspace(0.0, 90.0, 10))]).parts[0]
+    monkeypatch.setattr(Estimate, "spread", watched)
+    with ThreadpoolController().limit(limits=2, user_api="blas"):
+        assert np.isfinite(part.standard_deviation).all()
+        assert np.isfinite(part.covariance).all()
+    assert threads
+    assert set(threads) == {1}
