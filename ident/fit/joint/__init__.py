@@ -3,8 +3,8 @@
 Readings are those of `ident._recording`. Read `_effect` (what an effect is; `_motion`,
 `_tables`, `_crosstalk` and `_temperature` are some), `_design` (their columns side by side, datum
 and runs), `_gauge` (what may be moved between effects, and the rules for it), `_identified`
-(what the rows cannot tell) with `_words`, `_axis` (one axis fitted on `ident.core`) with `_lag`,
-and `_result` and `_fit` (what comes out).
+(what the rows cannot tell) with `_words`, `_axis` (one axis fitted on `ident.core`) with `_lag`
+and `_memory` (noise that remembers), and `_result` and `_fit` (what comes out).
 """
 
 from ..._recording import JointData as JointData

@@ -1,14 +1,4 @@
-"""The fit of one compensated axis: its stack, the lags of its sensors, and what is said of it.
-
-The model has white noise beside a drift that wanders (where one is stated at all). What a
-reference does that is no such walk stays in the residual, and looks to a slow effect (a
-temperature, above all) like its own. The scores of stretches of the recording tell how much:
-their scatter, through the solution, is the variance that the values really have (the
-"sandwich" of robust statistics, clustered in time). It is compared per effect with that of the
-same residual in another order, so that values which few stretches touch are judged together.
-Stretches of a short recording are no longer than what the noise remembers: where a drift shows
-and the unknowns are few enough, the variance is that under the drift (`DriftNoise`).
-"""
+"""The fit of one compensated axis: its stack, the lags of its sensors, and what is said of it."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -27,14 +17,10 @@ from ...core import (
     Problem,
     Readings,
     estimate,
-    find_drift,
     memory,
     one_blas_thread,
-    scatter_of_sums,
-    variances_of_sums,
 )
 from .._checks import check_smoothness
-from .._identifiable import SINGULAR, pivoted
 from .._steps import Steps
 from .._table import fixed_weights, floor_of
 from .._types import RunEffect
@@ -43,23 +29,13 @@ from ._effect import TABLES, AbstractEffect, Rank
 from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, lagging, sensed_variances, sensors_to_fit
+from ._memory import Memory
 from ._result import Options, Part, Smoothness
 
 Vector = Float[np.ndarray, " _n"]
 
 _LAG_ROUNDS = 6
 """Rounds of lags and everything else; they end where no lag moves any more."""
-_STRETCHES, _FEWEST = 24, 20
-"""Of the recording: long against the memory of the noise, and enough to scatter; and readings
-of a stretch below which nothing is judged."""
-_LARGE = 1 << 18
-"""Readings × unknowns up to which the drift itself is estimated."""
-_LEAST_FREE = 3.0
-"""Independent readings that are granted to a drift, however slow."""
-_DRAWS = 4
-"""Other orders of the residual."""
-_CHANCE = 1.8
-"""Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
 
 
 @final
@@ -149,12 +125,7 @@ class AxisFit:
             return known.rules.project(post.values), known.variances(post)
 
         white: Vector = np.asarray(self.estimate.spread(under_rules))
-        if self.drift is None:
-            variance = white * self._swell
-        else:
-            sums = variances_of_sums(self.drift, self._clock, self._moves)
-            scatter = self.estimate.scatter[0] * np.square(self._moves).sum(axis=0)
-            variance = white + self._heavy * sums - scatter
+        variance = self.memory.variances(white)
         for sensor, found in self.lags.items():
             moved = known.rules.project(found.slope)
             variance = variance + np.square(moved * self.lag_deviation[sensor])
@@ -162,99 +133,19 @@ class AxisFit:
         return np.where(known.lost, np.inf, np.sqrt(np.maximum(variance, 0.0)))
 
     @cached_property
-    def _stretches(
-        self,
-    ) -> list[tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s d"]]]:
-        """Rows of stretches in order of time, and the residual as it is and in other orders.
-
-        None where the stretches are short.
-        """
-        order = np.arange(len(self.left))
-        if self.data.time is not None:
-            time = np.asarray(self.data.time)[self.design.rows]
-            order = np.argsort(time, kind="stable")
-        active = order[self.pseudo[order] != 0.0]
-        if len(active) < _FEWEST * _STRETCHES:
-            return []
-        rng = np.random.default_rng(0)
-        pseudo = self.pseudo[active]
-        orders = [pseudo, *(rng.permutation(pseudo) for _ in range(_DRAWS))]
-        rows = np.array_split(active, _STRETCHES)
-        residuals = np.array_split(np.stack(orders, axis=1), _STRETCHES)
-        return list(zip(rows, residuals, strict=True))
-
-    @cached_property
-    def _swell(self) -> Float[np.ndarray, " n"]:
-        """Return the factor of each unknown's variance that the noise's memory asks for, ≥ 1."""
-        design = self.design
-        swell = np.ones(design.size)
-        if not self._stretches:
-            return swell
-        scores = [design.columns[own].T @ rest for own, rest in self._stretches]
-        moved = self.estimate.posterior.factor.solve(np.hstack(scores))
-        moved = self.known.rules.project(moved).reshape(design.size, len(scores), -1)
-        # The prior holds the sum of the scores away from zero: that is no scatter.
-        spread = moved.var(axis=1)
-        for part in design.components:
-            seen, white = spread[part.places, 0], spread[part.places, 1:]
-            swell[part.places] = _memory(float(seen.mean()), float(white.mean()))
-        return swell
-
-    @cached_property
-    def drift(self) -> DriftNoise | None:
-        """Noise of a recording with few unknowns, where it drifts."""
-        count = len(self._believed)
-        if not count or count * self.design.size > _LARGE:
-            return None
-        columns = [self.design.columns[self._believed].toarray()]
-        for found in self.lags.values():
-            # What is left of a lag beside the columns, as large as they are.
-            own = found.direction[self._believed, None]
-            columns.append(own / max(float(np.abs(own).max()), 1e-300))
-        basis, size, _ = pivoted(np.hstack(columns))
-        seen = basis[:, size > SINGULAR * size.max(initial=0.0)]
-        pseudo, clock = self.pseudo[self._believed], self._clock
-        noise = find_drift(clock, seen, pseudo, np.ones(len(pseudo)))
-        return noise if noise.drift > 0.0 else None
-
-    @cached_property
-    def _believed(self) -> Int[np.ndarray, " s"]:
-        """Readings that are believed."""
-        return np.flatnonzero(self.pseudo != 0.0)
+    def memory(self) -> Memory:
+        """What the noise remembers."""
+        time = self.data.time
+        clock = None if time is None else np.asarray(time)[self.design.rows]
+        ways = tuple(found.direction for found in self.lags.values())
+        return Memory(
+            self.design, self.known.rules, self.estimate, self.pseudo, clock, ways
+        )
 
     @property
-    def _clock(self) -> Float[np.ndarray, " s"]:
-        """Their instants in s; their order where one of these was not recorded."""
-        rows = self.design.rows[self._believed]
-        time = None if self.data.time is None else np.asarray(self.data.time)[rows]
-        known = time is not None and bool(np.isfinite(time).all())
-        return np.asarray(time if known else rows, float)
-
-    @cached_property
-    def _moves(self) -> Float[np.ndarray, "s n"]:
-        """How each of them moves the values under the rules."""
-        columns = self.design.columns[self._believed].toarray()
-        moves = self.estimate.posterior.factor.solve(np.ascontiguousarray(columns.T))
-        return np.asarray(self.known.rules.project(moves).T)
-
-    @cached_property
-    def _heavy(self) -> Float[np.ndarray, " n"]:
-        """How much larger variances are since the drift is not known either.
-
-        It rests on as many independent readings as tell the values: Student's t.
-        """
-        assert self.drift is not None
-        drifting = variances_of_sums(self.drift, self._clock, self._moves)
-        total = self.drift.white**2 + self.drift.drift**2
-        plain, heavy = (
-            total * np.square(self._moves).sum(axis=0),
-            np.ones(len(drifting)),
-        )
-        for part in self.design.components:
-            swell = float((drifting / np.maximum(plain, 1e-300))[part.places].max())
-            free = max(len(self._moves) / max(swell, 1.0), _LEAST_FREE)
-            heavy[part.places] = free / (free - 2.0)
-        return heavy
+    def drift(self) -> DriftNoise | None:
+        """Noise of a recording with few unknowns, where it drifts."""
+        return self.memory.drift
 
     @one_blas_thread()
     def covariance(self, places: Int[np.ndarray, " p"]) -> Float[np.ndarray, "p p"]:
@@ -266,15 +157,7 @@ class AxisFit:
             values = known.rules.project(post.values)[places]
             return values, known.covariance(post, functionals)
 
-        found = self.estimate.spread(of_places)
-        if self.drift is None:
-            swell = np.sqrt(self._swell[places])
-            found = found * np.outer(swell, swell)
-        else:
-            moves, heavy = self._moves[:, places], np.sqrt(self._heavy[places])
-            sums = scatter_of_sums(self.drift, self._clock, moves, np.ones(len(moves)))
-            found = found + np.outer(heavy, heavy) * sums
-            found = found - self.estimate.scatter[0] * (moves.T @ moves)
+        found = self.memory.covariance(places, self.estimate.spread(of_places))
         for sensor, lag in self.lags.items():
             moved = known.rules.project(lag.slope)[places] * self.lag_deviation[sensor]
             found = found + np.outer(moved, moved)
@@ -301,18 +184,8 @@ class AxisFit:
             self.design, self.data, self.estimate.values, self.active, self.lags
         )
         for sensor, found in self.lags.items():
-            seen = [found.direction[own] @ rest[:, 0] for own, rest in self._stretches]
-            swell = 1.0
-            if seen:
-                own = np.concatenate([rows for rows, _ in self._stretches])
-                white = np.var(self.pseudo[own]) * np.square(found.direction[own]).sum()
-                swell = _memory(float(np.var(seen)), float(white) / _STRETCHES)
-            if self.drift is not None and found.value > 0.0:
-                way = found.direction[self._believed, None]
-                white = self.estimate.scatter[0] * np.square(way).sum()
-                drifting = variances_of_sums(self.drift, self._clock, way)[0]
-                swell = max(swell, float(drifting / white))
             variance = found.deviation**2
+            swell = self.memory.swell_along(found.direction)
             # What the residual shows of a sensor's noise is part of its memory.
             variance = max(swell * variance, variance + sensed.get(sensor, 0.0))
             result[sensor] = float(np.sqrt(variance))
@@ -361,12 +234,6 @@ class AxisFit:
             fit=self,
             smoothness=self.smoothness().get(effect.name, {}),
         )
-
-
-def _memory(seen: float, white: float) -> float:
-    """Return by how much a variance exceeds that of white noise, ≥ 1; not by chance."""
-    ratio = seen / white if white > 0.0 else 1.0
-    return ratio if ratio > _CHANCE else 1.0
 
 
 def _pseudo(

@@ -1,0 +1,196 @@
+"""Noise that remembers: how much more uncertain it leaves the values than white noise.
+
+The model has white noise beside a drift that wanders (where one is stated at all). What a
+reference does that is no such walk stays in the residual, and looks to a slow effect (a
+temperature, above all) like its own. The scores of stretches of the recording show how much:
+their scatter, through the solution, is the variance that the values really have (the
+"sandwich" of robust statistics, clustered in time). It is compared per effect with that of the
+same residual in another order, so that values which few stretches touch are judged together.
+Stretches of a short recording are no longer than what the noise remembers: where a drift shows
+and the unknowns are few enough, the variance is that under the drift (`DriftNoise`).
+"""
+
+import dataclasses
+from functools import cached_property
+from typing import final
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...core import (
+    DriftNoise,
+    Estimate,
+    find_drift,
+    scatter_of_sums,
+    variances_of_sums,
+)
+from .._identifiable import SINGULAR, pivoted
+from ._design import Design
+from ._gauge import Rules
+
+_STRETCHES, _FEWEST = 24, 20
+"""Of the recording: long against the memory of the noise, and enough to scatter; and readings
+of a stretch below which nothing is judged."""
+_LARGE = 1 << 18
+"""Readings × unknowns up to which the drift itself is estimated."""
+_LEAST_FREE = 3.0
+"""Independent readings that are granted to a drift, however slow."""
+_DRAWS = 4
+"""Other orders of the residual."""
+_CHANCE = 1.8
+"""Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Memory:
+    """Residuals of a fit in the order in which they were taken.
+
+    Attributes:
+        design: Columns.
+        rules: Of the gauge: the values are those under them.
+        estimate: Of the stack.
+        pseudo: Pseudo-readings of its last pass, 0 where a reading is not believed.
+        time: Of the readings in s; None without a clock.
+        directions: Change of the readings per unit of each parameter beside the columns, what
+            all unknowns do of it taken off.
+    """
+
+    design: Design
+    rules: Rules
+    estimate: Estimate
+    pseudo: Float[np.ndarray, " r"]
+    time: Float[np.ndarray, " r"] | None
+    directions: tuple[Float[np.ndarray, " r"], ...]
+
+    def variances(self, white: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the variances of the values, given those under white noise."""
+        if self.drift is None:
+            return white * self._swell
+        sums = variances_of_sums(self.drift, self._clock, self._moves)
+        scatter = self.estimate.scatter[0] * np.square(self._moves).sum(axis=0)
+        return np.asarray(white + self._heavy * sums - scatter)
+
+    def covariance(
+        self, places: Int[np.ndarray, " k"], white: Float[np.ndarray, "k k"]
+    ) -> Float[np.ndarray, "k k"]:
+        """Return the covariance of the values at some places, given that under white noise."""
+        if self.drift is None:
+            swell = np.sqrt(self._swell[places])
+            return np.asarray(white * np.outer(swell, swell))
+        moves, heavy = self._moves[:, places], np.sqrt(self._heavy[places])
+        sums = scatter_of_sums(self.drift, self._clock, moves, np.ones(len(moves)))
+        scatter = self.estimate.scatter[0] * (moves.T @ moves)
+        return np.asarray(white + np.outer(heavy, heavy) * sums - scatter)
+
+    def swell_along(self, direction: Float[np.ndarray, " r"]) -> float:
+        """Return the factor of the variance of a parameter, given its direction, ≥ 1."""
+        swell = 1.0
+        if self._stretches:
+            seen = [direction[own] @ rest[:, 0] for own, rest in self._stretches]
+            own = np.concatenate([rows for rows, _ in self._stretches])
+            white = np.var(self.pseudo[own]) * np.square(direction[own]).sum()
+            swell = _excess(float(np.var(seen)), float(white) / _STRETCHES)
+        if self.drift is not None and direction.any():
+            way = direction[self._believed, None]
+            white = self.estimate.scatter[0] * np.square(way).sum()
+            drifting = variances_of_sums(self.drift, self._clock, way)[0]
+            swell = max(swell, float(drifting / white))
+        return swell
+
+    @cached_property
+    def drift(self) -> DriftNoise | None:
+        """Noise of a recording with few unknowns, where it drifts."""
+        count = len(self._believed)
+        if not count or count * self.design.size > _LARGE:
+            return None
+        columns = [self.design.columns[self._believed].toarray()]
+        for direction in self.directions:
+            # What is left of a lag beside the columns, as large as they are.
+            own = direction[self._believed, None]
+            columns.append(own / max(float(np.abs(own).max()), 1e-300))
+        basis, size, _ = pivoted(np.hstack(columns))
+        seen = basis[:, size > SINGULAR * size.max(initial=0.0)]
+        pseudo = self.pseudo[self._believed]
+        noise = find_drift(self._clock, seen, pseudo, np.ones(len(pseudo)))
+        return noise if noise.drift > 0.0 else None
+
+    @cached_property
+    def _stretches(
+        self,
+    ) -> list[tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s d"]]]:
+        """Rows of stretches in order of time, and the residual as it is and in other orders.
+
+        None where the stretches are short.
+        """
+        order = np.arange(len(self.pseudo))
+        if self.time is not None:
+            order = np.argsort(self.time, kind="stable")
+        active = order[self.pseudo[order] != 0.0]
+        if len(active) < _FEWEST * _STRETCHES:
+            return []
+        rng = np.random.default_rng(0)
+        pseudo = self.pseudo[active]
+        orders = [pseudo, *(rng.permutation(pseudo) for _ in range(_DRAWS))]
+        rows = np.array_split(active, _STRETCHES)
+        residuals = np.array_split(np.stack(orders, axis=1), _STRETCHES)
+        return list(zip(rows, residuals, strict=True))
+
+    @cached_property
+    def _swell(self) -> Float[np.ndarray, " n"]:
+        """Factor of each unknown's variance that the stretches ask for, ≥ 1."""
+        design = self.design
+        swell = np.ones(design.size)
+        if not self._stretches:
+            return swell
+        scores = [design.columns[own].T @ rest for own, rest in self._stretches]
+        moved = self.estimate.posterior.factor.solve(np.hstack(scores))
+        moved = self.rules.project(moved).reshape(design.size, len(scores), -1)
+        # The prior holds the sum of the scores away from zero: that is no scatter.
+        spread = moved.var(axis=1)
+        for part in design.components:
+            seen, white = spread[part.places, 0], spread[part.places, 1:]
+            swell[part.places] = _excess(float(seen.mean()), float(white.mean()))
+        return swell
+
+    @cached_property
+    def _believed(self) -> Int[np.ndarray, " s"]:
+        """Readings that are believed."""
+        return np.flatnonzero(self.pseudo != 0.0)
+
+    @property
+    def _clock(self) -> Float[np.ndarray, " s"]:
+        """Their instants in s; their order where one of these was not recorded."""
+        if self.time is not None and np.isfinite(self.time[self._believed]).all():
+            return np.asarray(self.time[self._believed], float)
+        return np.asarray(self.design.rows[self._believed], float)
+
+    @cached_property
+    def _moves(self) -> Float[np.ndarray, "s n"]:
+        """How each of them moves the values under the rules."""
+        columns = self.design.columns[self._believed].toarray()
+        moves = self.estimate.posterior.factor.solve(np.ascontiguousarray(columns.T))
+        return np.asarray(self.rules.project(moves).T)
+
+    @cached_property
+    def _heavy(self) -> Float[np.ndarray, " n"]:
+        """How much larger variances are since the drift is not known either.
+
+        It rests on as many independent readings as tell the values: Student's t.
+        """
+        assert self.drift is not None
+        drifting = variances_of_sums(self.drift, self._clock, self._moves)
+        total = self.drift.white**2 + self.drift.drift**2
+        plain = total * np.square(self._moves).sum(axis=0)
+        heavy = np.ones(len(drifting))
+        for part in self.design.components:
+            swell = float((drifting / np.maximum(plain, 1e-300))[part.places].max())
+            free = max(len(self._moves) / max(swell, 1.0), _LEAST_FREE)
+            heavy[part.places] = free / (free - 2.0)
+        return heavy
+
+
+def _excess(seen: float, white: float) -> float:
+    """Return by how much a variance exceeds that of white noise, ≥ 1; not by chance."""
+    ratio = seen / white if white > 0.0 else 1.0
+    return ratio if ratio > _CHANCE else 1.0
