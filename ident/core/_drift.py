@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg.lapack import dpttrf, dpttrs
 from scipy.optimize import minimize
 
 _MANY = 4_000
@@ -56,16 +56,18 @@ class _Chain:
     def size(self) -> int:
         return len(self.gaps) + 1
 
-    def precision(self, time_constant: float) -> tuple[Float[np.ndarray, "2 u"], float]:
-        """Return the precision of a drift of variance 1 as upper band, and its log-det."""
+    def precision(
+        self, time_constant: float
+    ) -> tuple[Float[np.ndarray, " u"], Float[np.ndarray, " g"], float]:
+        """Return diagonal and side diagonal of the precision of a drift, and its log-det.
+
+        Of a drift of variance 1.
+        """
         forgotten = -np.expm1(-2.0 * self.gaps / time_constant)
         kept = np.exp(-self.gaps / time_constant)
-        band = np.zeros((2, self.size))
-        band[1, 0] = 1.0
-        band[1, 1:] = 1.0 / forgotten
-        band[1, :-1] += kept**2 / forgotten
-        band[0, 1:] = -kept / forgotten
-        return band, -float(np.log(forgotten).sum())
+        diagonal = np.append(1.0, 1.0 / forgotten)
+        diagonal[:-1] += kept**2 / forgotten
+        return diagonal, -kept / forgotten, -float(np.log(forgotten).sum())
 
     def gather(self, columns: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "u k"]:
         """Return the sums of the readings at each instant."""
@@ -126,16 +128,12 @@ def find_drift(
 
     def cost(parameters: Float[np.ndarray, " 2"]) -> tuple[float, float]:
         ratio, time_constant = np.exp(parameters)
-        band, logdet = chain.precision(float(time_constant))
-        band = band / ratio
-        inner = band.copy()
-        inner[1] += counts
-        try:
-            factor = cholesky_banded(inner)
-        except np.linalg.LinAlgError:
+        diagonal, beside, logdet = chain.precision(float(time_constant))
+        pivots, factor, failed = dpttrf(diagonal / ratio + counts, beside / ratio)
+        if failed:
             return np.inf, np.nan
-        sums = plain - gathered.T @ cho_solve_banded((factor, False), gathered)
-        spread = 2.0 * float(np.log(factor[1]).sum()) - logdet
+        sums = plain - gathered.T @ dpttrs(pivots, factor, gathered)[0]
+        spread = float(np.log(pivots).sum()) - logdet
         return judged(sums, spread + chain.size * float(np.log(ratio)) - constant)
 
     independent, _ = judged(plain, -constant)
@@ -197,6 +195,6 @@ def _spread(
         return np.zeros((1, columns.shape[1])), np.zeros((1, columns.shape[1]))
     chain = _chain(time)
     sums = chain.gather(columns)
-    band, _ = chain.precision(noise.time_constant)
-    solved = cho_solve_banded((cholesky_banded(band), False), sums)
+    diagonal, beside, _ = chain.precision(noise.time_constant)
+    solved = dpttrs(*dpttrf(diagonal, beside)[:2], sums)[0]
     return sums, np.asarray(noise.drift**2 * solved)
