@@ -14,8 +14,8 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from ._controller_axis import AxisCompensations, Coupled
+from ._controller_batch import columns, mapped, vectorised
 from ._controller_filters import Filtered, filtered
-from ._controller_lanes import columns, one_by_one, side_by_side
 from ._conventions import Conventions
 from ._filter import step_response
 from ._friction_compensation import FrictionCompensation, FrictionState
@@ -98,18 +98,16 @@ class Group:
             return jnp.stack([c.law.offset(rows, (m, *c.masters)) for m, c in own])
         laws = [_law(getattr(axis, self.name)) for axis in self.axes]
         if self.name == "backlash":
-            return _found(one_by_one(lambda law, d: law.offset(d), laws, way))
+            return _typed(mapped(lambda law, d: law.offset(d), laws, way))
         if self.name == "temperature":
             sensors = rows.temperature.T
-            return _found(
-                side_by_side(lambda law, x: law.offset(x, sensors), laws, place)
+            return _typed(
+                vectorised(lambda law, x: law.offset(x, sensors), laws, place)
             )
         if self.name == "leadscrew":
             back = 0.5 * (1.0 - way)
-            return _found(
-                one_by_one(
-                    lambda law, x, b: law.blended_offset(x, b), laws, place, back
-                )
+            return _typed(
+                mapped(lambda law, x, b: law.blended_offset(x, b), laws, place, back)
             )
         return self._coupled(rows, laws)
 
@@ -118,12 +116,12 @@ class Group:
         masters = np.array([getattr(axis, self.name).masters for axis in self.axes])
         place, speed, change = rows.position, rows.velocity, rows.acceleration
         if self.name == "cross":
-            found = side_by_side(lambda law, m: law.offset(place[m[0]]), laws, masters)
+            found = vectorised(lambda law, m: law.offset(place[m[0]]), laws, masters)
         elif self.name == "plane":
             seen = place
             if self.rules.plane_input == "actual":
                 seen = actual(rows)
-            found = side_by_side(
+            found = vectorised(
                 lambda law, m: law.offset(columns(seen, m)), laws, masters
             )
         else:
@@ -131,7 +129,7 @@ class Group:
                 speed, change = actual_rates(rows)
             by_slave = self.rules.crosstalk_velocity == "slave"
             turning = np.array(self.members) if by_slave else masters[:, 0]
-            found = side_by_side(
+            found = vectorised(
                 lambda law, m, axis: law.offset(
                     change[m[0]], speed[axis], columns(place, m[1:])
                 ),
@@ -139,7 +137,7 @@ class Group:
                 masters,
                 turning,
             )
-        return _found(found)
+        return _typed(found)
 
     def friction(
         self, state: FrictionState, rows: Rows, ahead: Float[Array, "h a"]
@@ -148,11 +146,11 @@ class Group:
         members = np.array(self.members)
         laws = [_friction(axis) for axis in self.axes]
         if self.settled:
-            current = one_by_one(
+            current = mapped(
                 lambda law, m: law.current(rows.velocity[m]), laws, members
             )
         else:
-            share, turns, after = one_by_one(
+            share, turns, after = mapped(
                 lambda law, m, s: law.shares(
                     s, rows.position[m], rows.velocity[m], ahead[:, m]
                 ),
@@ -161,13 +159,13 @@ class Group:
                 state,
             )
             # The look-up has no condition, other than what comes before it.
-            level = side_by_side(
+            level = vectorised(
                 lambda law, m, t: law.law.level(jnp.abs(rows.velocity[m]), t.direction),
                 laws,
                 members,
                 turns,
             )
-            current, state = one_by_one(
+            current, state = mapped(
                 lambda law, *parts: law.delayed(*parts),
                 laws,
                 share,
@@ -175,7 +173,7 @@ class Group:
                 turns,
                 after,
             )
-        return _found(current), state
+        return _typed(current), state
 
     # --------------------------------------------------------- switching and filtering
 
@@ -275,7 +273,7 @@ def _law(whole: Any) -> Any:
     return whole.law if isinstance(whole, Coupled) else whole
 
 
-def _found(found: Any) -> Filtered:
+def _typed(found: Any) -> Filtered:
     rows: Filtered = found
     return rows
 

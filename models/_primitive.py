@@ -144,25 +144,25 @@ def _accumulate_transpose(
 # ------------------------------------------------------------------------------- vmap
 
 
-def _lanes_in_a_row(
-    where: Sequence[Any], dims: Sequence[Any], lanes: int, tables: int, stacked: bool
+def _flat_batch(
+    where: Sequence[Any], dims: Sequence[Any], batch: int, tables: int, stacked: bool
 ) -> list[Any]:
-    """Flatten a batch of lanes: lane k looks at table k of a stack, `tables` apart."""
-    flat = [_flatten(array, dim, lanes) for array, dim in zip(where, dims, strict=True)]
-    samples = flat[-1].size // lanes
-    lane = jnp.repeat(jnp.arange(lanes, dtype=jnp.int32) * tables, samples)
+    """Flatten a batch: entry k looks at table k of a stack, `tables` apart."""
+    flat = [_flatten(array, dim, batch) for array, dim in zip(where, dims, strict=True)]
+    samples = flat[-1].size // batch
+    entry = jnp.repeat(jnp.arange(batch, dtype=jnp.int32) * tables, samples)
     if stacked:
-        return [flat[0].astype(jnp.int32) + lane, *flat[1:]]
-    return [lane, *flat]
+        return [flat[0].astype(jnp.int32) + entry, *flat[1:]]
+    return [entry, *flat]
 
 
-def _flatten(array: Any, dim: int | None, lanes: int) -> Any:
+def _flatten(array: Any, dim: int | None, batch: int) -> Any:
     if dim is None:
-        return jnp.broadcast_to(array[None], (lanes, array.size)).reshape(-1)
+        return jnp.broadcast_to(array[None], (batch, array.size)).reshape(-1)
     return jnp.moveaxis(array, dim, 0).reshape(-1)
 
 
-def _count_lanes(arrays: Sequence[Any], dims: Sequence[Any]) -> int:
+def _batch_size(arrays: Sequence[Any], dims: Sequence[Any]) -> int:
     return next(
         int(array.shape[dim])
         for array, dim in zip(arrays, dims, strict=True)
@@ -173,17 +173,17 @@ def _count_lanes(arrays: Sequence[Any], dims: Sequence[Any]) -> int:
 def _interpolate_batch(
     arrays: Sequence[Any], dims: Sequence[Any], *, shape: tuple[int, ...], stacked: bool
 ) -> tuple[Any, int]:
-    lanes = _count_lanes(arrays, dims)
+    batch = _batch_size(arrays, dims)
     values, *where = arrays
     shared = dims[0] is None
-    tables = (values.size if shared else values.size // lanes) // math.prod(shape)
-    # All lanes on one shared table need no stack: each looks at table 0.
-    row = _lanes_in_a_row(where, dims[1:], lanes, 0 if shared else tables, stacked)
+    tables = (values.size if shared else values.size // batch) // math.prod(shape)
+    # A whole batch on one shared table needs no stack: each entry looks at table 0.
+    row = _flat_batch(where, dims[1:], batch, 0 if shared else tables, stacked)
     if shared and not stacked:
         row = row[1:]
-    flat = values if shared else _flatten(values, dims[0], lanes)
+    flat = values if shared else _flatten(values, dims[0], batch)
     found = _interpolate_p.bind(flat, *row, shape=shape, stacked=stacked or not shared)
-    return found.reshape(lanes, -1), 0
+    return found.reshape(batch, -1), 0
 
 
 def _accumulate_batch(
@@ -194,13 +194,13 @@ def _accumulate_batch(
     stacked: bool,
     tables: int,
 ) -> tuple[Any, int]:
-    lanes = _count_lanes(arrays, dims)
-    amounts = _flatten(arrays[0], dims[0], lanes)
-    row = _lanes_in_a_row(arrays[1:], dims[1:], lanes, tables, stacked)
+    batch = _batch_size(arrays, dims)
+    amounts = _flatten(arrays[0], dims[0], batch)
+    row = _flat_batch(arrays[1:], dims[1:], batch, tables, stacked)
     found = _accumulate_p.bind(
-        amounts, *row, shape=shape, stacked=True, tables=lanes * tables
+        amounts, *row, shape=shape, stacked=True, tables=batch * tables
     )
-    return found.reshape(lanes, -1), 0
+    return found.reshape(batch, -1), 0
 
 
 # ----------------------------------------------------------------------- registration

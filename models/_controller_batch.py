@@ -10,9 +10,7 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 
 
-def one_by_one(
-    evaluate: Callable[..., Any], laws: Sequence[Any], *arguments: Any
-) -> Any:
+def mapped(evaluate: Callable[..., Any], laws: Sequence[Any], *arguments: Any) -> Any:
     """Return what each law makes of its row of the arguments, one below the other."""
     if len(laws) == 1:
         rows = [jax.tree.map(lambda leaf: leaf[0], argument) for argument in arguments]
@@ -23,7 +21,7 @@ def one_by_one(
     return lax.map(lambda given: evaluate(*given), (stacked, *arguments))
 
 
-def side_by_side(
+def vectorised(
     evaluate: Callable[..., Any], laws: Sequence[Any], *arguments: Any
 ) -> Any:
     """Return the same, of laws without a condition: on all cores at once."""
