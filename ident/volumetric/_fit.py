@@ -107,7 +107,7 @@ class VolumetricFit:
     @cached_property
     def _deviations(self) -> Float[np.ndarray, " n"]:
         spread = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        return np.where(self.freedoms.lost, np.inf, spread)
+        return np.where(self.freedoms.confounded, np.inf, spread)
 
     @cached_property
     def _places(self) -> dict[str, slice]:

@@ -120,7 +120,7 @@ class Freedoms:
             nothing; each moves a reading somewhere in the volume by about 1.
         along: How far unknowns go along each of them.
         share: Information of the points on each, relative to as many all over the volume.
-        lost: Whether each unknown has a part in them.
+        confounded: Whether each unknown has a part in them.
         gauges: The rules.
         undetermined: What is hidden.
         free: Number of directions that no prior holds and the points tell.
@@ -131,7 +131,7 @@ class Freedoms:
     hidden: Float[np.ndarray, "n h"]
     along: Float[np.ndarray, "h n"]
     share: Float[np.ndarray, " h"]
-    lost: Bool[np.ndarray, " n"]
+    confounded: Bool[np.ndarray, " n"]
     gauges: tuple[Gauge, ...]
     undetermined: tuple[Undetermined, ...]
     free: int
@@ -175,10 +175,10 @@ class Freedoms:
         shapes = Shapes.of(blocks)
         varied = _varied(readings, volume, len(shapes.names))
         actual, ideal = (_Seen.of(stack, shapes, rows) for rows in (readings, varied))
-        common, lost = ideal.null(shapes.free), actual.null(shapes.free)
+        common, unheld = ideal.null(shapes.free), actual.null(shapes.free)
         zero = _given_way(common, shapes.order)
-        held = _given_way(lost, np.array([*zero, *shapes.order], np.int64))
-        null = shapes.basis @ (lost / actual.scale[:, None])
+        held = _given_way(unheld, np.array([*zero, *shapes.order], np.int64))
+        null = shapes.basis @ (unheld / actual.scale[:, None])
         gauges = _gauges(common, zero, shapes.names)
         kept = np.delete(np.arange(len(shapes.names)), [rule for rule, _ in gauges])
         hidden, dual, share = actual.hidden(ideal, kept)
@@ -189,7 +189,7 @@ class Freedoms:
             hidden=shapes.basis @ (hidden / ideal.scale[:, None]),
             along=(shapes.basis @ (dual * ideal.scale[:, None])).T,
             share=share,
-            lost=_lost(shapes, parts),
+            confounded=_confounded(shapes, parts),
             gauges=tuple(gauge for _, gauge in gauges),
             undetermined=_groups(parts, shapes, blocks),
             free=int(shapes.free.sum()) - len(held),
@@ -329,7 +329,9 @@ def _gauges(
     return result
 
 
-def _lost(shapes: Shapes, parts: Float[np.ndarray, "m h"]) -> Bool[np.ndarray, " n"]:
+def _confounded(
+    shapes: Shapes, parts: Float[np.ndarray, "m h"]
+) -> Bool[np.ndarray, " n"]:
     """Return the unknowns with a part in directions, judged within their block."""
     result = np.zeros(len(shapes.basis), bool)
     owners = np.array([name for name, _ in shapes.names])

@@ -130,7 +130,7 @@ class AxisFit:
             moved = known.rules.project(found.slope)
             variance = variance + np.square(moved * self.lag_deviation[sensor])
         variance = variance + self._rounded
-        return np.where(known.lost, np.inf, np.sqrt(np.maximum(variance, 0.0)))
+        return np.where(known.confounded, np.inf, np.sqrt(np.maximum(variance, 0.0)))
 
     @cached_property
     def memory(self) -> Memory:
@@ -162,9 +162,9 @@ class AxisFit:
             moved = known.rules.project(lag.slope)[places] * self.lag_deviation[sensor]
             found = found + np.outer(moved, moved)
         found = found + np.diag(self._rounded[places])
-        lost = known.lost[places]
-        found[lost], found[:, lost] = np.nan, np.nan
-        found[lost, lost] = np.inf
+        confounded = known.confounded[places]
+        found[confounded], found[:, confounded] = np.nan, np.nan
+        found[confounded, confounded] = np.inf
         return np.asarray(found)
 
     @cached_property

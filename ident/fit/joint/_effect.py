@@ -117,7 +117,7 @@ class AbstractEffect(abc.ABC):
     rank: ClassVar[Rank]
     """How simple it is beside others."""
     remedy: ClassVar[str] = "move {masters} over the whole table."
-    """What to measure where no reading shows it; with fields of `said`."""
+    """What to measure where no reading shows it; with fields of `worded`."""
     remedies: ClassVar[tuple[tuple[Rank | None, str], ...]] = ()
     """The same where it cannot be told from a component of this rank (None: any), and why; the
     first one counts."""
@@ -198,7 +198,7 @@ class AbstractEffect(abc.ABC):
         del lags
         return self
 
-    def said(self, words: str, axes: Sequence[str] = ()) -> str:
+    def worded(self, words: str, axes: Sequence[str] = ()) -> str:
         """Return words with its axis, first and all masters, sensors, and given axes."""
         names = {
             "master": self.masters[:1],

@@ -87,7 +87,9 @@ def fit_joint(
         fits = {axis: found[axis] for axis in groups}
         parts = {part.name: part for fit in fits.values() for part in fit.parts()}
         runs = {axis: fit.runs() for axis, fit in fits.items()}
-        gauges, confusions = _told([fit.known for fit in fits.values()])
+        gauges, confusions = _freedoms_and_confusions(
+            [fit.known for fit in fits.values()]
+        )
     return JointFit(
         parts=tuple(parts[effect.name] for effect in placed),
         noise={axis: fit.estimate.noise for axis, fit in fits.items()},
@@ -101,7 +103,7 @@ def fit_joint(
     )
 
 
-def _told(
+def _freedoms_and_confusions(
     axes: Sequence[Identified],
 ) -> tuple[tuple[Gauge, ...], tuple[Confusion, ...]]:
     """Return the freedoms of all axes, and what their rows cannot tell."""
@@ -203,7 +205,7 @@ def examine_design(
             for axis, own in _by_axis(placed).items()
             for design in [design_of(axis, own, data, drift, use, axis in data.error)]
         ]
-        gauges, confusions = _told(axes)
+        gauges, confusions = _freedoms_and_confusions(axes)
     share = {
         effect.name: known.share_of(effect.name)
         for known in axes

@@ -133,12 +133,12 @@ class Rules:
         """Return values, or columns of them, under the rule; their sum stays what it is."""
         return np.asarray(theta - self.null @ (self.gain @ theta))
 
-    def beside(self, design: Design, lost: Float[np.ndarray, "n g"]) -> "Rules":
+    def beside(self, design: Design, unheld: Float[np.ndarray, "n g"]) -> "Rules":
         """Return the rules with directions beside them that the actual rows leave open."""
-        if not lost.shape[1]:
+        if not unheld.shape[1]:
             return self
-        held = lost - self.null @ np.linalg.lstsq(self.null, lost, rcond=None)[0]
-        basis, left, _ = pivoted(held / np.linalg.norm(lost, axis=0))
+        held = unheld - self.null @ np.linalg.lstsq(self.null, unheld, rcond=None)[0]
+        basis, left, _ = pivoted(held / np.linalg.norm(unheld, axis=0))
         # The new ones begin where the rule so far puts them.
         more = self.project(basis[:, left > _NOTHING])
         fixed = _eliminated(design, more)

@@ -21,13 +21,13 @@ from ._gauge import Rules, Unheld, ideal_shapes, shapes_of
 _SAME = 2e-7
 """Share of a shape left beside another below which they are one in any data."""
 _HOPELESS = 1e-4
-"""Share of a shape left beside another effect below which it is lost, however many readings."""
+"""Share of a shape left beside another effect below which it is confounded with that."""
 _ALIKE = 0.04
-"""Share from which on nothing is called lost, however few readings."""
+"""Share from which on nothing counts as confounded, however few readings."""
 _SURE = 4.0
 """Readings × share below which the amount of a shape is not known to half the noise."""
 PART = 1e-2
-"""Part of a value in a lost shape, relative to the largest, that makes it unknown."""
+"""Part of a value in a confounded shape, relative to the largest, that makes it unknown."""
 _MOSTLY = 0.3
 """The same for a node of a table in what no reading shows: neighbours fill the rest."""
 _FEW, _LIGHT = 3.0, 1e-2
@@ -92,7 +92,7 @@ class Identified:
         return np.asarray(before.T @ found.factor.solve(before))
 
     @cached_property
-    def lost(self) -> Bool[np.ndarray, " n"]:
+    def confounded(self) -> Bool[np.ndarray, " n"]:
         """Unknowns that readings reach and confuse."""
         design = self.design
         result = np.zeros(design.size, bool)
@@ -113,7 +113,7 @@ class Identified:
     @property
     def unknown(self) -> Bool[np.ndarray, " n"]:
         """Unknowns that are not known: confused, hidden or out of reach."""
-        return np.asarray(self.lost | self.hidden | ~self.design.reached)
+        return np.asarray(self.confounded | self.hidden | ~self.design.reached)
 
     @cached_property
     def freedoms(self) -> tuple[tuple[int, ...], tuple[Shared, ...]]:

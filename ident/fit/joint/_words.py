@@ -39,11 +39,11 @@ class Gauge:
 @final
 @dataclasses.dataclass(frozen=True)
 class Confusion:
-    """What these data cannot tell apart, whatever the errors are: what is lost is not known.
+    """What these data cannot tell apart, whatever the errors are.
 
     Attributes:
         effects: Names of the two (or of one alone, where no reading shows it).
-        parameters: What is lost, in words; not all of a long table.
+        parameters: What is therefore not known, in words; not all of a long table.
         correlation: Of what the two do to the readings, −1 to 1; 0 where one stands alone.
         sentence: What it is, and what to measure to tell them apart.
     """
@@ -134,9 +134,9 @@ def _unseen(part: Component, known: Identified) -> Confusion | None:
         return None
     if missing.all():
         what = f"the {part.owner}"
-    lost = _parameters(part, known.design, missing)
-    sentence = f"No reading shows {what}: {effect.said(effect.remedy)}"
-    return Confusion((part.owner,), lost, 0.0, sentence)
+    hidden = _parameters(part, known.design, missing)
+    sentence = f"No reading shows {what}: {effect.worded(effect.remedy)}"
+    return Confusion((part.owner,), hidden, 0.0, sentence)
 
 
 def _pair(pair: Shared, design: Design) -> Confusion:
@@ -156,14 +156,14 @@ def _pair(pair: Shared, design: Design) -> Confusion:
 
 
 def _parameters(
-    part: Component, design: Design, lost: Bool[np.ndarray, " p"]
+    part: Component, design: Design, confounded: Bool[np.ndarray, " p"]
 ) -> tuple[str, ...]:
-    """Return the lost values in words: some of them by name."""
+    """Return confounded values in words: some of them by name."""
     if part.effect is None:
         return ()
     places = design.places_of(part.owner).tolist()
     where = dict(zip(places, part.effect.labels, strict=True))
-    names = [where[int(place)] for place in part.places[lost]]
+    names = [where[int(place)] for place in part.places[confounded]]
     if len(names) == len(part.places) > 1:
         return (f"all values of the {part.name}",)
     if len(names) > _NAMED:
@@ -179,7 +179,7 @@ def _remedy(parts: Sequence[Component]) -> str:
         others = {None, *(each.rank for each in parts if each is not part)}
         if part.effect is not None:
             for words in (w for rank, w in part.effect.remedies if rank in others):
-                return part.effect.said(words, axes)
+                return part.effect.worded(words, axes)
     names = in_a_row(axes)
     if Rank.RUNS in ranks:
         return (
