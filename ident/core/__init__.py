@@ -41,7 +41,11 @@ from ._effect import (
 from ._errors import FitError as FitError
 from ._evidence import choose_weights as choose_weights
 from ._factor import ArrowFactor as ArrowFactor
-from ._hold_out import leave_one_out as leave_one_out, simplest as simplest
+from ._hold_out import (
+    leave_one_out as leave_one_out,
+    simplest as simplest,
+    sums_by_group as sums_by_group,
+)
 from ._loss import Loss as Loss, choose_loss as choose_loss
 from ._polyline import node_shares as node_shares
 from ._posterior import (

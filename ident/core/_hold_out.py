@@ -16,9 +16,10 @@ from jaxtyping import Bool, Float, Int
 from ._effect import GroupEffect
 from ._errors import FitError
 from ._posterior import Posterior, Problem
+from ._readings import Readings
 from ._robust import Estimate
-from ._stack import Stack
-from ._sums import Sums
+from ._stack import Matrix, Stack
+from ._sums import Sums, sums_of
 
 _LIMIT = 5.0
 """Residuals in scales beyond which a held-out reading counts no more."""
@@ -59,6 +60,29 @@ def simplest(
     return chosen, scale * np.sqrt(mean)
 
 
+def sums_by_group(
+    estimate: Estimate,
+    readings: Readings,
+    design: Matrix,
+    groups: Int[np.ndarray, " t"],
+) -> dict[int, Sums]:
+    """Return the sums of each group about `Estimate.about`, by `Estimate.loss`.
+
+    Args:
+        estimate: Of all readings.
+        readings: These.
+        design: Theirs.
+        groups: What is left out together.
+    """
+    stack, found = estimate.posterior.problem.stack, {}
+    for label in np.unique(groups).tolist():
+        own = groups == label
+        found[label], _ = sums_of(
+            stack, readings.take(own), estimate.about, estimate.loss, design=design[own]
+        )
+    return found
+
+
 def leave_one_out(
     estimate: Estimate,
     groups: Mapping[int, Sums],
@@ -69,7 +93,7 @@ def leave_one_out(
 
     Args:
         estimate: Of all readings.
-        groups: Sums of each group about `Estimate.about`, by `Estimate.loss`.
+        groups: Sums of each group, by `sums_by_group`.
         present: Runs that have readings beside each group, where the last effect is one of
             runs.
         pins: Precision by which unknowns are held that nothing else determines beside a group.

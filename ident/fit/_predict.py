@@ -14,7 +14,7 @@ from ..core import (
     design_of,
     leave_one_out,
     one_blas_thread,
-    sums_of,
+    sums_by_group,
 )
 from ..core._readings import padded
 from ._result import fold_of
@@ -153,18 +153,12 @@ def leave_out(
     assert found is not None  # every fit of `fit_table` has one
     stack = found.posterior.problem.stack
     by_run = isinstance(stack.effects[-1], GroupEffect)
-    readings = samples.readings
-    sums, present = {}, {}
+    readings, present = samples.readings, {}
     with one_blas_thread():
-        design = stack.matrix(readings)
-        for label in np.unique(groups).tolist():
-            own = groups == label
-            sums[label], _ = sums_of(
-                stack, readings.take(own), found.about, found.loss, design=design[own]
-            )
-            if by_run:
-                rest = readings.inputs["run"][~own]
-                present[label] = np.bincount(rest, minlength=len(fit.runs)) > 0
+        sums = sums_by_group(found, readings, stack.matrix(readings), groups)
+        for label in sums if by_run else ():
+            rest = readings.inputs["run"][groups != label]
+            present[label] = np.bincount(rest, minlength=len(fit.runs)) > 0
         left = leave_one_out(found, sums, present, {})
         folds = [(label, fold_of(fit, post)) for label, post in left.items()]
     yield from folds

@@ -153,6 +153,11 @@ class Design:
         """Column of the datum."""
         return int(self.places_of_rank(Rank.DATUM)[0])
 
+    def take(self, keep: Bool[np.ndarray, " r"]) -> "Design":
+        """Return the design of some of its rows."""
+        rows, columns = self.rows[keep], self.columns[keep]
+        return dataclasses.replace(self, rows=rows, columns=columns)
+
     def places_of(self, effect: str) -> Int[np.ndarray, " p"]:
         """Return the columns of the values of an effect with this name, in their order."""
         return np.concatenate([c.places for c in self.components if c.owner == effect])

@@ -15,7 +15,7 @@ from ...core import (
     cores,
     leave_one_out,
     one_blas_thread,
-    sums_of,
+    sums_by_group,
 )
 from .._table import TOO_MANY
 from ._axis import AxisFit, fit_axis
@@ -146,33 +146,25 @@ def _held_out(
     runs: bool,
 ) -> Float[np.ndarray, " r"]:
     """Return what is left of the used readings of one axis, each fitted without its group."""
-    design, stack, found = fit.design, fit.design.stack, fit.estimate
-    columns, labels = compact(design.columns), np.unique(groups).tolist()
-    left, sums, rest = np.array(error), {}, {}
-    for label in labels:
-        own = groups == label
-        readings = Readings(error[own], {})
-        sums[label], _ = sums_of(
-            stack, readings, found.about, found.loss, design=columns[own]
-        )
-        rest[label] = dataclasses.replace(
-            design, rows=design.rows[~own], columns=design.columns[~own]
-        )
-    if len(labels) < 2:
+    design, found = fit.design, fit.estimate
+    columns, left = compact(design.columns), np.array(error)
+    sums = sums_by_group(found, Readings(error, {}), columns, groups)
+    if len(sums) < 2:
         return left  # without its only group nothing is known
+    rest = {label: design.take(groups != label) for label in sums}
     unheld = {label: Unheld.of(one) for label, one in rest.items()}
     pins = {label: one.pins for label, one in unheld.items()}
-    told = np.ones(design.size, bool)
+    counted = np.ones(design.size, bool)
     if not runs:
-        told[design.places_of_rank(Rank.RUNS)] = False
-        told[design.places_of_rank(Rank.WANDER)] = False
+        counted[design.places_of_rank(Rank.RUNS)] = False
+        counted[design.places_of_rank(Rank.WANDER)] = False
     for label, post in leave_one_out(found, sums, {}, pins).items():
         own, one = groups == label, rest[label]
         if len(one.rows) <= unheld[label].free:
             left[own] -= np.median(error[~own])
             continue
         rules = Rules.of(one, fit.known.ideal).beside(one, unheld[label].null)
-        left[own] -= columns[own] @ np.where(told, rules.project(post.values), 0.0)
+        left[own] -= columns[own] @ np.where(counted, rules.project(post.values), 0.0)
     return left
 
 
