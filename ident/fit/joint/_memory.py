@@ -66,7 +66,7 @@ class Memory:
     def variances(self, white: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the variances of the values, given those under white noise."""
         if self.drift is None:
-            return white * self._swell
+            return np.asarray(white * self._swell)
         sums = variances_of_sums(self.drift, self._clock, self._moves)
         scatter = self.estimate.scatter[0] * np.square(self._moves).sum(axis=0)
         return np.asarray(white + self._heavy * sums - scatter)
