@@ -35,6 +35,8 @@ _LARGE = 1 << 18
 """Readings × unknowns up to which the drift itself is estimated."""
 _LEAST_FREE = 3.0
 """Independent readings that are granted to a drift, however slow."""
+_ROUNDING = 1e-12
+"""Share of the largest variance of an effect below which a value is held."""
 _DRAWS = 4
 """Other orders of the residual."""
 _CHANCE = 1.8
@@ -184,8 +186,11 @@ class Memory:
         plain = total * np.square(self._moves).sum(axis=0)
         heavy = np.ones(len(drifting))
         for part in self.design.components:
-            swell = float((drifting / np.maximum(plain, 1e-300))[part.places].max())
-            free = max(len(self._moves) / max(swell, 1.0), _LEAST_FREE)
+            own = part.places
+            # What a rule holds at zero moves by rounding alone.
+            own = own[plain[own] > _ROUNDING * plain[own].max()]
+            swell = float((drifting[own] / plain[own]).max(initial=1.0))
+            free = max(len(self._moves) / swell, _LEAST_FREE)
             heavy[part.places] = free / (free - 2.0)
         return heavy
 
