@@ -159,7 +159,7 @@ _SENTENCES: dict[Code, str | Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.ASSUMED: _assumed,
     Code.DIAGNOSED: _diagnosed,
     Code.NO_BETTER: "Take the list out again: {again}, no better than before{found}.",
-    Code.LESS_THAN_PREDICTED: "Better, but less than predicted: {fall}; {again}.",
+    Code.LESS_THAN_PREDICTED: "Better, but less than predicted: {fall}; {again}{found}.",
     Code.VERIFIED: "Verified: {fall}; {again}.",
 }
 """The first reason of a verdict in a sentence: with the fall of the error, and what a second

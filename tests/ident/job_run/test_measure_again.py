@@ -170,6 +170,16 @@ def test_list_that_was_not_active_is_asked_for_and_taken_out(
     assert "is not active" in said or "is it active?" in said
 
 
+def test_list_that_does_a_part_only_is_told_with_what_it_does(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fit(job, "--after", str(after_job(job.parent, 0.4))) == 1
+    assert fitted(job)["verdict"] == "unproven"
+    said = " ".join(capsys.readouterr().out.split())
+    verdict = said.partition("verdict: Better, but less than predicted")[2]
+    assert "what it does is 0.4 times what the list says" in verdict
+
+
 def test_job_run_again_with_the_settled_sign_turns_the_list(job: Path) -> None:
     fit(job, "--after", str(after_job(job.parent, -1.0)))
     saved = (job.parent / "out" / "conventions.toml").read_bytes()
