@@ -38,13 +38,12 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
         except ExchangeError:
             continue  # the checks of the lists say it
         _refuse_taken_over(job, fit, before)
+        _refuse_switched_off(job, fit, before)
         for name in _overlapping(job, fit, before):
             for source in fit.sources:
                 if name in job.spec.measurements[source].active:
                     continue
                 clear = before.machine is not None and _is_stated(job, source)
-                if not clear and "position" not in kind(name).follows:
-                    continue
                 if not clear or index in grouped:
                     raise _unclear(job, source, fit, name, before)
                 words = f"the {name} of {used[name].listing.source}"
@@ -174,6 +173,29 @@ def _refuse_taken_over(job: Job, fit: FitSpec, before: AxisLists) -> None:
                 " active = [] if it was off while measuring; if it was on, measure"
                 " without it",
             )
+
+
+def _refuse_switched_off(job: Job, fit: FitSpec, before: AxisLists) -> None:
+    """Raise where a table over the same axes acted in the readings, and will act no more.
+
+    The axis list has it off: what the new table leaves to it, nothing would correct.
+    """
+    if before.machine is None:
+        return
+    everything = dataclasses.replace(before, machine=None)
+    for name in _overlapping(job, fit, everything):
+        if name in before.used:
+            continue
+        for source in fit.sources:
+            if name in job.spec.measurements[source].active:
+                entry = kind(name).activation
+                raise job.error(
+                    ("measurements", source, "active"),
+                    f"found {name}, which {before.machine.source} switches off on"
+                    f" {fit.axis} ({entry}): the {fit.compensation} would leave to it"
+                    f" what nothing corrects then; expected {entry} 1 there if it will"
+                    f" act, or active without {name} if it was off on {fit.axis}",
+                )
 
 
 def _is_stated(job: Job, source: str) -> bool:

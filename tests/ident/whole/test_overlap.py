@@ -95,6 +95,20 @@ def test_plane_beside_a_cross_that_is_switched_off_replaces_it(tmp_path: Path) -
     assert machine.integer("lr_param.crosscomp2") == 1
 
 
+def test_cross_that_acted_in_the_readings_and_is_switched_off_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    probe(tmp_path)
+    (tmp_path / "z.lis").write_text(cross_list())
+    (tmp_path / "zm.lis").write_text(ON.replace("crosscomp 1", "crosscomp 0"))
+    axes = AXES + 'list = "z.lis"\nmachine_data = "zm.lis"\n'
+    assert fit(tmp_path, axes + measured("probe", 'active = ["cross"]') + PLANE) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "measurements.probe.active" in said
+    assert "lr_param.crosscomp 1 there if it will act" in said
+    assert not (tmp_path / "out").exists()
+
+
 def test_axis_whose_list_cannot_be_read_is_not_let_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
