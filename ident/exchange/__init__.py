@@ -40,6 +40,7 @@ from ._identity import (
     axis_number as axis_number,
 )
 from ._machine_lists import (
+    REVERSAL_CYCLES as REVERSAL_CYCLES,
     InUse as InUse,
     MachineLists as MachineLists,
     Reading as Reading,

@@ -2,13 +2,19 @@
 
 import dataclasses
 import functools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from ...data.measurements import MeasurementError
 from ...models import TemperatureCurve
-from ..exchange import AxisLists, ExchangeError, Motion
+from ..exchange import (
+    REVERSAL_CYCLES,
+    AxisLists,
+    ExchangeError,
+    Motion,
+    reversal_cycles,
+)
 from ..kinds import kind
 from ..proof import GateCheck, Measured, gate_check
 from ..proof.axis import (
@@ -23,6 +29,7 @@ from ..proof.axis import (
 )
 from ..readings import Tables, read_error, without_zero
 from ._draft import AbstractDraft
+from ._gating import spread_over
 from .file._load import Job
 from .result._job_result import WholeAxis
 from .result._result import Remark
@@ -106,7 +113,7 @@ class _Axis:
             ExchangeError: If a list makes no table.
         """
         lines, jumps = judge_workspace(loaded, self._travel(), self.job.limits)
-        remarks = self._abrupt(loaded, jumps)
+        remarks = [*self._abrupt(loaded, jumps), *self._hasty(loaded, lines)]
         readings = self._readings(loaded, names, remarks)
         values = {c.name.removeprefix("axis "): c.value for c in lines}
         checks = (*lines, *(one.check(self.unit) for one in readings))
@@ -137,6 +144,22 @@ class _Axis:
             )
             found.append(Remark.warning(words))
         return found
+
+    def _hasty(
+        self, loaded: AxisLists, lines: Sequence[GateCheck]
+    ) -> Iterator[Remark]:
+        """Yield what to set where a reversal of the axis list is too fast for the gate."""
+        if all(c.passed or not c.name.endswith(" at reversal") for c in lines):
+            return
+        jump = next(c.value for c in lines if c.name == "axis max_reversal")
+        now = reversal_cycles(loaded.machine)
+        wanted = spread_over(self.job, jump, None, REVERSAL_CYCLES)
+        if wanted > now:
+            yield Remark.error(
+                f"A reversal moves {self.name} by up to {jump:.4g} {self.unit} in"
+                f" {now} cycles: set {REVERSAL_CYCLES} {wanted} in the axis list of"
+                f" {self.name} (machine_data), so that it is spread."
+            )
 
     def _whole(
         self,

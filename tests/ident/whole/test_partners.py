@@ -1,6 +1,7 @@
 """Gantry partners, slopes of the temperature, backlash beside a bilateral table."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +82,7 @@ def screw_by_hand(listing: ListFile, field: str = "pos") -> np.ndarray:
     return np.array([-LIST_UNIT * values[k] for k in range(len(PLACES))])
 
 
+PLAY = "kopf.achs_nr 1\nlr_param.anwahl_losekomp 1\ngetriebe[0].lose 80\n"
 HEAT = (
     "kopf.achs_nr 1\nlr_param.temp_comp 1\nlr_param.temp_comp_position_0 0\n"
     "lr_param.temp_comp_offset_0 0\nlr_param.temp_comp_coefficient -50.0\n"
@@ -124,9 +126,7 @@ def test_bilateral_table_switches_the_backlash_of_the_axis_list_off(
     tmp_path: Path,
 ) -> None:
     laser(tmp_path, width=WIDTH)
-    (tmp_path / "xm.lis").write_text(
-        "kopf.achs_nr 1\nlr_param.anwahl_losekomp 1\ngetriebe[0].lose 80\n"
-    )
+    (tmp_path / "xm.lis").write_text(PLAY)
     text = JOB.format(
         axis='machine_data = "xm.lis"', active="active = []", bilateral="true"
     )
@@ -146,15 +146,41 @@ def test_bilateral_table_asks_whether_the_backlash_that_it_takes_over_was_on(
 ) -> None:
     # Measured with the backlash on: the table would not hold it, and switch it off.
     laser(tmp_path, width=0.0)
-    (tmp_path / "xm.lis").write_text(
-        "kopf.achs_nr 1\nlr_param.anwahl_losekomp 1\ngetriebe[0].lose 80\n"
-    )
+    (tmp_path / "xm.lis").write_text(PLAY)
     text = JOB.format(axis='machine_data = "xm.lis"', active="", bilateral="true")
     assert fit(tmp_path, text) == 1
     said = " ".join(capsys.readouterr().err.split())
     assert "found no active" in said
     assert "switches on the backlash of X, which this leadscrew takes over" in said
     assert "active = [] if it was off" in said
+
+
+def test_table_of_one_direction_asks_whether_the_backlash_beside_it_was_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    laser(tmp_path, width=WIDTH)
+    (tmp_path / "xm.lis").write_text(PLAY)
+    text = JOB.format(axis='machine_data = "xm.lis"', active="", bilateral="false")
+    # Taken as off, the table would keep half of what the backlash adds: 4 µm.
+    assert fit(tmp_path, text) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert 'active = ["backlash"] if it was on, [] if it was off' in said
+
+
+def test_backlash_that_comes_in_one_cycle_is_stopped_with_the_entry_to_set(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    laser(tmp_path, width=WIDTH)
+    (tmp_path / "xm.lis").write_text(PLAY)
+    axis, active = 'machine_data = "xm.lis"', "active = []"
+    text = JOB.format(axis=axis, active=active, bilateral="false")
+    assert fit(tmp_path, text) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    wanted = re.search(r"set lr_param.n_backlash_cyc (\d+) in the axis list of X", said)
+    assert wanted
+    spread = f"{PLAY}lr_param.n_backlash_cyc {wanted[1]}\n"
+    (tmp_path / "xm.lis").write_text(spread)
+    assert fit(tmp_path, text) == 0
 
 
 def test_slope_that_is_the_instruments_stays_with_the_temperature(
