@@ -100,6 +100,15 @@ def test_planted_line_comes_back_and_the_files_take_it_away(tmp_path: Path) -> N
     assert found.error["predicted"].rms < 0.1 * found.error["before"].rms
 
 
+def test_offset_alone_is_said_to_be_what_was_asked_for(tmp_path: Path) -> None:
+    # At six positions: "measured at one position" would be wrong.
+    warm_up(tmp_path)
+    found = run(tmp_path, 'sensors = { offset = "frame" }\nlag = "none"')
+    said = " ".join(remark.message for remark in found.remarks)
+    assert "The coefficient of X was not asked for" in said
+    assert "one position" not in said
+
+
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, TemperatureResult]:
     """A job without the search for law and lag, run: its folder and result."""
@@ -479,4 +488,4 @@ def test_heated_plateau_of_a_real_machine(
     assert found.error["from_file"].sound.rms < 0.1 * found.error["before"].sound.rms
     said = " ".join(remark.message for remark in found.remarks)
     assert "540 of 570 readings count" in said
-    assert "measured at one position" in said
+    assert "The coefficient of Z was not asked for" in said

@@ -198,12 +198,9 @@ def _not_told(draft: "TemperatureDraft") -> Iterator[Remark]:
     """Return what these readings cannot say, however well they fit."""
     fit, axis, asked = draft.found, draft.axis, draft.fit.effects
     if fit.coefficient is None:
-        why = f"The error was measured at one position of {axis}"
-        if draft.share.group.name:
-            why = f"The coefficient of {axis} was not asked for"
         yield Remark.warning(
-            f"{why}: how the error grows along the axis is not known, and the same"
-            " correction acts everywhere."
+            f"The coefficient of {axis} was not asked for: how the error grows along the"
+            " axis is not known, and the same correction acts everywhere."
         )
     yield from _alike(fit)
     datum = draft.plan.datum

@@ -77,7 +77,7 @@ def _law_words(fit: TemperatureResult, scale: Scale) -> str:
             f" {number(scale.factor * deviation)} µm/K from end to end (1 sd, error)"
         )
     if law is None:
-        return f"{words}; no coefficient, since the error was measured at one position."
+        return f"{words}; no coefficient was asked for."
     words += f"; coefficient {law.kind}"
     if len(law.value) > 1:
         words += f", {number(1e6 * law.slope[0], signed=True)} µm/m per K"
