@@ -147,6 +147,9 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     assert fit.again is not None  # it made the diagnosis
     found = fit.again.diagnosis
     words = "" if found is None else f" ({found.sentence})"
+    if fit.judgement.verdict is not Verdict.REJECTED:
+        file, date = fit.again.source["file"], fit.again.source["date"]
+        return f"Not verified by a second measurement ({file}, {date}){words}."
     does = _DOES[str(reason.fields["verdict"])]
     return f"Take the list out again: {does}{words}; {_again(fit, scale)}."
 

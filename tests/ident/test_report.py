@@ -233,6 +233,20 @@ def test_figures_outweigh_a_diagnosis_that_something_else_may_have_blurred(
     assert dataclasses.replace(fit, again=shown).judgement.verdict is Verdict.GOOD
 
 
+@pytest.mark.usefixtures("no_drawing")
+def test_second_measurement_that_shows_nothing_verifies_nothing(
+    leadscrew: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    # No error of its own, and a diagnosis that does not tell; the sign is settled already.
+    fit = again(leadscrew(), 0.0018, "cannot tell")
+    assert fit.again is not None
+    fit = dataclasses.replace(fit, again=dataclasses.replace(fit.again, readings=None))
+    assert fit.judgement.verdict is Verdict.UNPROVEN
+    text = words(page_of(job(fit), tmp_path))
+    assert "Not verified by a second measurement (after.toml, 2026-11-22)" in text
+    assert "(so it is)" in text
+
+
 def test_second_measurement_with_gaps_is_refused() -> None:
     with pytest.raises(
         SecondMeasurementError, match=r"again\.csv: found 2 readings, 1 of them numbers"

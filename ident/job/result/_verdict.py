@@ -101,9 +101,11 @@ def judgement_of(fit: "AbstractResult") -> Judgement:
     ]
     if assumed:
         reasons.append(Reason(Code.ASSUMED, {"conventions": assumed}))
-        if fit.again is not None:
-            found = None if fit.again.diagnosis is None else fit.again.diagnosis.verdict
-            reasons.append(Reason(Code.DIAGNOSED, {"verdict": found, "value": None}))
+    # Without figures of its own only a diagnosis can verify.
+    unseen = fit.again is not None and fit.again.rms is None and not acts
+    if fit.again is not None and (assumed or unseen):
+        found = None if fit.again.diagnosis is None else fit.again.diagnosis.verdict
+        reasons.append(Reason(Code.DIAGNOSED, {"verdict": found, "value": None}))
     if reasons:
         return Judgement(Verdict.UNPROVEN, tuple(reasons))
     if fit.again is None:
