@@ -23,9 +23,13 @@ from ._stack import Stack
 
 _SCALES = (1e-3, 1e-1, 1e1, 1e3, 1e5)
 """Weights of second differences, relative to the density, that are tried first."""
-_LIFTS, _EASED = (1.0, 10.0, 100.0), 0.1
-"""Weights of fourth differences that are tried, relative to the square of those of second
-differences alone, and the factor of the latter beside them."""
+_LIFTS, _EASED = ((1.0, 1.0), (1.0, 10.0), (1.0, 100.0)), 0.1
+"""Weights of second differences from which fourth ones are tried, relative to the best ones of
+second differences alone; those of fourth ones, relative to their square; and the factor of the
+former beside them."""
+_FAR, _EVERY = ((1e2, 1.0), (1e3, 1.0)), 0.9
+"""Those that are tried as well where second differences alone leave less than a tenth of the
+readings to the noise: they follow each of a single run, and do not say how smooth the table is."""
 _WORTH = 2.0
 """Gain in evidence below which the simpler of two priors is taken."""
 _LOOSER = (1e-3, 1e-2, 1e-1, 1e0, 1e1)
@@ -83,7 +87,7 @@ def _likeliest(problem: Problem, near: Posterior | None) -> Posterior | None:
     best = None if start is None else _descend(problem, start, gain)
     if best is None or not problem.optional.any():
         return best
-    bent = _bent(problem, best.weights)
+    bent = _bent(problem, best)
     other = None if bent is None else _descend(problem, bent, gain)
     if other is None or other.evidence >= best.evidence - _WORTH:
         return best
@@ -191,7 +195,7 @@ def _scanned(problem: Problem) -> Posterior | None:
     return _best_of(problem, [one * problem.density for one in plain])
 
 
-def _bent(problem: Problem, plain: Vector) -> Posterior | None:
+def _bent(problem: Problem, plain: Posterior) -> Posterior | None:
     """Return the best of a few posteriors with fourth differences.
 
     They start where second differences by themselves ended: what those hold in place of
@@ -199,13 +203,13 @@ def _bent(problem: Problem, plain: Vector) -> Posterior | None:
     """
     fourth = np.flatnonzero(problem.optional)
     second = fourth - 1
-    weights = plain.copy()
-    weights[second] *= _EASED
-    relative = (plain / problem.density)[second]
-    tried = []
-    for lift in _LIFTS:
-        weights[fourth] = lift * relative**2 * problem.density[fourth]
-        tried.append(weights.copy())
+    relative = (plain.weights / problem.density)[second]
+    tried, far = [], _FAR if plain.used > _EVERY * problem.count else ()
+    for stiff, lift in _LIFTS + far:
+        weights = plain.weights.copy()
+        weights[second] *= _EASED * stiff
+        weights[fourth] = lift * (stiff * relative) ** 2 * problem.density[fourth]
+        tried.append(weights)
     return _best_of(problem, tried)
 
 
