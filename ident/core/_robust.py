@@ -239,17 +239,30 @@ class _Passes:
         scale = choose_loss("gauss", size, 1.0, self.floor, count).scale
         far = self.over(theta, Loss(scale, corner=WILD), matrix)
         problem, total = self._problem(far, theta), float(matrix.tally[0])
-        found = self._robust(self._solved(problem, self._light(problem)), total)
-        few = total - float(found.posterior.problem.count) <= _UNLIKELY * total
-        if self.fixed is not None or self.rough or (found.converged and few):
-            return found
+        try:
+            found = self._robust(self._solved(problem, self._light(problem)), total)
+        except FitError:
+            found = None  # a run so far off that none of its readings is believed
+        if found is not None:
+            few = total - float(found.posterior.problem.count) <= _UNLIKELY * total
+            if self.fixed is not None or self.rough or (found.converged and few):
+                return found
         # A first table too smooth takes a bend for wild readings: least squares bends.
         problem = self._problem(matrix, theta)
         plain = self._solved(problem, self._light(problem)).about()
         try:
-            other = self._robust(self._chosen(plain, None), total)
+            post = (
+                self._chosen(plain, None)
+                if self.fixed is None
+                else self._solved(plain, self.fixed(plain))
+            )
+            other = self._robust(post, total)
         except FitError:
+            if found is None:
+                raise
             return found  # so far off that a node lost all of its readings
+        if found is None or (other.converged and not found.converged):
+            return other
         kept = other.posterior.problem.count > found.posterior.problem.count
         return other if kept and other.noise < 0.5 * found.noise else found
 

@@ -412,3 +412,23 @@ def test_an_effect_names_the_roles_that_it_needs(
     effect: axcomp.Leadscrew, roles: set[str]
 ) -> None:
     assert set(effect.roles) == roles
+
+
+@pytest.mark.parametrize("loss", ["student", "huber"])
+def test_a_run_that_is_far_off_does_not_end_a_fit(
+    loss: Literal["student", "huber"],
+) -> None:
+    # None of its readings was believed at first, and nothing then told its offset.
+    rng = np.random.default_rng(12)
+    target, run = np.tile(np.linspace(0.0, 200.0, 11), 5), np.repeat(np.arange(5), 11)
+    error = 1e-4 * rng.standard_normal(55) + np.where(run == 3, 0.046, 0.0)
+    found = axcomp.fit(
+        [axcomp.Leadscrew("X", start=0, interval=20, points=11)],
+        {"X.position": target, "X.error": error, "run": run},
+        loss=loss,
+    )
+    assert found.converged
+    # The mean of the runs, to the noise of a reading, and as uncertain as they are apart.
+    screw = found["leadscrew"]
+    assert np.mean(screw.model.pos) == pytest.approx(0.046 / 5, abs=1e-4)
+    assert np.min(screw.standard_deviation.pos) > 0.0046
