@@ -202,7 +202,9 @@ def _patterns(
     offsets and drifts, and a few runs do not tell what the mean of many would be.
     """
     found = [] if readings.late is None else [readings.late]
-    runs = [run for run in fit.runs if run.run not in fit.suspect_runs]
+    # Least squares takes a run that contradicts the others into the mean as well.
+    apart = () if fit.loss == "gauss" else fit.suspect_runs
+    runs = [run for run in fit.runs if run.run not in apart]
     offset, drift = doubt_of_means(runs)
     ones = np.ones(len(samples.error))
     means = [offset * ones]

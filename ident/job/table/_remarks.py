@@ -62,9 +62,10 @@ def fit_remarks(
         yield Remark.warning(f"Readings contradict their surroundings at {words}.")
     if fit.suspect_runs:
         runs = ", ".join(str(run) for run in fit.suspect_runs)
-        yield Remark.warning(
-            f"Contradicts the other runs, and does not count in their mean: run {runs}."
-        )
+        counts = "does not count in their mean"
+        if fit.loss == "gauss":
+            counts = 'counts in their mean all the same (loss = "gauss")'
+        yield Remark.warning(f"Contradicts the other runs, and {counts}: run {runs}.")
     if fit.runs:
         largest = 1e3 * max(abs(run.offset) for run in fit.runs)
         own = "offset and drift" if one.run_effects == "drift" else "offset"

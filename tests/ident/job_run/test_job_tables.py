@@ -26,6 +26,43 @@ def test_defaults_find_the_same_table_as_plain_means(tmp_path: Path) -> None:
         assert np.all(np.abs(shift) < allowed)
 
 
+@pytest.mark.parametrize("loss", ["gauss", "student"])
+def test_run_that_is_far_off_is_said_to_count_where_it_does(
+    tmp_path: Path, loss: str
+) -> None:
+    rng = np.random.default_rng(12)
+    target, run = np.tile(np.linspace(0.0, 200.0, 11), 5), np.repeat(range(5), 11)
+    error = 1e-4 * rng.standard_normal(55) + np.where(run == 3, 0.046, 0.0)
+    table(tmp_path / "laser.csv", "target,error,run", target, error, run)
+    (tmp_path / "job.toml").write_text(
+        f"""
+[axes.X]
+number = 1
+[measurements.laser]
+file = "laser.csv"
+axis = "X"
+remove = "none"
+[[fits]]
+compensation = "leadscrew"
+axis = "X"
+measurement = "laser"
+loss = "{loss}"
+start = 0.0
+interval = 20.0
+points = 11
+"""
+    )
+    (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").tree["fits"]
+    off = np.mean(fit["parameters"]["table"]["pos"])
+    deviation = np.mean(fit["standard_deviations"]["table"]["pos"])
+    said = " ".join(remark["message"] for remark in fit["remarks"])
+    counts = loss == "gauss"
+    assert f"and {'counts' if counts else 'does not count'} in their mean" in said
+    # A fifth of the 46 µm, which four other runs contradict: it must be in the deviation.
+    assert off == pytest.approx(0.0092 if counts else 0.0, abs=1e-4)
+    assert (deviation > 0.0046) == counts
+
+
 def test_written_leadscrew_list_takes_the_error_away(tmp_path: Path) -> None:
     laser(tmp_path / "laser.csv")
     result = run_job(screw_job(tmp_path), tmp_path / "out")
