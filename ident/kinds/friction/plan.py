@@ -69,6 +69,8 @@ class FrictionPlan(AbstractPlan):
             if "monotone" in fit.constraints:  # of its rounded lines as of the law
                 rising = np.maximum.accumulate(knots.out)
                 knots = dataclasses.replace(knots, out=rising)
+            # Friction never drives an axis, whatever a law says where little was measured.
+            knots = dataclasses.replace(knots, out=np.maximum(knots.out, 0))
         view = view_of(recording, found, curve, knots, level)
         return FrictionDraft(
             job, self.index, fit, recording, found, curve, unit, knots, view, level
@@ -206,11 +208,20 @@ class FrictionDraft(AbstractDraft):
     def _unsaid(self) -> Iterator[Remark]:
         """Return what the list cannot say of the law."""
         assert self.curve is not None
+        assert self.knots is not None
         share = self.curve.difference
         if share > 0.02:
             yield Remark.warning(
                 f"The two directions differ by {share:.0%} of the friction on"
                 " average. A list knows no direction: it gives the mean of both."
+            )
+        below = self.curve.speed[self.level * self.curve.mean < -self.knots.unit]
+        if len(below):
+            yield Remark.warning(
+                f"The law is below 0 at speeds up to {below[-1]:.3g}"
+                f" {self.recording.samples.unit}/s: friction never drives an axis, and the"
+                " list gives 0 there. Record these speeds for longer, and current and"
+                " position of the same moment."
             )
         if self.level > 1.0:
             yield Remark.warning(

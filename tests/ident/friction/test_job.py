@@ -16,7 +16,13 @@ from axcomp.ident.kinds.friction.entries import friction_from_list
 from axcomp.ident.kinds.friction.page import residual_plot
 from axcomp.ident.report import write_report
 from axcomp.ident.report._scale import scale_of
-from axcomp.models import AbstractFriction, Conventions, StribeckFriction
+from axcomp.models import (
+    AbstractFriction,
+    Conventions,
+    FrictionTable,
+    Setpoints,
+    StribeckFriction,
+)
 
 from ..friction_job import friction_job
 
@@ -72,6 +78,23 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, JobResult]:
     folder = tmp_path_factory.mktemp("friction")
     record(folder)
     return folder, run(folder)
+
+
+def test_list_never_drives_the_axis(tmp_path: Path) -> None:
+    # What current and position of different moments look like: slow speeds below 0.
+    law = FrictionTable(
+        Setpoints(np.array([0.5, 3.0, 8.0, 100.0])), np.array([-1.0, -0.5, 2.0, 2.5])
+    )
+    record(tmp_path, law=law)
+    result = run(tmp_path)
+    # So much of it that the gate stops the list.
+    listing = ListFile.read(tmp_path / "out" / "rejected" / "achskw1.lis")
+    out = list(listing.table("frict_comp", "out").values())
+    assert min(out) == 0
+    assert max(out) * RATED * SHARE == pytest.approx(2.5, rel=0.05)
+    said = " ".join(remark.message for remark in friction(result).remarks)
+    assert "The law is below 0 at speeds up to" in said
+    assert "mm/s: friction never drives an axis" in said
 
 
 def test_law_and_load_come_back(done: tuple[Path, JobResult]) -> None:
