@@ -18,6 +18,9 @@ _MANY = 0.05
 _SPARSE = 1.5
 """Readings per node up to which no place was measured twice to speak of."""
 
+_SHORT = 0.1
+"""Share of the travel that a table may leave out before it is said."""
+
 _MOST, _MOST_WILD = 6, 20
 """Nodes, and wild readings, that are named one by one."""
 
@@ -44,6 +47,17 @@ def fit_remarks(
             f"{empty} of {fit.support.size} node values {why}; they are"
             " filled by the prior and marked with support 0."
         )
+    for name, nodes in zip(one.fit.over, one.plan.table.nodes, strict=True):
+        limits, (low, high) = one.job.spec.axes[name].limits, nodes.positions[[0, -1]]
+        if limits is None or one.plan.table.periodic:
+            continue
+        short = max(low - limits[0], 0.0) + max(limits[1] - high, 0.0)
+        if short > _SHORT * (limits[1] - limits[0]):
+            yield Remark.warning(
+                f"The table covers {name} = {low:g} to {high:g} of a travel from"
+                f" {limits[0]:g} to {limits[1]:g} (limits): beyond it its edge is held,"
+                " which nobody has measured there."
+            )
     if beyond:
         yield Remark.info(
             f"{beyond} readings lie outside the table, where its edge is held."

@@ -63,6 +63,18 @@ points = 11
     assert (deviation > 0.0046) == counts
 
 
+@pytest.mark.parametrize(("limits", "short"), [([-10, 410], False), ([-90, 900], True)])
+def test_table_that_leaves_out_a_part_of_the_travel_says_so(
+    tmp_path: Path, limits: list[int], short: bool
+) -> None:
+    laser(tmp_path / "laser.csv")
+    job = screw_job(tmp_path, axis=f"limits = {limits}")
+    (fit,) = run_job(job, tmp_path / "out").fits
+    said = " ".join(remark.message for remark in fit.remarks)
+    words = "The table covers X = 0 to 400 of a travel from -90 to 900 (limits)"
+    assert (words in said) == short
+
+
 def test_written_leadscrew_list_takes_the_error_away(tmp_path: Path) -> None:
     laser(tmp_path / "laser.csv")
     result = run_job(screw_job(tmp_path), tmp_path / "out")
