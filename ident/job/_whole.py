@@ -145,9 +145,7 @@ class _Axis:
             found.append(Remark.warning(words))
         return found
 
-    def _hasty(
-        self, loaded: AxisLists, lines: Sequence[GateCheck]
-    ) -> Iterator[Remark]:
+    def _hasty(self, loaded: AxisLists, lines: Sequence[GateCheck]) -> Iterator[Remark]:
         """Yield what to set where a reversal of the axis list is too fast for the gate."""
         if all(c.passed or not c.name.endswith(" at reversal") for c in lines):
             return

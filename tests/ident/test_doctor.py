@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import RegularGridInterpolator
 
 from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
@@ -301,3 +302,37 @@ def test_a_list_in_increments_names_what_the_doctor_has(
     shown = capsys.readouterr().err
     assert "increment = … of the axis in the job" in shown
     assert "--increment" not in shown
+
+
+def test_the_master_along_which_a_plane_is_shifted_is_named_as_in_the_job() -> None:
+    rng = np.random.default_rng(5)
+    table = np.rint(200 * rng.normal(size=(7, 9))).astype(int)
+    prefix = "kw.crosscomp2"
+    head = (
+        f"kopf.achs_nr 5\n{prefix}.unit 1\n{prefix}.grid QUADRATIC\n"
+        f"{prefix}.interval 500000\n{prefix}.last_index_master1 8\n"
+        f"{prefix}.last_index_master2 6\n{prefix}.master1_ax_nr 11\n"
+        f"{prefix}.master2_ax_nr 12\n"
+    )
+    rows = [
+        f"{prefix}.table[{j}][{i}].correction {v}\n"
+        for (j, i), v in np.ndenumerate(table)
+    ]
+    listing = ListFile.parse((head + "".join(rows)).encode(), "achskw5.lis")
+    u, v = (
+        each.ravel()
+        for each in np.meshgrid(np.arange(0, 401.0, 20), np.arange(0, 301.0, 20))
+    )
+    law = RegularGridInterpolator(
+        (50.0 * np.arange(7), 50.0 * np.arange(9)), 1e-4 * table
+    )
+    added = law(np.stack([v, np.clip(u - 25.0, 0.0, 400.0)], axis=-1))
+    place = {11: u, 12: v}
+    before, after = (
+        [Measured(5, place, values + 1e-4 * rng.normal(size=u.size), None)]
+        for values in (0.0 * u, added)
+    )
+    names = {5: "W", 11: "U", 12: "V"}
+    (found,) = diagnose([listing], before, after, Reading(Conventions()), names=names)
+    assert found.verdict == "shift"
+    assert found.sentence == "table applied 25.0 mm further along U"

@@ -427,3 +427,18 @@ def test_an_offset_that_no_rule_explains_does_not_agree(tmp_path: Path) -> None:
     one = only(verified(log, screw_list(), axis_list()))
     assert not one.agrees
     assert "not explained" in one.sentence
+
+
+def test_rows_in_any_order_do_not_hide_what_no_rule_explains(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    place = rng.uniform(0.0, 300.0, 640)
+    added = -np.interp(place, NODES, POS) + 0.02 * np.sin(place / 9.0)
+    text = "\n".join(
+        f"{one:.6f},1,{value:.7f}" for one, value in zip(place, added, strict=True)
+    )
+    path = tmp_path / "log.csv"
+    path.write_text(f"A3.position,A3.direction,A3.leadscrew\n{text}\n")
+    found = only(verified(read_log(path), screw_list()))
+    # A third of the table, from place to place: neighbouring rows average it away.
+    assert not found.agrees
+    assert "not explained: 14" in found.sentence

@@ -111,6 +111,7 @@ class Scene:
             time=None,
             source="the measurements",
             ranges=self.reading.modulo,
+            names=self.names,
         )
         return use.kind.log_channel(use, motion, self.reading)
 

@@ -26,6 +26,7 @@ class LogMotion(Motion):
         clock: Cycles by which what was reported was recorded later.
         drives: Position on the drive bus by axis, which contains the compensations.
         acting: Whether a compensation is on, per row, by axis and name, where the log says so.
+        names: Of the axes, for sentences, where they have some.
     """
 
     cycle: float | None = None
@@ -36,6 +37,12 @@ class LogMotion(Motion):
     acting: Mapping[tuple[int, str], Bool[np.ndarray, " t"]] = dataclasses.field(
         default_factory=dict
     )
+
+    names: Mapping[int, str] = dataclasses.field(default_factory=dict)
+
+    def name(self, axis: int) -> str:
+        """Return the name of an axis."""
+        return self.names.get(axis, f"A{axis}")
 
     @property
     def edge_rows(self) -> int:

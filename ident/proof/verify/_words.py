@@ -91,7 +91,7 @@ def _shift(shift: tuple[float, ...], channel: AbstractChannel) -> str:
     masters = channel.masters[-len(shift) :]
     for master, value in zip(masters, shift, strict=True):
         if value:
-            along = f" along A{master}" if len(shift) > 1 else ""
+            along = f" along {channel.motion.name(master)}" if len(shift) > 1 else ""
             unit = "°" if master in channel.motion.ranges else "mm"
             way = "further" if value > 0 else "back"
             parts.append(f"{abs(value):.1f} {unit} {way}{along}")
@@ -102,7 +102,7 @@ def _swapped(masters: tuple[int, ...] | None, channel: AbstractChannel) -> str:
     if masters is None:
         return "the other order of the indices"
     names, own = (
-        " and ".join(f"A{number}" for number in every)
+        " and ".join(map(channel.motion.name, every))
         for every in (masters, channel.masters)
     )
     return f"{'it follows ' * (len(masters) == 1)}{names} instead of {own}"
