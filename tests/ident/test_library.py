@@ -432,3 +432,23 @@ def test_a_run_that_is_far_off_does_not_end_a_fit(
     screw = found["leadscrew"]
     assert np.mean(screw.model.pos) == pytest.approx(0.046 / 5, abs=1e-4)
     assert np.min(screw.standard_deviation.pos) > 0.0046
+
+
+def test_a_plane_that_holds_a_cross_says_which_to_leave_out() -> None:
+    # Nodes every 50 and every 80 mm: almost all that one of them follows the other does.
+    rng = np.random.default_rng(1)
+    grid = np.meshgrid(np.linspace(0, 400, 21), np.linspace(0, 800, 17))
+    u, v = (np.tile(each.ravel(), 2) for each in grid)
+    error = 0.01 * np.sin(u / 90) * np.cos(v / 80) + 3e-4 * rng.standard_normal(u.size)
+    found = axcomp.fit(
+        [
+            axcomp.Cross("W", master="V", start=0, interval=50, points=17),
+            axcomp.Plane(
+                "W", ("U", "V"), start=(0, 0), interval=(40, 80), points=(11, 11)
+            ),
+        ],
+        {"U.position": u, "V.position": v, "W.error": error},
+    )
+    (said,) = found.undetermined
+    assert "the plane of W over U and V holds all that goes over V alone" in str(said)
+    assert "leave the cross of W over V out" in str(said)

@@ -188,7 +188,15 @@ def _remedy(parts: Sequence[Component]) -> str:
         )
     if Rank.DATUM in ranks:
         return f"{names} stood still. Move over the whole table."
-    return f"{names} moved together. Move each of them while the others stand still."
+    apart = f"{names} moved together. Move each of them while the others stand still."
+    narrow, wide = sorted((parts[0], parts[-1]), key=lambda each: len(each.masters))
+    lines = TABLES - {Rank.BILATERAL}
+    if ranks <= lines and set(narrow.masters) < set(wide.masters):
+        apart += (
+            f" Where they did, the {wide.owner} holds all that goes over"
+            f" {in_a_row(narrow.masters)} alone: leave the {narrow.owner} out."
+        )
+    return apart
 
 
 def _the(names: Sequence[str]) -> str:
