@@ -160,7 +160,7 @@ class TemperatureDraft(AbstractDraft):
         data, line = recording.data, self.found.line
         read = data.take(rows)
         warm = [line.structure(data, sensor)[rows] for sensor in self.sensors]
-        place = read.position.get(self.axis, np.zeros(int(rows.sum())))
+        place = read.position.get(self.axis, np.zeros(len(rows)))
         taken = self.found.predict(np.stack(warm, axis=1), place)
         known = np.isfinite(read.error[self.axis]) & np.isfinite(taken)
         error, taken = read.error[self.axis][known], taken[known]

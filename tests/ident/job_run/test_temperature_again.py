@@ -37,7 +37,14 @@ lag = "none"
 """
 
 
-def write(folder: Path, name: str, error: np.ndarray, active: str, fit: str) -> Path:
+def write(
+    folder: Path,
+    name: str,
+    error: np.ndarray,
+    active: str,
+    fit: str,
+    place: bool = True,
+) -> Path:
     rng = np.random.default_rng(len(name))
     noisy = error + 3e-4 * rng.standard_normal(len(error))
     np.savetxt(
@@ -45,7 +52,10 @@ def write(folder: Path, name: str, error: np.ndarray, active: str, fit: str) -> 
         delimiter=",", header="time,x,e,T", comments="",
     )  # fmt: skip
     path = folder / f"{name}.toml"
-    path.write_text(MEASURED.format(name=name, active=active) + fit)
+    measured = MEASURED.format(name=name, active=active)
+    if not place:
+        measured = measured.replace('"X.position" = "x"\n', "")
+    path.write_text(measured + fit)
     return path
 
 
@@ -91,3 +101,18 @@ def test_a_temperature_line_is_measured_again(
     if acts == -1.0:
         assert one["diagnosis"]["verdict"] == "sign"
         assert "temperature_sign = -1" in (out / "conventions.toml").read_text()
+
+
+def test_an_offset_at_one_position_is_measured_again(tmp_path: Path) -> None:
+    out, grows = tmp_path / "out", 6e-3 * (WARM - 20.0)
+    fit = FIT.replace('sensor = "scale"', 'sensors = { offset = "scale" }')
+    job = write(tmp_path, "job", grows, "[]", fit, place=False)
+    assert main(["fit", str(job), "--out", str(out)]) == 0
+    left = grows + added(out) + 0.002
+    after = write(tmp_path, "after", left, '["temperature"]', "", place=False)
+    assert main(["fit", str(job), "--out", str(out), "--after", str(after)]) == 0
+    (one,) = json.loads((out / "result.json").read_text())["fits"]
+    assert one["reasons"][0]["code"] == "verified"
+    # Noise of the readings alone, as above.
+    truth = np.sqrt(np.mean((left - 0.002) ** 2 + 3e-4**2))
+    assert one["error"]["verified"]["rms"] == pytest.approx(truth, rel=0.1)
