@@ -2,97 +2,33 @@
 
 import dataclasses
 import functools
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, final
 
 import numpy as np
 from jaxtyping import Float
 
 from ....data.lists import Value
-from ....models import Crosstalk, LegacyCrosstalk
-from ...exchange import ExchangeError
+from ....models import Crosstalk
+from ..._recording import JointData
 from ...job._draft import AbstractDraft
 from ...job._gating import spread_over
-from ...job.file._load import Job
 from ...job.result._result import Remark, staged
-from ...job.table._plan import was_active
-from ...proof import GateCheck
-from ._events import CrosstalkReadings, cut_events
-from ._result import (
-    CrosstalkResult,
-    coverage_of,
-    judge_crosstalk,
-    largest_jump,
-    remarks_of,
-)
+from ...proof import GateCheck, reversal_dynamics
+from ._events import cut_events
+from ._result import SHORT, CrosstalkResult, remarks_of
 from .effect import CrosstalkFit, full_offsets
-from .entries import ENTRIES, crosstalk_from_list, entries_of_crosstalk
+from .entries import crosstalk_from_list, entries_of_crosstalk
 from .keys import Spec
 
 if TYPE_CHECKING:
     from ...job.write._lists import AxisFiles
+    from .plan import CrosstalkPlan
 
-
-@dataclasses.dataclass(frozen=True)
-class Existing:
-    """Crosstalk of the list that is there.
-
-    Attributes:
-        model: As the controller runs it; None: there is none, or none that can be read.
-        masters: Logical numbers: the axis that accelerates, then adaptation axes.
-        unread: Why it cannot be read, or nothing.
-        active: The same where it was active while measuring.
-    """
-
-    model: Crosstalk | LegacyCrosstalk | None = None
-    masters: tuple[int, ...] = ()
-    unread: str = ""
-    active: Crosstalk | None = None
-
-
-def existing_crosstalk(job: Job, index: int, fit: Spec) -> Existing:
-    """Return the crosstalk of the list that is there, and whether it was active.
-
-    Raises:
-        JobError: If it was, and cannot be added to.
-    """
-    found, listing, holder = Existing(), job.lists[fit.axis].compensation, None
-    if listing is not None and ENTRIES.is_in(listing):
-        try:
-            model = crosstalk_from_list(listing, job.conventions)
-            found = Existing(model, ENTRIES.named_masters(listing))
-        except ExchangeError as error:
-            found = Existing(unread=str(error))
-    if found.model is not None or found.unread:
-        holder = job.spec.axes[fit.axis].listing
-    if not was_active(job, index, fit, holder):
-        return found
-    where, axes = ("fits", index), job.spec.axes
-    if found.model is None:
-        raise job.error(
-            ("axes", fit.axis, "list"),
-            "crosstalk was active while measuring, but no list with its tests is given"
-            f"{f' ({found.unread})' if found.unread else ''}, expected list = the file"
-            " that was loaded",
-        )
-    if not isinstance(found.model, Crosstalk):
-        raise job.error(
-            where,
-            "crosstalk was active by a list of the older form, to which no tests can be"
-            " added, expected a measurement with COMP OFF CROSSTALK",
-        )
-    named = tuple(axes[name].number for name in (fit.master, *fit.adapts_to))
-    if named != found.masters:
-        raise job.error(
-            where,
-            f"found master and adaptation axes {list(named)}, expected"
-            f" {list(found.masters)} as in the list that was active",
-        )
-    for key in ("acceleration", "deceleration"):
-        given, own = getattr(fit, key), float(getattr(found.model, key))
-        if given is not None and given != own:
-            reason = f"found {given:g}, expected {own:g} as in the list that was active"
-            raise job.error((*where, key), reason)
-    return dataclasses.replace(found, active=found.model)
+_STEPS = 60
+"""Steps along each adaptation axis by which the surface is looked at."""
+_RESOLUTION = 41
+"""Places along each adaptation axis at which the workspace is looked at."""
 
 
 @final
@@ -101,18 +37,18 @@ class CrosstalkDraft(AbstractDraft):
     """A fitted crosstalk.
 
     Attributes:
-        remarks: What was taken for granted while reading.
+        plan: What was asked for, and the crosstalk of the list that is there.
         found: The estimate.
-        readings: What it saw: positions of its own adaptation axes only, no delay.
-        old: Crosstalk of the list that is there.
+        log: What it saw, one direction per acceleration, no delay.
+        remarks: What was taken for granted while reading.
         delay: By how much the error follows the acceleration, in s; taken off.
     """
 
     fit: Spec
-    remarks: tuple[Remark, ...]
+    plan: "CrosstalkPlan"
     found: CrosstalkFit
-    readings: CrosstalkReadings
-    old: Existing
+    log: JointData
+    remarks: tuple[Remark, ...]
     delay: float = 0.0
 
     @property
@@ -125,7 +61,7 @@ class CrosstalkDraft(AbstractDraft):
         """The list as the controller runs it, without a filter; None: nothing is written."""
         if not (self.found.significant and self.found.complete.any()):
             return None
-        return self.found.compensation(self.old.active)
+        return self.found.compensation(self.plan.acting)
 
     @property
     def written(self) -> bool:
@@ -137,9 +73,8 @@ class CrosstalkDraft(AbstractDraft):
         model, cycles = self.list_model, self.fit.n_cycles
         assert model is not None  # it is written
         if cycles is None:
-            jump = largest_jump(model)
-            entry = f"{self.kind.prefix}.n_cycles"
-            cycles = spread_over(self.job, jump, self.lists.compensation, entry)
+            listing, entry = self.lists.compensation, f"{self.kind.prefix}.n_cycles"
+            cycles = spread_over(self.job, self._jump, listing, entry)
         return dataclasses.replace(model, cycles=cycles)
 
     @property
@@ -163,22 +98,79 @@ class CrosstalkDraft(AbstractDraft):
     def entries(self) -> dict[str, Value]:
         return {**entries_of_crosstalk(self.model, self._masters), **self.manual_entry}
 
-    def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
-        return judge_crosstalk(self)
+    @functools.cached_property
+    def _full(self) -> Float[np.ndarray, "4 p"]:
+        """What the list adds at full acceleration at each test in mm, rows as `BRANCHES`."""
+        assert self.list_model is not None  # it is written
+        return full_offsets(self.list_model, self.list_model)
+
+    @functools.cached_property
+    def _turns(self) -> Float[np.ndarray, "2 p"]:
+        """How far that jumps in mm where the master turns under full acceleration."""
+        assert self.list_model is not None  # it is written
+        # A turn keeps the sign of the acceleration and changes the direction.
+        first, second = (
+            ((0, 2), (3, 1)) if self.list_model.by_speed else ((0, 2), (1, 3))
+        )
+        return np.asarray(np.abs(self._full[[*first]] - self._full[[*second]]))
 
     @property
-    def change(self) -> Float[np.ndarray, "4 p"] | None:
-        """What the new list adds beyond the old one, where both can be compared, in mm."""
-        old, model = self.old.model, self.model
-        if old is None or self.old.masters != self._masters:
-            return None
-        return np.asarray(full_offsets(model, model) - full_offsets(old, model))
+    def _jump(self) -> float:
+        """The largest jump in mm when the acceleration of the master steps at will."""
+        sizes = self._full, self._full[:2] - self._full[2:], self._turns
+        return max(float(np.abs(each).max(initial=0.0)) for each in sizes)
+
+    def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
+        model, limits = self.model, self.job.limits
+        points, sizes = np.asarray(model.surface.points), np.abs(self._full)
+
+        def at(test: int) -> str:
+            pairs = zip(self.masters, points[test], strict=True)
+            words = ", ".join(f"{name} = {value:g}" for name, value in pairs)
+            return f" at {words}" if words else ""
+
+        row, test = np.unravel_index(sizes.argmax(), sizes.shape)
+        turn = "where the master turns under full acceleration"
+        turn += at(int(self._turns.max(axis=0).argmax()))
+        cycle_time = self.job.spec.controller.cycle_time
+        fast, hard = reversal_dynamics(self._jump, model.cycles, cycle_time)
+        step = f"if the acceleration of the master steps, spread over {model.cycles} cycles"
+        lines = [
+            ("max_correction", sizes.max(), "mm", f"{SHORT[row]}{at(int(test))}"),
+            ("max_reversal", self._turns.max(), "mm", turn),
+            ("max_velocity", fast, "mm/s", step),
+            ("max_acceleration", hard, "mm/s²", step),
+        ]
+        if self.masters:
+            steepest, along = max(self._slopes(points))
+            where, added = f"along {along} under full acceleration", limits.feed / 60.0
+            lines += [
+                ("max_slope", 1e3 * steepest, "µm/mm", where),
+                ("max_velocity by position", steepest * added, "mm/s", where),
+            ]
+        old = self.plan.old if self.plan.masters == self._masters else None
+        if limits.max_change is not None and old is not None:
+            change = np.abs(self._full - full_offsets(old, model)).max()
+            lines.append(
+                ("max_change", change, "mm", "against the list that was there")
+            )
+        return tuple(limits.check(*line) for line in lines)
+
+    def _slopes(self, points: Float[np.ndarray, "p k"]) -> Iterator[tuple[float, str]]:
+        """Yield the steepest slope under full acceleration along each adaptation axis."""
+        lines = np.linspace(points.min(axis=0), points.max(axis=0), _STEPS + 1)
+        grid = _places(lines)
+        four = full_offsets(self.model, self.model, grid.reshape(-1, grid.shape[-1]))
+        four = four.reshape(4, *grid.shape[:-1])
+        steps = zip(self.masters, lines[1] - lines[0], strict=True)
+        for axis, (name, step) in enumerate(steps, start=1):
+            rise = float(np.max(np.abs(np.diff(four, axis=axis))))
+            yield (rise / float(step) if step > 0 else 0.0, name)
 
     def prove(self, done: "AxisFiles") -> CrosstalkResult:
-        fit, log = self.found, self.readings
-        added = self.added_to_log(done)
-        corrected = dataclasses.replace(log, error=log.error + added)
-        left = cut_events(corrected, fit.effect).value
+        fit, log = self.found, self.log
+        error = {self.axis: log.error[self.axis] + self.added_to_log(done)}
+        left = cut_events(dataclasses.replace(log, error=error), fit.effect).value
         before = fit.events.value
         model, predicted = (
             (self.model, fit.predicted) if self.written else (None, before)
@@ -190,11 +182,11 @@ class CrosstalkDraft(AbstractDraft):
             files=() if model is None else done.written,
             held_out="event",
             model=model,
-            written=fit.kept(self.old.active) & self.written,
-            coverage=0.0 if model is None else coverage_of(model, self._workspace()),
+            written=fit.kept(self.plan.acting) & self.written,
+            coverage=self._coverage() if self.written else 0.0,
             fit=fit,
             from_file=left,
-            time=log.time[fit.events.start],
+            time=log.clock_for(fit.effect.name)[fit.events.start],
         )
         said = remarks_of(result, self)
         remarks = (*self.remarks, *said, *self._about_the_old(), *done.remarks)
@@ -202,34 +194,44 @@ class CrosstalkDraft(AbstractDraft):
 
     def added_to_log(self, done: "AxisFiles") -> Float[np.ndarray, " t"]:
         """Return what the written file adds in each row beyond what acted already."""
-        readings, listing = self.readings, done.compensation
-        motion = readings.acceleration, readings.velocity, readings.positions
+        listing, active = done.compensation, self.plan.acting
         if not self.written or listing is None:
-            return np.zeros(len(readings.time))
+            return np.zeros(len(self.log))
+        pull, speed, *places = self.found.effect.columns_of(self.log)
+        motion = pull, speed, np.reshape(places, (-1, len(pull))).T
         model = crosstalk_from_list(listing, self.job.conventions)
         added = np.asarray(model.offset(*motion))
-        if self.old.active is not None:
-            added = added - np.asarray(self.old.active.offset(*motion))
-        return added
+        return added if active is None else added - np.asarray(active.offset(*motion))
 
-    def _workspace(self) -> Float[np.ndarray, "k 2"]:
-        """Return where the adaptation axes go: software limits, else as measured."""
-        places = self.readings.positions
-        spans = [
-            self.job.spec.axes[name].limits
-            or [float(column.min()), float(column.max())]
-            for name, column in zip(self.masters, places.T, strict=True)
-        ]
-        return np.array(spans, dtype=float).reshape(-1, 2)
+    def _coverage(self) -> float:
+        """Return the share of the workspace that lies among the tests, 0 to 1.
+
+        The adaptation axes go from one software limit to the other, else as measured.
+        """
+        spans = []
+        for name in self.masters:
+            place = self.log.position[name]
+            limits = self.job.spec.axes[name].limits
+            spans.append(limits or [float(place.min()), float(place.max())])
+        if not spans:
+            return 1.0
+        low, high = np.array(spans, dtype=float).T
+        places = _places(np.linspace(low, high, _RESOLUTION))
+        places = places.reshape(-1, len(spans))
+        return float(np.mean(np.asarray(self.model.covers(places))))
 
     def _about_the_old(self) -> list[Remark]:
-        if self.old.unread:
-            why = self.old.unread
+        if why := self.plan.unread:
             words = f"The new crosstalk replaces one that cannot be read: {why}"
             return [Remark.warning(words)]
-        if self.old.model is None:
+        if self.plan.old is None:
             return []
         words = "off while measuring: the new one replaces it."
-        if self.old.active is not None:
+        if self.plan.active:
             words = "active while measuring: the new one is old + residual."
         return [Remark.info(f"The old crosstalk was {words}")]
+
+
+def _places(lines: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "..."]:
+    """Return all places that the lines of each axis make, the axes last."""
+    return np.stack(np.meshgrid(*lines.T, indexing="ij"), axis=-1)

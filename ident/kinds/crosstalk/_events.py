@@ -3,11 +3,12 @@
 import dataclasses
 import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..._recording import JointData
 from ...core import FitError, filled
 from ...fit.joint import Crosstalk
 from . import BRANCHES
@@ -35,55 +36,43 @@ _GAIN = 0.05
 """Relative fall of the residual's standard deviation below which there is no delay."""
 
 
-@dataclasses.dataclass(frozen=True)
-class CrosstalkReadings:
-    """Motion of the master axis and the error of the slave axis, row by row in time.
+def directed(data: JointData, form: Crosstalk) -> JointData:
+    """Return a log with one direction per acceleration, or two where the master turns.
 
-    Attributes:
-        time: In s, ascending.
-        acceleration: Of the master in mm/s².
-        velocity: Of the master in mm/s.
-        error: Of the slave, actual − encoder (or commanded at rest) in mm; NaN = missed.
-        positions: Of the axes on which it may depend (adaptation axes) in mm, shape
-            ``(t, k)``; k = 0 where there are none.
-        log: Number of the log that each row belongs to: no event sees another log.
+    A filter smears an acceleration over the standstill before and after, where the velocity has
+    no direction: there the controller would take another entry.
+
+    Args:
+        data: The log.
+        form: Says what full acceleration is, and whose direction counts.
     """
+    acceleration, velocity, *_ = form.columns_of(data)
+    velocity = velocity.copy()
+    full = np.where(acceleration < 0, -form.deceleration, form.acceleration)
+    share = np.abs(acceleration) / full
+    sign = np.where(share < _QUIET, 0, np.sign(acceleration))
+    for start, stop in _stretches(sign, _logs(data)):
+        rows = slice(start, stop)
+        push, speed = share[rows], np.abs(velocity[rows])
+        net = push * np.sign(velocity[rows])
+        forward, back = float(net[net > 0].sum()), float(-net[net < 0].sum())
+        if sign[start] == 0 or forward == back:
+            continue
+        turn, lead = stop - start, 1.0 if forward > back else -1.0
+        if min(forward, back) >= _TURN * float(push.sum()):
+            # The master turns: one direction before, the other one after.
+            lead = -float(sign[start])
+            turn = 1 + int(np.argmax(np.cumsum(net * lead)))
+        way = np.where(np.arange(stop - start) < turn, lead, -lead)
+        velocity[rows] = way * np.maximum(speed, _LEAST_SPEED)
+    (_, mover) = form.inputs[1]
+    return dataclasses.replace(data, velocity={**data.velocity, mover: velocity})
 
-    time: Float[np.ndarray, " t"]
-    acceleration: Float[np.ndarray, " t"]
-    velocity: Float[np.ndarray, " t"]
-    error: Float[np.ndarray, " t"]
-    positions: Float[np.ndarray, "t k"]
-    log: Int[np.ndarray, " t"]
 
-    def directed(self, form: Crosstalk) -> "CrosstalkReadings":
-        """Return the log with one direction per acceleration, or two where it turns.
-
-        A filter smears an acceleration over the standstill before and after, where the
-        velocity has no direction: there the controller would take another entry.
-
-        Args:
-            form: Says what full acceleration is.
-        """
-        velocity = self.velocity.copy()
-        full = np.where(self.acceleration < 0, -form.deceleration, form.acceleration)
-        share = np.abs(self.acceleration) / full
-        sign = np.where(share < _QUIET, 0, np.sign(self.acceleration))
-        for start, stop in _stretches(sign, self.log):
-            rows = slice(start, stop)
-            push, speed = share[rows], np.abs(velocity[rows])
-            net = push * np.sign(velocity[rows])
-            forward, back = float(net[net > 0].sum()), float(-net[net < 0].sum())
-            if sign[start] == 0 or forward == back:
-                continue
-            turn, lead = stop - start, 1.0 if forward > back else -1.0
-            if min(forward, back) >= _TURN * float(push.sum()):
-                # The master turns: one direction before, the other one after.
-                lead = -float(sign[start])
-                turn = 1 + int(np.argmax(np.cumsum(net * lead)))
-            way = np.where(np.arange(stop - start) < turn, lead, -lead)
-            velocity[rows] = way * np.maximum(speed, _LEAST_SPEED)
-        return dataclasses.replace(self, velocity=velocity)
+def _logs(data: JointData) -> Int[np.ndarray, " t"]:
+    """Return the number of the log that each row belongs to: no event sees another log."""
+    none = np.zeros(len(data), dtype=np.int64)
+    return none if data.clock_number is None else data.clock_number
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,7 +120,9 @@ class Events:
 
 
 def specified(
-    readings: CrosstalkReadings, acceleration: float | None, deceleration: float | None
+    measured: Float[np.ndarray, " t"],
+    acceleration: float | None,
+    deceleration: float | None,
 ) -> tuple[float, float]:
     """Return the accelerations that the entries stand for, in mm/s²: given, or as measured.
 
@@ -140,7 +131,7 @@ def specified(
     """
 
     def reached(sign: float, word: str) -> float:
-        values = sign * readings.acceleration
+        values = sign * measured
         top = float(values.max())
         if not top > 0:
             msg = f"the master shows no {word} at all, expected events of both signs."
@@ -154,7 +145,7 @@ def specified(
     )
 
 
-def cut_events(readings: CrosstalkReadings, form: Crosstalk) -> Events:
+def cut_events(data: JointData, form: Crosstalk, over: Sequence[str] = ()) -> Events:
     r"""Return the acceleration events of a log, one value each.
 
     An event is a stretch of one sign and direction that reaches a share of the specified
@@ -164,56 +155,49 @@ def cut_events(readings: CrosstalkReadings, form: Crosstalk) -> Events:
     with the weights of the readings.
 
     Args:
-        readings: Log of master and slave.
+        data: Log of master and slave, in the order of time; a row without error was missed.
         form: Specified accelerations, and how signs and directions are defined.
+        over: Axes whose positions make the place of an event.
 
     Raises:
         FitError: If rows are not finite, time does not ascend or there is no event.
     """
-    for name in ("time", "acceleration", "velocity", "positions"):
-        bad = ~np.isfinite(getattr(readings, name).reshape(len(readings.time), -1))
+    time = data.clock_for(form.name)
+    acceleration, velocity, *_ = form.columns_of(data)
+    places = np.column_stack(
+        [np.zeros((len(data), 0)), *(data.position[name] for name in over)]
+    )
+    motion = {"acceleration": acceleration, "velocity": velocity, "positions": places}
+    for name, values in {"time": time, **motion}.items():
+        bad = ~np.isfinite(values.reshape(len(data), -1))
         if bad.any():
             row = int(np.flatnonzero(bad.any(axis=1))[0])
             msg = f"reading {row + 1}: {name} is not finite, expected numbers."
             raise FitError(msg)
-    same = np.diff(readings.log) == 0
-    back = np.flatnonzero((np.diff(readings.time) <= 0) & same)
+    back = np.flatnonzero((np.diff(time) <= 0) & (np.diff(_logs(data)) == 0))
     if back.size:
         msg = (
             f"reading {back[0] + 2}: found time that does not ascend, expected a log in the"
             " order of time."
         )
         raise FitError(msg)
-    solved = [
-        (window, *found)
-        for window in _windows(readings, form)
-        if (found := _amplitude(window, readings.error[window.rows])) is not None
-    ]
-    if not solved:
+    cut, error = [], data.error[form.axis]
+    for one in _windows(data, form):
+        found = _amplitude(one.design, error[one.rows])
+        if found is None:
+            continue
+        rows, weight = slice(one.start, one.stop), one.push**2
+        place, push = weight @ places[rows] / weight.sum(), acceleration[rows]
+        peak = push[np.argmax(np.abs(push))]
+        cut.append((one.start, one.stop, one.branch, place, peak, *found, False))
+    if not cut:
         msg = (
             f"no acceleration of the master reaches {100 * _LEAST:.0f} % of "
             f"{form.acceleration:g} mm/s² or {form.deceleration:g} mm/s² for {_ROWS} rows: "
             "nothing to fit."
         )
         raise FitError(msg)
-    cut, value, deviation = zip(*solved, strict=True)
-    spans = [slice(one.start, one.stop) for one in cut]
-    weights = [one.push**2 for one in cut]
-    places = [
-        weight @ readings.positions[rows] / weight.sum()
-        for rows, weight in zip(spans, weights, strict=True)
-    ]
-    pushes = [readings.acceleration[rows] for rows in spans]
-    return Events(
-        start=np.array([one.start for one in cut]),
-        stop=np.array([one.stop for one in cut]),
-        branch=np.array([one.branch for one in cut]),
-        positions=np.array(places).reshape(len(cut), -1),
-        peak=np.array([push[np.argmax(np.abs(push))] for push in pushes]),
-        value=np.array(value),
-        standard_deviation=np.array(deviation),
-        wild=np.zeros(len(cut), dtype=bool),
-    )
+    return Events(*map(np.array, zip(*cut, strict=True)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -228,7 +212,6 @@ class _Window:
         rows: Those of the window in which the slave was read.
         design: What they may show: an amplitude of each event in them, this one first, then
             level and drift.
-        impulses: The same with 1 in place of a share.
     """
 
     start: int
@@ -237,51 +220,47 @@ class _Window:
     push: Float[np.ndarray, " e"]
     rows: Int[np.ndarray, " w"]
     design: Float[np.ndarray, "w c"]
-    impulses: Float[np.ndarray, "w c"]
 
 
-def _windows(readings: CrosstalkReadings, form: Crosstalk) -> Iterator[_Window]:
+def _windows(data: JointData, form: Crosstalk) -> Iterator[_Window]:
     """Yield the events of a log that are strong and long enough."""
-    share, label = _shares_of(readings, form)
-    for start, stop in _stretches(label, readings.log):
+    share, label = _shares_of(data, form)
+    log, time, known = _logs(data), data.clock_for(form.name), data.error[form.axis]
+    for start, stop in _stretches(label, log):
         push, length = share[start:stop], stop - start
         if label[start] < 0 or push.max() < _LEAST:
             continue
         rows = np.arange(max(start - length, 0), min(stop + length, len(share)))
-        here = readings.log[rows] == readings.log[start]
-        rows = rows[here & np.isfinite(readings.error[rows])]
+        rows = rows[(log[rows] == log[start]) & np.isfinite(known[rows])]
         own = (rows >= start) & (rows < stop)
         if own.sum() < _ROWS:
             continue
         beside = [~own & (label[rows] == other) for other in range(len(BRANCHES))]
         each = np.stack([own, *(one for one in beside if one.sum() >= _ROWS)], axis=1)
         keep = each.any(axis=1) | (label[rows] < 0)
-        rows, events = rows[keep], each[keep].astype(float)
-        clock = readings.time[rows] - readings.time[rows].mean()
+        rows, events = rows[keep], each[keep]
+        clock = time[rows] - time[rows].mean()
         clock /= max(float(np.abs(clock).max()), 1e-300)
-        line = np.stack([np.ones(len(rows)), clock], axis=1)
-        design, impulses = events * share[rows, None], np.hstack([events, line])
-        branch = int(label[start])
-        both = np.hstack([design, line]), impulses
-        yield _Window(start, stop, branch, push, rows, *both)
+        design = np.column_stack(
+            [events * share[rows, None], np.ones(len(rows)), clock]
+        )
+        yield _Window(start, stop, int(label[start]), push, rows, design)
 
 
 def _shares_of(
-    readings: CrosstalkReadings, form: Crosstalk
+    data: JointData, form: Crosstalk
 ) -> tuple[Float[np.ndarray, " t"], Int[np.ndarray, " t"]]:
     """Return the share of the specified acceleration in each row, and its row of `BRANCHES`.
 
     That is −1 where the master does not accelerate.
     """
-    directed = readings.directed(form)
     everywhere = dataclasses.replace(
         form, adaptation=(), positions=None, velocity_dependent=True
     )
     model = everywhere.to_model(np.zeros((4, 1)), 1.0)
-    stencil = model.stencil(filled(directed.acceleration), filled(directed.velocity))
-    count = len(readings.time)
-    share = np.asarray(stencil.weights)[:count].sum(axis=1)
-    branch = np.asarray(stencil.nodes)[:count, 0].astype(np.int64)
+    stencil = model.stencil(*map(filled, everywhere.columns_of(directed(data, form))))
+    share = np.asarray(stencil.weights)[: len(data)].sum(axis=1)
+    branch = np.asarray(stencil.nodes)[: len(data), 0].astype(np.int64)
     return share, np.where(share < _QUIET, -1, branch)
 
 
@@ -293,7 +272,7 @@ def _stretches(*labels: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _amplitude(
-    window: _Window, error: Float[np.ndarray, " w"]
+    design: Float[np.ndarray, "w c"], error: Float[np.ndarray, " w"]
 ) -> tuple[float, float] | None:
     """Return the size of an event, and its deviation; None where it is open.
 
@@ -303,12 +282,12 @@ def _amplitude(
     that hit the factor all the same (A. Wald, Ann. Math. Stat. 11, 1940). Where the master
     accelerates all the time they tell no level, and least squares have to do.
     """
-    design = window.design
     free = len(error) - design.shape[1]
     if free <= 0 or np.linalg.matrix_rank(design, 1.0 / _BLIND) < design.shape[1]:
         return None
-    found = []
-    for instruments in (design, window.impulses):
+    impulses, found = design.copy(), []
+    impulses[:, :-2] = design[:, :-2] > 0
+    for instruments in (design, impulses):
         matrix = instruments.T @ design
         if np.linalg.cond(matrix) > _BLIND**2:
             continue
@@ -324,21 +303,19 @@ def _amplitude(
     return value, math.sqrt(max(square * variance, 1e-18))
 
 
-def without_delay(
-    readings: CrosstalkReadings, form: Crosstalk
-) -> tuple[CrosstalkReadings, float]:
+def without_delay(data: JointData, form: Crosstalk) -> tuple[JointData, float]:
     """Return a log whose error is not late, and by how many s it was; 0 if that is not seen.
 
     The residuals of all events together say how far the error is to be moved. This is the
     delay of an error that was recorded as such, beside a slave that stands still; that of an
     instrument against the encoder of the same axis is taken off before any fit.
     """
-    windows = [*_windows(readings, form)]
-    step = float(np.median(np.diff(readings.time)))
+    windows, error = [*_windows(data, form)], data.error[form.axis]
+    step = float(np.median(np.diff(data.clock_for(form.name))))
     reach = min(math.ceil(_FARTHEST / step), _MOST_ROWS)
     lags = np.arange(-reach, reach + 1)
     # The log with as many missing rows before and after it as the error is moved by.
-    padded = np.pad(readings.error, reach, constant_values=np.nan)
+    padded = np.pad(error, reach, constant_values=np.nan)
     cost, count = np.zeros(len(lags)), 0
     for window in windows[:: max(-(-len(windows) // _MOST_EVENTS), 1)]:
         shifted = padded[window.rows[:, None] + reach + lags]
@@ -354,6 +331,6 @@ def without_delay(
     late = int(lags[np.argmin(cost)])
     # Mean fall of the logarithm of the standard deviation.
     if not late or cost[reach] - cost.min() <= _GAIN * count:
-        return readings, 0.0
-    error = padded[reach + late :][: len(readings.error)]
-    return dataclasses.replace(readings, error=error), late * step
+        return data, 0.0
+    moved = padded[reach + late :][: len(error)]
+    return dataclasses.replace(data, error={form.axis: moved}), late * step

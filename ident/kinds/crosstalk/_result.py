@@ -1,7 +1,7 @@
-"""What a job found of a crosstalk: its gate, its result, and what a person must know of it."""
+"""What a job found of a crosstalk, and what a person must know of it."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -9,110 +9,18 @@ from jaxtyping import Bool, Float, Int
 
 from ....models import Crosstalk
 from ...job.result._result import AbstractResult, Remark
-from ...proof import GateCheck, reversal_dynamics
 from . import BRANCHES
-from .effect import CrosstalkFit, full_offsets
+from .effect import CrosstalkFit
 
 if TYPE_CHECKING:
     from ._draft import CrosstalkDraft
 
 SHORT = ("accelerating +", "accelerating −", "decelerating +", "decelerating −")
 """Words for the rows of `BRANCHES`: what the master does, and its direction."""
-_STEPS = 60
-"""Places along each adaptation axis at which the surface is looked at."""
-_RESOLUTION = 41
-"""Places along each adaptation axis at which the workspace is looked at."""
 _QUADRANTS = {"crosstalk_accelerate", "crosstalk_sign"}
 _COVERED = 0.995
 _ABOVE = 1.1
 """Share of the specified acceleration up to which a peak is its own noise."""
-
-
-def coverage_of(model: Crosstalk, workspace: Float[np.ndarray, "k 2"]) -> float:
-    """Return the share of a workspace that lies among the tests, 0 to 1.
-
-    Args:
-        model: The list.
-        workspace: From where to where each adaptation axis goes, in mm.
-    """
-    if not len(workspace):
-        return 1.0
-    grid = _grid([np.linspace(low, high, _RESOLUTION) for low, high in workspace])
-    places = grid.reshape(-1, len(workspace))
-    return float(np.mean(np.asarray(model.covers(places))))
-
-
-def _grid(lines: Sequence[Float[np.ndarray, " _n"]]) -> Float[np.ndarray, "..."]:
-    """Return all places that lines of each axis make, the axes last."""
-    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
-
-
-def largest_jump(model: Crosstalk) -> float:
-    """Return the largest jump in mm when the master's acceleration steps at will."""
-    four = full_offsets(model, model)
-    braking = np.abs(four[[0, 1]] - four[[2, 3]])
-    sizes = [np.abs(four), braking, _reversal_jumps(model)]
-    return max(float(each.max(initial=0.0)) for each in sizes)
-
-
-def _reversal_jumps(model: Crosstalk) -> Float[np.ndarray, "2 p"]:
-    """Return how far the value jumps where the master turns under full acceleration."""
-    four = full_offsets(model, model)
-    # A turn keeps the sign of the acceleration and changes the direction.
-    pairs = ((0, 3), (2, 1)) if model.by_speed else ((0, 1), (2, 3))
-    return np.stack([np.abs(four[a] - four[b]) for a, b in pairs])
-
-
-def judge_crosstalk(draft: "CrosstalkDraft") -> tuple[GateCheck, ...]:
-    """Return every line of the gate."""
-    model, names, limits = draft.model, draft.masters, draft.job.limits
-    points = np.asarray(model.surface.points)
-    full, turns = full_offsets(model, model), _reversal_jumps(model)
-
-    def at(test: int) -> str:
-        pairs = zip(names, points[test], strict=True)
-        words = ", ".join(f"{name} = {value:g}" for name, value in pairs)
-        return f" at {words}" if words else ""
-
-    row, test = np.unravel_index(np.abs(full).argmax(), full.shape)
-    turn = "where the master turns under full acceleration"
-    turn += at(int(turns.max(axis=0).argmax()))
-    cycle_time = draft.job.spec.controller.cycle_time
-    fast, hard = reversal_dynamics(largest_jump(model), model.cycles, cycle_time)
-    step = f"if the acceleration of the master steps, spread over {model.cycles} cycles"
-    lines = [
-        ("max_correction", np.abs(full).max(), "mm", f"{SHORT[row]}{at(int(test))}"),
-        ("max_reversal", turns.max(), "mm", turn),
-        ("max_velocity", fast, "mm/s", step),
-        ("max_acceleration", hard, "mm/s²", step),
-    ]
-    if names:
-        steepest, along = max(_slopes(model, names, points))
-        where, added = f"along {along} under full acceleration", limits.feed / 60.0
-        lines += [
-            ("max_slope", 1e3 * steepest, "µm/mm", where),
-            ("max_velocity by position", steepest * added, "mm/s", where),
-        ]
-    change = draft.change
-    if change is not None and limits.max_change is not None:
-        words = "against the list that was there"
-        lines.append(("max_change", np.abs(change).max(), "mm", words))
-    return tuple(limits.check(*line) for line in lines)
-
-
-def _slopes(
-    model: Crosstalk, names: Sequence[str], points: Float[np.ndarray, "p k"]
-) -> Iterator[tuple[float, str]]:
-    """Return the steepest slope under full acceleration along each adaptation axis."""
-    ends = zip(points.min(axis=0), points.max(axis=0), strict=True)
-    lines = [np.linspace(low, high, _STEPS + 1) for low, high in ends]
-    grid = _grid(lines)
-    four = full_offsets(model, model, grid.reshape(-1, len(names)))
-    four = four.reshape(4, *grid.shape[:-1])
-    for axis, (name, line) in enumerate(zip(names, lines, strict=True), start=1):
-        step = float(line[1] - line[0])
-        rise = float(np.max(np.abs(np.diff(four, axis=axis))))
-        yield (rise / step if step > 0 else 0.0, name)
 
 
 @final

@@ -50,11 +50,11 @@ VALUES = (
 )
 """Entries of a test, in the order of the rows of `Crosstalk.values`."""
 
-_OLD = ("master_ax_nr", "last_index", "table[].acceleration", "table[].correction")
-
-
 _MASTERS = ("master_dyn_ax_nr", "master_pos1_ax_nr", "master_pos2_ax_nr")
 _RATES = {"acceleration": 1, "deceleration": -1}
+_OLD = ("master_ax_nr", "last_index", "table[].acceleration", "table[].correction")
+_NEW = (*(f"position[].{name}" for name in VALUES), "mode", *_RATES)
+"""Entries of the older and of the present form of the list, and of no other."""
 
 
 def _surface(
@@ -76,13 +76,10 @@ def _surface(
 
 
 def _is_old(listing: ListFile) -> bool:
-    old = [name for name in _OLD if f"{PREFIX}.{name}" in listing.columns]
-    new = [f"position[].{name}" for name in VALUES]
-    new = [
-        name
-        for name in (*new, "mode", *_RATES)
-        if f"{PREFIX}.{name}" in listing.columns
-    ]
+    old, new = (
+        [name for name in names if f"{PREFIX}.{name}" in listing.columns]
+        for names in (_OLD, _NEW)
+    )
     if old and new:
         raise ExchangeError(
             where=f"{listing.source}: {PREFIX}",
@@ -127,15 +124,6 @@ def _old_from_list(listing: ListFile, conventions: Conventions) -> LegacyCrossta
         cycles=not_negative(listing, f"{PREFIX}.n_cycles"),
         sign=float(conventions.crosstalk_sign),
     )
-
-
-def _four(model: Crosstalk) -> Float[np.ndarray, "4 p"]:
-    """Return the entries that act, row by row of `VALUES`."""
-    values = np.asarray(model.values)
-    if model.velocity_dependent:
-        return values
-    slow = values[2] if model.own_deceleration else values[0]
-    return np.stack([values[0], values[0], slow, slow])
 
 
 def _rate(value: object, name: str) -> int:
@@ -226,9 +214,11 @@ class CrosstalkEntries(AbstractEntries):
             },
         }
         places = exact_in_list(points, f"{PREFIX}.position[].ax_1 and ax_2", SGN64)
-        values = round_to_list(
-            _four(model), f"{PREFIX}.position[].{VALUES[0]} …", SGN64
-        )
+        # The entries that act, row by row of `VALUES`.
+        acts = [0, 0, 2, 2] if model.own_deceleration else [0, 0, 0, 0]
+        acts = [0, 1, 2, 3] if model.velocity_dependent else acts
+        name = f"{PREFIX}.position[].{VALUES[0]} …"
+        values = round_to_list(np.asarray(model.values)[acts], name, SGN64)
         # Ordered along ax_1, then ax_2: the only order that no manual refuses (70660).
         order = np.lexsort(places.T[::-1]) if axes else np.zeros(1, dtype=np.int64)
         for k, test in enumerate(order):

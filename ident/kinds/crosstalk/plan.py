@@ -8,16 +8,21 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from jaxtyping import Float
 
+from .... import models
+from ..._recording import JointData
+from ...exchange import ExchangeError
 from ...fit import FitError
 from ...fit.joint import Crosstalk
 from ...job._draft import AbstractPlan, Leftovers
 from ...job.joint._recording import read_group
 from ...job.result._result import Remark
+from ...job.table._plan import was_active
 from ...readings import Tables
 from . import SAFE_TESTS
-from ._draft import CrosstalkDraft, Existing, existing_crosstalk
-from ._events import CrosstalkReadings, cut_events, specified, without_delay
+from ._draft import CrosstalkDraft
+from ._events import cut_events, directed, specified, without_delay
 from .effect import CrosstalkFit, are_among, fit_crosstalk
+from .entries import ENTRIES, crosstalk_from_list
 from .keys import Spec
 
 if TYPE_CHECKING:
@@ -30,10 +35,22 @@ def plan(tables: Tables, index: int, fit: Spec) -> "CrosstalkPlan":
     """Plan a crosstalk fit.
 
     Raises:
-        JobError: If existing lists do not suit.
+        JobError: If crosstalk was active while measuring, and cannot be added to.
     """
-    old = existing_crosstalk(tables.job, index, fit)
-    return CrosstalkPlan(tables.job, index, fit, old)
+    job, listing = tables.job, tables.job.lists[fit.axis].compensation
+    old, masters, unread, holder = None, tuple[int, ...](), "", None
+    if listing is not None and ENTRIES.is_in(listing):
+        holder = job.spec.axes[fit.axis].listing
+        try:
+            masters = ENTRIES.named_masters(listing)
+            old = crosstalk_from_list(listing, job.conventions)
+        except ExchangeError as error:
+            unread = str(error)
+    active = was_active(job, index, fit, holder)
+    one = CrosstalkPlan(job, index, fit, old, masters, unread, active)
+    if active:
+        one.refuse_unlike()
+    return one
 
 
 @final
@@ -42,24 +59,66 @@ class CrosstalkPlan(AbstractPlan):
     """A crosstalk.
 
     Attributes:
-        old: Crosstalk of the list that is there.
+        old: Crosstalk of the list that is there as the controller runs it; None: there is
+            none, or none that can be read.
+        masters: Logical numbers there: the axis that accelerates, then adaptation axes.
+        unread: Why it cannot be read, or nothing.
+        active: Whether it was active while measuring.
     """
 
     fit: Spec
-    old: Existing
+    old: models.Crosstalk | models.LegacyCrosstalk | None
+    masters: tuple[int, ...]
+    unread: str
+    active: bool
 
     @property
-    def mover(self) -> str:
-        """Axis whose direction of motion counts."""
-        return self.fit.mover(self.job.conventions)
+    def acting(self) -> models.Crosstalk | None:
+        """What acted while measuring."""
+        old = self.old if self.active else None
+        return old if isinstance(old, models.Crosstalk) else None
+
+    def refuse_unlike(self) -> None:
+        """Raise where what acted while measuring cannot be added to.
+
+        Raises:
+            JobError: Naming what differs.
+        """
+        fit, job, old, where = self.fit, self.job, self.old, ("fits", self.index)
+        if old is None:
+            raise job.error(
+                ("axes", fit.axis, "list"),
+                "crosstalk was active while measuring, but no list with its tests is"
+                f" given{f' ({self.unread})' if self.unread else ''}, expected list = the"
+                " file that was loaded",
+            )
+        if not isinstance(old, models.Crosstalk):
+            raise job.error(
+                where,
+                "crosstalk was active by a list of the older form, to which no tests can"
+                " be added, expected a measurement with COMP OFF CROSSTALK",
+            )
+        names = (fit.master, *fit.adapts_to)
+        named = [job.spec.axes[name].number for name in names]
+        if named != [*self.masters]:
+            raise job.error(
+                where,
+                f"found master and adaptation axes {named}, expected {[*self.masters]} as"
+                " in the list that was active",
+            )
+        for key in ("acceleration", "deceleration"):
+            given, own = getattr(fit, key), float(getattr(old, key))
+            if given is not None and given != own:
+                words = f"found {given:g}, expected {own:g} as in the list that was"
+                raise job.error((*where, key), f"{words} active")
 
     @functools.cached_property
     def rates(self) -> tuple[float | None, float | None]:
         """Specified acceleration and deceleration in mm/s²; None = as measured."""
-        active = self.old.active
-        if active is None:
-            return self.fit.acceleration, self.fit.deceleration
-        return float(active.acceleration), float(active.deceleration)
+        own = self.acting or self.fit
+        rates = own.acceleration, own.deceleration
+        up, down = (None if rate is None else float(rate) for rate in rates)
+        return up, down
 
     @functools.cached_property
     def options(self) -> dict[str, Any]:
@@ -93,9 +152,9 @@ class CrosstalkPlan(AbstractPlan):
         """
         wished = self.fit.positions
         points = None if wished is None else np.array(wished, dtype=float)
-        if self.old.active is None:
+        if self.acting is None:
             return points
-        own = np.asarray(self.old.active.surface.points, dtype=float)
+        own = np.asarray(self.acting.surface.points, dtype=float)
         if points is None:
             return own
         if points.shape[1] == own.shape[1] and are_among(own, points).all():
@@ -106,25 +165,23 @@ class CrosstalkPlan(AbstractPlan):
         )
         raise FitError(msg)
 
-    def _found(
-        self, log: CrosstalkReadings, form: Crosstalk | None = None
-    ) -> CrosstalkFit:
-        """Return the fit to a log of all axes that the tests may adapt to.
+    def _found(self, log: JointData, form: Crosstalk | None = None) -> CrosstalkFit:
+        """Return the fit to a log.
 
         Args:
             log: Of master and slave.
-            form: Where it is known: then the log has its adaptation axes only.
+            form: Where it is known; else it is chosen, over all axes that it may adapt to.
         """
-        fit, rules, options = self.fit, self.job.conventions, self.options
-        names = fit.adapts_to
+        fit, options, names = self.fit, self.options, self.fit.adapts_to
         if form is None:
-            rates = specified(log, *self.rates)
+            rates = specified(log.acceleration[fit.master], *self.rates)
+            rules = self.job.conventions
             form = Crosstalk(fit.axis, fit.master, *rates, conventions=rules)
         else:
             names = form.adaptation
             apart = {"velocity_dependent": form.velocity_dependent}
             options = {**options, "positions": form.points, **apart}
-        return fit_crosstalk(cut_events(log, form), form, names, **options)
+        return fit_crosstalk(cut_events(log, form, names), form, names, **options)
 
     def alone(self, tables: Tables, left: Leftovers) -> CrosstalkDraft:
         recording = read_group(tables, [self])
@@ -133,35 +190,32 @@ class CrosstalkPlan(AbstractPlan):
         log, delay = without_delay(log, found.effect)
         if delay:
             found = self._found(log)
-        return self._draft(recording, log.error, found, recording.remarks, delay)
+        return self._draft(found, log, recording.remarks, delay)
 
     def draft(self, share: "Share") -> CrosstalkDraft:
         part, form, rows = share.part, share.part.effect, share.rows
         assert isinstance(form, Crosstalk)  # of `effect`
         error = np.full(len(rows), np.nan)
         error[rows] = share.error
-        log = self._log(share.recording, error, form.adaptation)
+        log = self._log(share.recording, error)
         found = self._found(log, form)
         told = form.table(part.determined.astype(float)) > 0.5
         values = np.where(told, found.values, np.nan)
         deviation = np.where(told, found.standard_deviation, np.inf)
         found = dataclasses.replace(found, values=values, standard_deviation=deviation)
-        return self._draft(share.recording, error, found, share.remarks())
+        return self._draft(found, log, share.remarks())
 
     def _draft(
         self,
-        recording: "GroupRecording",
-        error: Float[np.ndarray, " t"],
         found: CrosstalkFit,
+        log: JointData,
         remarks: Sequence[Remark],
         delay: float = 0.0,
     ) -> CrosstalkDraft:
-        log = self._log(recording, error, found.effect.adaptation)
         # What a list adds beside an event is that of the direction of the event.
-        log = log.directed(found.effect)
-        return CrosstalkDraft(
-            self.job, self.index, self.fit, tuple(remarks), found, log, self.old, delay
-        )
+        log = directed(log, found.effect)
+        own = self.job, self.index, self.fit, self
+        return CrosstalkDraft(*own, found, log, tuple(remarks), delay)
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -169,7 +223,7 @@ class CrosstalkPlan(AbstractPlan):
 
     @property
     def accelerating(self) -> tuple[str, ...]:
-        return (self.fit.master, self.mover)
+        return (self.fit.master, self.fit.mover(self.job.conventions))
 
     def unfit(self, recording: "GroupRecording") -> str:
         rate = recording.data.acceleration[self.fit.master]
@@ -207,30 +261,17 @@ class CrosstalkPlan(AbstractPlan):
         return dataclasses.replace(form, conventions=rules)
 
     def _log(
-        self,
-        recording: "GroupRecording",
-        error: Float[np.ndarray, " t"],
-        adaptation: tuple[str, ...] | None = None,
-    ) -> CrosstalkReadings:
+        self, recording: "GroupRecording", error: Float[np.ndarray, " t"]
+    ) -> JointData:
         """Return the recording as logs of one axis, one per measurement.
 
         Args:
             recording: What was measured.
             error: Of the axis, or what other effects leave of it, in mm.
-            adaptation: Axes whose positions count; None: all that may.
         """
-        data, master = recording.data, self.fit.master
-        if data.time is None:
-            msg = "expected the time of every reading, found none."
-            raise FitError(msg)
-        names = self.fit.adapts_to if adaptation is None else adaptation
-        places = [data.position[name] for name in names]
         counts = [rows.stop - rows.start for rows in recording.slices.values()]
-        return CrosstalkReadings(
-            time=data.time,
-            acceleration=data.acceleration[master],
-            velocity=data.velocity[self.mover],
-            error=np.asarray(error, dtype=float),
-            positions=np.column_stack([np.zeros((len(data), 0)), *places]),
-            log=np.repeat(np.arange(len(counts)), counts),
+        return dataclasses.replace(
+            recording.data,
+            error={self.axis: np.asarray(error, dtype=float)},
+            clock_number=np.repeat(np.arange(len(counts)), counts),
         )

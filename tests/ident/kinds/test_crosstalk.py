@@ -10,12 +10,8 @@ import numpy as np
 import pytest
 
 from axcomp.ident.fit import FitError
-from axcomp.ident.fit.joint import Crosstalk
-from axcomp.ident.kinds.crosstalk._events import (
-    CrosstalkReadings,
-    cut_events,
-    specified,
-)
+from axcomp.ident.fit.joint import Crosstalk, JointData
+from axcomp.ident.kinds.crosstalk._events import cut_events, specified
 from axcomp.ident.kinds.crosstalk._tests import columns_of
 from axcomp.ident.kinds.crosstalk.effect import CrosstalkFit, fit_crosstalk
 from axcomp.models import Conventions, surface_through
@@ -57,8 +53,8 @@ def log(
     at: np.ndarray | None = None,
     ways: tuple[int, ...] = (1, -1),
     noise: float = NOISE,
-) -> CrosstalkReadings:
-    """Moves of the master to and fro, at random places of two adaptation axes or given ones.
+) -> JointData:
+    """Moves of the master X to and fro, at random places of A and B or given ones.
 
     The slave drifts and bends besides: that is no crosstalk.
     """
@@ -80,29 +76,43 @@ def log(
     error = np.abs(acceleration) / FULL * law(branch, positions)
     error += 0.01 * np.sin(time / 20.0) + 0.003 * np.sin(positions[:, 0] / 60.0)
     error += noise * rng.normal(size=len(time))
-    one = np.zeros(len(time), int)
-    return CrosstalkReadings(time, acceleration, velocity, error, positions, one)
+    over = dict(zip("AB", positions.T, strict=True))
+    return recorded(time, acceleration, velocity, error, over)
 
 
-def without_places(readings: CrosstalkReadings) -> CrosstalkReadings:
-    return dataclasses.replace(readings, positions=np.zeros((len(readings.time), 0)))
+def recorded(
+    time: np.ndarray,
+    acceleration: np.ndarray,
+    velocity: np.ndarray,
+    error: np.ndarray,
+    over: dict[str, np.ndarray],
+) -> JointData:
+    """A log of the error of Z and the motion of X."""
+    x, y = {"X": velocity}, {"X": acceleration}
+    return JointData(over, {"Z": error}, velocity=x, acceleration=y, time=time)
+
+
+def over(readings: JointData, *names: str) -> JointData:
+    """The log with the positions of some axes only."""
+    places = {name: readings.position[name] for name in names}
+    return dataclasses.replace(readings, position=places)
 
 
 FORM = Crosstalk("Z", "X", FULL, -FULL)
 
 
 def fitted(
-    readings: CrosstalkReadings,
+    readings: JointData,
     acceleration: float | None = FULL,
     deceleration: float | None = -FULL,
     conventions: Conventions | None = None,
     **options: Any,
 ) -> CrosstalkFit:
     """The crosstalk of Z from X, over A and B where these were recorded."""
-    rates = specified(readings, acceleration, deceleration)
+    rates = specified(readings.acceleration["X"], acceleration, deceleration)
     form = Crosstalk("Z", "X", *rates, conventions=conventions)
-    names = ("A", "B")[: readings.positions.shape[1]]
-    return fit_crosstalk(cut_events(readings, form), form, names, **options)
+    names = tuple(readings.position)
+    return fit_crosstalk(cut_events(readings, form, names), form, names, **options)
 
 
 def truth_at(law: Law, points: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
@@ -133,7 +143,7 @@ def test_events_held_out_choose_the_mode_and_the_axes(
 def test_planted_values_lie_within_the_stated_deviations_at_the_right_rate() -> None:
     distances = []
     for seed in range(8):
-        readings = without_places(log(seed, mode_1, moves=12))
+        readings = over(log(seed, mode_1, moves=12))
         fit = fitted(
             readings,
             mode=1,
@@ -176,7 +186,7 @@ def test_over_one_axis_three_tests_are_chosen_where_two_would_do() -> None:
 def test_directions_get_values_of_their_own_only_where_they_differ(
     law: Law, apart: bool
 ) -> None:
-    fit = fitted(without_places(log(2, law)))
+    fit = fitted(over(log(2, law)))
     assert fit.effect.velocity_dependent is apart
     if not apart:
         np.testing.assert_array_equal(fit.values[0], fit.values[1])
@@ -185,11 +195,11 @@ def test_directions_get_values_of_their_own_only_where_they_differ(
 
 def test_every_event_is_shown_with_its_place_sign_and_direction() -> None:
     readings = log(3, mode_2, moves=5)
-    events = cut_events(readings, FORM)
+    events = cut_events(readings, FORM, ("A", "B"))
     assert events.branch.tolist() == [0, 2, 3, 1] * 5
     for start, stop in zip(events.start, events.stop, strict=True):
-        assert (np.abs(readings.acceleration[start:stop]) > 0).all()
-    places = readings.positions[events.start]
+        assert (np.abs(readings.acceleration["X"][start:stop]) > 0).all()
+    places = np.stack(list(readings.position.values()), axis=1)[events.start]
     np.testing.assert_allclose(events.positions, places)
     # 20 to 35 rows of 0.5 µm against as many beside them, at 60 % of the acceleration.
     assert (np.abs(events.value - mode_2(events.branch, places)) < 1e-3).all()
@@ -200,15 +210,17 @@ def test_every_event_is_shown_with_its_place_sign_and_direction() -> None:
 def test_a_filtered_acceleration_shows_as_many_events_as_took_place(
     rows: int, noise: float
 ) -> None:
-    readings = without_places(log(3, mode_1, moves=18))
+    readings = over(log(3, mode_1, moves=18))
     # A filter smears every acceleration over the standstill beside it, where the
     # velocity is 0 or, differentiated from a position, its own noise in mm/s.
     window = np.hanning(rows + 2)[1:-1]
-    smeared = np.convolve(readings.acceleration, window / window.sum(), "same")
-    velocity = readings.velocity + noise * np.random.default_rng(0).normal(
+    smeared = np.convolve(readings.acceleration["X"], window / window.sum(), "same")
+    velocity = readings.velocity["X"] + noise * np.random.default_rng(0).normal(
         size=len(smeared)
     )
-    filtered = dataclasses.replace(readings, acceleration=smeared, velocity=velocity)
+    filtered = dataclasses.replace(
+        readings, acceleration={"X": smeared}, velocity={"X": velocity}
+    )
     events = cut_events(filtered, FORM)
     assert events.branch.tolist() == [0, 2, 3, 1] * 18
     value, truth = events.value, BY_QUADRANT[events.branch]
@@ -226,12 +238,7 @@ def test_a_turn_under_one_acceleration_is_an_event_in_each_direction() -> None:
     branch = 2 * (acceleration < 0) + (velocity < 0)
     error = acceleration / FULL * BY_QUADRANT[branch]
     error += 1e-5 * np.random.default_rng(0).normal(size=300)
-    events = cut_events(
-        CrosstalkReadings(
-            time, acceleration, velocity, error, np.zeros((300, 0)), np.zeros(300, int)
-        ),
-        FORM,
-    )
+    events = cut_events(recorded(time, acceleration, velocity, error, {}), FORM)
     assert events.branch.tolist() == [1, 0]
     # 70 rows of 0.01 µm each against a level: a few nm.
     assert events.value[0] == pytest.approx(BY_QUADRANT[1], abs=2e-5)
@@ -244,18 +251,19 @@ def test_the_list_that_the_fit_stands_for_takes_the_error_away() -> None:
     model = fit.compensation()
     assert model is not None
     offset = model.offset(
-        readings.acceleration,
-        readings.velocity,
-        readings.positions[:, ["AB".index(name) for name in fit.effect.adaptation]],
+        readings.acceleration["X"],
+        readings.velocity["X"],
+        np.stack([readings.position[name] for name in fit.effect.adaptation], axis=1),
     )
-    left = dataclasses.replace(readings, error=readings.error + np.asarray(offset))
+    error = {"Z": readings.error["Z"] + np.asarray(offset)}
+    left = dataclasses.replace(readings, error=error)
     before, after = (cut_events(each, FORM).value for each in (readings, left))
     # What is left is the noise of the events, 0.15 µm, and a little of the surface.
     assert np.sqrt(np.mean(after**2)) < 0.05 * np.sqrt(np.mean(before**2))
 
 
 def test_the_sign_of_the_entries_follows_the_convention() -> None:
-    readings = without_places(log(4, mode_1, moves=12))
+    readings = over(log(4, mode_1, moves=12))
     plain = fitted(readings).compensation()
     turned = fitted(readings, conventions=Conventions(crosstalk_sign=-1)).compensation()
     assert plain is not None
@@ -277,7 +285,7 @@ def test_accelerating_by_speed_sorts_events_by_whether_the_master_gets_faster() 
 
 
 def test_a_master_that_moves_one_way_only_leaves_the_other_unknown() -> None:
-    readings = without_places(log(5, mode_1, ways=(1,)))
+    readings = over(log(5, mode_1, ways=(1,)))
     fit = fitted(readings)
     assert not fit.complete.all()
     assert fit.compensation() is None
@@ -287,14 +295,14 @@ def test_a_master_that_moves_one_way_only_leaves_the_other_unknown() -> None:
 
 
 def test_one_way_is_enough_where_directions_are_taken_as_alike() -> None:
-    readings = without_places(log(5, alike, ways=(1,)))
+    readings = over(log(5, alike, ways=(1,)))
     fit = fitted(readings, velocity_dependent=False)
     assert fit.complete.all()
 
 
 def test_a_test_without_events_is_left_out_whole() -> None:
     readings = log(6, mode_2, at=np.array([[0.0, 0.0], [0.0, 100.0], [0.0, 200.0]]))
-    places = dataclasses.replace(readings, positions=readings.positions[:, 1:])
+    places = over(readings, "B")
     fit = fitted(
         places,
         positions=np.array([[0.0], [100.0], [200.0], [300.0]]),
@@ -323,25 +331,25 @@ def test_single_acceleration_tests_become_entries_as_they_are() -> None:
 
 
 def test_a_wild_event_is_named_and_moves_nothing() -> None:
-    readings = without_places(log(8, mode_1))
+    readings = over(log(8, mode_1))
     events = cut_events(readings, FORM)
-    error = readings.error.copy()
+    error = readings.error["Z"].copy()
     error[events.start[20] : events.stop[20]] += 0.2
-    fit = fitted(dataclasses.replace(readings, error=error))
+    fit = fitted(dataclasses.replace(readings, error={"Z": error}))
     assert np.flatnonzero(fit.events.wild)[0] == 20
     np.testing.assert_allclose(fit.values[:, 0], BY_QUADRANT, atol=3e-4)
 
 
 def test_missed_readings_of_the_slave_are_left_out() -> None:
-    readings = without_places(log(9, mode_1))
-    error = readings.error.copy()
+    readings = over(log(9, mode_1))
+    error = readings.error["Z"].copy()
     error[np.random.default_rng(0).random(len(error)) < 0.2] = np.nan
-    fit = fitted(dataclasses.replace(readings, error=error))
+    fit = fitted(dataclasses.replace(readings, error={"Z": error}))
     np.testing.assert_allclose(fit.values[:, 0], BY_QUADRANT, atol=3e-4)
 
 
 def test_accelerations_are_taken_as_measured_where_none_are_given() -> None:
-    readings = without_places(log(10, mode_1))
+    readings = over(log(10, mode_1))
     fit = fitted(readings, None, None)
     # Moves at 60 to 100 % of 2000 mm/s².
     assert 1200.0 < fit.effect.acceleration < 2000.0
@@ -371,23 +379,22 @@ def test_columns_of_the_search_are_those_of_the_controller() -> None:
 )
 def test_what_cannot_be_meant_is_refused(options: dict[str, Any], message: str) -> None:
     readings = log(11, mode_1, moves=4)
-    one = dataclasses.replace(readings, positions=readings.positions[:, :1])
+    one = over(readings, "A")
     with pytest.raises(FitError, match=message):
         fitted(one, **options)
 
 
 def test_a_master_that_never_brakes_is_refused() -> None:
     count = 50
-    readings = CrosstalkReadings(
-        np.arange(50.0), np.full(count, 100.0), np.ones(count), np.zeros(count),
-        np.zeros((count, 0)), np.zeros(count, int),
-    )  # fmt: skip
+    readings = recorded(
+        np.arange(50.0), np.full(count, 100.0), np.ones(count), np.zeros(count), {}
+    )
     with pytest.raises(FitError, match="shows no deceleration at all"):
         fitted(readings, None, None)
 
 
 def test_positions_that_are_not_numbers_are_refused() -> None:
     readings = log(12, mode_1, moves=2)
-    readings.positions[7, 1] = np.nan
+    readings.position["B"][7] = np.nan
     with pytest.raises(FitError, match="reading 8: positions is not finite"):
-        cut_events(readings, FORM)
+        cut_events(readings, FORM, ("A", "B"))
