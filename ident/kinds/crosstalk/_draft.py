@@ -15,7 +15,7 @@ from ...job._draft import AbstractDraft
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
 from ...proof import GateCheck, reversal_dynamics
-from ._events import cut_events
+from ._events import cut_events, directed
 from ._result import SHORT, CrosstalkResult, remarks_of
 from .effect import CrosstalkFit, full_offsets
 from .entries import crosstalk_from_list, entries_of_crosstalk
@@ -39,7 +39,7 @@ class CrosstalkDraft(AbstractDraft):
     Attributes:
         plan: What was asked for, and the crosstalk of the list that is there.
         found: The estimate.
-        log: What it saw, one direction per acceleration, no delay.
+        log: What it saw, its delay taken off.
         remarks: What was taken for granted while reading.
         delay: By how much the error follows the acceleration, in s; taken off.
     """
@@ -171,40 +171,38 @@ class CrosstalkDraft(AbstractDraft):
         fit, log = self.found, self.log
         error = {self.axis: log.error[self.axis] + self.added_to_log(done)}
         left = cut_events(dataclasses.replace(log, error=error), fit.effect).value
-        before = fit.events.value
-        model, predicted = (
-            (self.model, fit.predicted) if self.written else (None, before)
-        )
-        result = CrosstalkResult(
+        # Without a list nothing changes.
+        predicted = fit.predicted if self.written else fit.events.value
+        return CrosstalkResult(
             **self.frame(done),
-            error=staged(before, predicted, left, fit.events.wild),
-            remarks=(),
-            files=() if model is None else done.written,
+            error=staged(fit.events.value, predicted, left, fit.events.wild),
+            remarks=(*remarks_of(self), *done.remarks),
+            files=done.written if self.written else (),
             held_out="event",
-            model=model,
+            model=self.model if self.written else None,
             written=fit.kept(self.plan.acting) & self.written,
-            coverage=self._coverage() if self.written else 0.0,
+            coverage=self.coverage,
             fit=fit,
             from_file=left,
             time=log.clock_for(fit.effect.name)[fit.events.start],
         )
-        said = remarks_of(result, self)
-        remarks = (*self.remarks, *said, *self._about_the_old(), *done.remarks)
-        return dataclasses.replace(result, remarks=remarks)
 
     def added_to_log(self, done: "AxisFiles") -> Float[np.ndarray, " t"]:
         """Return what the written file adds in each row beyond what acted already."""
         listing, active = done.compensation, self.plan.acting
         if not self.written or listing is None:
             return np.zeros(len(self.log))
-        pull, speed, *places = self.found.effect.columns_of(self.log)
+        # Beside an event the direction is that of the event.
+        form = self.found.effect
+        pull, speed, *places = form.columns_of(directed(self.log, form))
         motion = pull, speed, np.reshape(places, (-1, len(pull))).T
         model = crosstalk_from_list(listing, self.job.conventions)
         added = np.asarray(model.offset(*motion))
         return added if active is None else added - np.asarray(active.offset(*motion))
 
-    def _coverage(self) -> float:
-        """Return the share of the workspace that lies among the tests, 0 to 1.
+    @functools.cached_property
+    def coverage(self) -> float:
+        """Share of the workspace that lies among the tests, 0 to 1; 0 without a list.
 
         The adaptation axes go from one software limit to the other, else as measured.
         """
@@ -213,23 +211,11 @@ class CrosstalkDraft(AbstractDraft):
             place = self.log.position[name]
             limits = self.job.spec.axes[name].limits
             spans.append(limits or [float(place.min()), float(place.max())])
-        if not spans:
-            return 1.0
+        if not spans or not self.written:
+            return float(self.written)
         low, high = np.array(spans, dtype=float).T
-        places = _places(np.linspace(low, high, _RESOLUTION))
-        places = places.reshape(-1, len(spans))
+        places = _places(np.linspace(low, high, _RESOLUTION)).reshape(-1, len(spans))
         return float(np.mean(np.asarray(self.model.covers(places))))
-
-    def _about_the_old(self) -> list[Remark]:
-        if why := self.plan.unread:
-            words = f"The new crosstalk replaces one that cannot be read: {why}"
-            return [Remark.warning(words)]
-        if self.plan.old is None:
-            return []
-        words = "off while measuring: the new one replaces it."
-        if self.plan.active:
-            words = "active while measuring: the new one is old + residual."
-        return [Remark.info(f"The old crosstalk was {words}")]
 
 
 def _places(lines: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "..."]:

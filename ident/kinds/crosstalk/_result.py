@@ -139,67 +139,75 @@ class CrosstalkResult(AbstractResult):
         }
 
 
-def remarks_of(result: CrosstalkResult, draft: "CrosstalkDraft") -> Iterator[Remark]:
-    """Return everything that the report has to say of a fit.
-
-    Args:
-        result: Of the job, its remarks left out.
-        draft: What it was made of.
-    """
-    yield from _of_the_events(result, draft)
-    yield from _of_missing_tests(result)
-    if result.model is None:
-        yield from _why_nothing(result)
-        return
-    if result.coverage < _COVERED:
-        axes = " and ".join(result.adaptation)
+def remarks_of(draft: "CrosstalkDraft") -> Iterator[Remark]:
+    """Return everything that the report has to say of a fit."""
+    yield from draft.remarks
+    yield from _of_the_events(draft)
+    yield from _of_missing_tests(draft.found)
+    if draft.written:
+        yield from _of_the_list(draft)
+    else:
+        yield from _why_nothing(draft.found)
+    if why := draft.plan.unread:
         yield Remark.warning(
-            f"The tests cover {result.coverage:.0%} of the workspace of {axes}. Beyond"
+            f"The new crosstalk replaces one that cannot be read: {why}"
+        )
+    elif draft.plan.old is not None:
+        words = "off while measuring: the new one replaces it."
+        if draft.plan.active:
+            words = "active while measuring: the new one is old + residual."
+        yield Remark.info(f"The old crosstalk was {words}")
+
+
+def _of_the_list(draft: "CrosstalkDraft") -> Iterator[Remark]:
+    """Return what must be known of the list that is written."""
+    axis, master, cycles = draft.axis, draft.fit.master, draft.model.cycles
+    if draft.coverage < _COVERED:
+        axes = " and ".join(draft.masters)
+        yield Remark.warning(
+            f"The tests cover {draft.coverage:.0%} of the workspace of {axes}. Beyond"
             " them incorrect values can occur ([001] p.84); the controller is taken to"
             " hold the nearest (S-37, S-38)."
         )
-    if result.cycles > 1:
-        late = 0.5e3 * result.cycles * draft.job.spec.controller.cycle_time
+    if cycles > 1:
+        late = 0.5e3 * cycles * draft.job.spec.controller.cycle_time
         yield Remark.info(
-            f"The values pass a filter over {result.cycles} cycles (n_cycles,"
-            f" P-COMP-00064), so that a step of the acceleration of {result.master} is"
-            f" no jump of {result.axis}: the correction comes {late:.3g} ms late."
+            f"The values pass a filter over {cycles} cycles (n_cycles,"
+            f" P-COMP-00064), so that a step of the acceleration of {master} is"
+            f" no jump of {axis}: the correction comes {late:.3g} ms late."
             " The figures from the file are those without this delay."
         )
-    verified = {each.name for each in result.conventions if each.state == "verified"}
-    if not verified >= _QUADRANTS:
+    if not draft.job.verified >= _QUADRANTS:
         yield Remark.warning(
             "What counts as accelerating (S-34) and the sign of the entries (S-42) are"
             " assumed: under another reading the correction has the wrong sign for one"
-            f" direction and doubles the error there. Log {result.master} with"
+            f" direction and doubles the error there. Log {master} with"
             " acceleration and deceleration in both directions together with"
-            f" CROSSTALK::end_offset of {result.axis}, and give the log to axcomp verify,"
+            f" CROSSTALK::end_offset of {axis}, and give the log to axcomp verify,"
             " before relying on this list."
         )
 
 
-def _of_the_events(
-    result: CrosstalkResult, draft: "CrosstalkDraft"
-) -> Iterator[Remark]:
+def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
     """Return what the log says of itself: its events, a delay, too hard accelerations."""
-    fit, delay, master = result.fit, draft.delay, result.master
-    counts = np.bincount(fit.events.branch, minlength=len(BRANCHES))
+    events, delay, master = draft.found.events, draft.delay, draft.fit.master
+    counts = np.bincount(events.branch, minlength=len(BRANCHES))
     parts = [f"{n} of {name}" for n, name in zip(counts, BRANCHES, strict=True)]
-    yield Remark.info(f"{len(fit.events)} events: {', '.join(parts)}.")
-    if result.wild.any():
-        words = f"{result.wild.sum()} events contradict the others and were left out."
+    yield Remark.info(f"{len(events)} events: {', '.join(parts)}.")
+    if events.wild.any():
+        words = f"{events.wild.sum()} events contradict the others and were left out."
         yield Remark.warning(words)
     if delay:
         way = "late" if delay > 0 else "early"
         yield Remark.warning(
-            f"The error of {result.axis} comes {1e3 * abs(delay):.3g} ms {way}"
+            f"The error of {draft.axis} comes {1e3 * abs(delay):.3g} ms {way}"
             f" against the acceleration of {master}; that was taken off, as the delay of"
             " an instrument is. If it is the machine that follows late, the correction"
             " will come too early by as much."
         )
-    over = float(np.max(np.abs(fit.events.peak) / fit.full))
+    over = float(np.max(np.abs(events.peak) / draft.found.full))
     if over > _ABOVE:
-        up, down = fit.rates
+        up, down = draft.found.rates
         yield Remark.warning(
             f"{master} accelerates up to {over:.0%} of the specified acceleration"
             f" ({up:g} and {down:g} mm/s²). Above it the controller is taken to hold the"
@@ -208,16 +216,15 @@ def _of_the_events(
         )
 
 
-def _of_missing_tests(result: CrosstalkResult) -> Iterator[Remark]:
+def _of_missing_tests(fit: CrosstalkFit) -> Iterator[Remark]:
     """Return which entries are not known, and what is not written for that."""
-    fit = result.fit
     missing = np.isnan(fit.values)
     empty = [BRANCHES[k] for k in np.flatnonzero(missing.all(axis=1))]
     if empty:
         yield Remark.error(
             f"Nothing is known for {' and '.join(empty)}: the entries of a test are"
             " written all four or not at all, since a missing one would be 0 in the"
-            f" controller, so no test can be written. Measure {result.master} with"
+            f" controller, so no test can be written. Measure {fit.effect.master} with"
             " acceleration and deceleration in both directions."
         )
         return
@@ -229,13 +236,12 @@ def _of_missing_tests(result: CrosstalkResult) -> Iterator[Remark]:
         )
 
 
-def _why_nothing(result: CrosstalkResult) -> Iterator[Remark]:
-    fit = result.fit
+def _why_nothing(fit: CrosstalkFit) -> Iterator[Remark]:
     if not fit.significant:
         largest = 1e3 * float(np.nanmax(np.abs(fit.values), initial=0.0))
         yield Remark.warning(
-            f"No crosstalk from {result.master} shows: no value exceeds what chance over"
-            f" all of them would give (the largest is {largest:.2f} µm). Nothing is"
+            f"No crosstalk from {fit.effect.master} shows: no value exceeds what chance"
+            f" over all of them would give (the largest is {largest:.2f} µm). Nothing is"
             " written."
         )
     elif fit.complete.any():

@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -15,12 +14,11 @@ from ...fit import FitError
 from ...fit.joint import Crosstalk
 from ...job._draft import AbstractPlan, Leftovers
 from ...job.joint._recording import read_group
-from ...job.result._result import Remark
 from ...job.table._plan import was_active
 from ...readings import Tables
 from . import SAFE_TESTS
 from ._draft import CrosstalkDraft
-from ._events import cut_events, directed, specified, without_delay
+from ._events import cut_events, specified, without_delay
 from .effect import CrosstalkFit, are_among, fit_crosstalk
 from .entries import ENTRIES, crosstalk_from_list
 from .keys import Spec
@@ -137,7 +135,7 @@ class CrosstalkPlan(AbstractPlan):
         apart = fit.velocity_dependent
         return {
             "velocity_dependent": "auto" if apart is None else apart,
-            "most_tests": min(fit.max_points or SAFE_TESTS, SAFE_TESTS),
+            "most_tests": fit.max_points or SAFE_TESTS,
             "loss": fit.loss,
             "mode": mode,
             "positions": points,
@@ -190,7 +188,8 @@ class CrosstalkPlan(AbstractPlan):
         log, delay = without_delay(log, found.effect)
         if delay:
             found = self._found(log)
-        return self._draft(found, log, recording.remarks, delay)
+        own, remarks = (self.job, self.index, self.fit, self), recording.remarks
+        return CrosstalkDraft(*own, found, log, remarks, delay)
 
     def draft(self, share: "Share") -> CrosstalkDraft:
         part, form, rows = share.part, share.part.effect, share.rows
@@ -203,19 +202,8 @@ class CrosstalkPlan(AbstractPlan):
         values = np.where(told, found.values, np.nan)
         deviation = np.where(told, found.standard_deviation, np.inf)
         found = dataclasses.replace(found, values=values, standard_deviation=deviation)
-        return self._draft(found, log, share.remarks())
-
-    def _draft(
-        self,
-        found: CrosstalkFit,
-        log: JointData,
-        remarks: Sequence[Remark],
-        delay: float = 0.0,
-    ) -> CrosstalkDraft:
-        # What a list adds beside an event is that of the direction of the event.
-        log = directed(log, found.effect)
-        own = self.job, self.index, self.fit, self
-        return CrosstalkDraft(*own, found, log, tuple(remarks), delay)
+        own, remarks = (self.job, self.index, self.fit, self), share.remarks()
+        return CrosstalkDraft(*own, found, log, tuple(remarks))
 
     @property
     def positions(self) -> tuple[str, ...]:
