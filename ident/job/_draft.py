@@ -332,6 +332,24 @@ class AbstractDraft(AbstractOfFit):
         """
         return None
 
+    def stays_on(self) -> list[Remark]:
+        """Return that what the axis has already stays on, where nothing is written instead.
+
+        What acted while measuring is in the readings, and asks for no word.
+        """
+        name, measured = self.compensation, self.job.spec.measurements
+        acted = any(name in measured[source].active for source in self.fit.sources)
+        if self.written or acted or not self.lists.acts(name):
+            return []
+        return [
+            Remark.error(
+                f"Nothing is written, and the {name} of {self.axis} in"
+                f" {self.lists.used[name].listing.source} stays on. It was off while these"
+                " readings were taken: with it the axis does not do what they show. Switch"
+                f' it off there, or measure again with it on (active = ["{name}"]).'
+            )
+        ]
+
     @abc.abstractmethod
     def prove(self, done: "AxisFiles") -> AbstractResult:
         """Return the result, with the lists of the axis as they lie in the folder."""

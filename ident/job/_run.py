@@ -85,12 +85,11 @@ def run_job(
 
         sums = [prove_group(group, drafts, by_axis) for group in groups]
     together = {index: one.name for one in sums for index in one.fits}
-    results = [
-        dataclasses.replace(
-            draft.prove(by_axis[draft.axis]), group=together.get(draft.index)
-        )
-        for draft in drafts
-    ]
+    results = []
+    for draft in drafts:
+        found, group = draft.prove(by_axis[draft.axis]), together.get(draft.index)
+        said = (*found.remarks, *draft.stays_on())
+        results.append(dataclasses.replace(found, group=group, remarks=said))
     result = JobResult(
         title=job.spec.title or job.path.stem,
         machine=job.spec.machine.model_dump(mode="json", exclude_none=True),

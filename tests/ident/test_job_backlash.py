@@ -115,6 +115,26 @@ def test_active_backlash_is_added_to(tmp_path: Path) -> None:
     assert found.error["from_file"].rms < 1.2 * NOISE
 
 
+@pytest.mark.parametrize("active", ["[]", '["backlash"]'])
+def test_a_backlash_that_was_off_and_stays_on_where_none_shows_is_named(
+    active: str, tmp_path: Path
+) -> None:
+    readings(tmp_path, width=0.0)
+    (tmp_path / "achsmds1.lis").write_text(
+        "kopf.achs_nr 1\nlr_param.anwahl_losekomp 1\ngetriebe[0].lose 90\n"
+    )
+    found = run(tmp_path, axis='machine_data = "achsmds1.lis"', active=active)
+    loud = [each.message for each in found.remarks if each.level == "error"]
+    # What acted while measuring is in the readings: nothing more is wanted.
+    assert len(loud) == (active == "[]")
+    assert found.judgement.verdict == ("undetermined" if loud else "good")
+    assert all("achsmds1.lis stays on" in words for words in loud)
+    assert found.files == ()
+    # What concerns one fit is said of it alone.
+    written = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert written["remarks"] == []
+
+
 def test_active_without_axis_list_is_refused(tmp_path: Path) -> None:
     readings(tmp_path)
     with pytest.raises(JobError, match="no axis list that switches it on is given"):
