@@ -4,6 +4,7 @@ import abc
 import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -331,6 +332,13 @@ class AbstractDraft(AbstractOfFit):
             AxcompError: If the measurement does not suit the fit.
         """
         return None
+
+    def files_in(self, done: "AxisFiles") -> tuple[Path, ...]:
+        """Return the files of the axis that hold something of it; none if nothing is written."""
+        names = {done.machine_name, *self.fit.plc_files}
+        if self.kind.holder == "compensation":
+            names.add(done.compensation_name)
+        return tuple(n for n in done.written if self.written and n.name in names)
 
     def stays_on(self) -> list[Remark]:
         """Return that what the axis has already stays on, where nothing is written instead.

@@ -148,6 +148,23 @@ def test_no_backlash_writes_nothing_and_says_so(tmp_path: Path) -> None:
     assert any("No backlash shows" in remark.message for remark in found.remarks)
 
 
+def test_a_list_of_another_fit_is_none_of_a_backlash_that_is_not_written(
+    tmp_path: Path,
+) -> None:
+    readings(tmp_path, width=0.0)
+    path = tmp_path / "job.toml"
+    path.write_text(
+        JOB.format(axis="", active="[]", columns='remove = "none"')
+        + '[[fits]]\ncompensation = "leadscrew"\naxis = "X"\nmeasurement = "dial"\n'
+        "start = 0.0\ninterval = 30.0\npoints = 12\n"
+    )
+    found, screw = run_job(path, tmp_path / "out").fits
+    assert {file.name for file in screw.files} == {"achskw1.lis", "achsmds1.add.lis"}
+    assert found.files == ()
+    # Not of a list that would not help: there is none.
+    assert [str(one.code) for one in found.judgement.reasons] == ["nothing_written"]
+
+
 def test_trace_over_reversals_gives_the_size_too(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     time = np.arange(0.0, 60.0, 0.01)

@@ -159,6 +159,36 @@ def test_list_carries_all_four_entries_and_the_rules_that_cannot_matter(
     assert [each for each in findings if each.level != "info"] == []
 
 
+def test_files_for_the_plc_are_those_of_the_temperature(tmp_path: Path) -> None:
+    log(tmp_path)
+    warm = 20.0 + 5.0 * np.sin(np.linspace(0.0, 6.0, 100)) ** 2
+    noise = NOISE * np.random.default_rng(0).normal(size=100)
+    np.savetxt(
+        tmp_path / "warm.csv", np.stack([0.002 * (warm - 20.0) + noise, warm], axis=1),
+        delimiter=",", header="Z.error,temperature.frame", comments="",
+    )  # fmt: skip
+    other = """
+[[fits]]
+compensation = "temperature"
+axis = "Z"
+measurement = "warm"
+sensors = { offset = "frame" }
+law = { offset = "linear" }
+[measurements.warm]
+file = "warm.csv"
+active = []
+remove = "none"
+"""
+    path = tmp_path / "job.toml"
+    path.write_text(JOB.format(axis="", active="[]", keys=other, columns=""))
+    pushed, grown = run_job(path, tmp_path / "out").fits
+    lists = {"achskw3.lis", "achsmds3.add.lis"}
+    assert {file.name for file in pushed.files} == lists
+    plc = {f"temperature_Z.{end}" for end in ("csv", "st")}
+    plc |= {f"FB_TempComp{part}_Z.TcPOU" for part in ("", "Law")}
+    assert {file.name for file in grown.files} == plc | {"achsmds3.add.lis"}
+
+
 def test_events_held_out_and_the_file_read_back_prove_it(tmp_path: Path) -> None:
     log(tmp_path, moves=30, along=True)
     found = run(tmp_path, keys='adaptation = "Y"')

@@ -129,7 +129,7 @@ class BacklashDraft(AbstractDraft):
             **self.frame(done),
             error=staged(sides.before, self._held_out(), from_file, sides.wild),
             remarks=(),
-            files=tuple(n for n in done.written if n.name == done.machine_name),
+            files=self.files_in(done),
             held_out=share.recording.held_out,
             width=self.width if self.written else 0.0,
             reference=self.plan.reference,

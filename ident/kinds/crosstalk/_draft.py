@@ -177,7 +177,7 @@ class CrosstalkDraft(AbstractDraft):
             **self.frame(done),
             error=staged(fit.events.value, predicted, left, fit.events.wild),
             remarks=(*remarks_of(self), *done.remarks),
-            files=done.written if self.written else (),
+            files=self.files_in(done),
             held_out="event",
             model=self.model if self.written else None,
             written=fit.kept(self.plan.acting) & self.written,

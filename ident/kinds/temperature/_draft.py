@@ -188,14 +188,11 @@ class TemperatureDraft(AbstractDraft):
             before, predicted = found.error, found.predicted
             away = np.zeros(len(before)) if place is None else place
             from_file = before + np.asarray(line.offset(away, warm))
-        names = {done.machine_name, *temperature_names(self.axis)}
         return TemperatureResult(
             **self.frame(done),
             error=staged(before, predicted, from_file, found.wild),
             remarks=(*remarks_of(self), *done.remarks),
-            files=tuple(
-                file for file in done.written if self.written and file.name in names
-            ),
+            files=self.files_in(done),
             held_out=self.share.recording.held_out,
             reference=self._position,
             zero=self.zero,
