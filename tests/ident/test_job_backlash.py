@@ -115,6 +115,24 @@ def test_active_backlash_is_added_to(tmp_path: Path) -> None:
     assert found.error["from_file"].rms < 1.2 * NOISE
 
 
+@pytest.mark.parametrize(
+    ("play", "where"), [(WIDTH, "positive"), (0.0, "none"), (-WIDTH, "negative")]
+)
+def test_the_play_is_named_by_its_own_sign_where_entries_acted(
+    play: float, where: str, tmp_path: Path
+) -> None:
+    # All three are measured as less than nothing.
+    readings(tmp_path, width=play - 0.02)
+    (tmp_path / "achsmds1.lis").write_text(
+        "kopf.achs_nr 1\nlr_param.anwahl_losekomp 1\ngetriebe[0].lose 200\n"
+    )
+    found = run(tmp_path, axis='machine_data = "achsmds1.lis"', active='["backlash"]')
+    # 3 standard deviations, one seeded draw.
+    assert abs(found.width - play) <= 3 * found.fit.standard_deviation
+    assert found.type.startswith(f"{where}:")
+    assert any(one.message.startswith(where.capitalize()) for one in found.remarks)
+
+
 @pytest.mark.parametrize("active", ["[]", '["backlash"]'])
 def test_a_backlash_that_was_off_and_stays_on_where_none_shows_is_named(
     active: str, tmp_path: Path

@@ -137,7 +137,9 @@ class BacklashResult(AbstractResult):
         """Where the play is, in words."""
         if not self.significant:
             return "no backlash shows"
-        if self.measured_width[0] > 0:
+        if abs(self.width) <= _SURE * self.measured_width[1]:
+            return "none: the entries that were active made what was measured"
+        if self.width > 0:
             return "positive: play between drive and slide"
         return "negative: play between slide and measuring system"
 
