@@ -38,9 +38,18 @@ def read_thermal(
     from ...job.joint._recording import read_group  # takes long to load
 
     group = read_group(plan.tables, [plan])
-    time, words = _one_clock(group)
-    remarks = [*group.remarks, *map(Remark.info, words)]
-    data, rows = group.data, np.arange(len(group.data))
+    data, rows, remarks = group.data, np.arange(len(group.data)), [*group.remarks]
+    time, words = data.time, ""
+    if time is None:
+        words = "The rows have no time"
+    elif data.clock_number is not None:
+        words = "The clocks of the measurements do not follow each other"
+    if words:
+        words += (
+            ": rows are taken in their order, and a lag behind the sensor cannot be"
+        )
+        remarks.append(Remark.info(f"{words} seen."))
+    time = None if time is None or words else time - np.nanmin(time)
     clock = rows.astype(float) if time is None else time
     if (asked := plan.fit.steady) is not None:
         name = sensor_name(asked.sensor)
@@ -81,21 +90,6 @@ def only_these(
         fold[rows], _ = folds(None, recording.order[rows])
     data = dataclasses.replace(recording.data, error={axis: known})
     return dataclasses.replace(recording, data=data, fold=fold)
-
-
-def _one_clock(
-    group: "GroupRecording",
-) -> tuple[Float[np.ndarray, " t"] | None, tuple[str, ...]]:
-    """Return the instants of all measurements, where they follow each other; else why not."""
-    from ...job.joint._recording import followed  # takes long to load
-
-    time, order = group.data.time, "The rows have no time"
-    if time is not None:
-        if followed(time, group.slices):
-            return time - np.nanmin(time), ()
-        order = "The clocks of the measurements do not follow each other"
-    rest = "rows are taken in their order, and a lag behind the sensor cannot be seen."
-    return None, (f"{order}: {rest}",)
 
 
 def steady(
