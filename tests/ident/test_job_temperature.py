@@ -308,6 +308,14 @@ def test_temperature_without_effect_writes_nothing_and_passes(tmp_path: Path) ->
     )
 
 
+def test_laws_that_are_asked_to_be_constant_are_called_that(again: Path) -> None:
+    law = 'sensor = "frame"\nlaw = { offset = "constant", coefficient = "constant" }'
+    words = [remark.message for remark in run(again, law).remarks]
+    assert any("The law that is asked for is constant" in each for each in words)
+    # Nobody has looked whether there is an effect: it is 18 K times 11 µm/m.
+    assert not any("No effect of the temperature" in each for each in words)
+
+
 def only_rising(folder: Path, count: int = 360) -> None:
     """A warm-up that never turns, measured at one place: a drift would look the same."""
     rng = np.random.default_rng(3)

@@ -147,7 +147,12 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
             f"{draft.lost} The coefficient is left out; the offset over the temperature is"
             " determined and written."
         )
-    if not fit.moving:
+    if not fit.moving and set((draft.fit.law or {}).values()) == {"constant"}:
+        yield Remark.warning(
+            "The law that is asked for is constant: it follows no temperature, and nothing"
+            " is written. Leave law out, and it is chosen on readings held out."
+        )
+    elif not fit.moving:
         yield Remark.warning(
             "No effect of the temperature shows beyond chance: laws that follow it"
             " predict readings left out no better. Nothing is written."
