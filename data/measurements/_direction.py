@@ -55,17 +55,21 @@ def explain_direction(measurement: Measurement, axis: str) -> Directions:
         return Directions(measurement.values[role].astype(np.int64), "column")
     position = measurement.require(f"{axis}.position", "to derive the direction")
     run, time = measurement.get("run"), measurement.get("time")
-    finder = _Finder(measurement, axis)
-    if not position.size or np.ptp(position) == 0.0:
+    finder, known = _Finder(measurement, axis), np.isfinite(position)
+    if not known.any() or np.ptp(position[known]) == 0.0:
         reason = "all positions are equal"
         raise finder.unknown(reason)
     groups = _groups(finder, run, time, position.size)
     values = np.zeros(position.size, dtype=np.int64)
     # Recorded motion: positions hardly come back. Targets do, or there are runs.
-    moving = run is None and time is not None and _is_motion(position)
-    for rows in groups:
+    moving = run is None and time is not None and _is_motion(position[known])
+    for every in groups:
+        rows = every[known[every]]
         path = position[rows]
         values[rows] = finder.motion(path) if moving else finder.targets(path, rows)
+        # Where no position was read the axis is taken to go on as before.
+        before = np.maximum.accumulate(np.where(known[every], np.arange(len(every)), 0))
+        values[every] = values[every[np.maximum(before, np.argmax(known[every]))]]
     source = "time" if moving else "order of the targets"
     return Directions(values, source, tuple(dict.fromkeys(finder.remarks)))
 

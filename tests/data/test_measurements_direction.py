@@ -45,6 +45,18 @@ def test_standard_cycle_reads_the_end_target_from_both_sides(tmp_path: Path) -> 
     assert directions(tmp_path, position) == [1, 1, 1, -1, -1, -1]
 
 
+@pytest.mark.parametrize("motion", [False, True])
+def test_rows_without_a_position_go_on_as_before(motion: bool, tmp_path: Path) -> None:
+    ways = [1] * 20 + [-1] * 20
+    position = np.concatenate([np.arange(20.0), 18.3 - np.arange(20.0)])
+    if not motion:
+        position = np.concatenate([np.arange(20.0), np.arange(20.0)[::-1]])
+    position[[2, 5, 6, 30, 39]] = np.nan
+    other = {"time": np.arange(40.0)} if motion else {"run": np.ones(40)}
+    read = data_of(tmp_path, position=position.tolist(), **other).with_gaps()
+    assert derive_direction(read, "X").tolist() == ways
+
+
 def test_cycles_in_a_row_turn_at_both_ends(tmp_path: Path) -> None:
     position = [0, 10, 20, 20, 10, 0] * 3
     assert directions(tmp_path, position) == [1, 1, 1, -1, -1, -1] * 3
