@@ -11,6 +11,8 @@ from ...core import FitError, Regression, node_shares, regress, simplest
 from ._events import Events
 
 _CELLS, _FOLDS = 8, 8
+_LEAST_SPAN = 0.01
+"""mm below which an axis stands still, whatever its positions scatter by."""
 TOUCHED = 1e-9
 """Weight of a test in an event from which on the event touches it."""
 
@@ -149,7 +151,7 @@ def _candidates(
     exactly three tests in mode 2 (S-37), which the check of lists warns of else.
     """
     low, high = positions.min(axis=0), positions.max(axis=0)
-    moving = np.flatnonzero(high > low).tolist()
+    moving = np.flatnonzero(high - low > _LEAST_SPAN).tolist()
     return [
         (
             axes,
@@ -161,7 +163,8 @@ def _candidates(
         for mode in modes
         for axes in itertools.combinations(moving, mode - 1)
         for counts in itertools.product(
-            range(min(3, most) if len(axes) == 1 else 2, most + 1), repeat=len(axes)
+            range(max(min(3, most), 2) if len(axes) == 1 else 2, most + 1),
+            repeat=len(axes),
         )
         if math.prod(counts) <= most
     ]

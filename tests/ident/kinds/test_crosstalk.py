@@ -193,6 +193,32 @@ def test_directions_get_values_of_their_own_only_where_they_differ(
         np.testing.assert_array_equal(fit.values[2], fit.values[3])
 
 
+def test_one_event_of_a_kind_bears_no_tests_along_an_axis() -> None:
+    readings = log(11, mode_1, moves=2)
+    last = slice(*(int(each[-1]) for each in cut_rows(readings)))
+    error = readings.error["Z"].copy()
+    error[last] = np.nan
+    fit = fitted(dataclasses.replace(readings, error={"Z": error}))
+    assert fit.effect.mode == 1
+    assert sorted(np.bincount(fit.events.branch)) == [1, 2, 2, 2]
+
+
+def test_an_axis_that_stands_still_is_none_to_adapt_to() -> None:
+    # What an encoder shows of an axis that is clamped, 0.1 µm.
+    readings = log(1, mode_1, at=np.array([[100.0, 0.0], [100.0, 400.0]]))
+    place = readings.position["A"] + 1e-4 * np.random.default_rng(0).normal(
+        size=len(readings)
+    )
+    with pytest.raises(FitError, match="do not spread over the adaptation axes"):
+        fitted(dataclasses.replace(readings, position={"A": place}), mode=2)
+
+
+def cut_rows(readings: JointData) -> tuple[np.ndarray, np.ndarray]:
+    """Rows in which events begin and end."""
+    events = cut_events(readings, FORM)
+    return events.start, events.stop
+
+
 def test_every_event_is_shown_with_its_place_sign_and_direction() -> None:
     readings = log(3, mode_2, moves=5)
     events = cut_events(readings, FORM, ("A", "B"))
