@@ -145,6 +145,8 @@ def find_drift(
         for tau in np.linspace(low, high, _TIMES)
     ]
     start = min(starts, key=lambda each: cost(each)[0])
+    if not np.isfinite(cost(start)[0]):
+        return white_only  # residuals without any scatter
     # A drift longer than the log cannot be separated from a level, which the columns hold.
     bounds = [(np.log(1e-4), np.log(1e6)), (low - 2.0, high + 1.0)]
     found = minimize(
