@@ -200,6 +200,40 @@ def test_lag_that_is_given_goes_into_the_program_from_a_group_too(
     assert "LAG_FRAME : LREAL := 900.0;" in text
 
 
+def test_rows_of_a_group_without_a_time_are_taken_in_their_order(
+    tmp_path: Path,
+) -> None:
+    warm_up(tmp_path)
+    rows = np.genfromtxt(tmp_path / "warm.csv", delimiter=",", names=True)
+    # A drift of the instrument, of which the deviations know.
+    rows["e"] += 0.003 * np.sin(rows["t"] / 1500.0)
+    rows["t"][[3, 4, 90]] = np.nan
+    write(
+        tmp_path,
+        ("t", "x", "e", "frame"),
+        tuple(rows[name] for name in "t x e frame".split()),
+    )
+    keys = (
+        PLAIN
+        + """
+group = "all"
+[[fits]]
+compensation = "leadscrew"
+axis = "X"
+measurement = "warm"
+start = 0.0
+interval = 200.0
+points = 6
+group = "all"
+"""
+    )
+    found = run(tmp_path, keys, measured='remove = "none"')
+    assert found.fit.noise.drift > 0
+    # All of them count, as in the joint fit; they tell less than so many would.
+    assert len(found.before) == len(rows)
+    assert found.fit.independent < 0.5 * len(rows)
+
+
 def test_two_sensors_share_one_table(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     time = np.arange(0.0, 4 * 3600.0, 60.0)

@@ -220,10 +220,12 @@ class TemperaturePlan(AbstractPlan):
         assert isinstance(line, Temperature)  # of `effect`
         whole, sensors = share.recording.data, line.sensor_names
         own = whole.take(rows)
+        timed = own.time is not None and bool(np.isfinite(own.time).all())
         fit = TemperatureFit(
             line=line,
             data=dataclasses.replace(
                 own,
+                time=own.time if timed else None,
                 error={self.axis: share.error},
                 position={axis: own.position[axis] for axis in self.positions},
             ),
