@@ -26,6 +26,8 @@ _BLOCKS, _FOLDS = 20, 5
 """Stretches of time, and turns in which they are left out."""
 _FEW = 20
 """Readings below which no lag is looked for."""
+_LEAST = 1e-9
+"""mm below which residuals are none."""
 _MATTERS = 0.02
 """Share of the squared held-out residuals by which a richer law must be better."""
 
@@ -69,7 +71,9 @@ def choose_line(
     screw = [Leadscrew(line.axis, np.array([own.min(), own.max()])) for own in places]
     use = np.isin(np.arange(len(data)), few)
     fit = fit_joint(data, [trial, *screw], loss=loss, use=use)
-    held = _HeldOut(data, few, fit.share[line.axis][few], fit.noise[line.axis])
+    # Readings without any scatter are told apart by what computing leaves of them.
+    scale = max(fit.noise[line.axis], _LEAST)
+    held = _HeldOut(data, few, fit.share[line.axis][few], scale)
     behind = {sensor: lag for sensor, (lag, _) in fit.parts[0].lags.items()}
     if any(behind.values()):
         shown = held.simplest([bent, bent.lagging(behind)], [0, 1])

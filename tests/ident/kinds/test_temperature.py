@@ -271,6 +271,14 @@ def test_a_temperature_without_effect_gives_a_constant() -> None:
     assert fit.offset.slope == (0.0, 0.0)
 
 
+def test_errors_of_zero_follow_no_temperature() -> None:
+    warm = 20.0 + 5.0 * np.sin(np.linspace(0.0, 9.0, 100)) ** 2
+    place = np.tile(np.linspace(0.0, 400.0, 5), 20)
+    fit = fitted(readings(np.zeros(100), warm, position=place), lag="none")
+    assert fit.moving == ()
+    np.testing.assert_array_equal(fit.values, 0.0)
+
+
 def test_missed_readings_glitches_and_missed_steps_change_nothing() -> None:
     clean = warm_up(9)
     rng = np.random.default_rng(0)
