@@ -273,7 +273,11 @@ class Temperature(AbstractEffect):
         """
         lag = self.lags[sensor]
         if isinstance(lag, str) or lag == 0.0:
-            return data.column("temperature", sensor, self.name)
+            warm = data.column("temperature", sensor, self.name)
+            if lag == 0.0 or data.time is None:
+                return warm
+            # A lag that is to be fitted needs the time of each reading.
+            return np.where(np.isfinite(data.time), warm, np.nan)
         return data.clocked(sensor, self.name).structure(lag)
 
     def to_model(self, table: Any, sign: float) -> models.TemperatureLine:
