@@ -52,7 +52,7 @@ def test_rows_without_a_position_go_on_as_before(motion: bool, tmp_path: Path) -
     if not motion:
         position = np.concatenate([np.arange(20.0), np.arange(20.0)[::-1]])
     position[[2, 5, 6, 30, 39]] = np.nan
-    other = {"time": np.arange(40.0)} if motion else {"run": np.ones(40)}
+    other = {"time": [*range(40)]} if motion else {"run": [1] * 40}
     read = data_of(tmp_path, position=position.tolist(), **other).with_gaps()
     assert derive_direction(read, "X").tolist() == ways
 

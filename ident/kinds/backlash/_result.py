@@ -69,7 +69,8 @@ def change_along(width: float, sides: Sides) -> Dependence | None:
 
     By Legendre polynomials over the measured range.
     """
-    few = slice(None, None, max(len(sides.before) // _MOST, 1))
+    few = np.flatnonzero(np.isfinite(sides.position))
+    few = few[:: max(len(few) // _MOST, 1)]
     place, way, half = sides.position[few], sides.direction[few], sides.before[few]
     order = min(_HIGHEST, len(np.unique(place)) - 1)
     if order < 1:
@@ -152,7 +153,7 @@ class BacklashResult(AbstractResult):
     @property
     def expectation(self) -> Expectation | None:
         """What a reversal loses at the middle of the readings."""
-        place = float(np.median(self.sides.position))
+        place = float(np.nanmedian(self.sides.position))
         return Expectation(
             {self.axis: place},
             -self.reference,

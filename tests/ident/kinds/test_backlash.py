@@ -158,10 +158,15 @@ def test_positions_all_different_are_bridged_by_nodes(tmp_path: Path) -> None:
 def test_a_dial_at_one_place_tells_the_backlash(tmp_path: Path) -> None:
     way = np.tile([1, -1], 10)
     error = -0.5 * way * 0.012 + 1e-3 * np.random.default_rng(0).normal(size=20)
-    found = fitted(tmp_path, np.full(20, 100.0), error, way)
+    place = np.full(20, 100.0)
+    place[[3, 8]] = np.nan  # the dial was read all the same
+    found = fitted(tmp_path, place, error, way)
     # 20 readings of 1 µm: 0.45 µm; three of them.
     assert abs(found.width - 0.012) < 1.4e-3
+    assert found.support == (10, 10)
     assert found.dependence is None
+    assert found.expectation is not None
+    assert found.expectation.places == {"X": 100.0}
 
 
 def test_a_direction_that_only_wild_readings_show_determines_no_backlash(
