@@ -1,7 +1,13 @@
-"""The machine of `axcomp demo`: a small portal mill with three known faults."""
+"""The machine of `axcomp demo`: a small portal mill with three known faults, and its drive."""
 
-from ._machine import VirtualMachine
-from ._measure import Instrument
+import dataclasses
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+
+from ...models import AbstractFriction, StribeckFriction
+from ._machine import Instrument, VirtualMachine
 from ._sources import BeamBow, Reversal, ScrewPitch, TableFlatness
 
 TRAVEL = (800.0, 400.0)
@@ -19,6 +25,12 @@ PROBE = Instrument(
     noise=0.0012, resolution=0.0005, zero=0.045, wild=0.01, wild_size=0.4
 )  # fmt: skip
 
+_SPEEDS = (0.6, 1.5, 4.0, 10.0, 25.0, 60.0, 150.0)
+"""mm/s, each driven forth and back."""
+_CYCLE = 0.002
+_HOLD = 0.7
+_RAMP = 0.12
+
 
 def example_machine() -> VirtualMachine:
     """Return a portal mill: X screw off, beam bent (Y over X), table uneven (Z)."""
@@ -35,3 +47,57 @@ def example_machine() -> VirtualMachine:
                           sag=0.021, dent=0.009),
         ),
     )  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Drive:
+    """A drive and its axis.
+
+    Attributes:
+        law: Friction in A over mm/s.
+        inertia: In A per mm/s².
+        load: Constant load in A.
+        rated_current: In A.
+        torque_unit: Share of the rated current that one unit of the drive is.
+        noise: Standard deviation of the recorded current in A.
+    """
+
+    law: AbstractFriction
+    inertia: float
+    load: float
+    rated_current: float
+    torque_unit: float
+    noise: float
+
+
+def example_drive(size: float = 1.0) -> Drive:
+    """Return the drive of X of the demo's portal mill, or one of another size like it."""
+    law = (1.6 * size, 2.3 * size, 4.0, 2.0, 0.006 * size)
+    return Drive(
+        # Coulomb, break-away, Stribeck velocity and exponent, viscous.
+        law=StribeckFriction(*map(jnp.asarray, law)),
+        inertia=0.004 * size,
+        load=0.0,
+        rated_current=9.0,
+        torque_unit=0.001,
+        noise=0.05,
+    )
+
+
+def record_drive(path: Path, drive: Drive, seed: int) -> None:
+    """Record constant speeds, forth and back, with soft ramps, as a drive writes them.
+
+    A CSV with time in ms, position in mm and current in A, which opposes the motion.
+    """
+    count, ramp = round(_HOLD / _CYCLE), round(_RAMP / _CYCLE)
+    rise = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, np.arange(count) / ramp))
+    shape = rise * rise[::-1]
+    velocity = np.concatenate([way * v * shape for v in _SPEEDS for way in (1.0, -1.0)])
+    acceleration = np.gradient(velocity, _CYCLE)
+    friction = np.asarray(drive.law(velocity))
+    noise = drive.noise * np.random.default_rng(seed).normal(size=velocity.size)
+    current = drive.inertia * acceleration + friction + drive.load + noise
+    time = np.arange(velocity.size) * _CYCLE
+    position = 100.0 + np.cumsum(velocity) * _CYCLE
+    table = np.column_stack([1e3 * time, position, -current])
+    np.savetxt(path, table, "%.5f", ",", header="time_ms,x,current", comments="")

@@ -1,17 +1,21 @@
-"""A machine whose errors are known: it takes lists, and it can be measured."""
+"""A machine whose errors are known: it takes lists, and instruments measure it.
+
+The instruments scatter, drift and round; their files are as instruments leave them.
+"""
 
 import dataclasses
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ...data.errors import FoundError
 from ...data.lists import ListFile
 from ...models import Conventions, Motion, PositionController, TemperatureLine
-from ..exchange import Reading, controller_from_lists
-from ._sources import AbstractErrorSource, Positions, State
+from ..exchange import Reading as ListReading, controller_from_lists
+from ._sources import AbstractErrorSource, Column, Columns, State
 
 _WHERE = "virtual machine"
 
@@ -60,14 +64,14 @@ class VirtualMachine:
             return dataclasses.replace(self, controller=None)
         controller = controller_from_lists(
             lists,
-            Reading(self.conventions, lines=lines or {}, commanded=True),
+            ListReading(self.conventions, lines=lines or {}, commanded=True),
             axes=tuple(self.axes.values()),
         )
         return dataclasses.replace(self, controller=controller)
 
     def true_error(
-        self, axis: str, positions: Positions, direction: Int[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
+        self, axis: str, positions: Columns, direction: Int[np.ndarray, " t"]
+    ) -> Column:
         """Return the error of the bare machine at standstill in mm.
 
         Args:
@@ -77,16 +81,16 @@ class VirtualMachine:
         """
         return self.error_in(axis, State(positions, {axis: direction}))
 
-    def error_in(self, axis: str, state: State) -> Float[np.ndarray, " t"]:
+    def error_in(self, axis: str, state: State) -> Column:
         """Return the error of the bare machine in a state in mm."""
         total = np.zeros(state.rows)
         for each in self.causes(axis, state).values():
             total += each
         return total
 
-    def causes(self, axis: str, state: State) -> dict[str, Float[np.ndarray, " t"]]:
+    def causes(self, axis: str, state: State) -> dict[str, Column]:
         """Return the error of the bare machine in mm by the compensation it asks for."""
-        found: dict[str, Float[np.ndarray, " t"]] = {}
+        found: dict[str, Column] = {}
         for source in self.sources:
             if source.axis == self._known(axis):
                 kind = source.compensation
@@ -94,8 +98,8 @@ class VirtualMachine:
         return found
 
     def error(
-        self, axis: str, positions: Positions, direction: Int[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
+        self, axis: str, positions: Columns, direction: Int[np.ndarray, " t"]
+    ) -> Column:
         """Return the error at standstill in mm with the active lists."""
         total = self.true_error(axis, positions, direction)
         if self.controller is None:
@@ -114,3 +118,132 @@ class VirtualMachine:
             known = ", ".join(self.axes)
             raise MachineError(_WHERE, f"axis {axis}", f"one of {known}")
         return axis
+
+
+@dataclasses.dataclass(frozen=True)
+class Instrument:
+    """What stands between the true error and the reading; lengths in mm.
+
+    Attributes:
+        noise: Standard deviation of one reading.
+        resolution: Readings are whole multiples of this.
+        drift: Standard deviation of the drift from the start to the end of a run, as
+            the temperature of the hall makes it.
+        run_offset: Standard deviation of the shift between runs.
+        zero: The instrument's arbitrary zero.
+        tilt: Slope of its arbitrary straight line, in mm per mm along the first axis.
+        wild: Share of readings that are plainly wrong.
+        wild_size: How wrong they are, at most.
+    """
+
+    noise: float
+    resolution: float
+    drift: float = 0.0
+    run_offset: float = 0.0
+    zero: float = 0.0
+    tilt: float = 0.0
+    wild: float = 0.0
+    wild_size: float = 0.1
+
+    def read(
+        self,
+        error: Column,
+        along: Column,
+        run: Int[np.ndarray, " t"],
+        rng: np.random.Generator,
+    ) -> tuple[Column, Bool[np.ndarray, " t"]]:
+        """Return the readings in mm, and which of them are wild.
+
+        Args:
+            error: True error in mm in the order of measuring.
+            along: Position along the instrument's own line in mm.
+            run: Run of each reading, 0, 1, …, ascending.
+            rng: Source of chance.
+        """
+        size = len(error)
+        runs = int(run.max(initial=0)) + 1
+        start = np.searchsorted(run, np.arange(runs))
+        length = np.bincount(run, minlength=runs)
+        progress = (np.arange(size) - start[run]) / np.maximum(length - 1, 1)[run]
+        reading = error + self.zero + self.tilt * along
+        reading += self.run_offset * rng.standard_normal(runs)[run]
+        # About the middle of the run, so that a run's mean is its offset.
+        reading += self.drift * rng.standard_normal(runs)[run] * (progress - 0.5)
+        reading += self.noise * rng.standard_normal(size)
+        wild = rng.random(size) < self.wild
+        size_of = rng.uniform(0.3, 1.0, size) * self.wild_size
+        reading += np.where(wild, size_of * rng.choice([-1.0, 1.0], size), 0.0)
+        return self.resolution * np.rint(reading / self.resolution), wild
+
+
+@dataclasses.dataclass(frozen=True)
+class Reading:
+    """A finished measurement with the truth behind it; lengths in mm.
+
+    Attributes:
+        positions: Commanded, one column per axis that moved, shape ``(t, d)``.
+        reading: Error as the instrument shows it.
+        truth: Error that the machine really had.
+        direction: ±1 per reading.
+        run: 1, 2, … per reading.
+        wild: Readings that are plainly wrong.
+    """
+
+    positions: Float[np.ndarray, "t d"]
+    reading: Column
+    truth: Column
+    direction: Int[np.ndarray, " t"]
+    run: Int[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+
+
+def measure(
+    machine: VirtualMachine,
+    axis: str,
+    moved: tuple[str, ...],
+    points: Float[np.ndarray, "p d"],
+    instrument: Instrument,
+    seed: int,
+    *,
+    runs: int = 1,
+    ways: tuple[int, ...] = (1,),
+) -> Reading:
+    """Measure the error of an axis where others stand, or it does itself.
+
+    Args:
+        machine: What is measured.
+        axis: Whose error is read.
+        moved: Axes that move.
+        points: Their places in mm, in the order of measuring.
+        instrument: What reads it.
+        seed: Of chance.
+        runs: How often all of it is done.
+        ways: Of each run: 1 in the order of the points, −1 back over them.
+    """
+    once = np.concatenate([points[::way] for way in ways])
+    run = np.repeat(np.arange(runs), len(once))
+    positions = np.tile(once, (runs, 1))
+    direction = np.tile(np.repeat(ways, len(points)), runs)
+    where = {name: positions[:, column] for column, name in enumerate(moved)}
+    truth = machine.error(axis, where, direction)
+    rng = np.random.default_rng(seed)
+    reading, wild = instrument.read(truth, positions[:, 0], run, rng)
+    return Reading(positions, reading, truth, direction, run + 1, wild)
+
+
+def write_reading(path: Path, header: str, found: Reading) -> None:
+    """Write a measurement as CSV, with positions in mm and errors in µm.
+
+    Args:
+        path: File to write.
+        header: Names of the columns: ``run`` and ``direction``, where they are wanted, the
+            positions, and the error.
+        found: The measurement.
+    """
+    stated = {"run": (found.run, "%d"), "direction": (found.direction, "%+d")}
+    used = [stated[name] for name in header.split(",") if name in stated]
+    columns = [*(column for column, _ in used), found.positions, 1000 * found.reading]
+    table = np.column_stack(columns)
+    forms = [form for _, form in used]
+    forms += ["%.3f"] * (table.shape[1] - len(forms))
+    np.savetxt(path, table, forms, ",", header=header, comments="")

@@ -8,8 +8,10 @@ from typing import final
 import numpy as np
 from jaxtyping import Float, Int
 
-Positions = Mapping[str, Float[np.ndarray, " t"]]
-"""Position per axis in mm."""
+Column = Float[np.ndarray, " t"]
+"""A value per instant, cycle or reading."""
+Columns = Mapping[str, Column]
+"""By axis, part or sensor."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,14 +26,10 @@ class State:
             part left out has the temperature at which it was set up.
     """
 
-    position: Positions
-    direction: Mapping[str, Float[np.ndarray, " t"] | Int[np.ndarray, " t"]]
-    acceleration: Mapping[str, Float[np.ndarray, " t"]] = dataclasses.field(
-        default_factory=dict
-    )
-    temperature: Mapping[str, Float[np.ndarray, " t"]] = dataclasses.field(
-        default_factory=dict
-    )
+    position: Columns
+    direction: Mapping[str, Column | Int[np.ndarray, " t"]]
+    acceleration: Columns = dataclasses.field(default_factory=dict)
+    temperature: Columns = dataclasses.field(default_factory=dict)
 
     @property
     def rows(self) -> int:
@@ -53,7 +51,7 @@ class AbstractErrorSource(abc.ABC):
     compensation: str = dataclasses.field(kw_only=True)
 
     @abc.abstractmethod
-    def error(self, at: State) -> Float[np.ndarray, " t"]:
+    def error(self, at: State) -> Column:
         """Return actual − encoder in mm, at standstill actual − commanded.
 
         Args:
@@ -82,7 +80,7 @@ class ScrewPitch(AbstractErrorSource):
 
     compensation: str = dataclasses.field(default="leadscrew", kw_only=True)
 
-    def error(self, at: State) -> Float[np.ndarray, " t"]:
+    def error(self, at: State) -> Column:
         place = at.position[self.axis]
         long = self.slope * place + self.bow * np.sin(np.pi * place / self.length)
         return long + self.periodic * np.sin(2 * np.pi * place / self.lead)
@@ -104,7 +102,7 @@ class Reversal(AbstractErrorSource):
     length: float
     compensation: str = dataclasses.field(default="leadscrew", kw_only=True)
 
-    def error(self, at: State) -> Float[np.ndarray, " t"]:
+    def error(self, at: State) -> Column:
         share = np.clip(at.position[self.axis] / self.length, 0.0, 1.0)
         lost = self.at_start + (self.at_end - self.at_start) * share
         # Half on either side: the mean of both directions is not shifted.
@@ -132,7 +130,7 @@ class BeamBow(AbstractErrorSource):
 
     compensation: str = dataclasses.field(default="cross", kw_only=True)
 
-    def error(self, at: State) -> Float[np.ndarray, " t"]:
+    def error(self, at: State) -> Column:
         place = at.position[self.along]
         share = place / self.length
         arc = 4 * self.bow * share * (1 - share)
@@ -161,7 +159,7 @@ class TableFlatness(AbstractErrorSource):
 
     compensation: str = dataclasses.field(default="plane", kw_only=True)
 
-    def error(self, at: State) -> Float[np.ndarray, " t"]:
+    def error(self, at: State) -> Column:
         first, second = (
             2 * at.position[axis] / size - 1
             for axis, size in zip(self.across, self.size, strict=True)
@@ -193,7 +191,7 @@ class PartGrowth(AbstractErrorSource):
 
     compensation: str = dataclasses.field(default="temperature", kw_only=True)
 
-    def error(self, at: State) -> Float[np.ndarray, " t"]:
+    def error(self, at: State) -> Column:
         if self.part not in at.temperature:
             return np.zeros(at.rows)
         warmer = at.temperature[self.part] - self.neutral
@@ -226,7 +224,7 @@ class Nodding(AbstractErrorSource):
 
     compensation: str = dataclasses.field(default="crosstalk", kw_only=True)
 
-    def error(self, at: State) -> Float[np.ndarray, " t"]:
+    def error(self, at: State) -> Column:
         if self.master not in at.acceleration:
             return np.zeros(at.rows)
         rate = at.acceleration[self.master] / 1000.0

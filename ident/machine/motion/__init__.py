@@ -16,7 +16,6 @@ from ._record import (
     AxisLoop as AxisLoop,
     MotionLog as MotionLog,
     WorkingMachine as WorkingMachine,
-    directions as directions,
     record as record,
     write_motion_log as write_motion_log,
 )

@@ -5,7 +5,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from .._drive import example_drive
+from .._example import example_drive
 from .._machine import VirtualMachine
 from .._sources import (
     AbstractErrorSource,

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .._sources import Column
 from ._programme import CYCLE
 
 _STEP = 1.0
@@ -34,9 +35,7 @@ class HeatedPart:
     noise: float = 0.02
     resolution: float = 0.01
 
-    def warm(
-        self, time: Float[np.ndarray, " t"], rng: np.random.Generator
-    ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
+    def warm(self, time: Column, rng: np.random.Generator) -> tuple[Column, Column]:
         """Return in °C over time in s what the sensor shows and how warm the part is.
 
         The machine starts cold, works, pauses, works at another load.
@@ -107,8 +106,8 @@ class Tracker:
     zero: float = 0.0
 
     def read(
-        self, actual: Float[np.ndarray, " t"], rng: np.random.Generator
-    ) -> tuple[Float[np.ndarray, " t"], Bool[np.ndarray, " t"]]:
+        self, actual: Column, rng: np.random.Generator
+    ) -> tuple[Column, Bool[np.ndarray, " t"]]:
         """Return the readings in mm, one per cycle, and which of them are wrong.
 
         Args:
@@ -130,9 +129,7 @@ class Tracker:
         return self.resolution * np.rint(reading / self.resolution), wrong
 
 
-def _between(
-    values: Float[np.ndarray, " t"], at: Float[np.ndarray, " t"]
-) -> Float[np.ndarray, " t"]:
+def _between(values: Column, at: Column) -> Column:
     """Return values between the samples by cubics through four of them."""
     first = np.clip(np.floor(at).astype(np.int64) - 1, 0, len(values) - 4)
     u = np.clip(at, 0.0, len(values) - 1) - first
@@ -145,9 +142,7 @@ def _between(
     )
 
 
-def _wander(
-    size: int, drift: float, rng: np.random.Generator
-) -> Float[np.ndarray, " t"]:
+def _wander(size: int, drift: float, rng: np.random.Generator) -> Column:
     """Return a random walk that is `drift` wide after half an hour."""
     step = 1.0
     grid = np.arange(0.0, size * CYCLE + 2 * step, step)

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
+from .._sources import Column, Columns
+
 CYCLE = 0.001
 """Cycle of the controller in s."""
 
@@ -21,10 +23,10 @@ class Programme:
         acceleration: By axis.
     """
 
-    time: Float[np.ndarray, " t"]
-    position: Mapping[str, Float[np.ndarray, " t"]]
-    velocity: Mapping[str, Float[np.ndarray, " t"]]
-    acceleration: Mapping[str, Float[np.ndarray, " t"]]
+    time: Column
+    position: Columns
+    velocity: Columns
+    acceleration: Columns
 
 
 class Path:

@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ....data.signals import last_direction
 from ....models import Motion
-from .._drive import Drive
+from .._example import Drive
 from .._machine import VirtualMachine
-from .._sources import State
+from .._sources import Column, Columns, State
 from ._instruments import HeatedPart, Tracker, following
 from ._programme import CYCLE, Programme
 
@@ -37,18 +38,16 @@ class AxisLoop:
     compliance: float
     integral_time: float
 
-    def follow(self, command: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+    def follow(self, command: Column) -> Column:
         """Return the encoder's position, or its derivative for a command's derivative."""
         return self._respond([self.feed_forward, self.gain], [], command)
 
-    def yielding(self, current: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+    def yielding(self, current: Column) -> Column:
         """Return by how much friction (in A, less what is fed forward) moves the axis."""
         push = -self.compliance * (current - current[0])
         return self._respond([1.0, 0.0], [self.integral_time], push)
 
-    def _respond(
-        self, above: list[float], lags: list[float], given: Float[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
+    def _respond(self, above: list[float], lags: list[float], given: Column) -> Column:
         from scipy.signal import bilinear, lfilter
 
         below = np.array([self.settling, 1.0, self.gain])
@@ -59,19 +58,6 @@ class AxisLoop:
         start = given[0]
         level = start * np.sum(b) / np.sum(a)
         return np.asarray(lfilter(b, a, given - start) + level)
-
-
-def directions(
-    velocity: Float[np.ndarray, " t"], slow: float = 0.2
-) -> Float[np.ndarray, " t"]:
-    """Return the direction of the last motion, ±1, and 1 before the first.
-
-    What is slower than ``slow`` (mm/s) is the creeping of a loop that settles.
-    """
-    moving = np.flatnonzero(np.abs(velocity) > slow)
-    last = np.searchsorted(moving, np.arange(len(velocity)), side="right") - 1
-    signs = np.concatenate([[1.0], np.sign(velocity[moving])])
-    return np.asarray(signs[last + 1])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -117,12 +103,12 @@ class MotionLog(Programme):
         wrong: Truth: readings of the instruments that are wrong.
     """
 
-    encoder: Mapping[str, Float[np.ndarray, " t"]]
-    actual: Mapping[str, Float[np.ndarray, " t"]]
-    current: Mapping[str, Float[np.ndarray, " t"]]
-    temperature: Mapping[str, Float[np.ndarray, " t"]]
+    encoder: Columns
+    actual: Columns
+    current: Columns
+    temperature: Columns
     state: State
-    truth: Mapping[str, Float[np.ndarray, " t"]]
+    truth: Columns
     wrong: Mapping[str, Bool[np.ndarray, " t"]]
 
     def __len__(self) -> int:
@@ -160,7 +146,8 @@ def record(work: WorkingMachine, programme: Programme, seed: int) -> MotionLog:
         current[axis] = -(shown + noise)
         pushed = loop.yielding(friction - fed[axis])
         raw[axis] = loop.follow(programme.position[axis] + added[axis]) + pushed
-        direction[axis] = directions(speed)
+        # What is slower than 0.2 mm/s is the creeping of a loop that settles.
+        direction[axis] = last_direction(speed, 0.2)
         acceleration[axis] = rate
     state = State(raw, direction, acceleration, warmth)
     encoder, actual, truth, wrong = {}, {}, {}, {}
@@ -182,18 +169,14 @@ def record(work: WorkingMachine, programme: Programme, seed: int) -> MotionLog:
     )
 
 
-def _friction(
-    drive: Drive, velocity: Float[np.ndarray, " t"]
-) -> Float[np.ndarray, " t"]:
+def _friction(drive: Drive, velocity: Column) -> Column:
     """Return the friction in A; an axis that creeps to rest keeps what it had."""
-    held = directions(velocity, slow=0.05) * np.maximum(np.abs(velocity), 0.05)
+    held = last_direction(velocity, 0.05) * np.maximum(np.abs(velocity), 0.05)
     return np.asarray(drive.law(held))
 
 
 def _compensated(
-    work: WorkingMachine,
-    programme: Programme,
-    sensors: Mapping[str, Float[np.ndarray, " t"]],
+    work: WorkingMachine, programme: Programme, sensors: Columns
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Return what the controller adds to positions in mm and to currents in A."""
     axes = tuple(work.machine.axes)
@@ -206,7 +189,7 @@ def _compensated(
         for name, values in sensors.items()
     }
 
-    def columns(values: Mapping[str, Float[np.ndarray, " t"]]) -> Float[Array, "t a"]:
+    def columns(values: Columns) -> Float[Array, "t a"]:
         return jnp.asarray(np.stack([values[axis] for axis in axes], axis=1))
 
     heat = np.stack(list(followed.values()), axis=1) if followed else None

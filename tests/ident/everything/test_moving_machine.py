@@ -15,7 +15,6 @@ from axcomp.ident.machine.motion import (
     Path,
     Tracker,
     WorkingMachine,
-    directions,
     machine_with_everything,
     record,
     work_programme,
@@ -74,11 +73,6 @@ def test_friction_marks_the_quadrants_in_encoder_and_reference_alike() -> None:
     # About half of 3 µm/A × 3.2 A; the integrator takes it back.
     assert 0.002 < np.abs(mark).max() < 0.01
     assert abs(mark[-1]) < 1e-5
-
-
-def test_direction_is_that_of_the_last_motion() -> None:
-    found = directions(np.array([0.0, 1.0, 0.0, -1.0, 0.1, 2.0]))
-    np.testing.assert_array_equal(found, [1, 1, 1, -1, -1, 1])
 
 
 def test_part_follows_its_sensor_with_the_stated_lag() -> None:
