@@ -70,7 +70,6 @@ from ._units import (
     ExchangeError as ExchangeError,
     ModelUnit as ModelUnit,
 )
-from .controller._axis_lists import AxisLists as AxisLists
 from .controller._controller import (
     columns_of as columns_of,
     controller_from_lists as controller_from_lists,
@@ -84,4 +83,8 @@ from .controller._motion import (
     Motion as Motion,
     direction_of_motion as direction_of_motion,
 )
-from .controller._simulate import AxisOffsets as AxisOffsets, simulate as simulate
+from .controller._simulate import (
+    AxisLists as AxisLists,
+    AxisOffsets as AxisOffsets,
+    simulate as simulate,
+)

@@ -1,5 +1,5 @@
 """The controller of a whole machine: its lists, run along a motion.
 
 Read `_controller` (lists → `PositionController`), `_motion`, `_events` (what happens at the
-controller meanwhile) and `_simulate`; `_axis_lists` (all that acts on one axis).
+controller meanwhile) and `_simulate` (a machine, or all that acts on one axis).
 """

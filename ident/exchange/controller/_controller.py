@@ -5,10 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ....data.lists import ListFile
-from ....models import (
-    AxisCompensations,
-    PositionController,
-)
+from ....models import AxisCompensations, PositionController
 from .._machine_lists import (
     InUse,
     MachineLists,
@@ -21,10 +18,7 @@ from .._units import ExchangeError
 
 
 def controller_from_lists(
-    lists: Sequence[ListFile],
-    reading: Reading,
-    *,
-    axes: Sequence[int] | None = None,
+    lists: Sequence[ListFile], reading: Reading, *, axes: Sequence[int] | None = None
 ) -> PositionController:
     """Return the position controller of a machine with these lists loaded.
 
@@ -45,10 +39,7 @@ def controller_from_lists(
 
 
 def controller_of(
-    used: Sequence[InUse],
-    lists: MachineLists,
-    numbers: Sequence[int],
-    reading: Reading,
+    used: Sequence[InUse], lists: MachineLists, numbers: Sequence[int], reading: Reading
 ) -> PositionController:
     """Return the position controller that has these compensations, and no others.
 

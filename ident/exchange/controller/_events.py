@@ -151,20 +151,23 @@ def _columns(one: ControllerEvent, numbers: Sequence[int]) -> list[int]:
 
 def loaded_versions(
     lists: Sequence[ListFile], events: Sequence[ControllerEvent], rows: int
-) -> tuple[list[list[ListFile]], dict[int, tuple[int, int]]]:
-    """Return the lists after each reload, and in which rows each list is loaded."""
-    versions = [list(lists)]
-    spans = {id(one): (0, rows) for one in lists}
+) -> tuple[list[tuple[list[ListFile], ListFile | None]], dict[int, tuple[int, int]]]:
+    """Return the lists at first and after each reload, and in which rows each is loaded.
+
+    Beside the lists stands the one that was loaded again; None: all are as at first.
+    """
+    now, spans = list(lists), {id(one): (0, rows) for one in lists}
+    versions: list[tuple[list[ListFile], ListFile | None]] = [(now, None)]
     for event in events:
         if event.listing is None:
             continue
-        place = _replaced(versions[-1], event)
-        old = versions[-1][place]
-        spans[id(old)] = (spans[id(old)][0], event.row)
+        place = _replaced(now, event)
+        spans[id(now[place])] = spans[id(now[place])][0], event.row
         # A copy: the same list may be loaded several times.
         new = dataclasses.replace(event.listing)
-        spans[id(new)] = (event.row, rows)
-        versions.append([*versions[-1][:place], new, *versions[-1][place + 1 :]])
+        spans[id(new)] = event.row, rows
+        now = [*now[:place], new, *now[place + 1 :]]
+        versions.append((now, new))
     return versions, spans
 
 

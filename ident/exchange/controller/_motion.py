@@ -14,6 +14,11 @@ from ...core import filled
 from .._nodes import Ranges
 from .._units import ExchangeError, expect
 
+Column = Float[np.ndarray, " t"]
+"""A value per row of a motion."""
+Columns = Mapping[int, Column]
+"""By logical axis number."""
+
 _COLUMNS = {
     "position": "positions",
     "direction": "directions",
@@ -42,21 +47,13 @@ class Motion:
         source: Where it comes from, for messages.
     """
 
-    positions: Mapping[int, Float[np.ndarray, " t"]]
+    positions: Columns
     directions: Mapping[int, Int[np.ndarray, " t"]]
-    time: Float[np.ndarray, " t"] | None
-    velocities: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
-        default_factory=dict
-    )
-    accelerations: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
-        default_factory=dict
-    )
-    temperatures: Mapping[str, Float[np.ndarray, " t"]] = dataclasses.field(
-        default_factory=dict
-    )
-    actuals: Mapping[int, Float[np.ndarray, " t"]] = dataclasses.field(
-        default_factory=dict
-    )
+    time: Column | None
+    velocities: Columns = dataclasses.field(default_factory=dict)
+    accelerations: Columns = dataclasses.field(default_factory=dict)
+    temperatures: Mapping[str, Column] = dataclasses.field(default_factory=dict)
+    actuals: Columns = dataclasses.field(default_factory=dict)
     ranges: Ranges = dataclasses.field(default_factory=dict)
     source: str = "motion"
 
@@ -97,7 +94,7 @@ class Motion:
         columns = (*self.positions.values(), *self.velocities.values())
         return len(next(iter((*columns, *self.accelerations.values())), np.zeros(0)))
 
-    def position(self, axis: int, why: str) -> Float[np.ndarray, " t"]:
+    def position(self, axis: int, why: str) -> Column:
         """Return the commanded position of an axis.
 
         Raises:
@@ -159,7 +156,7 @@ class Motion:
 
     def rates(
         self, axis: int, actual: bool = False
-    ) -> tuple[Float[np.ndarray, " t"] | None, Float[np.ndarray, " t"] | None]:
+    ) -> tuple[Column | None, Column | None]:
         """Return velocity and acceleration in mm/s and mm/s², or °: given, else derived.
 
         Backward differences; before the first row the axis stood there. How an axis that
@@ -184,9 +181,7 @@ class Motion:
             acceleration[:first] = acceleration[first] if moving else 0.0
         return velocity, acceleration
 
-    def unwrapped(
-        self, axis: int, position: Float[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
+    def unwrapped(self, axis: int, position: Column) -> Column:
         """Return positions of an axis, one that turns as one that goes on."""
         if axis not in self.ranges:
             return position
@@ -199,7 +194,7 @@ class Motion:
             return f"there is neither A{axis}.{quantity} nor time"
         return f"there is neither A{axis}.{quantity} nor A{axis}.position"
 
-    def _rate(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+    def _rate(self, values: Column) -> Column:
         assert self.time is not None
         steps = np.diff(self.time)
         if self.is_even and steps.size:
@@ -208,9 +203,7 @@ class Motion:
         return np.concatenate([np.zeros(min(1, values.size)), np.diff(values) / steps])
 
 
-def direction_of_motion(
-    position: Float[np.ndarray, " t"], start: int = 1
-) -> Int[np.ndarray, " t"]:
+def direction_of_motion(position: Column, start: int = 1) -> Int[np.ndarray, " t"]:
     """Return the direction of motion per cycle: that of the last step that was one.
 
     Args:

@@ -1,6 +1,7 @@
-"""What the lists of a machine add along a motion: each compensation, and the sum."""
+"""What the lists of a machine, or of one axis, add along a motion."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping, Sequence
 
 import jax
@@ -14,23 +15,21 @@ from ....models import (
     Motion as ControllerMotion,
     Offsets,
     PositionController,
+    TemperatureCurve,
 )
 from ...core import filled
 from ...kinds import kinds
 from .._machine_lists import InUse, Reading, axes_in_use, machine_lists
 from .._nodes import as_array
-from .._units import expect
-from ._controller import controller_of
-from ._events import (
-    ControllerEvent,
-    homed_rows,
-    loaded_versions,
-    selected_rows,
-)
-from ._motion import Motion, direction_of_motion
+from .._units import ExchangeError, expect
+from ._controller import controller_of, model_of
+from ._events import ControllerEvent, homed_rows, loaded_versions, selected_rows
+from ._motion import Column, Motion, direction_of_motion
 
 _SMALLEST = 256
 """Motions are padded to powers of two from here on: few shapes to compile."""
+_BY_ACTUAL = ("crosstalk_input", "direction_source", "plane_input")
+"""Conventions that may take actual positions."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,10 +47,10 @@ class AxisOffsets:
     """
 
     axis: int
-    parts: Mapping[str, Float[np.ndarray, " t"]]
-    total: Float[np.ndarray, " t"]
+    parts: Mapping[str, Column]
+    total: Column
     left_out: tuple[str, ...]
-    current: Float[np.ndarray, " t"] | None = None
+    current: Column | None = None
     remarks: tuple[str, ...] = ()
 
 
@@ -94,11 +93,10 @@ def simulate(
     motion = dataclasses.replace(motion, ranges=reading.modulo)
     reading = dataclasses.replace(reading, commanded=events is None)
     versions, spans = loaded_versions(lists, events or (), motion.rows)
-    added: dict[tuple[int, str], Float[np.ndarray, " t"]] = {}
+    added: dict[tuple[int, str], Column] = {}
     why: dict[InUse, str | None] = {}
     shown: set[int] = set()
-    known: set[int] = set()
-    for version in versions:
+    for version, new in versions:
         machine = machine_lists(version)
         used = [
             one
@@ -130,26 +128,16 @@ def simulate(
             active = selected_rows(controller, others, numbers, motion.rows, windows)
             whole = dataclasses.replace(whole, homed=homed, active=active)
         found = _run(controller, whole, settled=motion.time is None)
-        loaded = {id(one) for one in version} - known
         for one in computed:
             # What was there before a list was loaded again is added already.
-            if not known or id(one.listing) in loaded:
+            if new is None or one.listing is new:
                 rows = found[one.name][:, numbers.index(one.axis)]
                 added[one.axis, one.name] = rows + added.get((one.axis, one.name), 0.0)
         why |= lacks
-        known |= loaded
         shown |= {one.axis for one in used}
         shown |= set(machine.compensation) if only is None else set()
-    return tuple(
-        _axis(
-            axis,
-            added,
-            {one: reason for one, reason in why.items() if one.axis == axis},
-            motion,
-            waiting=events is not None,
-        )
-        for axis in sorted(shown)
-    )
+    waiting = events is not None
+    return tuple(_axis(axis, added, why, motion, waiting) for axis in sorted(shown))
 
 
 def _controller_motion(
@@ -157,73 +145,49 @@ def _controller_motion(
 ) -> ControllerMotion:
     """Return the motion as the controller takes it, a column per axis.
 
-    What no compensation needs and the motion does not have is 0.
+    What no compensation needs and the motion does not have is 0. Directions are given where
+    the controller cannot tell them by positions.
 
     Raises:
         ExchangeError: If the conventions take actual positions and there are none.
     """
     none = np.zeros(motion.rows)
 
-    def table(
-        columns: Sequence[Float[np.ndarray, " t"] | None],
-    ) -> Float[Array, "t a"]:
-        return as_array(np.stack([none if c is None else c for c in columns], axis=1))
+    def table(columns: Mapping[int, Column | None]) -> Float[Array, "t a"]:
+        own = [columns.get(number) for number in numbers]
+        return as_array(np.stack([none if c is None else c for c in own], axis=1))
 
     def rates(actual: bool) -> list[Float[Array, "t a"]]:
-        pairs = [motion.rates(n, actual) for n in numbers]
-        return [table([pair[k] for pair in pairs]) for k in (0, 1)]
+        pairs = {number: motion.rates(number, actual) for number in numbers}
+        return [table({n: pair[k] for n, pair in pairs.items()}) for k in (0, 1)]
 
-    actual = _actuals(motion, numbers, conventions)
-    by_actual = conventions.crosstalk_input == "actual"
+    by_actual = [name for name in _BY_ACTUAL if getattr(conventions, name) == "actual"]
+    if by_actual and not motion.actuals:
+        like = f"columns such as A{numbers[0]}.actual, as the convention {by_actual[0]}"
+        raise ExchangeError(motion.source, "no actual positions", f"{like} takes them")
+    ways: dict[int, Column | None] = {}
+    places = motion.actuals if "direction_source" in by_actual else motion.positions
+    for axis in numbers:
+        if axis in motion.directions:
+            ways[axis] = motion.directions[axis].astype(float)
+        elif motion.time is not None and axis in places:
+            place = motion.unwrapped(axis, places[axis])
+            ways[axis] = direction_of_motion(place, 0).astype(float)
     velocity, acceleration = rates(actual=False)
-    velocities, accelerations = rates(actual=True) if by_actual else (None, None)
+    fast, pushed = rates(True) if "crosstalk_input" in by_actual else (None, None)
+    warm = list(motion.temperatures.values())
+    # An axis without an actual position of its own is where it is commanded.
+    actual = {**motion.positions, **motion.actuals} if motion.actuals else None
     return ControllerMotion(
-        position=table([motion.positions.get(n) for n in numbers]),
+        position=table(motion.positions),
         velocity=velocity,
         acceleration=acceleration,
-        temperature=(
-            table(list(motion.temperatures.values())) if motion.temperatures else None
-        ),
-        direction=_directions(motion, numbers, conventions),
-        actual=actual,
-        actual_velocity=velocities,
-        actual_acceleration=accelerations,
+        temperature=as_array(np.stack(warm, axis=1)) if warm else None,
+        direction=table(ways) if motion.directions or motion.ranges else None,
+        actual=None if actual is None else table(actual),
+        actual_velocity=fast,
+        actual_acceleration=pushed,
     )
-
-
-def _directions(
-    motion: Motion, numbers: Sequence[int], conventions: Conventions
-) -> Float[Array, "t a"] | None:
-    """Return the directions where the controller cannot tell them by positions."""
-    if not motion.directions and not motion.ranges:
-        return None
-    places = motion.positions
-    if conventions.direction_source == "actual":
-        places = motion.actuals
-    columns = []
-    for axis in numbers:
-        found = motion.directions.get(axis)
-        if found is None and motion.time is not None and axis in places:
-            found = direction_of_motion(motion.unwrapped(axis, places[axis]), 0)
-        columns.append(np.zeros(motion.rows) if found is None else found.astype(float))
-    return as_array(np.stack(columns, axis=1))
-
-
-def _actuals(
-    motion: Motion, numbers: Sequence[int], conventions: Conventions
-) -> Float[Array, "t a"] | None:
-    if motion.actuals:
-        # An axis without its own is where it is commanded.
-        either = {**motion.positions, **motion.actuals}
-        none = np.zeros(motion.rows)
-        return as_array(np.stack([either.get(n, none) for n in numbers], axis=1))
-    for name in ("crosstalk_input", "direction_source", "plane_input"):
-        like = (
-            f"columns such as A{numbers[0]}.actual, as the convention {name} takes them"
-        )
-        commanded = getattr(conventions, name) != "actual"
-        expect(commanded, motion.source, "no actual positions", like)
-    return None
 
 
 def _run(
@@ -232,8 +196,7 @@ def _run(
     """Return each compensation of all axes, shape ``(t, a)``."""
     rows = motion.cycles
     if rows == 0:
-        none = np.zeros(motion.position.shape)
-        return {name: none for name in controller.installed}
+        return dict.fromkeys(controller.installed, np.zeros(motion.position.shape))
     whole = _padded(motion)
     offsets: Offsets
     if settled:
@@ -260,31 +223,31 @@ def _padded(motion: ControllerMotion) -> ControllerMotion:
 
 def _axis(
     axis: int,
-    added: Mapping[tuple[int, str], Float[np.ndarray, " t"]],
+    added: Mapping[tuple[int, str], Column],
     why: Mapping[InUse, str | None],
     motion: Motion,
-    *,
     waiting: bool,
 ) -> AxisOffsets:
     """Return what is added to an axis; why something is not computed, by what is in use."""
     own = [each for each in kinds() if (axis, each.name) in added]
     parts = {each.name: added[axis, each.name] for each in own if not each.adds_current}
     currents = [added[axis, each.name] for each in own if each.adds_current]
-    out = {one.name: reason for one, reason in why.items() if reason is not None}
+    mine = {one: reason for one, reason in why.items() if one.axis == axis}
+    out = {one.name: reason for one, reason in mine.items() if reason is not None}
     remarks = [
-        f"A{axis}: {name} stands in the list and is not computed: {reason}"
+        f"{name} stands in the list and is not computed: {reason}"
         for name, reason in out.items()
     ]
     remarks += [
-        f"A{axis}: {one.name} waits for COMP ON in the NC program"
-        " (manual_activation 1); it is computed as switched on"
-        for one, reason in why.items()
+        f"{one.name} waits for COMP ON in the NC program (manual_activation 1); it is"
+        " computed as switched on"
+        for one, reason in mine.items()
         if one.manual and reason is None and not waiting
     ]
     if own and not motion.is_even:
         remarks.append(
-            f"A{axis}: the time steps of {motion.source} differ: filters and delays"
-            " take each row as one cycle"
+            f"the time steps of {motion.source} differ: filters and delays take each row"
+            " as one cycle"
         )
     return AxisOffsets(
         axis=axis,
@@ -292,5 +255,115 @@ def _axis(
         total=sum(parts.values(), np.zeros(motion.rows)),
         left_out=tuple(out),
         current=sum(currents[1:], currents[0]) if currents else None,
-        remarks=tuple(dict.fromkeys(remarks)),
+        remarks=tuple(dict.fromkeys(f"A{axis}: {words}" for words in remarks)),
     )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class AxisLists:
+    """The lists of one axis, and how the controller reads them.
+
+    Attributes:
+        axis: Logical number.
+        compensation: Its compensation list, or None.
+        machine: Its axis list, or None: then everything in the compensation list acts.
+        reading: How they are read; what waits for COMP ON is taken as switched on.
+    """
+
+    axis: int
+    compensation: ListFile | None
+    machine: ListFile | None
+    reading: Reading
+
+    @functools.cached_property
+    def files(self) -> tuple[ListFile, ...]:
+        """Those that say something, as lists of this axis also where they do not say so."""
+        pairs = ("compensation", self.compensation), ("axis", self.machine)
+        return tuple(
+            one
+            if one.integer("kopf.achs_nr")
+            else one.merge({"kopf.achs_nr": self.axis})
+            for kind, one in pairs
+            if one is not None and one.kind == kind
+        )
+
+    @functools.cached_property
+    def used(self) -> Mapping[str, InUse]:
+        """What adds to the position of the axis, by compensation.
+
+        Raises:
+            ExchangeError: If an entry that decides it is unreadable.
+        """
+        found = machine_lists(self.files).in_use(
+            self.reading.conventions, self.reading.lines
+        )
+        mine = {one.name: one for one in found if one.axis == self.axis}
+        places = [each.name for each in kinds() if not each.adds_current]
+        return {name: mine[name] for name in places if name in mine}
+
+    def inputs(self, name: str) -> tuple[int, ...]:
+        """Return the axes over whose positions a compensation acts at standstill."""
+        one = self.used[name]
+        return one.kind.entries.inputs(one.masters)
+
+    def acts(self, name: str) -> bool:
+        """Return whether it adds something: a table of zeros does not.
+
+        Raises:
+            ExchangeError: If an entry that decides it is unreadable.
+        """
+        one = self.used.get(name)
+        return one is not None and not one.kind.entries.adds_nothing(one.listing)
+
+    @functools.cached_property
+    def models(self) -> Mapping[str, object]:
+        """The model of each compensation.
+
+        Raises:
+            ExchangeError: If a list makes none.
+        """
+        return {name: model_of(one, self.reading) for name, one in self.used.items()}
+
+    def parts(self, motion: Motion) -> dict[str, Column]:
+        """Return what the controller adds, by compensation, in mm or °.
+
+        What the motion lacks positions, temperatures, a velocity or an acceleration for is
+        left out.
+
+        Raises:
+            ExchangeError: If a list makes no table.
+        """
+        if not any(self._is_known(one, motion) for one in self.used.values()):
+            return {}
+        whole = motion
+        if self.axis not in motion.positions and self._has_no_slope:
+            still = {self.axis: np.zeros(motion.rows)}
+            whole = dataclasses.replace(motion, positions={**motion.positions, **still})
+        (found,) = simulate(
+            self.files,
+            whole,
+            self.reading,
+            only=lambda one: self._is_known(one, motion),
+        )
+        return dict(found.parts)
+
+    def _is_known(self, one: InUse, motion: Motion) -> bool:
+        """Return whether it adds to this axis, and a motion has what it looks at."""
+        if one.axis != self.axis or one.kind.adds_current:
+            return False
+        if one.kind.by_plc and self.axis in self.reading.lines:
+            if not motion.temperatures:
+                return False
+            if self._has_no_slope:
+                return True
+        looks_at = one.kind.entries.looks_at(one, motion)
+        return all(axis in motion.positions for axis in looks_at)
+
+    @property
+    def _has_no_slope(self) -> bool:
+        """Whether the temperature law of the PLC is the same at all positions."""
+        line = self.reading.lines.get(self.axis)
+        coefficient = None if line is None else line.coefficient
+        return isinstance(coefficient, TemperatureCurve) and not np.any(
+            np.asarray(coefficient.values)
+        )
