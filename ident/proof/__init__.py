@@ -1,10 +1,10 @@
 """Why a list can be trusted: held-out prediction, the gate, and what a controller shows.
 
 Read `_figures` (how large an error is), `_heldout` (each reading under the list that was fitted
-without it), `_dynamics` and `_reversal` (the motion that a table adds), `_gate` (what it may
-do), `_circle` (what friction does to a circle). Folders: `axis` (all that acts on one
-axis, judged together), `verify` (a controller's log against its lists), `doctor`
-(measurements without and with the lists).
+without it), `_dynamics` (the motion that a table adds), `_gate` (what it may do), `axis` (all
+that acts on one axis, judged together), `_circle` (what friction does to a circle). Folders:
+`verify` (a controller's log against its lists), `doctor` (measurements without and with the
+lists).
 
 The circular test, `doctor` and `verify` are imported when they are first asked for: most jobs
 need none of them.
@@ -24,19 +24,17 @@ from ._figures import (
 from ._gate import (
     GateCheck as GateCheck,
     GateLimits as GateLimits,
+    choose_cycles as choose_cycles,
     gate_check as gate_check,
     judge as judge,
     reversal_checks as reversal_checks,
+    reversal_dynamics as reversal_dynamics,
 )
 from ._heldout import (
     HeldOut as HeldOut,
     blocks_of as blocks_of,
     held_out as held_out,
     left_by_folds as left_by_folds,
-)
-from ._reversal import (
-    choose_cycles as choose_cycles,
-    reversal_dynamics as reversal_dynamics,
 )
 
 if TYPE_CHECKING:

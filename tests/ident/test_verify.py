@@ -312,6 +312,22 @@ def test_a_drive_bus_that_is_late_by_a_part_of_a_cycle_is_allowed_for(
     assert found.agrees
 
 
+def test_a_drive_bus_that_is_not_late_is_not_called_so_in_a_short_log(
+    tmp_path: Path,
+) -> None:
+    rows = np.arange(200)
+    place = 150.0 + 100.0 * np.sin(np.pi * rows / 1000)  # a fifth of a stroke
+    drive = place + np.interp(place, NODES, POS)
+    drive += 1e-5 * np.random.default_rng(3).normal(size=rows.size)
+    file = tmp_path / "log.csv"
+    np.savetxt(
+        file, np.stack([rows * CYCLE, place, drive], axis=1), fmt="%.9f", delimiter=",",
+        header="time,A3.position,A3.drive_position", comments="",
+    )  # fmt: skip
+    found = verified(read_log(file), screw_list())
+    assert not any("drive_position comes" in text for text in found.remarks)
+
+
 def test_a_log_of_offsets_alone_leaves_the_final_sign_open(tmp_path: Path) -> None:
     found = verified(
         log_of(tmp_path, {"A3.leadscrew": screw()}), screw_list(), axis_list()

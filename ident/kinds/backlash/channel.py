@@ -5,7 +5,7 @@ from typing import final
 import jax.numpy as jnp
 import numpy as np
 
-from ...proof.verify import AbstractChannel, Change, LogRows, Parts, Shift
+from ...proof.verify import AbstractChannel, Change, LogRows, Parts
 
 
 @final
@@ -18,8 +18,7 @@ class BacklashChannel(AbstractChannel):
         if self.told_by_actual():
             self.relevant = (*self.relevant, "direction_source")
 
-    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
-        del shift
+    def parts(self, change: Change, rows: LogRows) -> Parts:
         count = len(self.motion.position(self.axis, "for its backlash")[rows])
         law = self.law(change.conventions)
         ways = np.asarray(law.offset(jnp.array([1.0, -1.0])))

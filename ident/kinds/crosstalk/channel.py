@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....models import Crosstalk
-from ...proof.verify import AbstractChannel, Change, LogRows, Parts, Shift, Way
+from ...proof.verify import AbstractChannel, Change, LogRows, Parts, Way
 
 
 @final
@@ -42,7 +42,7 @@ class CrosstalkChannel(AbstractChannel):
         self.swaps = tuple(swaps)
         _ = self.parts(self.plain, slice(0, 1))  # a log without a master is refused
 
-    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
+    def parts(self, change: Change, rows: LogRows) -> Parts:
         why = f"for the crosstalk of A{self.axis}"
         dynamic, *places = change.masters or self.masters
         actual = change.conventions.crosstalk_input == "actual"
@@ -53,11 +53,7 @@ class CrosstalkChannel(AbstractChannel):
         columns = [self.motion.position(axis, why)[rows] for axis in places]
         where: Float[np.ndarray, "r k"] | None = None
         if columns:
-            where = np.stack(columns, axis=1)
-            if shift is not None:
-                where = where - shift
-            elif change.is_shifted:
-                where = where - np.asarray(change.shift)
+            where = change.moved(np.stack(columns, axis=1))
         found = law.offset(acceleration[rows], velocity[rows], where)
         return Parts(np.asarray(found))
 

@@ -4,7 +4,7 @@ from typing import final
 
 import numpy as np
 
-from ...proof.verify import AbstractChannel, Change, LogRows, Parts, Shift
+from ...proof.verify import AbstractChannel, Change, LogRows, Parts
 
 
 @final
@@ -25,8 +25,7 @@ class FrictionChannel(AbstractChannel):
             self.relevant = (*self.relevant, "friction_delay")
         _ = self.motion.required_rates(self.axis, "for its friction compensation")
 
-    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
-        del shift
+    def parts(self, change: Change, rows: LogRows) -> Parts:
         why = "for its friction compensation"
         velocity, _ = self.motion.required_rates(self.axis, why)
         law = self.law(change.conventions)

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....models import Conventions, TemperatureLine
-from ...proof.verify import AbstractChannel, Change, LogRows, Parts, Shift
+from ...proof.verify import AbstractChannel, Change, LogRows, Parts
 from .entries import temperature_from_list
 
 
@@ -30,8 +30,7 @@ class TemperatureChannel(AbstractChannel):
     def cycles_under(self, conventions: Conventions) -> int:
         return self.listed if conventions.temperature_filter == "values" else 0
 
-    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
-        del shift
+    def parts(self, change: Change, rows: LogRows) -> Parts:
         place = self.motion.position(self.axis, "for its temperature compensation")
         line = self.law(change.conventions)
         some: Float[np.ndarray, " r"] = place[rows]

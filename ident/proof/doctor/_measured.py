@@ -102,6 +102,8 @@ class _Places:
 def _places(
     measured: Sequence[Measured], axes: Sequence[int], directed: bool
 ) -> _Places:
+    from scipy.ndimage import median
+
     rows = []
     for one in measured:
         columns = [np.rint(one.positions[axis] / _PLACE) for axis in axes]
@@ -109,14 +111,13 @@ def _places(
         columns.append(np.zeros(len(one.error)) if ways is None else ways)
         rows.append(np.stack(columns, axis=1).astype(np.int64))
     keys, values = np.concatenate(rows), np.concatenate([one.error for one in measured])
-    order = np.lexsort((values, *keys.T))
-    keys, values = keys[order], values[order]
-    starts = np.flatnonzero(np.any(np.diff(keys, axis=0, prepend=keys[:1] - 1), axis=1))
-    counts = np.diff(np.append(starts, len(keys)))
-    middle = 0.5 * (values[starts + (counts - 1) // 2] + values[starts + counts // 2])
+    places, at, counts = np.unique(
+        keys, axis=0, return_inverse=True, return_counts=True
+    )
     # One wild reading among several must not count.
-    mean = np.add.reduceat(values, starts) / counts
-    return _Places(keys[starts], np.where(counts > _SEVERAL, middle, mean), counts)
+    middle = median(values, at.ravel(), np.arange(len(counts)))
+    mean = np.bincount(at.ravel(), values) / counts
+    return _Places(places, np.where(counts > _SEVERAL, middle, mean), counts)
 
 
 def _interpolated(

@@ -5,10 +5,10 @@ under changes that a controller may make (`Change`). The search compares such hy
 well they explain what was logged, the noise being estimated, and what each costs (a description
 length); the judge puts the best into words.
 
-Read `_verify` (the whole, and a clock that is off), `_lists` and `_target` (what is to be
+Read `_verify` (the whole, and a clock that is off), `_lists` and `_log` (what is to be
 explained), `_channel` and `_tables` (the channels; each compensation has its own in `kinds`),
-`_hypothesis`, `_scan` and `_search`, `_judge`, `_words`; `_total` for logs that show sums only.
-The `doctor` explains what was measured by the same search.
+`_hypothesis` (with its words), `_scan` and `_search`, `_judge`; `_total` for logs that show sums
+only. The `doctor` explains what was measured by the same search.
 """
 
 from ._channel import (
@@ -16,14 +16,11 @@ from ._channel import (
     Change as Change,
     LogRows as LogRows,
     Parts as Parts,
-    Shift as Shift,
     Way as Way,
 )
-from ._hypothesis import FAULT as FAULT, Hypothesis as Hypothesis
+from ._hypothesis import FAULT as FAULT, Hypothesis as Hypothesis, said as said
 from ._judge import Verdict as Verdict
-from ._motion import LogMotion as LogMotion
+from ._log import LogMotion as LogMotion, Target as Target
 from ._search import Found as Found, search as search
 from ._tables import TableChannel as TableChannel, ways_of as ways_of
-from ._target import Target as Target
 from ._verify import Verification as Verification, verify_log as verify_log
-from ._words import said as said

@@ -11,7 +11,8 @@ from jaxtyping import Float, Int
 
 from ....models import Conventions, step_response
 from ...exchange import InUse, Reading, model_of
-from ._motion import LogMotion
+from ...exchange.controller._motion import Column
+from ._log import LogMotion
 
 Edge = Literal["held", "zero", "line"]
 """Beyond the table: its last value, no offset, or a straight line onward."""
@@ -21,8 +22,6 @@ EDGES: tuple[Edge, ...] = ("held", "zero", "line")
 
 LogRows = Int[np.ndarray, " r"] | slice
 """Rows of a log, each as often as it is wanted."""
-Shift = Float[np.ndarray, "r k"] | None
-"""By how much a table lies further in each row, instead of the shift of the change."""
 
 _AT_ONCE = 1 << 17
 """Rows that are evaluated at once."""
@@ -36,20 +35,25 @@ class Change:
         conventions: Rules of the controller.
         masters: Axes whose positions enter, instead of those of the list; or None.
         edge: Instead of what the conventions say; or None.
-        shift: By how much the table lies further, in mm or ° per master; or empty.
+        shift: By how much the table lies further, in mm or ° per master; or empty. Where
+            several places are tried at once, a line of it per row.
         cycles: Length of the filter instead of that of the lists; or None.
     """
 
     conventions: Conventions
     masters: tuple[int, ...] | None = None
     edge: Edge | None = None
-    shift: tuple[float, ...] = ()
+    shift: tuple[float, ...] | Float[np.ndarray, "r k"] = ()
     cycles: int | None = None
 
     @property
     def is_shifted(self) -> bool:
         """Whether the table lies elsewhere."""
-        return any(self.shift)
+        return bool(np.any(self.shift))
+
+    def moved(self, places: Float[np.ndarray, "r k"]) -> Float[np.ndarray, "r k"]:
+        """Return where positions of the masters lie on the table."""
+        return places - np.asarray(self.shift) if self.is_shifted else places
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,14 +147,8 @@ class AbstractChannel(abc.ABC):
         """
 
     @abc.abstractmethod
-    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
-        """Return what is added at some rows, before any filter.
-
-        Args:
-            change: How it is applied.
-            rows: Of the log.
-            shift: Of the table.
-        """
+    def parts(self, change: Change, rows: LogRows) -> Parts:
+        """Return what is added at some rows of the log, before any filter."""
 
     def law(self, conventions: Conventions) -> Any:
         """Return the model that the list makes under some conventions."""
@@ -174,7 +172,7 @@ class AbstractChannel(abc.ABC):
             return change.cycles
         return self.cycles_under(change.conventions)
 
-    def share(self, change: Change) -> Float[np.ndarray, " t"]:
+    def share(self, change: Change) -> Column:
         """Return the share of the negative direction, 0 or 1 per row."""
         start = change.conventions.start_direction
         why = f"for the {self.compensation} of A{self.axis}"
@@ -203,7 +201,7 @@ class AbstractChannel(abc.ABC):
         return Change(self.conventions)
 
     @functools.cached_property
-    def acting(self) -> Float[np.ndarray, " t"] | None:
+    def acting(self) -> Column | None:
         """Share that acts per row, switched over cycles; None where the log does not say."""
         state = self.motion.acting.get((self.axis, self.compensation))
         if state is None:
@@ -212,7 +210,7 @@ class AbstractChannel(abc.ABC):
         share = state.astype(float)
         return smoothed(share, self.listed) if timed else share
 
-    def column(self, change: Change) -> Float[np.ndarray, " t"]:
+    def column(self, change: Change) -> Column:
         """Return what is added per row, in mm or °."""
         return self.over_cycles(self.parts(change, slice(None)), change)
 
@@ -234,7 +232,8 @@ class AbstractChannel(abc.ABC):
         for start in range(0, len(shifts), every):
             some = shifts[start : start + every]
             tiled = np.tile(rows, len(some))
-            parts = self.parts(change, tiled, np.repeat(some, len(rows), axis=0))
+            moved = np.repeat(some, len(rows), axis=0)
+            parts = self.parts(dataclasses.replace(change, shift=moved), tiled)
             ahead = parts.ahead.reshape(len(some), len(rows))
             if parts.change is not None:
                 share = self.share(change)[rows] if share is None else share
@@ -244,7 +243,7 @@ class AbstractChannel(abc.ABC):
             found.append(ahead)
         return np.concatenate(found)
 
-    def over_cycles(self, parts: Parts, change: Change) -> Float[np.ndarray, " t"]:
+    def over_cycles(self, parts: Parts, change: Change) -> Column:
         """Return what is added per cycle in mm or °, filter included."""
         cycles = self.cycles_of(change)
         late = change.conventions.filter_delay
@@ -261,9 +260,7 @@ class AbstractChannel(abc.ABC):
         return delayed(found, self.motion.clock)
 
 
-def smoothed(
-    values: Float[np.ndarray, " t"], cycles: int, late: int = 0
-) -> Float[np.ndarray, " t"]:
+def smoothed(values: Column, cycles: int, late: int = 0) -> Column:
     """Return values with each change distributed over cycles by sin² (S-06)."""
     taps = np.diff(step_response(cycles, late), prepend=0.0)
     before = np.full(len(taps) - 1, values[0])
@@ -271,7 +268,7 @@ def smoothed(
     return np.asarray(found)
 
 
-def delayed(values: Float[np.ndarray, " t"], cycles: float) -> Float[np.ndarray, " t"]:
+def delayed(values: Column, cycles: float) -> Column:
     """Return values that are read some cycles later, in between by a straight line."""
     if not cycles:
         return values

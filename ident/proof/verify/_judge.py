@@ -9,10 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ._channel import AbstractChannel
-from ._hypothesis import RULES, Hypothesis, other_rules
+from ._hypothesis import RULES, Hypothesis, joined, other_rules, said
+from ._log import RESOLUTION
 from ._search import EQUAL, Found
-from ._target import RESOLUTION
-from ._words import joined, said
 
 SETTLED = 2.0 * math.log(1000.0)
 """Difference of criteria from which on a convention is settled: odds of 1000 to 1."""

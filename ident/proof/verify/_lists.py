@@ -23,9 +23,8 @@ from ...exchange import (
 from ...kinds import kinds
 from ._channel import AbstractChannel
 from ._judge import SETTLED
-from ._motion import LogMotion
+from ._log import LogMotion, Target
 from ._scan import few_of, least_squares
-from ._target import Target
 
 _CHOICES = ("slave", "master")
 
@@ -116,9 +115,7 @@ def motion_of(
 
 
 def reports_of(
-    log: ControllerLog,
-    names: Mapping[str, int],
-    channels: ByAxis,
+    log: ControllerLog, names: Mapping[str, int], channels: ByAxis
 ) -> tuple[dict[tuple[int, str], LoggedOffset], list[str]]:
     """Return what was reported by axis and compensation, and what is not judged."""
     found: dict[tuple[int, str], LoggedOffset] = {}

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from ._channel import EDGES, AbstractChannel, Change
 from ._hypothesis import FREE_BAND, SCALES, Hypothesis
-from ._target import Target
+from ._log import Target
 
 FILTERS = (*range(1, 21), 22, 25, 28, 30, 35, 40, 50, 60, 80, 100)
 """Lengths of a filter that are tried; at most those of the history of a log."""

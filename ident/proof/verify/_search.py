@@ -13,8 +13,8 @@ from scipy.optimize import minimize
 from .._figures import wild_readings
 from ._channel import AbstractChannel, Change
 from ._hypothesis import FAULT, Hypothesis
+from ._log import FLOOR, RESOLUTION, Target
 from ._scan import few_of, otherwise, place, scaled, structures, timed
-from ._target import FLOOR, RESOLUTION, Target
 
 _MOST_PLACES = 30
 """Places per master at which a table that lies elsewhere is tried on all rows."""
@@ -69,9 +69,7 @@ class Found:
 
 
 def search(
-    channel: AbstractChannel,
-    target: Target,
-    start: Sequence[Hypothesis] = (),
+    channel: AbstractChannel, target: Target, start: Sequence[Hypothesis] = ()
 ) -> Found:
     """Return the hypothesis that explains the values of a target best.
 

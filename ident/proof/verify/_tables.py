@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ....models import Conventions
 from ...exchange import Model, offset_at
-from ._channel import AbstractChannel, Change, Edge, LogRows, Parts, Shift, Way
+from ._channel import AbstractChannel, Change, Edge, LogRows, Parts, Way
 
 
 def ways_of(model: Model, ends: bool = True) -> tuple[Way, ...]:
@@ -37,12 +37,8 @@ class TableChannel(AbstractChannel):
         """Return the positions that are looked up, in mm or °."""
         return self.places(change.masters or self.masters)
 
-    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
-        places = self.positions(change)[rows]
-        if shift is not None:
-            places = places - shift
-        elif change.is_shifted:
-            places = places - np.asarray(change.shift)
+    def parts(self, change: Change, rows: LogRows) -> Parts:
+        places = change.moved(self.positions(change)[rows])
         model: Model = self.law(change.conventions)
         edge = change.edge or self.edge(change.conventions)
         ahead = self._beyond(model, places, 1, edge)

@@ -3,18 +3,22 @@
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float
 
+from ....data.signals import estimate_delay
+from ...exchange.controller._motion import Column
 from ._channel import AbstractChannel
 from ._hypothesis import SCALES
+from ._log import Target
 from ._search import Found, search
-from ._target import Target
 
 _SWEEPS = 4
 """Most rounds over the parts of a sum; two are the rule."""
 
 _REACH = 20
 """Cycles by which the drive bus may be late."""
+
+_FEWEST = 250
+"""Rows from which on its delay is told."""
 
 
 def search_total(
@@ -44,7 +48,7 @@ def search_total(
 
 
 def _factors(
-    columns: Mapping[str, Float[np.ndarray, " t"]],
+    columns: Mapping[str, Column],
     channels: Mapping[str, AbstractChannel],
     target: Target,
 ) -> dict[str, float]:
@@ -62,9 +66,7 @@ def _factors(
 
 
 def drive_target(
-    position: Float[np.ndarray, " t"],
-    drive: Float[np.ndarray, " t"],
-    cyclic: bool,
+    position: Column, drive: Column, cyclic: bool
 ) -> tuple[Target, int, float]:
     """Return what the drive bus adds to the command, and by how many cycles it is late.
 
@@ -72,32 +74,18 @@ def drive_target(
     the bus is: by whole cycles, which are taken out of the target, and by a part of one,
     which is still in what it adds.
     """
-    ones = np.ones((len(position), 1))
-    if not cyclic or len(position) < 4 * _REACH or np.ptp(position) == 0:
-        return Target.of(drive - position, ones), 0, 0.0
-    late = _lateness(position, drive)
+    ones, late, part = np.ones((len(position), 1)), 0, 0.0
+    if cyclic and len(position) >= _FEWEST:
+        found = estimate_delay(position, drive, 1.0, longest=_REACH)
+        if found.determined:
+            late = round(found.seconds)
+            part = found.seconds - late
     # The ends that come round are not judged.
     aligned = np.roll(drive, -late)
+    if abs(part) < 0.02:
+        return Target.of(aligned - position, ones), late, 0.0
     rows = np.arange(len(position), dtype=float)
     velocity = np.gradient(position)
     shares = np.column_stack([ones, velocity, np.gradient(velocity)])
-    part, inside = 0.0, slice(_REACH, len(position) - _REACH)
-    for _ in range(3):
-        apart = aligned - np.interp(rows - part, rows, position)
-        found = np.linalg.lstsq(shares[inside], apart[inside], rcond=None)[0]
-        part -= float(found[1])
-    if abs(part) < 0.02:
-        return Target.of(aligned - position, ones), late, 0.0
     apart = aligned - np.interp(rows - part, rows, position)
     return Target.of(apart, shares), late, part
-
-
-def _lateness(position: Float[np.ndarray, " t"], drive: Float[np.ndarray, " t"]) -> int:
-    part = slice(_REACH, len(position) - _REACH)
-    best, least = 0, np.inf
-    for late in sorted(range(-_REACH + 1, _REACH), key=abs):
-        apart = drive[part.start + late : part.stop + late] - position[part]
-        spread = float(np.var(apart))
-        if spread < 0.999 * least:
-            best, least = late, spread
-    return best

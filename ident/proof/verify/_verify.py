@@ -24,9 +24,8 @@ from ._lists import (
     owners,
     reports_of,
 )
-from ._motion import LogMotion
+from ._log import LogMotion, Target
 from ._search import Found, search
-from ._target import Target
 from ._total import drive_target, search_total
 
 _PART = 0.1
@@ -61,9 +60,7 @@ class Verification:
 # The products here are too short to share: threads would only wait for each other.
 @one_blas_thread()
 def verify_log(
-    lists: Sequence[ListFile],
-    log: ControllerLog,
-    reading: Reading,
+    lists: Sequence[ListFile], log: ControllerLog, reading: Reading
 ) -> Verification:
     """Return what a controller does with its lists, from what it logged.
 

@@ -4,7 +4,7 @@ from typing import final
 
 import numpy as np
 
-from axcomp.ident.proof.verify import AbstractChannel, Change, LogRows, Parts, Shift
+from axcomp.ident.proof.verify import AbstractChannel, Change, LogRows, Parts
 
 
 @final
@@ -14,7 +14,7 @@ class OffsetChannel(AbstractChannel):
     def prepare(self) -> None:
         self.law(self.conventions)
 
-    def parts(self, change: Change, rows: LogRows, shift: Shift = None) -> Parts:
+    def parts(self, change: Change, rows: LogRows) -> Parts:
         count = len(np.arange(self.motion.rows)[rows])
         return Parts(np.full(count, float(self.law(change.conventions).value)))
 

@@ -1,17 +1,105 @@
-"""What is to be explained: one column of a log, and what else is in it."""
+"""What a log holds: its motion, and one column that is to be explained."""
 
 import dataclasses
 import functools
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
+
+from ...exchange import ExchangeError, Motion, direction_of_motion
+from ...exchange.controller._motion import Column, Columns
+
+MOST_CYCLES = 10
+"""Cycles by which an offset is tried to be later or earlier."""
+
+_HISTORY = 128
+"""Cycles before a piece of a log that filters look back at."""
 
 RESOLUTION = 1e-4
 """mm or °: the unit of the lists, and the smallest difference that is spoken of."""
 
 FLOOR = RESOLUTION / 10
 """Noise in mm that is taken for granted: the arithmetic of two programs differs."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LogMotion(Motion):
+    """Commanded motion of a log, one row per cycle or independent row.
+
+    Attributes:
+        cycle: Time step in s; None where the rows are independent.
+        clock: Cycles by which what was reported was recorded later.
+        drives: Position on the drive bus by axis, which contains the compensations.
+        acting: Whether a compensation is on, per row, by axis and name, where the log says so.
+        names: Of the axes, for sentences, where they have some.
+    """
+
+    cycle: float | None = None
+    clock: float = 0.0
+    drives: Columns = dataclasses.field(default_factory=dict)
+    acting: Mapping[tuple[int, str], Bool[np.ndarray, " t"]] = dataclasses.field(
+        default_factory=dict
+    )
+    names: Mapping[int, str] = dataclasses.field(default_factory=dict)
+
+    def name(self, axis: int) -> str:
+        """Return the name of an axis."""
+        return self.names.get(axis, f"A{axis}")
+
+    @property
+    def edge_rows(self) -> int:
+        """Rows at either end that are not judged: lags and filters reach beyond them."""
+        return 0 if self.cycle is None else min(_HISTORY, self.rows // 8)
+
+    @property
+    def judged(self) -> slice:
+        """The rows that are judged."""
+        return slice(self.edge_rows, self.rows - self.edge_rows)
+
+    @property
+    def reach(self) -> int:
+        """Cycles by which an offset may be late and still be judged."""
+        return min(MOST_CYCLES, self.edge_rows)
+
+    def has_actual(self, *axes: int) -> bool:
+        """Return whether the log has the actual position of one of the axes."""
+        return any(axis in self.actuals for axis in axes)
+
+    def actual(self, axis: int, why: str) -> Column:
+        """Return the actual position of an axis; one without is where it should be."""
+        found = self.actuals.get(axis)
+        return self.position(axis, why) if found is None else found
+
+    def direction(
+        self, axis: int, why: str, start: int, actual: bool = False
+    ) -> Int[np.ndarray, " t"]:
+        """Return the direction of motion of an axis, ±1 per row (S-21)."""
+        if axis in self.directions:
+            return self.directions[axis]
+        place = self.actual(axis, why) if actual else self.position(axis, why)
+        if self.cycle is None:
+            return np.full(self.rows, start, dtype=np.int64)
+        return direction_of_motion(self.unwrapped(axis, place), start)
+
+    def required_rates(
+        self, axis: int, why: str, actual: bool = False
+    ) -> tuple[Column, Column]:
+        """Return velocity and acceleration of an axis in mm/s and mm/s², or °.
+
+        Raises:
+            ExchangeError: If the log has neither them nor what they follow from.
+        """
+        velocity, acceleration = self.rates(axis, actual)
+        if velocity is None or acceleration is None:
+            raise ExchangeError(
+                where=self.source,
+                found=f"no velocity and acceleration of A{axis}, nor time",
+                expected=f"A{axis}.position and time {why}",
+            )
+        return velocity, acceleration
 
 
 @final
@@ -29,19 +117,19 @@ class Target:
             machine and instrument drift.
     """
 
-    values: Float[np.ndarray, " t"]
+    values: Column
     basis: Float[np.ndarray, "t b"]
     step: float = 0.0
-    root: Float[np.ndarray, " t"] | None = None
+    root: Column | None = None
     band: float = 0.0
 
     @classmethod
     def of(
         cls,
-        values: Float[np.ndarray, " t"],
+        values: Column,
         nuisance: Float[np.ndarray, "t b"] | None = None,
         step: float = 0.0,
-        weight: Float[np.ndarray, " t"] | None = None,
+        weight: Column | None = None,
     ) -> "Target":
         """Return a target; free columns may be anything, dependent ones too."""
         root = None if weight is None else np.sqrt(weight)
@@ -54,7 +142,7 @@ class Target:
         basis = left[:, sizes > 1e-9 * sizes[0]]
         return cls(values, basis, step, root).but(values)
 
-    def but(self, values: Float[np.ndarray, " t"]) -> "Target":
+    def but(self, values: Column) -> "Target":
         """Return the target with other values, what is free taken out of them."""
         return dataclasses.replace(self, values=self.free_of(values))
 
