@@ -15,8 +15,7 @@ from . import _style as style
 from ._body import Plot
 from ._scale import Scale, count, number, scale_of
 from ._section import Section
-from .table._fitted import say_drawn
-from .table._readings import bin_means
+from .table._fitted import bin_means, say_drawn
 
 if TYPE_CHECKING:
     from ..job import AxisSum, GroupResult

@@ -12,9 +12,8 @@ from ..job import AbstractResult, JobResult, TableResult
 from . import _style as style
 from ._body import Plot
 from ._scale import Scale, number, scale_of
-from .table._fitted import Fitted, branches_of
+from .table._fitted import Fitted, branches_of, readings_of
 from .table._maps import bar, heat, label, symmetric
-from .table._readings import readings_of
 
 _MOST = 6
 """Fits that are drawn; the picture is a summary."""

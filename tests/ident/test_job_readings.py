@@ -15,7 +15,7 @@ from axcomp.ident.readings import (
 )
 from axcomp.ident.readings._readings import ranked
 from axcomp.ident.report._scale import scale_of
-from axcomp.ident.report.table._readings import readings_of
+from axcomp.ident.report.table._fitted import readings_of
 from axcomp.ident.report.table._residuals import views_of
 
 NODES = np.arange(0.0, 401.0, 100.0)

@@ -19,10 +19,9 @@ from axcomp.ident.report._body import Plot
 from axcomp.ident.report._scale import number, percent, place, scale_of
 from axcomp.ident.report._section import section_of
 from axcomp.ident.report._style import house_style
-from axcomp.ident.report.table._fitted import Fitted
+from axcomp.ident.report.table._fitted import Fitted, bin_means, readings_of
 from axcomp.ident.report.table._lines import curve_plot
 from axcomp.ident.report.table._maps import coverage_maps, error_map, hatch
-from axcomp.ident.report.table._readings import bin_means, readings_of
 from axcomp.ident.report.table._residuals import residual_plot
 
 Make = Callable[..., TableResult]

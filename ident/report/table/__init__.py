@@ -1,5 +1,5 @@
 """What the page shows of a table: `_body` puts it together.
 
-`_readings` (in display units), `_lines` and `_maps` (the table itself),
+`_fitted` (table and readings in display units), `_lines` and `_maps` (the table itself),
 `_residuals` (what remains), `_words` (how it was made, and whether its deviations are honest).
 """

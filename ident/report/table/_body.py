@@ -7,9 +7,9 @@ from ...job import TableResult
 from .._body import Body, Plot
 from .._iso_chart import draw_iso_chart, iso_chart_sentence
 from .._scale import Scale
+from ._fitted import readings_of
 from ._lines import curve_plot
 from ._maps import coverage_maps, error_map
-from ._readings import readings_of
 from ._residuals import residual_plot
 from ._words import how_it_was_made, wild_rows
 

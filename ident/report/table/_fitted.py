@@ -1,4 +1,4 @@
-"""A fitted table in display units, over one master or two, and what is said of it."""
+"""A fitted table and its readings as the plots need them: display units, marked, binned."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...job import TableResult
+from ...job import SampleView, TableResult
 from .._scale import Scale, count, grouped, number, place
 
 
@@ -85,3 +85,106 @@ def say_drawn(drawn: int, total: int) -> str:
     if drawn >= total:
         return ""
     return f" {grouped(drawn)} of {grouped(total)} readings are drawn."
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Readings(SampleView):
+    """The readings of one fit in display units (errors in µm, positions in mm).
+
+    Attributes:
+        direction: ±1 per reading; 0 where the table does not ask for it.
+        wild: Readings that the loss rejected.
+        total: Number of readings of the fit; of a log that was read in pieces these are
+            every n-th one.
+        total_wild: How many of all of them were rejected.
+    """
+
+    direction: Int[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+    total: int
+    total_wild: int
+
+    @property
+    def size(self) -> int:
+        """Number of readings that are shown."""
+        return len(self.before)
+
+    @property
+    def sound(self) -> Bool[np.ndarray, " t"]:
+        """Readings that are neither wild nor without a prediction."""
+        return np.asarray(~self.wild & np.isfinite(self.predicted))
+
+
+@dataclasses.dataclass(frozen=True)
+class Bins:
+    """Mean of the readings in slices of a quantity, with its standard error.
+
+    Attributes:
+        edges: Of the slices, one more than there are slices.
+        count: Readings per slice; slices without readings are kept, with NaN.
+        mean: In µm.
+        error: Standard error of the mean in µm.
+    """
+
+    edges: Float[np.ndarray, " e"]
+    count: Int[np.ndarray, " b"]
+    mean: Float[np.ndarray, " b"]
+    error: Float[np.ndarray, " b"]
+
+    @property
+    def centre(self) -> Float[np.ndarray, " b"]:
+        """Middle of each slice."""
+        return np.asarray((self.edges[1:] + self.edges[:-1]) / 2)
+
+    @property
+    def beyond_chance(self) -> bool:
+        """Whether a mean stands out more than that of so many slices does by chance.
+
+        The largest of n independent normal means is expected below about sqrt(2 ln 2n)
+        standard errors; one more allows for few readings per slice.
+        """
+        known = (self.count >= 3) & (self.error > 0)
+        usual = np.sqrt(2 * np.log(2 * max(known.sum(), 1))) + 1.0
+        return bool(np.any(np.abs(self.mean[known]) > usual * self.error[known]))
+
+
+def readings_of(fit: TableResult, scale: Scale) -> Readings:
+    """Return the readings of a fit in display units."""
+    samples = fit.samples
+    size = len(samples.before)
+    errors = ("error", "predicted", "from_file", "predicted_sd")
+    way = samples.direction
+    shown = {name: getattr(samples, name) * scale.factor for name in errors}
+    shown["order"] = np.asarray(samples.order, dtype=float)
+    shown["direction"] = np.zeros(size, dtype=int) if way is None else way
+    return Readings(
+        **vars(samples) | shown,
+        wild=fit.fit.wild,
+        total=fit.readings,
+        total_wild=fit.wild,
+    )
+
+
+def bin_means(
+    where: Float[np.ndarray, " t"], value: Float[np.ndarray, " t"], slices: int
+) -> Bins:
+    """Return the means of ``value`` in equal slices of ``where``."""
+    low, high = float(where.min()), float(where.max())
+    if high <= low:
+        high = low + 1.0
+    edges = np.linspace(low, high, slices + 1)
+    index = np.clip(np.searchsorted(edges, where, side="right") - 1, 0, slices - 1)
+    size = np.bincount(index, minlength=slices)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.bincount(index, value, slices) / size
+        spread = np.bincount(index, (value - mean[index]) ** 2, slices)
+        error = np.sqrt(spread / np.maximum(size - 1, 1) / size)
+    return Bins(edges, size, mean, error)
+
+
+def robust_limit(value: Float[np.ndarray, " t"]) -> float:
+    """Return the size that all but a few of the values stay within, never 0."""
+    known = np.abs(value[np.isfinite(value)])
+    if known.size == 0:
+        return 1.0
+    return float(np.quantile(known, 0.995)) * 1.15 or 1.0

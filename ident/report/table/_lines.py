@@ -10,8 +10,7 @@ from ...job import TableResult
 from .. import _style as style
 from .._body import Plot
 from .._scale import Scale, number
-from ._fitted import Fitted, branches_of, say_drawn, say_empty
-from ._readings import Readings
+from ._fitted import Fitted, Readings, branches_of, say_drawn, say_empty
 
 _ERROR_BARS = 130
 """Up to this many nodes carry bars; more would run together, so they get a band."""

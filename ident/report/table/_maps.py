@@ -13,8 +13,7 @@ from ...job import TableResult
 from .. import _style as style
 from .._body import Plot
 from .._scale import Scale, count, grouped, number
-from ._fitted import Fitted, branches_of, say_drawn, say_empty
-from ._readings import Readings
+from ._fitted import Fitted, Readings, branches_of, say_drawn, say_empty
 
 _TALL = 3.8
 """Maps higher than this, in inches, are square rather than wide."""

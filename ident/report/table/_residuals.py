@@ -8,8 +8,7 @@ from ...job import TableResult
 from .. import _style as style
 from .._body import Plot
 from .._scale import Scale, number, percent
-from ._fitted import say_drawn
-from ._readings import Bins, Readings, bin_means, robust_limit
+from ._fitted import Bins, Readings, bin_means, robust_limit, say_drawn
 
 _MOST_RUNS = 60
 """More runs than this are not looked at one by one."""

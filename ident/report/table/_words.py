@@ -8,7 +8,7 @@ from ...fit import RunEffect
 from ...job import TableResult, largest_wild
 from .._body import WildRow
 from .._scale import Scale, grouped, number, percent, place
-from ._readings import Readings
+from ._fitted import Readings
 
 _INSIDE = 0.9545
 """Share of a normal distribution within ± 2 sd."""
