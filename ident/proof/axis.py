@@ -7,7 +7,7 @@ of a measurement (`judge_together`). One compensation that comes or goes is the 
 import dataclasses
 import itertools
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -81,14 +81,12 @@ def judge_workspace(
     total = max(abs(low), abs(high))
     where = f"{' + '.join(loaded.used)} together"
     together = []
-    for name in dict.fromkeys(check.name for part in parts for check in part.lines):
-        lines = [c for part in parts for c in part.lines if c.name == name]
-        top = max(lines, key=lambda check: check.value)
+    for name, top in _worst(c for part in parts for c in part.lines.values()).items():
         value, place = top.value, top.where
         if name == "max_correction":
             value, place = total, where
         elif name == "max_velocity":
-            value = math.hypot(*(check.value for check in lines))
+            value = math.hypot(*(part.lines[name].value for part in parts))
         line = gate_check(f"axis {name}", value, top.limit, top.unit, place)
         together.append(line)
     jump = limits.check("max_jump", total, unit, f"{where}, at once")
@@ -104,7 +102,16 @@ class _Part:
 
     bounds: tuple[float, float]
     jumps: Mapping[str, float]
-    lines: tuple[GateCheck, ...]
+    lines: Mapping[str, GateCheck]
+
+
+def _worst(checks: Iterable[GateCheck]) -> dict[str, GateCheck]:
+    """Return the line with the largest value of each name."""
+    found = dict[str, GateCheck]()
+    for check in checks:
+        if check.name not in found or check.value > found[check.name].value:
+            found[check.name] = check
+    return found
 
 
 def _parts(loaded: AxisLists) -> list[tuple[tuple[int, ...], tuple[str, ...]]]:
@@ -158,33 +165,24 @@ def _judged(
     added = loaded.parts(motion)
     total = np.sum([added[name] for name in names], axis=0)
     sizes = [len(each) for each in reversed(nodes)]
-    lines = dict[str, GateCheck]()
-    for branches in total.reshape(len(travel.warmth), len(ways), *sizes):
-        for check in judge(_table(loaded, travel, axes, nodes, branches), limits):
-            if check.name not in lines or check.value > lines[check.name].value:
-                lines[check.name] = check
-    bounds = min(0.0, float(total.min())), max(0.0, float(total.max()))
-    jumps = {name: float(np.abs(added[name]).max()) for name in names}
-    return _Part(bounds, jumps, tuple(lines.values()))
-
-
-def _table(
-    loaded: AxisLists,
-    travel: Travel,
-    axes: Sequence[int],
-    nodes: Sequence[Float[np.ndarray, " _n"]],
-    branches: Float[np.ndarray, "b ..."],
-) -> GateTable:
-    return GateTable(
-        names=tuple(travel.names.get(axis, f"axis {axis}") for axis in axes),
-        nodes=tuple(nodes),
-        offset=list(branches),
-        change=None,
-        closed=tuple(axis in travel.closed for axis in axes),
-        periodic=False,
-        unit=travel.unit,
-        cycles=reversal_cycles(loaded.machine),
-        cycle_time=travel.cycle_time,
+    tables = [
+        GateTable(
+            names=tuple(travel.names.get(axis, f"axis {axis}") for axis in axes),
+            nodes=tuple(nodes),
+            offset=list(branches),
+            change=None,
+            closed=tuple(axis in travel.closed for axis in axes),
+            periodic=False,
+            unit=travel.unit,
+            cycles=reversal_cycles(loaded.machine),
+            cycle_time=travel.cycle_time,
+        )
+        for branches in total.reshape(len(travel.warmth), len(ways), *sizes)
+    ]
+    return _Part(
+        bounds=(min(0.0, float(total.min())), max(0.0, float(total.max()))),
+        jumps={name: float(np.abs(added[name]).max()) for name in names},
+        lines=_worst(check for table in tables for check in judge(table, limits)),
     )
 
 

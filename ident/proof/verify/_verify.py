@@ -208,10 +208,11 @@ def _sums(
         return [], False
     place = motion.position(axis, "beside its drive_position")
     target, late, part = drive_target(place, drive, motion.cycle is not None)
-    if (late or part) and motion.cycle:
+    after = round(1e3 * (late + part) * (motion.cycle or 0.0), 1)
+    if after:
         remarks.append(
-            f"A{axis}.drive_position comes {1e3 * (late + part) * motion.cycle:.1f} ms"
-            f" after A{axis}.position; that is allowed for."
+            f"A{axis}.drive_position comes {after:.1f} ms after A{axis}.position; that is"
+            " allowed for."
         )
     late_by = dataclasses.replace(motion, clock=part)
     parts = {name: changed(one, motion=late_by) for name, one in parts.items()}
