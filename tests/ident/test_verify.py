@@ -312,26 +312,45 @@ def test_a_drive_bus_that_is_late_by_a_part_of_a_cycle_is_allowed_for(
     assert found.agrees
 
 
+def drive_log(folder: Path, drive: np.ndarray, part: slice) -> ControllerLog:
+    """Return a part of the log of a drive position alone."""
+    rows, file = np.arange(part.stop - part.start), folder / "log.csv"
+    np.savetxt(
+        file, np.stack([rows * CYCLE, MOTION[3][part], drive[part]], axis=1), fmt="%.9f",
+        delimiter=",", header="time,A3.position,A3.drive_position", comments="",
+    )  # fmt: skip
+    return read_log(file)
+
+
+ACTIVE_SCREW = (
+    "kopf.achs_nr 3",
+    "lr_param.ssfk 1",
+    f"lr_param.n_backlash_cyc {CYCLES}",
+)
+
+
 @pytest.mark.parametrize(("start", "rows"), [(3000, 150), (0, 400), (3000, 400)])
 def test_a_short_log_of_a_drive_that_is_not_late_shows_the_list_as_it_is(
     start: int, rows: int, tmp_path: Path
 ) -> None:
-    place = MOTION[3][start : start + rows]
-    drive = place + screw()[start : start + rows]
-    file = tmp_path / "log.csv"
-    np.savetxt(
-        file, np.stack([np.arange(rows) * CYCLE, place, drive], axis=1), fmt="%.9f",
-        delimiter=",", header="time,A3.position,A3.drive_position", comments="",
-    )  # fmt: skip
-    active = listing(
-        "achsmds3.lis", "kopf.achs_nr 3", "lr_param.ssfk 1",
-        f"lr_param.n_backlash_cyc {CYCLES}",
-    )  # fmt: skip
-    found = verified(read_log(file), screw_list(), active)
+    log = drive_log(tmp_path, MOTION[3] + screw(), slice(start, start + rows))
+    found = verified(log, screw_list(), listing("achsmds3.lis", *ACTIVE_SCREW))
     assert found.agrees
-    late = [text for text in found.remarks if "drive_position comes" in text]
-    # A table of two directions goes with the velocity a little: a part of a cycle.
-    assert not any(abs(float(text.split()[2])) > 0.5 for text in late)
+    assert not any("drive_position comes" in text for text in found.remarks)
+
+
+@pytest.mark.parametrize("fault", ["sign", "twice"])
+def test_a_fault_at_the_drive_is_no_delay_of_its_bus(
+    fault: str, tmp_path: Path
+) -> None:
+    drive = np.interp(
+        np.arange(ROWS) - 2.4, np.arange(ROWS), MOTION[3] + screw((fault,))
+    )
+    drive += 1e-5 * np.random.default_rng(4).normal(size=ROWS)
+    log = drive_log(tmp_path, drive, slice(1000, 2500))
+    found = verified(log, screw_list(), listing("achsmds3.lis", *ACTIVE_SCREW))
+    assert only(found).verdict == (fault,)
+    assert any("drive_position comes 2.4 ms" in text for text in found.remarks)
 
 
 def test_a_log_of_offsets_alone_leaves_the_final_sign_open(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """A log of sums: the position on the drive bus, or the sum of all offsets."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -16,9 +16,12 @@ _SWEEPS = 4
 
 _REACH = 20
 """Cycles by which the drive bus may be late."""
-
-_FEWEST = 250
-"""Rows from which on its delay is told."""
+_SURE = 3.0
+"""Standard deviations from which on it is."""
+_ENDS = 60
+"""Rows at either end that the filter of the delay, and the delay, reach."""
+_FEWEST = 3 * _ENDS
+"""Rows from which on a log tells the delay."""
 
 
 def search_total(
@@ -66,26 +69,38 @@ def _factors(
 
 
 def drive_target(
-    position: Column, drive: Column, cyclic: bool
+    position: Column, drive: Column, listed: Sequence[Column], cyclic: bool
 ) -> tuple[Target, int, float]:
     """Return what the drive bus adds to the command, and by how many cycles it is late.
 
     The zero of the drive is free. Where the axis moves, its own motion tells how late
     the bus is: by whole cycles, which are taken out of the target, and by a part of one,
-    which is still in what it adds.
+    which is still in what it adds. What the lists add goes with the velocity, too: it is
+    no delay, by whatever factor it is there.
+
+    Args:
+        position: As commanded, in mm or °.
+        drive: Position on the bus.
+        listed: What each list adds.
+        cyclic: The rows are cycles.
     """
-    ones, late, part = np.ones((len(position), 1)), 0, 0.0
-    if cyclic and len(position) >= _FEWEST:
-        found = estimate_delay(position, drive, 1.0, longest=_REACH)
-        if found.determined:
-            late = round(found.seconds)
-            part = found.seconds - late
-    # The ends that come round are not judged.
-    aligned = np.roll(drive, -late)
-    if abs(part) < 0.02:
-        return Target.of(aligned - position, ones), late, 0.0
-    rows = np.arange(len(position), dtype=float)
+    ones, rows = np.ones((len(position), 1)), np.arange(len(position))
+    if not cyclic or len(rows) < _FEWEST:
+        return Target.of(drive - position, ones), 0, 0.0
     velocity = np.gradient(position)
     shares = np.column_stack([ones, velocity, np.gradient(velocity)])
+    every, inside = np.column_stack([shares, *listed]), slice(_ENDS, -_ENDS)
+    late, part, aligned = 0, 0.0, drive
+    for _ in range(2):  # a delay of several cycles leaves something of it at first
+        apart = (aligned - position)[inside]
+        factors = np.linalg.lstsq(every[inside], apart, rcond=None)[0]
+        moved = aligned - every[:, 3:] @ factors[3:]
+        found = estimate_delay(position, moved, 1.0, longest=_REACH)
+        sure = abs(found.seconds) > _SURE * found.standard_deviation
+        delay = found.seconds if found.determined and sure else 0.0
+        late, part = late + round(delay), delay - round(delay)
+        aligned = drive[np.clip(rows + late, 0, rows[-1])]
+    if abs(part) < 0.02:
+        return Target.of(aligned - position, ones), late, 0.0
     apart = aligned - np.interp(rows - part, rows, position)
     return Target.of(apart, shares), late, part

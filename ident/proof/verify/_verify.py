@@ -207,7 +207,8 @@ def _sums(
             return told, False
         return [], False
     place = motion.position(axis, "beside its drive_position")
-    target, late, part = drive_target(place, drive, motion.cycle is not None)
+    listed = [one.column(one.plain) for one in parts.values()]
+    target, late, part = drive_target(place, drive, listed, motion.cycle is not None)
     after = round(1e3 * (late + part) * (motion.cycle or 0.0), 1)
     if after:
         remarks.append(
