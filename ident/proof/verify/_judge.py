@@ -81,9 +81,8 @@ def judge_found(channel: AbstractChannel, found: Found) -> Verdict:
     if found.nothing < best.criterion + EQUAL:
         return silent("the log cannot tell: what is added is lost in its noise")
     left = systematic(found.residual)
-    if (
-        channel.motion.time is None
-    ):  # rows in any order: neighbours say nothing of noise
+    if channel.motion.time is None:
+        # Rows stand in any order: neighbours say nothing of noise.
         left = float(np.sqrt(np.mean(np.square(found.residual))))
     size = float(np.sqrt(np.mean(np.square(found.column[judged]))))
     faults = best.hypothesis.faults(channel)
