@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..report._scale import count
+from ._console import note, working
 from ._options import AsJson, OneOrMore
-from ._said import note, working
 
 if TYPE_CHECKING:
     from ..batch import BatchResult

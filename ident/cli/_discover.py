@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..kinds import kind
+from ._console import print_json, print_line, table_of, working
 from ._options import AsJson, refuse, refuse_existing
-from ._said import print_json, table_of, tell, working
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -53,7 +53,7 @@ def discover(
             seen.data, tuple(loaded.spec.axes), source=str(job), progress=progress
         )
     for remark in seen.remarks:
-        tell(console, f"info: {remark}")
+        print_line(console, f"info: {remark}")
     if as_json:
         print_json(_json(found, seen.names))
     else:
@@ -61,7 +61,7 @@ def discover(
     if write is not None and found.found:
         _write(console, write, loaded, seen, found)
     elif write is not None:
-        tell(console, f"Nothing to fit was found: {write} was not written.")
+        print_line(console, f"Nothing to fit was found: {write} was not written.")
     return found.told
 
 
@@ -77,14 +77,16 @@ def _write(
 
     write_atomically(write, job_with_fits(job, seen, found).encode())
     count = len(found.found)
-    tell(console, f"Job with {'one fit' if count == 1 else f'{count} fits'}: {write}")
+    print_line(
+        console, f"Job with {'one fit' if count == 1 else f'{count} fits'}: {write}"
+    )
     for name, keys in found_keys(job, seen, found).items():
         for key, value in keys.items():
             does = f"states {key} = {json.dumps(value)}"
             if value is None:
                 does = f"leaves out {key}"
             why = _WHY["datum" if "datum" in keys and key == "remove" else key]
-            tell(console, f"It {does} of measurement {name}: {why}")
+            print_line(console, f"It {does} of measurement {name}: {why}")
 
 
 _NUMBERS = ("rms", "share", "stability")
@@ -124,7 +126,7 @@ def _print(console: "Console", found: "Discovery") -> None:
             f"{axis.channel} of {axis.axis}: {_amount(axis.rms, axis.unit)} rms in"
             f" {axis.rows} readings, {_amount(axis.noise, axis.unit)} of it scatter"
         )
-        tell(console, title if mine else f"{title}: no compensation found")
+        print_line(console, title if mine else f"{title}: no compensation found")
         rows = [
             (
                 one.compensation,
@@ -140,22 +142,22 @@ def _print(console: "Console", found: "Discovery") -> None:
             heads = ["compensation", "over", "sensor", *_NUMBERS]
             console.print(table_of(heads, rows, numbers=_NUMBERS))
         for one in mine:
-            tell(console, one.sentence)
+            print_line(console, one.sentence)
         for drift in found.drifts:
             if drift.axis == axis.axis and axis.channel == "error":
-                tell(console, drift.sentence)
+                print_line(console, drift.sentence)
         console.print()
     if found.unexplained:
-        tell(console, "Unexplained:")
+        print_line(console, "Unexplained:")
     for rest in found.unexplained:
         verdict = f"{rest.verdict[0].upper()}{rest.verdict[1:]}: "
-        tell(console, f"  {rest.verdict}: {rest.sentence.removeprefix(verdict)}")
+        print_line(console, f"  {rest.verdict}: {rest.sentence.removeprefix(verdict)}")
     if found.rejected:
-        tell(console, "Looked for and not taken:")
+        print_line(console, "Looked for and not taken:")
     for no in found.rejected:
         by = [*no.masters, *([no.sensor] if no.sensor else [])]
         over = f" ({', '.join(by)})" if by else ""
-        tell(console, f"  {no.compensation} of {no.axis}{over}: {no.reason}")
+        print_line(console, f"  {no.compensation} of {no.axis}{over}: {no.reason}")
 
 
 def _amount(value: float, unit: str) -> str:

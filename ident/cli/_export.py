@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from ._console import note, print_json, print_result
 from ._options import (
     AsJson,
     CycleTime,
@@ -22,7 +23,6 @@ from ._options import (
     read_lists,
     rules_of,
 )
-from ._said import note, print_found, print_json
 
 if TYPE_CHECKING:
     from ..diagnosis import Probe
@@ -269,5 +269,5 @@ def export_external(
     )
     source.name_in_result(out / "axcomp_external.c")
     note(written.remarks)
-    print_found(None, map(str, written.files))
+    print_result(None, map(str, written.files))
     note([f"read {out / 'README.md'} next"])

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from ..report._scale import Scale, number, scale_of
+from ._console import print_line, print_remarks, table_of, working
 from ._options import AsJson
-from ._said import print_remarks, table_of, tell, working
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -121,7 +121,7 @@ def _print_fit(
         _print_gate(console, found, name)
     if not found.left_out:
         sentence = headline_of(found, scale_of(found.unit)).sentence
-        tell(console, f"{name}verdict: {sentence}")
+        print_line(console, f"{name}verdict: {sentence}")
     print_remarks(console, found.remarks, said)
 
 
@@ -169,12 +169,12 @@ def _print_group(
     _print_effects(console, group, fits)
     lost = dict.fromkeys(pair.sentence for pair in group.lost)
     for sentence in lost:
-        tell(console, f"undetermined: {sentence}")
+        print_line(console, f"undetermined: {sentence}")
     for each in group.effects:
         if each.written and each.why and each.name not in " ".join(lost):
-            tell(console, f"undetermined: of the {each.name}: {each.why}")
+            print_line(console, f"undetermined: of the {each.name}: {each.why}")
     for freedom in group.freedoms:
-        tell(console, f"free: {freedom.sentence} {freedom.rule}")
+        print_line(console, f"free: {freedom.sentence} {freedom.rule}")
     own = [remark.message for index in group.fits for remark in fits[index].remarks]
     said |= {*lost, *(message for message in own if message.startswith(TOGETHER))}
     print_remarks(console, group.remarks, said)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from ._console import note, print_json, table_of, wide_console
 from ._options import AsJson, matched, refuse
-from ._said import note, print_json, table_of, wide_console
 
 if TYPE_CHECKING:
     from ...data.measurements import ColumnSpec, Iso230, Iso230Test

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ._console import note, print_result, working
 from ._options import (
     AsJson,
     CycleTime,
@@ -17,7 +18,6 @@ from ._options import (
     read_lists,
     rules_of,
 )
-from ._said import note, print_found, working
 
 if TYPE_CHECKING:
     from ..exchange import StoredConventions
@@ -76,7 +76,7 @@ def verify(
                 found = verify_log(lists, logged, reading)
         every = (*outside, *found.verdicts)
         found = dataclasses.replace(found, verdicts=every)
-    print_found(
+    print_result(
         [_json(one) for one in found.verdicts] if as_json else None,
         [f"A{one.axis} {one.compensation}: {one.sentence}" for one in found.verdicts],
     )
@@ -159,7 +159,7 @@ def doctor(
     trees = [
         {"axis": name} | {key: getattr(one, key) for key in keys} for name, one in shown
     ]
-    print_found(
+    print_result(
         trees if as_json else None,
         [f"{name} {one.compensation}: {one.sentence}" for name, one in shown],
     )

@@ -8,6 +8,7 @@ import typer
 
 from ...data.errors import UsageError
 from ..report._scale import count
+from ._console import note, print_json, print_result, wide_console
 from ._options import (
     AsJson,
     Increment,
@@ -21,7 +22,6 @@ from ._options import (
     refuse_existing,
     rules_of,
 )
-from ._said import note, print_found, print_json, wide_console
 
 if TYPE_CHECKING:
     from ...data.lists import Change, Comparison
@@ -133,7 +133,7 @@ def diff(
 
     lists = read_shown_list(old), read_shown_list(new)
     found = compare(*lists)
-    print_found(found if as_json else None, _lines(found))
+    print_result(found if as_json else None, _lines(found))
     if out is not None:
         from ._list_plots import draw_tables
 

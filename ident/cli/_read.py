@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from ._console import note, print_json, table_of, wide_console, working
 from ._options import AsJson, matched, refuse_existing
-from ._said import note, print_json, table_of, wide_console, working
 
 if TYPE_CHECKING:
     from ...data.measurements import CellError, Column, Table, TextForm

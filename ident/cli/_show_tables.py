@@ -9,7 +9,7 @@ from rich.text import Text
 from ...data.lists import ListFile, OffsetCurve, offset_curves, registry
 from ..kinds import Kind, kind, kinds
 from ..report._scale import count
-from ._said import table_of
+from ._console import table_of
 
 MOST_ROWS = 24
 MOST_COLUMNS = 9

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from ._console import note, print_json, working
 from ._options import (
     AsJson,
     CycleTime,
@@ -18,7 +19,6 @@ from ._options import (
     read_lists,
     rules_of,
 )
-from ._said import note, print_json, working
 
 if TYPE_CHECKING:
     import numpy as np

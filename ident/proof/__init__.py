@@ -34,7 +34,7 @@ from ._heldout import (
     HeldOut as HeldOut,
     blocks_of as blocks_of,
     held_out as held_out,
-    left_by_folds as left_by_folds,
+    residual_of_folds as residual_of_folds,
 )
 
 if TYPE_CHECKING:

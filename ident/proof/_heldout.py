@@ -67,12 +67,12 @@ def held_out(
     if groups is None:
         groups = blocks_of(fit.layout, samples)
     left = dict(leave_out(fit, samples, groups))
-    return left_by_folds(
+    return residual_of_folds(
         table, samples, left, groups, to_integers, before, active, by_run=by_run
     )
 
 
-def left_by_folds(
+def residual_of_folds(
     table: AbstractTable,
     samples: Samples,
     left: Mapping[int, TableFit],

@@ -5,7 +5,7 @@ import time
 import pytest
 
 from axcomp.ident.cli import _said
-from axcomp.ident.cli._said import working
+from axcomp.ident.cli._console import working
 
 
 def test_a_terminal_sees_what_goes_on_once_it_takes_long(

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .._said import print_json, table_of, working
+from .._console import print_json, table_of, working
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -166,7 +166,7 @@ def _run_work(
     second = folder / "second"
     second.mkdir(exist_ok=True)
     _record(loaded, second / "log.csv", seed + 100)
-    before, after = _left(folder / "log.csv"), _left(second / "log.csv")
+    before, after = _rms_errors(folder / "log.csv"), _rms_errors(second / "log.csv")
     predicted = {
         fit.axis: fit.error["predicted"].sound.rms
         for fit in job.fits
@@ -212,7 +212,7 @@ def _loaded(mill: WorkingMachine, job: JobResult, folder: Path) -> WorkingMachin
     return dataclasses.replace(mill, machine=machine, parts=parts, plc_lags=lags)
 
 
-def _left(path: Path) -> dict[str, float]:
+def _rms_errors(path: Path) -> dict[str, float]:
     """Return the error of each axis that a log shows, in mm rms, wild readings aside."""
     found = without_motion(measurement(read_table(path)), _AXES)
     return {

@@ -10,7 +10,7 @@ from jaxtyping import Int
 
 from ...exchange import Model
 from ...fit import Grouping, Samples, StreamedFit, fit_streamed, predict
-from ...proof import ErrorFigures, ErrorTally, blocks_of, left_by_folds
+from ...proof import ErrorFigures, ErrorTally, blocks_of, residual_of_folds
 from ...readings import Readings, joined
 from ..result._result import Remark, largest_wild
 from ._draft import TableDraft
@@ -121,7 +121,7 @@ def fit_log(readings: LogReadings) -> TableDraft:
     at, before = (samples.positions, samples.branch), samples.error - zero
     wild, share = found.judged(samples)
     residual = samples.error - predict(found.fit, *at)[0]
-    left = left_by_folds(
+    left = residual_of_folds(
         table, samples, found.folds, grouping(samples), plan.integers, before,
         plan.acted(*at),
     )  # fmt: skip

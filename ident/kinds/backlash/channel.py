@@ -15,7 +15,7 @@ class BacklashChannel(AbstractChannel):
     def prepare(self) -> None:
         self.cycles = self.law(self.conventions).cycles
         self.relevant = ("backlash_reference", "filter_delay")
-        if self.told_by_actual():
+        if self.distinguishes_actual():
             self.relevant = (*self.relevant, "direction_source")
 
     def parts(self, change: Change, rows: LogRows) -> Parts:

@@ -34,7 +34,7 @@ class LeadscrewChannel(TableChannel):
         matters = {
             "leadscrew_input": self._added is not None,
             "filter_delay": self.cycles > 1,
-            "direction_source": screw.bilateral and self.told_by_actual(),
+            "direction_source": screw.bilateral and self.distinguishes_actual(),
         }
         self.relevant = tuple(name for name, on in matters.items() if on)
 

@@ -16,7 +16,7 @@ from ..verify import (
     Hypothesis,
     LogMotion,
     Target,
-    said,
+    fault_words,
     search,
 )
 from ._measured import Difference
@@ -165,7 +165,7 @@ def _named(one: Hypothesis, channel: AbstractChannel) -> Diagnosis:
         words = [word for word in words if word not in ("unit", "twice")]
     if one.is_free or len(words) > 1:
         return Diagnosis(*own, "cannot tell")
-    text = said(one, channel, _WORDS)
+    text = fault_words(one, channel, _WORDS)
     if words == ["swapped"]:
         return Diagnosis(*own, "wrong axis", sentence=text)
     value = found["shift"] if words == ["shift"] else one.scale
@@ -190,7 +190,7 @@ def _blind(channel: AbstractChannel, target: Target, found: Found) -> float | No
     tried = np.concatenate([none, shifts])
     part = target.at(found.rows)
     columns = channel.columns_at(channel.plain, tried, found.rows)
-    misfit = part.criterion(part.left_by(columns), found.samples)
+    misfit = part.criterion(part.residual_squares(columns), found.samples)
     near = misfit[1:] < misfit[0] + _EXCLUDED
     return float(np.abs(shifts[near]).max()) if near.any() else None
 

@@ -18,7 +18,11 @@ from ._channel import (
     Parts as Parts,
     Way as Way,
 )
-from ._hypothesis import FAULT as FAULT, Hypothesis as Hypothesis, said as said
+from ._hypothesis import (
+    FAULT as FAULT,
+    Hypothesis as Hypothesis,
+    fault_words as fault_words,
+)
 from ._judge import Verdict as Verdict
 from ._log import LogMotion as LogMotion, Target as Target
 from ._search import Found as Found, search as search

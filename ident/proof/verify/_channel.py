@@ -180,7 +180,7 @@ class AbstractChannel(abc.ABC):
         ways = self.motion.direction(self.axis, why, start, actual)
         return (ways < 0).astype(float)
 
-    def told_by_actual(self) -> bool:
+    def distinguishes_actual(self) -> bool:
         """Return whether a log can tell directions of the command from actual ones."""
         own = self.motion.has_actual(self.axis) and self.motion.cycle is not None
         return own and self.axis not in self.motion.directions

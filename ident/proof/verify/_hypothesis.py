@@ -131,7 +131,7 @@ class Hypothesis:
         return cost
 
 
-def said(
+def fault_words(
     hypothesis: Hypothesis,
     channel: AbstractChannel,
     words: Collection[str] | None = None,

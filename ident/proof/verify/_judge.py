@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ._channel import AbstractChannel
-from ._hypothesis import RULES, Hypothesis, joined, other_rules, said
+from ._hypothesis import RULES, Hypothesis, fault_words, joined, other_rules
 from ._log import RESOLUTION
 from ._search import EQUAL, Found
 
@@ -58,7 +58,7 @@ class Verdict:
         return self.verdict == ("agrees",)
 
 
-def judge_found(channel: AbstractChannel, found: Found) -> Verdict:
+def judge_channel(channel: AbstractChannel, found: Found) -> Verdict:
     """Return the verdict on one compensation."""
     axis, name = channel.axis, channel.compensation
     best = found.rivals[0]
@@ -86,7 +86,7 @@ def judge_found(channel: AbstractChannel, found: Found) -> Verdict:
         left = float(np.sqrt(np.mean(np.square(found.residual))))
     size = float(np.sqrt(np.mean(np.square(found.column[judged]))))
     faults = best.hypothesis.faults(channel)
-    whole_text = said(best.hypothesis, channel)
+    whole_text = fault_words(best.hypothesis, channel)
     if left > max(_ROUGH * size, 1e-4):
         rest, whole = _size_of(channel, left), _size_of(channel, size)
         text = f"not explained: {rest} of {whole} follow no rule that was tried"
@@ -111,12 +111,14 @@ def judge_found(channel: AbstractChannel, found: Found) -> Verdict:
     if not faults:
         within = max(1e-4, math.ceil(left * 1e4 - 1e-6) / 1e4)
         text = f"agrees within {_size_of(channel, within)}{rules}"
-        text += "".join(f"; as well explained: {said(one, channel)}" for one in others)
+        text += "".join(
+            f"; as well explained: {fault_words(one, channel)}" for one in others
+        )
         words = [word for one in others for word in one.faults(channel)]
         sizes = (within, *[None] * len(words))
         return verdict(("agrees", *words), sizes, text if others else text + tail)
     text = whole_text + rules
-    text += "".join(f", or as well {said(one, channel)}" for one in others)
+    text += "".join(f", or as well {fault_words(one, channel)}" for one in others)
     named: dict[str, float | None] = {}
     for one in (best.hypothesis, *others):
         for word, value in one.faults(channel).items():
@@ -153,7 +155,7 @@ def _looks_alike(channel: AbstractChannel, found: Found, told: set[str]) -> str:
     for one in found.rivals[1:]:
         words = set(one.hypothesis.faults(channel))
         if words ^ own == either and one.misfit <= best.misfit + EQUAL:
-            text = said(one.hypothesis, channel, either - told)
+            text = fault_words(one.hypothesis, channel, either - told)
             if text:
                 return f"; on this table it looks the same when {text}"
     return ""

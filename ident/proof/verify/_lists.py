@@ -183,7 +183,8 @@ def owners(
                 break  # the log lacks a position, or an axis has two tables
             parts = {axis: own.get(each.name) for axis, own in channels.items()}
             scores[owner] = sum(
-                _left(parts.get(axis), one, motion) for axis, one in reported.items()
+                _residual_criterion(parts.get(axis), one, motion)
+                for axis, one in reported.items()
             )
         if len(scores) < len(_CHOICES):
             continue
@@ -199,7 +200,7 @@ def _with(reading: Reading, rule: str, choice: str) -> Reading:
     return dataclasses.replace(reading, conventions=Conventions.from_dict(rules))
 
 
-def _left(
+def _residual_criterion(
     channel: AbstractChannel | None, reported: LoggedOffset, motion: LogMotion
 ) -> float:
     """Return the criterion of what a table leaves of a column by any factor."""

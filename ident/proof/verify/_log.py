@@ -189,7 +189,9 @@ class Target:
         best = np.where(power > 0.0, inner, 0.0) / np.where(power > 0.0, power, 1.0)
         return best, self.power - best * inner, power
 
-    def left_by(self, columns: Float[np.ndarray, "h t"]) -> Float[np.ndarray, " h"]:
+    def residual_squares(
+        self, columns: Float[np.ndarray, "h t"]
+    ) -> Float[np.ndarray, " h"]:
         """Return the squares that columns leave, as they are or by factors in the band."""
         best, least, power = self.fitted(columns)
         factor = np.clip(best, 1.0 - self.band, 1.0 + self.band)

@@ -133,7 +133,7 @@ class _Rows:
     def squares(self, hypotheses: Iterable[Hypothesis]) -> dict[Hypothesis, float]:
         """Return the sum of squares that each hypothesis leaves."""
         return {
-            one: float(self.target.left_by(self.column(one)[None])[0])
+            one: float(self.target.residual_squares(self.column(one)[None])[0])
             for one in hypotheses
         }
 
@@ -151,7 +151,7 @@ class _Rows:
         """Return what promising structures leave, and hypotheses that are given."""
         left: dict[Hypothesis, float] = {}
         for change in self._promising():
-            left |= self._closely(change)
+            left |= self._refined(change)
         return left | self.squares(start)
 
     def _promising(self) -> list[Change]:
@@ -167,7 +167,7 @@ class _Rows:
         kept = [one.hypothesis.change for one in best[:_KEPT]]
         return kept if plain in kept else [*kept, plain]
 
-    def _closely(self, change: Change) -> dict[Hypothesis, float]:
+    def _refined(self, change: Change) -> dict[Hypothesis, float]:
         """Return a structure with and without a lag, with and without another filter."""
         every = timed(self.channel, change, self.target, self.rows)
         if not change.is_shifted:

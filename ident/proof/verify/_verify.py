@@ -13,7 +13,7 @@ from ...fit import one_blas_thread
 from ...kinds import kinds
 from ._channel import AbstractChannel
 from ._hypothesis import FAULT
-from ._judge import Verdict, judge_found
+from ._judge import Verdict, judge_channel
 from ._lists import (
     ByAxis,
     axis_names,
@@ -115,7 +115,7 @@ def verify_log(
                 f" {1e3 * abs(clock) * motion.cycle:.1f} ms {way} than its positions;"
                 " that is allowed for."
             )
-    verdicts = [judge_found(*one) for one in found.values()]
+    verdicts = [judge_channel(*one) for one in found.values()]
     driven: set[int] = set()
     for axis, parts in channels.items():
         told, at_drive = _sums(axis, parts, log, names, motion, set(found), remarks)
@@ -203,7 +203,7 @@ def _sums(
     if drive is None:
         if whole and unknown:
             found = search_total(parts, Target.of(whole[0].values, step=whole[0].step))
-            told = [judge_found(parts[name], found[name]) for name in unknown]
+            told = [judge_channel(parts[name], found[name]) for name in unknown]
             return told, False
         return [], False
     place = motion.position(axis, "beside its drive_position")
@@ -218,7 +218,7 @@ def _sums(
     late_by = dataclasses.replace(motion, clock=part)
     parts = {name: changed(one, motion=late_by) for name, one in parts.items()}
     found = search_total(parts, target)
-    return [judge_found(parts[name], one) for name, one in found.items()], True
+    return [judge_channel(parts[name], one) for name, one in found.items()], True
 
 
 def _merged(logged: Sequence[Verdict], summed: Sequence[Verdict]) -> list[Verdict]:

@@ -31,11 +31,11 @@ def print_remarks(
         for sentence in said:
             message = message.replace(sentence, "").strip()
         if message:
-            tell(console, f"{remark.level}: {message}")
+            print_line(console, f"{remark.level}: {message}")
         said.add(remark.message)
 
 
-def tell(console: "Console", line: str) -> None:
+def print_line(console: "Console", line: str) -> None:
     """Print a sentence, wrapped to a terminal only: elsewhere it stays one line."""
     console.print(line, markup=False, soft_wrap=not console.is_terminal)
 
@@ -91,7 +91,7 @@ def print_json(tree: object) -> None:
     )
 
 
-def print_found(tree: object, lines: Iterable[str]) -> None:
+def print_result(tree: object, lines: Iterable[str]) -> None:
     """Print what was found on standard output: for machines, for people where that is None."""
     if tree is not None:
         print_json(tree)
