@@ -120,8 +120,7 @@ def rows_of(
         folder: Of its files, relative to that of the batch.
         verified: Whether every convention that it used is verified.
         job_hash: SHA-256 of the job file.
-        result: Its ``result.json``, or the tree that is written there: of that, the
-            numbers are still what NumPy has.
+        result: Its ``result.json``, or the tree that is written there.
     """
     machine = result["machine"]
     common = {

@@ -21,10 +21,10 @@ from ._folder import (
     write_manifest,
 )
 from ._rows import Row
-from ._summary import Summary, summarise
+from ._summary import Summary, prepare_summary, summarise
 from ._table import write_results
 from ._work import WORK, Order, Outcome, Task, examine
-from ._workers import run_chunks, workers_of
+from ._workers import prepare_workers, run_chunks, workers_of
 
 _CHUNK = 64
 """Jobs that go together; more would only wait longer for each other."""
@@ -117,6 +117,8 @@ def run_batch(
         OSError: If a file cannot be read or written.
     """
     start = time.monotonic()
+    if scheduler is None:
+        prepare_workers()
     out = out.resolve()
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -141,6 +143,7 @@ def run_batch(
             if item.text is not None:
                 item.path.parent.mkdir(exist_ok=True)
                 item.path.write_bytes(item.text.encode())
+        prepare_summary()
         order = Order(str(out), secrets.token_hex(4), reports, time_limit)
         stand, done = Progress(len(tasks)), dict[str, list[Row]]()
         try:

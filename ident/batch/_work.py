@@ -11,6 +11,7 @@ import json
 import os
 import shutil
 import threading
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +27,9 @@ WORK = ".work"
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}
 _LATE = 83
 """Exit status of a worker that a job did not let go on."""
+_LOOK = 1.0
+"""Seconds after which a thread looks at the latest whether it is still needed."""
+_clock = time.monotonic
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,25 +102,48 @@ def _shape(path: Path) -> str:
 def run_chunk(tasks: Sequence[Task], order: Order) -> list[Outcome]:
     """Run some jobs one after the other; whatever goes wrong with one is its row."""
     start_worker()
+    watch = _Watch(order)
     found = []
-    for task in tasks:
-        watch = threading.Timer(order.limit or 0.0, _give_up, (task, order))
-        watch.daemon = True
-        if order.limit is not None:
-            watch.start()
-        try:
+    try:
+        for task in tasks:
+            watch.begin(task)
             found.append(_guarded(task, order))
-        finally:
-            watch.cancel()
+    finally:
+        watch.running = None
     return found
 
 
-def _give_up(task: Task, order: Order) -> None:
-    """End this process, whose job takes too long; another process takes the rest."""
-    late = order.work / "late"
-    late.mkdir(parents=True, exist_ok=True)
-    (late / task.name).touch()
-    os._exit(_LATE)
+@dataclasses.dataclass
+class _Watch:
+    """Ends this process where a job takes too long; another process takes the rest.
+
+    One thread for all jobs of a chunk: to start one takes as long as a good part of a job.
+
+    Attributes:
+        order: What holds for all jobs.
+        running: The job that runs, and when it is given up; None: none does any more.
+    """
+
+    order: Order
+    running: tuple[Task, float] | None = None
+
+    def begin(self, task: Task) -> None:
+        """Watch a job from now on, in place of the one before."""
+        if self.order.limit is None:
+            return
+        first, self.running = not self.running, (task, _clock() + self.order.limit)
+        if first:
+            threading.Thread(target=self._watch, daemon=True).start()
+
+    def _watch(self) -> None:
+        while self.running is not None:
+            task, end = self.running
+            if (left := end - _clock()) <= 0.0:
+                late = self.order.work / "late"
+                late.mkdir(parents=True, exist_ok=True)
+                (late / task.name).touch()
+                os._exit(_LATE)
+            time.sleep(min(left, _LOOK))
 
 
 @functools.cache
@@ -185,7 +212,7 @@ def _is_full(error: BaseException | None) -> bool:
 
 
 def _run(task: Task, order: Order, stage: Path) -> list[Row]:
-    from ..job import plain, run_job
+    from ..job import run_job
 
     out = Path(order.out)
     result = run_job(Path(task.path), stage, sync=False)
@@ -209,8 +236,7 @@ def _run(task: Task, order: Order, stage: Path) -> list[Row]:
         shutil.rmtree(stage, ignore_errors=True)
     # What lies there says what the result does: no need to read it back.
     folder = f"{place.parent.name}/{task.name}"
-    rows = rows_of(task.name, folder, verified, task.sha256, result.tree)
-    return [plain(row) for row in rows]
+    return rows_of(task.name, folder, verified, task.sha256, result.tree)
 
 
 _DRAWING = threading.Lock()

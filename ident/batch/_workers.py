@@ -2,7 +2,9 @@
 
 import contextlib
 import logging
+import multiprocessing
 import os
+import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any, cast
@@ -20,6 +22,30 @@ _ONE_THREAD = {
     # Tables of a few nodes are no work to share out.
     "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
 }
+_METHOD = "forkserver" if sys.platform == "linux" else "spawn"
+"""How local workers are started: where it is safe, by forking a process that has imported all
+that they need."""
+
+
+def prepare_workers() -> None:
+    """Begin to import what local workers need, in a process that they are forked from.
+
+    It goes on beside this one. Without it every worker, and every one that takes the place
+    of a dead one, would import all of that anew when it is started.
+    """
+    if _METHOD != "forkserver":
+        return
+    from multiprocessing import forkserver
+
+    job = f"{(__package__ or '').rpartition('.')[0]}.job"
+    multiprocessing.get_context(_METHOD).set_forkserver_preload(["distributed", job])
+    before = dict(os.environ)
+    os.environ.update(_ONE_THREAD | before)
+    try:
+        forkserver.ensure_running()
+    finally:
+        for name in _ONE_THREAD.keys() - before.keys():
+            del os.environ[name]
 
 
 @contextlib.contextmanager
@@ -38,8 +64,8 @@ def workers_of(scheduler: str | None, count: int | None) -> Iterator[Any]:
 
     settings = {
         "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
+        "distributed.worker.multiprocessing-method": _METHOD,
         "distributed.comm.timeouts.connect": _CONNECT,
-        "distributed.worker.memory.terminate": False,
         # It would look at the stacks of all jobs of a group a hundred times a second.
         "distributed.worker.profile.enabled": False,
         # Nobody asks how late the event loops are, fifty times a second.
@@ -54,6 +80,8 @@ def workers_of(scheduler: str | None, count: int | None) -> Iterator[Any]:
                 distributed.LocalCluster(  # type: ignore[no-untyped-call]
                     n_workers=count or os.cpu_count() or 1,
                     threads_per_worker=1,
+                    # A worker that is paused for its memory would never go on.
+                    memory_limit=0,
                     dashboard_address=cast(str, None),  # None: no dashboard
                     silence_logs=logging.CRITICAL,
                 )

@@ -43,16 +43,17 @@ def done(out: Path) -> int:
     return len(list(out.glob("unverified/*")))
 
 
-def children(parent: int) -> list[int]:
-    """Return the worker processes of a batch."""
-    found = []
+def workers(batch: int) -> list[int]:
+    """Return the worker processes of a batch: those that its server has forked."""
+    parents, servers = dict[int, int](), set[int]()
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
+            own = int(stat.parent.name)
             fields = stat.read_text().rpartition(")")[2].split()
-            command = (stat.parent / "cmdline").read_bytes()
-            if int(fields[1]) == parent and b"spawn_main" in command:
-                found.append(int(stat.parent.name))
-    return found
+            parents[own] = int(fields[1])
+            if b"forkserver" in (stat.parent / "cmdline").read_bytes():
+                servers.add(own)
+    return [own for own in servers if parents.get(parents[own]) == batch]
 
 
 def check_lists(out: Path, names: list[str]) -> None:
@@ -89,7 +90,7 @@ def test_a_killed_worker_a_corrupt_job_and_an_endless_one_cost_only_themselves(
         "--time-limit", 4, cwd=tmp_path,
     )  # fmt: skip
     wait_for(lambda: done(out) > 1)
-    os.kill(children(batch.pid)[0], signal.SIGKILL)
+    os.kill(workers(batch.pid)[0], signal.SIGKILL)
     _, said = batch.communicate(timeout=_PATIENCE)
     assert batch.returncode == 1
     assert "Traceback" not in said
