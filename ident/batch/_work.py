@@ -12,7 +12,8 @@ import os
 import shutil
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,8 @@ _LATE = 83
 _LOOK = 1.0
 """Seconds after which a thread looks at the latest whether it is still needed."""
 _clock = time.monotonic
+_PUBLISHING = 4
+"""Jobs whose files are on their way to the disk at the same time."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,17 +103,20 @@ def _shape(path: Path) -> str:
 
 
 def run_chunk(tasks: Sequence[Task], order: Order) -> list[Outcome]:
-    """Run some jobs one after the other; whatever goes wrong with one is its row."""
+    """Run some jobs one after the other; whatever goes wrong with one is its row.
+
+    Threads wait for the disk to take the files of a job while the next ones run.
+    """
     start_worker()
-    watch = _Watch(order)
-    found = []
+    watch, found = _Watch(order), list[Outcome | Future[Outcome]]()
     try:
-        for task in tasks:
-            watch.begin(task)
-            found.append(_guarded(task, order))
+        with ThreadPoolExecutor(_PUBLISHING) as disk:
+            for task in tasks:
+                watch.begin(task)
+                found.append(_one(task, order, disk))
     finally:
         watch.running = None
-    return found
+    return [one if isinstance(one, Outcome) else one.result() for one in found]
 
 
 @dataclasses.dataclass
@@ -159,7 +165,7 @@ def start_worker() -> None:
     gc.set_threshold(200_000, 20, 20)
 
 
-def _guarded(task: Task, order: Order) -> Outcome:
+def _one(task: Task, order: Order, disk: Executor) -> Outcome | Future[Outcome]:
     done = published(task, Path(order.out))
     if done is not None:
         return Outcome(task.name, done)
@@ -169,8 +175,22 @@ def _guarded(task: Task, order: Order) -> Outcome:
     stage = order.work / task.name
     if stage.exists():
         shutil.rmtree(stage, ignore_errors=True)
+    made = _guarded(task, stage, lambda: _made(task, order, stage))
+    folder = made.rows[0].get("folder")
+    if folder is None:  # it failed
+        return made
+    place = Path(order.out) / folder
+
+    def moved() -> Outcome:
+        _move(stage, place)
+        return made
+
+    return disk.submit(_guarded, task, stage, moved)
+
+
+def _guarded(task: Task, stage: Path, work: Callable[[], Outcome]) -> Outcome:
     try:
-        return Outcome(task.name, _run(task, order, stage))
+        return work()
     except (AxcompError, OSError) as error:
         reason, full = str(error), _is_full(error)
     except Exception as error:  # a batch goes on, whatever one job meets
@@ -211,10 +231,10 @@ def _is_full(error: BaseException | None) -> bool:
     return False
 
 
-def _run(task: Task, order: Order, stage: Path) -> list[Row]:
+def _made(task: Task, order: Order, stage: Path) -> Outcome:
+    """Run a job into a folder; its rows name the one that its files are to be moved to."""
     from ..job import run_job
 
-    out = Path(order.out)
     result = run_job(Path(task.path), stage, sync=False)
     if not all((stage / file).is_file() for file in result.files):
         # The batch that this worker belonged to ended and took its work away.
@@ -224,7 +244,14 @@ def _run(task: Task, order: Order, stage: Path) -> list[Row]:
     verified = all(
         rule.state == "verified" for fit in result.fits for rule in fit.conventions
     )
-    place = out / ("lists" if verified else "unverified") / task.name
+    # What lies there says what the result does: no need to read it back.
+    folder = f"{'lists' if verified else 'unverified'}/{task.name}"
+    rows = rows_of(task.name, folder, verified, task.sha256, result.tree)
+    return Outcome(task.name, rows)
+
+
+def _move(stage: Path, place: Path) -> None:
+    """Move finished files to their place, once the disk has taken them."""
     place.parent.mkdir(exist_ok=True)
     sync_folder(stage)
     try:
@@ -234,9 +261,6 @@ def _run(task: Task, order: Order, stage: Path) -> list[Row]:
         if not place.is_dir():
             raise
         shutil.rmtree(stage, ignore_errors=True)
-    # What lies there says what the result does: no need to read it back.
-    folder = f"{place.parent.name}/{task.name}"
-    return rows_of(task.name, folder, verified, task.sha256, result.tree)
 
 
 _DRAWING = threading.Lock()
