@@ -147,12 +147,13 @@ def mean_of(benchmark: BenchmarkFixture) -> float:
 
 _WORKER = """
 import hashlib, json, pathlib, sys, time
-from axcomp.ident.batch._work import Order, Task, run_chunk
+from axcomp.ident.batch import Task
+from axcomp.ident.batch._work import Order, run_chunk
 
 jobs, out, size = pathlib.Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
 paths = sorted(jobs.glob("*.toml"))
 tasks = [
-    Task(p.stem, str(p), hashlib.sha256(p.read_bytes()).hexdigest()) for p in paths
+    Task(p.stem, p, hashlib.sha256(p.read_bytes()).hexdigest()) for p in paths
 ]
 found = []
 for again in range(4):

@@ -13,7 +13,7 @@ that looks after a batch leaves them to its workers.
 from typing import TYPE_CHECKING
 
 from .._lazy import importer
-from ._collect import JobItem as JobItem, collect_jobs as collect_jobs
+from ._collect import Task as Task, collect_jobs as collect_jobs
 from ._folder import BatchError as BatchError
 from ._rows import COLUMNS as COLUMNS, VERSION as VERSION
 from ._run import (

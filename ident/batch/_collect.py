@@ -6,6 +6,7 @@ leaves the key out. Three columns are not keys: ``job`` names the job, ``templat
 whose keys hold where the row says nothing.
 """
 
+import contextlib
 import csv
 import dataclasses
 import glob
@@ -26,31 +27,31 @@ _TABLES = (".csv", ".parquet", ".pq")
 
 
 @dataclasses.dataclass(frozen=True)
-class JobItem:
+class Task:
     """One job of a batch.
 
     Attributes:
         name: Unique in the batch; the folder that it writes carries it.
         path: The job file.
+        sha256: Hash of that.
         text: What goes into the job file where it comes from a table, else None.
     """
 
     name: str
     path: Path
+    sha256: str
     text: str | None = None
 
-    @property
-    def sha256(self) -> str:
-        """Hash of the job file."""
-        if self.text is not None:
-            return hashlib.sha256(self.text.encode()).hexdigest()
-        try:
-            return hashlib.sha256(self.path.read_bytes()).hexdigest()
-        except OSError:  # the job itself will say what is wrong with its file
-            return hashlib.sha256(b"").hexdigest()
+    def as_file(self) -> "Task":
+        """Return it as a worker needs it, the job file of a table written."""
+        if self.text is None:
+            return self
+        self.path.parent.mkdir(exist_ok=True)
+        self.path.write_bytes(self.text.encode())
+        return dataclasses.replace(self, text=None)
 
 
-def collect_jobs(arguments: Sequence[str | Path], out: Path) -> tuple[JobItem, ...]:
+def collect_jobs(arguments: Sequence[str | Path], out: Path) -> tuple[Task, ...]:
     """Return the jobs that a command line names, in order, each once.
 
     Args:
@@ -61,29 +62,34 @@ def collect_jobs(arguments: Sequence[str | Path], out: Path) -> tuple[JobItem, .
         BatchError: If something does not exist, or there is no job at all.
     """
     files: dict[Path, None] = {}
-    items: list[JobItem] = []
+    tasks: list[Task] = []
     for argument in arguments:
         for path in _files(str(argument)):
             if path.suffix.lower() in _TABLES:
                 jobs = out / "jobs"
-                items += [
-                    JobItem(name, jobs / f"{name}.toml", text)
+                tasks += [
+                    Task(name, jobs / f"{name}.toml", _hash(text.encode()), text)
                     for name, text in read_job_table(path, jobs)
                 ]
             else:
                 files.setdefault(path)
-    items += [
-        JobItem(name, path)
-        for name, path in zip(_names(list(files)), files, strict=True)
-    ]
-    twins = [name for name, n in Counter(item.name for item in items).items() if n > 1]
+    for name, path in zip(_names(list(files)), files, strict=True):
+        content = b""
+        with contextlib.suppress(OSError):  # the job itself will say what is wrong
+            content = path.read_bytes()
+        tasks.append(Task(name, path.resolve(), _hash(content)))
+    twins = [name for name, n in Counter(task.name for task in tasks).items() if n > 1]
     if twins:
         raise BatchError(
             ", ".join(map(str, arguments)),
             f"found two jobs named {twins[0]!r}, expected names of their own (in a"
             " table the column job)",
         )
-    return tuple(items)
+    return tuple(tasks)
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _files(argument: str) -> list[Path]:

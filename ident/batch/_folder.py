@@ -29,79 +29,75 @@ class BatchError(AxcompError, RuntimeError):
 _MANIFEST = "batch.json"
 
 
-def refuse_used(folder: Path) -> None:
-    """Raise where a folder holds a batch already.
+def begin(
+    folder: Path,
+    arguments: Sequence[str | Path],
+    jobs: Mapping[str, str],
+    *,
+    resume: bool,
+) -> dict[str, Any]:
+    """Write ``batch.json`` for a batch that begins now, and return what it says.
+
+    Args:
+        folder: Of the batch.
+        arguments: What was asked for.
+        jobs: Hash of every job file, by name of the job.
+        resume: Go on with the batch in the folder; without one, begin.
 
     Raises:
-        BatchError: Naming what to do.
+        BatchError: If the folder holds something else: a batch that was not to be gone on
+            with, or one of other jobs.
     """
-    if (folder / _MANIFEST).exists():
+    path = folder / _MANIFEST
+    if path.exists() and not resume:
         raise BatchError(
             str(folder),
             "found a batch in it, expected --resume to go on with it, or"
             " another folder (--out)",
         )
-    for kind in ("lists", "unverified"):
+    for kind in () if resume else ("lists", "unverified"):
         if (folder / kind).exists():
             raise BatchError(
                 str(folder / kind),
                 "found files of something else, expected an empty folder (--out)",
             )
-
-
-def refuse_others(folder: Path, jobs: Mapping[str, str]) -> None:
-    """Raise where a folder holds a batch of other jobs.
-
-    Args:
-        folder: Of the batch; one without a batch is as good as new.
-        jobs: Hash of every job file of now, by name of the job.
-
-    Raises:
-        BatchError: Naming a job that is not among them.
-    """
-    try:
-        before = json.loads((folder / _MANIFEST).read_bytes())["jobs"]
-    except FileNotFoundError:
-        return
-    except (ValueError, KeyError):
-        reason = "found no manifest of a batch, expected one"
-        raise BatchError(str(folder / _MANIFEST), reason) from None
-    lost = [name for name in before if name not in jobs]
-    if lost:
-        raise BatchError(
-            str(folder),
-            f"found a batch with the job {lost[0]!r}, which is not among the"
-            f" {len(jobs)} given now, expected the same jobs (or more)",
-        )
-
-
-def manifest_of(
-    arguments: Sequence[str | Path], jobs: Mapping[str, str]
-) -> dict[str, Any]:
-    """Return what ``batch.json`` says of a batch that begins now.
-
-    Args:
-        arguments: What was asked for.
-        jobs: Hash of every job file, by name of the job.
-    """
+    if path.exists():
+        try:
+            before = json.loads(path.read_bytes())["jobs"]
+        except (ValueError, KeyError):
+            reason = "found no manifest of a batch, expected one"
+            raise BatchError(str(path), reason) from None
+        lost = [name for name in before if name not in jobs]
+        if lost:
+            raise BatchError(
+                str(folder),
+                f"found a batch with the job {lost[0]!r}, which is not among the"
+                f" {len(jobs)} given now, expected the same jobs (or more)",
+            )
     packages = ("axcomp", "numpy", "scipy", "jax", "distributed", "pyarrow")
-    return {
+    manifest = {
         "schema": VERSION,
         "arguments": [str(one) for one in arguments],
-        "started": now(),
+        "started": _now(),
         "versions": {"python": platform.python_version()}
         | {name: importlib.metadata.version(name) for name in packages},
         "jobs": dict(jobs),
     }
+    _write(path, manifest)
+    return manifest
 
 
-def write_manifest(folder: Path, tree: Mapping[str, Any]) -> None:
-    """Write ``batch.json``: before any job runs, and once more when all are done."""
-    write_atomically(folder / _MANIFEST, (json.dumps(tree, indent=1) + "\n").encode())
+def end(folder: Path, manifest: Mapping[str, Any], seconds: float) -> None:
+    """Write ``batch.json`` once more when all jobs are done."""
+    told = {"finished": _now(), "seconds": round(seconds, 1)}
+    _write(folder / _MANIFEST, {**manifest, **told})
 
 
-def now() -> str:
-    """Return the time of now, to the second."""
+def _write(path: Path, manifest: Mapping[str, Any]) -> None:
+    write_atomically(path, (json.dumps(manifest, indent=1) + "\n").encode())
+
+
+def _now() -> str:
     return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
 
 

@@ -150,11 +150,6 @@ def hash_of_inputs(inputs: Mapping[str, str]) -> str:
     return hashlib.sha256("".join(lines).encode()).hexdigest()
 
 
-def failed_row(name: str, reason: str, **known: Any) -> Row:
-    """Return the row of a job that failed."""
-    return {"job": name, "state": "failed", "reason": reason, "passed": False, **known}
-
-
 def _fit_row(fit: Mapping[str, Any], remarks: Sequence[Mapping[str, str]]) -> Row:
     """Return the columns of a fit; ``remarks`` are those of the job and its groups."""
     row: Row = {

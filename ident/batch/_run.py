@@ -10,20 +10,12 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ._collect import collect_jobs
-from ._folder import (
-    BatchError,
-    locked,
-    manifest_of,
-    now,
-    refuse_others,
-    refuse_used,
-    write_manifest,
-)
+from ._collect import Task, collect_jobs
+from ._folder import BatchError, begin, end, locked
 from ._rows import Row
 from ._summary import Summary, prepare_summary, summarise
 from ._table import write_results
-from ._work import WORK, Order, Outcome, Task, examine
+from ._work import WORK, Order, Outcome, examine
 from ._workers import prepare_workers, run_chunks, workers_of
 
 _CHUNK = 64
@@ -60,21 +52,27 @@ class BatchResult:
 
     Attributes:
         folder: Of the batch.
-        jobs: How many jobs it has.
-        failed: How many wrote no list, with their reasons by name in ``reasons``.
-        reasons: See `failed`.
+        reasons: Why jobs wrote no list, by name of the job.
         rejected: How many ran and did not pass (gate, or an error in their files).
         seconds: That this run of it took.
         summary: Figures over all machines.
     """
 
     folder: Path
-    jobs: int
-    failed: int
     reasons: Mapping[str, str]
     rejected: int
     seconds: float
     summary: Summary
+
+    @property
+    def jobs(self) -> int:
+        """How many jobs it has."""
+        return self.summary.jobs
+
+    @property
+    def failed(self) -> int:
+        """How many wrote no list."""
+        return len(self.reasons)
 
     @property
     def passed(self) -> bool:
@@ -128,21 +126,10 @@ def run_batch(
             reason = "found a file, expected a folder"
         raise BatchError(str(out), reason) from None
     with locked(out):
-        items = collect_jobs(jobs, out)
-        tasks = [
-            Task(item.name, str(item.path.resolve()), item.sha256) for item in items
-        ]
+        tasks = collect_jobs(jobs, out)
         hashes = {task.name: task.sha256 for task in tasks}
-        if resume:
-            refuse_others(out, hashes)
-        else:
-            refuse_used(out)
-        manifest = manifest_of(jobs, hashes)
-        write_manifest(out, manifest)
-        for item in items:
-            if item.text is not None:
-                item.path.parent.mkdir(exist_ok=True)
-                item.path.write_bytes(item.text.encode())
+        manifest = begin(out, jobs, hashes, resume=resume)
+        tasks = tuple(task.as_file() for task in tasks)
         prepare_summary()
         order = Order(str(out), secrets.token_hex(4), reports, time_limit)
         stand, done = Progress(len(tasks)), dict[str, list[Row]]()
@@ -157,21 +144,12 @@ def run_batch(
         write_results(out, ordered)
         summary = summarise(out, history)
         seconds = time.monotonic() - start
-        end = {"finished": now(), "seconds": round(seconds, 1)}
-        write_manifest(out, manifest | end)
+        end(out, manifest, seconds)
     reasons = {row["job"]: row["reason"] for row in ordered if row["state"] == "failed"}
     ran = {
         row["job"] for row in ordered if row["state"] == "done" and not row["passed"]
     }
-    return BatchResult(
-        folder=out,
-        jobs=len(tasks),
-        failed=len(reasons),
-        reasons=reasons,
-        rejected=len(ran),
-        seconds=seconds,
-        summary=summary,
-    )
+    return BatchResult(out, reasons, len(ran), seconds, summary)
 
 
 def _take_away(work: Path) -> None:
@@ -235,6 +213,6 @@ def _examined(
     parts = [tasks[start : start + size] for start in range(0, len(tasks), size)]
     found = chain.from_iterable(client.gather(client.map(examine, parts, pure=False)))
     pairs = list(zip(tasks, found, strict=True))
-    bad = [Outcome(task.name, [row]) for task, row in pairs if not isinstance(row, str)]
+    bad = [outcome for _, outcome in pairs if isinstance(outcome, Outcome)]
     good = [(shape, task) for task, shape in pairs if isinstance(shape, str)]
     return [task for _, task in sorted(good, key=lambda one: one[0])], bad

@@ -20,7 +20,7 @@ _MOST = 200
 """Lines of a table on the page; all of them stand in summary.json."""
 _CURVE = np.linspace(0.0, 1.0, 401)
 """Shares of the fits at which the page draws their errors."""
-_SHARES = (0.5, 0.9, 0.99, 1.0)
+_SHARES = [0.5, 0.9, 0.99, 1.0]
 _WORDS = {
     "before": "as measured",
     "predicted": "predicted",
@@ -30,9 +30,9 @@ _COLOURS = {"before": "#b5541c", "predicted": "#7a7a7a", "from_file": "#1f6f8b"}
 
 _SPREADS = """
 SELECT compensation, unit, count(*) AS count, {
-    before: quantile_cont(before_rms, $shares),
-    predicted: quantile_cont(predicted_rms, $shares),
-    from_file: quantile_cont(from_file_rms, $shares)} AS percentiles
+    before: coalesce(quantile_cont(before_rms, $shares), []),
+    predicted: coalesce(quantile_cont(predicted_rms, $shares), []),
+    from_file: coalesce(quantile_cont(from_file_rms, $shares), [])} AS percentiles
 FROM fits GROUP BY compensation, unit ORDER BY compensation, unit
 """
 _OUTLIERS = """
@@ -146,7 +146,8 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
             relation = connection.sql(question, params=given)
             return tuple(relation.to_arrow_table().to_pylist())
 
-        kinds = found(_SPREADS, shares=_CURVE.tolist())
+        spreads = found(_SPREADS, shares=_SHARES)
+        curves = found(_SPREADS, shares=_CURVE.tolist())
         outliers, trends = found(_OUTLIERS), found(_TRENDS)
     reasons = Counter(map(_plain_reason, rows.filter(~done)["reason"].to_pylist()))
     failed = filter(None, fits["gate_failed"].to_pylist())
@@ -159,7 +160,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         gate=dict(gate.most_common()),
         unverified=len(fits) - sum(map(bool, fits["verified"].to_pylist())),
         verdicts=dict(Counter(filter(None, fits["verdict"].to_pylist()))),
-        spreads=tuple(kind | {"percentiles": _percentiles(kind)} for kind in kinds),
+        spreads=spreads,
         outliers=outliers,
         trends=trends,
     )
@@ -168,7 +169,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
     page = templates(__package__ or "", html=True).get_template("summary.html.jinja")
     html = page.render(
         summary=summary,
-        pictures=[_picture(kind["percentiles"], kind["unit"]) for kind in kinds],
+        pictures=[_picture(kind["percentiles"], kind["unit"]) for kind in curves],
         scale_of=scale_of,
         words=_WORDS,
         most=_MOST,
@@ -183,15 +184,7 @@ def _plain_reason(reason: str | None) -> str:
     return "".join("#" if sign.isdigit() else sign for sign in words[-1])[:160]
 
 
-def _percentiles(kind: Mapping[str, Any]) -> dict[str, list[float]]:
-    last = len(_CURVE) - 1
-    return {
-        stage: [values[round(share * last)] for share in _SHARES] if values else []
-        for stage, values in kind["percentiles"].items()
-    }
-
-
-def _picture(errors: Mapping[str, Sequence[float] | None], unit: str) -> str:
+def _picture(errors: Mapping[str, Sequence[float]], unit: str) -> str:
     """Return the distribution of the errors as SVG."""
     from ..report._style import new_figure, to_inline, to_svg
 

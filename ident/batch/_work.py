@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 
 from ...data.errors import AxcompError
 from ...data.files import sync_folder
-from ._rows import Row, failed_row, hash_of_inputs, rows_of
+from ._collect import Task
+from ._rows import Row, hash_of_inputs, rows_of
 
 if TYPE_CHECKING:
     from ..job import JobResult
@@ -33,15 +34,6 @@ _LOOK = 1.0
 _clock = time.monotonic
 _PUBLISHING = 4
 """Jobs whose files are on their way to the disk at the same time."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Task:
-    """A job for a worker: its name, its file, and the hash of that."""
-
-    name: str
-    path: str
-    sha256: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,14 +67,14 @@ class Outcome:
     full: bool = False
 
 
-def examine(tasks: Sequence[Task]) -> list[str | Row]:
-    """Return the shape of each job, or the row of one that cannot run."""
-    found: list[str | Row] = []
+def examine(tasks: Sequence[Task]) -> list[str | Outcome]:
+    """Return the shape of each job, or the outcome of one that cannot run."""
+    found: list[str | Outcome] = []
     for task in tasks:
         try:
-            found.append(_shape(Path(task.path)))
+            found.append(_shape(task.path))
         except (AxcompError, OSError) as error:
-            found.append(_failed(task, str(error)))
+            found.append(failed(task, str(error)))
     return found
 
 
@@ -171,7 +163,7 @@ def _one(task: Task, order: Order, disk: Executor) -> Outcome | Future[Outcome]:
         return Outcome(task.name, done)
     if (order.work / "late" / task.name).exists():
         words = f"took more than {order.limit:g} s (--time-limit) and was given up"
-        return Outcome(task.name, [_failed(task, words)])
+        return failed(task, words)
     stage = order.work / task.name
     if stage.exists():
         shutil.rmtree(stage, ignore_errors=True)
@@ -196,16 +188,20 @@ def _guarded(task: Task, stage: Path, work: Callable[[], Outcome]) -> Outcome:
     except Exception as error:  # a batch goes on, whatever one job meets
         reason, full = f"unexpected {type(error).__name__}: {error}", False
     shutil.rmtree(stage, ignore_errors=True)
-    return Outcome(task.name, [_failed(task, reason)], full)
+    return dataclasses.replace(failed(task, reason), full=full)
 
 
-def _failed(task: Task, reason: str) -> Row:
-    return failed_row(
-        task.name,
-        " ".join(reason.split()),
-        job_sha256=task.sha256,
-        inputs_sha256=inputs_hash(Path(task.path)),
-    )
+def failed(task: Task, reason: str) -> Outcome:
+    """Return the outcome of a job that wrote no list."""
+    row = {
+        "job": task.name,
+        "state": "failed",
+        "reason": " ".join(reason.split()),
+        "passed": False,
+        "job_sha256": task.sha256,
+        "inputs_sha256": inputs_hash(task.path),
+    }
+    return Outcome(task.name, [row])
 
 
 def inputs_hash(path: Path) -> str:
@@ -235,7 +231,7 @@ def _made(task: Task, order: Order, stage: Path) -> Outcome:
     """Run a job into a folder; its rows name the one that its files are to be moved to."""
     from ..job import run_job
 
-    result = run_job(Path(task.path), stage, sync=False)
+    result = run_job(task.path, stage, sync=False)
     if not all((stage / file).is_file() for file in result.files):
         # The batch that this worker belonged to ended and took its work away.
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(stage))
@@ -292,7 +288,7 @@ def published(task: Task, out: Path) -> list[Row] | None:
             continue
         inputs = result["inputs"]
         current = task.sha256 in inputs.values()
-        current = current and hash_of_inputs(inputs) == inputs_hash(Path(task.path))
+        current = current and hash_of_inputs(inputs) == inputs_hash(task.path)
         if current and all((folder / file).is_file() for file in result["files"]):
             place = f"{kind}/{task.name}"
             return rows_of(task.name, place, verified, task.sha256, result)

@@ -9,9 +9,9 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any, cast
 
+from ._collect import Task
 from ._folder import BatchError
-from ._rows import failed_row
-from ._work import Order, Outcome, Task, run_chunk
+from ._work import Order, Outcome, failed, run_chunk
 
 _CONNECT = "20s"
 """How long to wait for a scheduler."""
@@ -159,14 +159,9 @@ def run_chunks(
                 for task in chunk:
                     submit([task])
             else:
-                yield [_at_fault(chunk[0], future.exception())]
+                died = type(error := future.exception()).__name__ == "KilledWorker"
+                words = "the worker died while it ran" if died else str(error)
+                yield [failed(chunk[0], words)]
     finally:
         if chunks and client.status == "running":
             client.cancel(list(chunks), force=True)
-
-
-def _at_fault(task: Task, error: BaseException) -> Outcome:
-    """Return the row of a job that its workers died of."""
-    died = type(error).__name__ == "KilledWorker"
-    words = "the worker died while it ran" if died else " ".join(str(error).split())
-    return Outcome(task.name, [failed_row(task.name, words, job_sha256=task.sha256)])

@@ -15,6 +15,7 @@ from axcomp.ident.batch import (
     COLUMNS,
     VERSION,
     BatchError,
+    Task,
     collect_jobs,
     query_results,
     read_results,
@@ -22,13 +23,7 @@ from axcomp.ident.batch import (
 )
 from axcomp.ident.batch._folder import locked
 from axcomp.ident.batch._table import write_results
-from axcomp.ident.batch._work import (
-    Order,
-    Outcome,
-    Task,
-    published,
-    run_chunk,
-)
+from axcomp.ident.batch._work import Order, Outcome, published, run_chunk
 from axcomp.ident.cli import main
 from axcomp.ident.job import load_job, run_job
 
@@ -40,7 +35,7 @@ def tasks_of(folder: Path, names: Sequence[str]) -> list[Task]:
 
     paths = [folder / f"{name}.toml" for name in names]
     return [
-        Task(path.stem, str(path), hashlib.sha256(path.read_bytes()).hexdigest())
+        Task(path.stem, path, hashlib.sha256(path.read_bytes()).hexdigest())
         for path in paths
     ]
 
