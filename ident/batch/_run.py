@@ -18,7 +18,7 @@ from ._table import write_results
 from ._work import WORK, Order, Outcome, examine
 from ._workers import prepare_workers, run_chunks, workers_of
 
-_CHUNK = 64
+_CHUNK = 32
 """Jobs that go together; more would only wait longer for each other."""
 _ROUNDS = 4
 """Chunks for each worker at least."""

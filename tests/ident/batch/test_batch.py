@@ -256,6 +256,31 @@ def test_a_disk_without_room_is_no_fault_of_the_job(
     assert not list((tmp_path / "out").rglob("*.lis"))
 
 
+def test_files_that_the_disk_does_not_take_are_not_moved_to_their_place(
+    tmp_path: Path, fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import errno
+
+    from axcomp.ident.batch import _work
+
+    names = fleet(tmp_path, 3)
+    sync = _work.sync_folder
+
+    def full(folder: Path) -> None:
+        if folder.name == names[1]:
+            raise OSError(errno.ENOSPC, "No space left on device", str(folder))
+        sync(folder)
+
+    monkeypatch.setattr(_work, "sync_folder", full)
+    out = tmp_path / "out"
+    found = run_chunk(tasks_of(tmp_path, names), Order(str(out), "t"))
+    assert [one.name for one in found] == names
+    assert [one.full for one in found] == [False, True, False]
+    there = sorted(path.name for path in (out / "unverified").iterdir())
+    assert there == [names[0], names[2]]
+    assert not list((out / ".work").rglob("*.lis"))
+
+
 def test_a_job_whose_measurement_changed_is_to_be_done_again(
     tmp_path: Path, fleet: Fleet, readings: Callable[[int, float], str]
 ) -> None:
