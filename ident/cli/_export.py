@@ -169,7 +169,7 @@ def _probe_of_job(
     axes, paths = {}, []
     for name, axis in spec.axes.items():
         between = travel.get(axis.number) or axis.modulo or axis.limits
-        paths += [job.file(p) for p in (axis.listing, axis.machine_data) if p]
+        paths += [job.file(one) for one in axis.files.values()]
         if between is not None:
             axes[axis.number] = ProbeAxis(
                 axis.number,

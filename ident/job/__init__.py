@@ -48,7 +48,6 @@ from .result._job_result import (
     JobResult as JobResult,
     LoadStep as LoadStep,
     WholeAxis as WholeAxis,
-    plain as plain,
     tree_json as tree_json,
 )
 from .result._result import (

@@ -275,8 +275,7 @@ def _hashes(after: Job) -> dict[str, str]:
     lists = {
         after.file(name)
         for axis in after.spec.axes.values()
-        for name in (axis.listing, axis.machine_data)
-        if name is not None
+        for name in axis.files.values()
     }
     # What this run writes and saves itself tells nothing of the measurement.
     if (rules := after.spec.machine.conventions) is not None:

@@ -187,10 +187,8 @@ def _files(spec: JobFile) -> Iterable[tuple[KeyPath, str]]:
     if spec.verify is not None:
         yield ("verify", "job"), spec.verify.job
     for name, axis in spec.axes.items():
-        if axis.listing is not None:
-            yield ("axes", name, "list"), axis.listing
-        if axis.machine_data is not None:
-            yield ("axes", name, "machine_data"), axis.machine_data
+        for key, file in axis.files.items():
+            yield ("axes", name, key), file
     for name, measured in spec.measurements.items():
         if measured.file is not None:
             yield ("measurements", name, "file"), measured.file
@@ -206,16 +204,12 @@ def _existing_lists(job: Job) -> dict[str, AxisLists]:
     """
     found = {}
     for name, axis in job.spec.axes.items():
-        pair = {"list": axis.listing, "machine_data": axis.machine_data}
-        read: dict[str, ListFile | None] = {}
-        for key, file in pair.items():
-            read[key] = None
-            if file is not None:
-                listing = ListFile.read(job.file(file))
-                _refuse_other_kind(job, name, key, listing)
-                _refuse_other_axis(job, name, key, listing)
-                read[key] = listing
-        both = read["list"], read["machine_data"]
+        read: dict[str, ListFile] = {}
+        for key, file in axis.files.items():
+            read[key] = ListFile.read(job.file(file))
+            _refuse_other_kind(job, name, key, read[key])
+            _refuse_other_axis(job, name, key, read[key])
+        both = read.get("list"), read.get("machine_data")
         found[name] = AxisLists(axis.number, *both, job.reading)
     return found
 

@@ -89,6 +89,12 @@ class Axis(JobPart, frozen=True):
     """The other axis of a gantry: both need the same lists. Example: `"Y2"`."""
 
     @property
+    def files(self) -> dict[str, str]:
+        """The lists that it has now, by the key that names each."""
+        pair = {"list": self.listing, "machine_data": self.machine_data}
+        return {key: file for key, file in pair.items() if file is not None}
+
+    @property
     def unit(self) -> str:
         """Unit of its positions: mm or °."""
         return "mm" if self.kind == "linear" else "°"
