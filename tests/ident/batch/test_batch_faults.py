@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from axcomp.ident.batch import query_results, read_results
+from axcomp.ident.batch._workers import _ONE_THREAD
 from axcomp.ident.cli import main
 
 pytestmark = pytest.mark.slow
@@ -54,6 +55,27 @@ def workers(batch: int) -> list[int]:
             if b"forkserver" in (stat.parent / "cmdline").read_bytes():
                 servers.add(own)
     return [own for own in servers if parents.get(parents[own]) == batch]
+
+
+def test_the_process_that_workers_are_forked_from_runs_one_thread() -> None:
+    # A thread of it would be missing in its children, with the locks that it held.
+    code = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "import distributed, axcomp.ident.job\n"
+        "assert len(list(Path('/proc/self/task').iterdir())) == 1\n"
+        "xla = sys.modules.get('jax._src.xla_bridge')\n"
+        "assert xla is None or not xla.backends_are_initialized()\n"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | _ONE_THREAD,
+        capture_output=True,
+        text=True,
+        timeout=_PATIENCE,
+        check=False,
+    )
+    assert told.returncode == 0, told.stderr
 
 
 def check_lists(out: Path, names: list[str]) -> None:
