@@ -22,7 +22,15 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..models import Cross, FrictionTable, Leadscrew, ModuloNodes, Plane
 from ._linear_solver import Arrow, ArrowCholesky
-from ._parameters import Form, as_float, fitted_arrays, path_name, weights_of
+from ._parameters import (
+    Form,
+    as_float,
+    as_measured,
+    fitted_arrays,
+    inputs_of,
+    path_name,
+    weights_of,
+)
 from .core import FitError, TableEffect, shared_table
 
 M = TypeVar("M")
@@ -40,6 +48,8 @@ _STEPS = {
     2: [np.array(step) for step in ((0, 0), (0, 1), (1, -1), (1, 0), (1, 1))],
 }
 """Steps to later nodes with which a node shares a cell, by the axes of a table."""
+_LINEAR = 1e-6
+"""Share of the predictions up to which they may differ from a linear function: rounding."""
 _LOCAL = 1e-8
 """Relative error of a product with the matrix that columns of one colour gave, above which the
 matrix has elements between columns that share a colour: they were not independent."""
@@ -67,7 +77,7 @@ def fit_linear(
     Args:
         model: A model, or a tuple, list or dictionary of models: a stack. Its arrays are
             fitted, except the positions of nodes; their values do not matter. A constant
-            error is an array of the tree, too.
+            error is an array of the tree, too; numbers that are no arrays stay.
         predict: ``predict(model, inputs)``, linear in the arrays of the model.
         inputs: Arrays, or a tree of them, in mm, °, °C as the models take them.
         measured: Readings in the unit of the predictions.
@@ -83,38 +93,47 @@ def fit_linear(
         The fitted model, of the type of `model`.
 
     Raises:
-        FitError: If the readings and the penalty do not determine the model, or a reading
-            of a large table touches more than one of its cells.
-        ValueError: If `smoothness` names no table.
+        FitError: If the readings and the penalty do not determine the model, a prediction
+            is no number or not linear, or a reading of a large table touches more than one
+            of its cells.
+        ValueError: If shapes do not fit together, or `smoothness` names no table or is below
+            zero.
     """
+    if solver is not None and not isinstance(solver, lx.AbstractLinearSolver):
+        msg = f"solver: found {solver!r}, expected one of lineax, made"
+        raise ValueError(msg)
     params, rest = eqx.partition(model, fitted_arrays(model, None))
     form, readings = Form.of(params), as_float(measured)
+    smooth = _weights_by_table(model, smoothness)
     problem = _Problem(
         predict,
         form,
         rest,
         _Structure.of(model, form),
-        jax.tree.map(as_float, inputs),
-        readings.ravel(),
-        weights_of(readings, weights).ravel(),
-        _weights_by_table(model, smoothness),
+        inputs_of(inputs),
+        readings,
+        weights_of(readings, weights),
+        smooth,
     )
-    values, solved, local = _solved(problem, solver or ArrowCholesky())
-    if throw and not isinstance(solved, Tracer):
-        if not bool(local):
-            msg = (
-                "fit_linear: found predictions that touch several cells of a large table, "
-                f"expected one each; tables of up to {_MANY} values may do so"
-            )
-            raise FitError(msg)
-        if not bool(solved):
-            msg = (
-                "fit_linear: readings and smoothness do not determine the model; expected "
-                "readings that touch every node, or a smoothness above 0"
-            )
-            raise FitError(msg)
+    values, held = _solved(problem, solver or ArrowCholesky())
+    if throw and not isinstance(values, Tracer):
+        for words, holds in zip(_EXPECTED, held, strict=True):
+            if not bool(holds):
+                msg = f"fit_linear: {words}"
+                raise FitError(msg)
     found: M = eqx.combine(form.tree(values), rest)
     return found
+
+
+_EXPECTED = (
+    "found predictions that are no numbers, expected finite inputs",
+    "found predictions that touch several cells of a large table, expected one each; tables"
+    f" of up to {_MANY} values may do so",
+    "readings and smoothness do not determine the model; expected readings that touch every"
+    " node, or a smoothness above 0",
+    "found predictions that are not linear in the arrays of the model; fit_model takes them",
+)
+"""What holds of a fit, in the order in which it is looked at."""
 
 
 def _weights_by_table(
@@ -129,8 +148,13 @@ def _weights_by_table(
         raise ValueError(msg)
     every = 0.0 if isinstance(smoothness, Mapping) else smoothness
     found = [named.get(name, every) for name in names]
-    pairs = [each if isinstance(each, tuple) else (each,) for each in found]
-    return tuple(tuple(as_float(weight) for weight in pair) for pair in pairs)
+    pairs = [each if isinstance(each, tuple | list) else (each,) for each in found]
+    result = tuple(tuple(as_float(weight) for weight in pair) for pair in pairs)
+    for weight in (weight for pair in result for weight in pair):
+        if jnp.ndim(weight) or not (isinstance(weight, Tracer) or weight >= 0):
+            msg = f"smoothness: found {weight}, expected a number of 0 or more"
+            raise ValueError(msg)
+    return result
 
 
 @final
@@ -215,21 +239,22 @@ class _Problem(eqx.Module):
     rest: Any
     structure: _Structure
     inputs: Any
-    readings: Float[Array, " t"]
-    weights: Float[Array, " t"]
+    readings: Float[Array, "..."]
+    weights: Float[Array, "..."]
     smoothness: tuple[tuple[Array, ...], ...]
 
     def linear(self) -> "_Linear":
         """Return the predictions as a linear function of the unknowns."""
-
-        def predicted(values: Float[Array, " u"]) -> Float[Array, " t"]:
-            numbers = self.form.tree(values[self.structure.unknown])
-            return jnp.ravel(self.predict(eqx.combine(numbers, self.rest), self.inputs))
-
-        zero = jnp.zeros(self.structure.size)
-        off, along = jax.linearize(predicted, zero)
+        zero, weights = jnp.zeros(self.structure.size), jnp.ravel(self.weights)
+        off, along = jax.linearize(self.predicted, zero)
         back = jax.linear_transpose(along, zero)
-        return _Linear(off, along, lambda x: back(self.weights * x)[0])
+        return _Linear(off, along, lambda x: back(weights * x)[0])
+
+    def predicted(self, values: Float[Array, " u"]) -> Float[Array, " t"]:
+        """Return the predictions for some unknowns."""
+        numbers = self.form.tree(values[self.structure.unknown])
+        found = self.predict(eqx.combine(numbers, self.rest), self.inputs)
+        return jnp.ravel(as_measured(found, self.readings.shape))
 
     @property
     def penalties(self) -> Iterator[tuple[Array, _Penalty]]:
@@ -291,12 +316,11 @@ class _Problem(eqx.Module):
 @eqx.filter_jit
 def _solved(
     problem: _Problem, solver: lx.AbstractLinearSolver[Any]
-) -> tuple[Float[Array, " n"], Bool[Array, ""], Bool[Array, ""]]:
-    """Return the fitted arrays in a row, whether they are determined, and right."""
-    linear, used = problem.linear(), problem.weights > 0
-    right = linear.spread(
-        jnp.where(used, jnp.where(used, problem.readings, 0.0) - linear.off, 0.0)
-    )
+) -> tuple[Float[Array, " n"], tuple[Array, ...]]:
+    """Return the fitted arrays in a row, and whether what `_EXPECTED` says holds."""
+    linear, used = problem.linear(), jnp.ravel(problem.weights) > 0
+    known = jnp.where(used, jnp.ravel(problem.readings), 0.0)
+    right = linear.spread(jnp.where(used, known - linear.off, 0.0))
     operator = lx.FunctionLinearOperator(
         partial(problem.product, linear),
         jax.eval_shape(lambda: right),
@@ -311,7 +335,12 @@ def _solved(
         options["matrix"], local = fixed.matrix()
     found = lx.linear_solve(operator, right, solver, options=options, throw=False)
     solved = jnp.all(jnp.isfinite(found.value))
-    return found.value[problem.structure.unknown], solved, local
+    bent = problem.predicted(found.value) - linear.off - linear.along(found.value)
+    size = jnp.max(jnp.abs(linear.off + linear.along(found.value)), initial=0.0)
+    straight = jnp.max(jnp.abs(bent), initial=0.0) <= _LINEAR * size
+    finite = jnp.all(jnp.isfinite(right))
+    held = finite, local | ~finite, solved, straight
+    return found.value[problem.structure.unknown], held
 
 
 def _tables(model: Any) -> Iterator[tuple[Any, Any]]:
@@ -328,6 +357,12 @@ def _first_array(path: Any, table: Any) -> str:
 def _effect(table: Any) -> TableEffect:
     """Return a table as the estimator knows it: order of unknowns, cells, penalties."""
     ways = (table.nodes1, table.nodes2) if isinstance(table, Plane) else (table.nodes,)
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(ways)):
+        msg = (
+            "fit_linear: found nodes that are traced, expected known ones: make the model "
+            "outside of the function that jax.jit or vmap transforms"
+        )
+        raise ValueError(msg)
     with jax.ensure_compile_time_eval():  # constants under jit, too
         nodes = tuple(np.asarray(each.positions) for each in ways)
     ring = isinstance(ways[0], ModuloNodes)

@@ -14,14 +14,16 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
-from ._ipopt import least_squares_ipopt
+from ._ipopt import least_squares_ipopt, one_vector
 from ._model_fit import STATUSES, ModelFit, covariance_of, factor, held_out_rms
 from ._parameters import (
     Form,
     Pairs,
     Scaled,
     as_float,
+    as_measured,
     fitted_arrays,
+    inputs_of,
     weights_of,
 )
 from .core import FitError, one_blas_thread
@@ -32,6 +34,13 @@ _BLOCKS = 10
 """Blocks of consecutive readings that are held out in turn."""
 _RESTARTS = 4
 """Solves with limits: what rests on one may leave it at the next."""
+_SPARE = 1e-6
+"""Readings beyond the parameters from which on they tell the noise."""
+_HELP = {
+    "not_finite": "predictions are no numbers; look at inputs and start values",
+    "infeasible": "no values keep all bounds and constraints",
+}
+"""What to do about a solve that failed."""
 _PASSES = 30
 _SAME = 1e-10
 """Passes at most, and the relative change of the noise that ends them: it weighs priors."""
@@ -48,7 +57,7 @@ def fit_model(
     weights: ArrayLike | None = None,
     groups: ArrayLike | None = None,
     noise: ArrayLike | None = None,
-    constraints: Callable[[M], Array] | None = None,
+    constraints: Callable[[M], Any] | None = None,
     fitted: Sequence[str] | None = None,
     solver: optx.AbstractLeastSquaresSolver[Any, Any, Any, Any]
     | optx.AbstractMinimiser[Any, Any, Any]
@@ -72,7 +81,8 @@ def fit_model(
         model: Start values; its type is that of the result.
         predict: ``predict(model, inputs)``, a JAX function, in the unit and shape of
             `measured`. Compiles once per function and shape.
-        inputs: Whatever `predict` takes: arrays, or a tree of them.
+        inputs: Whatever `predict` takes: arrays, or a tree of them; a list of numbers is
+            an array.
         measured: Readings, of any shape.
         bounds: Pair (least, largest) per array, a number or an array each; None = free.
             Either a tree shaped like the model, or a mapping of names to pairs. optimistix
@@ -84,9 +94,11 @@ def fit_model(
             blocks of consecutive readings.
         noise: Standard deviation of a reading of weight 1, where known: it weighs the
             priors, and scales all standard deviations.
-        constraints: Values that a solution keeps at or above zero; only with IPOPT.
+        constraints: Values that a solution keeps at or above zero, an array or several;
+            only with IPOPT.
         fitted: Names of the arrays to fit, or of parts of the model. Left out: all
-            inexact arrays except the positions of nodes and surfaces, which stay.
+            inexact arrays except the positions of nodes and surfaces, which stay; numbers
+            that are no arrays stay as well.
         solver: An optimistix solver, or ``"ipopt"``. Left out: Levenberg-Marquardt, with
             constraints IPOPT.
         max_steps: Of the solver, at most.
@@ -94,31 +106,38 @@ def fit_model(
 
     Raises:
         ValueError: If names, shapes or options do not fit together.
-        FitError: If a reading is no number, or the solve fails and `throw` is true.
+        FitError: If a reading is no number, there is none, or the solve fails and `throw`
+            is true.
     """
     if solver is None:
         solver = "ipopt" if constraints is not None else LEVENBERG_MARQUARDT
     if constraints is not None and solver != "ipopt":
         msg = "constraints need solver='ipopt': optimistix knows no inequalities."
         raise ValueError(msg)
+    made = isinstance(solver, (optx.AbstractLeastSquaresSolver, optx.AbstractMinimiser))
+    if solver != "ipopt" and not made:
+        msg = f"solver: found {solver!r}, expected one of optimistix, made, or 'ipopt'"
+        raise ValueError(msg)
     params, rest = eqx.partition(model, fitted_arrays(model, fitted))
     form = Form.of(params)
-    if not form.names:
-        msg = "found no array to fit in the model, expected one of floats"
-        raise ValueError(msg)
     readings = as_float(measured)
     problem = _Problem(
         predict,
         constraints,
         form,
         rest,
-        jax.tree.map(as_float, inputs),
+        inputs_of(inputs),
         readings,
         weights_of(readings, weights),
         form.pairs(bounds, (-np.inf, np.inf), "bounds"),
         form.pairs(priors, (0.0, np.inf), "priors"),
     )
+    form.check(problem.limits, np.less_equal, "bounds, the least one first")
+    form.check(problem.prior, lambda _, s: s > 0, "a prior's deviation above 0")
     start, known = form.flat(params), None if noise is None else as_float(noise)
+    if known is not None and not isinstance(known, Tracer) and not known > 0:
+        msg = f"noise: found {known}, expected one number above 0"
+        raise ValueError(msg)
     leaves = jax.tree.leaves((problem, start, known))
     traced = any(isinstance(leaf, Tracer) for leaf in leaves)
     if traced and solver == "ipopt":
@@ -158,9 +177,10 @@ def fit_model(
         fit = eqx.error_if(fit, failed, "fit_model: the solve did not converge")
         return fit
     if not fit.converged:
+        remedy = _HELP.get(fit.result, "other start values, bounds, or more max_steps")
         msg = (
             f"the solve of fit_model ended as '{fit.result}' after {int(steps)} steps; "
-            "expected it to converge: other start values, bounds, or more max_steps."
+            f"expected it to converge: {remedy}."
         )
         raise FitError(msg)
     return fit
@@ -192,13 +212,7 @@ class _Problem(eqx.Module):
     def error(self, values: Float[Array, " p"]) -> Float[Array, "..."]:
         """Return measured − predicted."""
         predicted = self.predict(self.model(values), self.inputs)
-        if jnp.shape(predicted) != self.measured.shape:
-            msg = (
-                f"predict: found shape {jnp.shape(predicted)}, expected that of the "
-                f"readings, {self.measured.shape}"
-            )
-            raise ValueError(msg)
-        return self.measured - predicted
+        return self.measured - as_measured(predicted, self.measured.shape)
 
     def residual(self, values: Float[Array, " p"]) -> Float[Array, " t"]:
         """Return predicted − measured, weighted; 0 where the weight is."""
@@ -221,7 +235,7 @@ def _at_or_above_zero(
 ) -> Float[Array, " g"]:
     problem, _ = args
     assert problem.constraints is not None
-    return jnp.ravel(problem.constraints(problem.model(values)))
+    return one_vector(problem.constraints(problem.model(values)))
 
 
 def _by_ipopt(
@@ -290,6 +304,8 @@ def _by_optimistix(
         slope = jax.grad(lambda x: 0.5 * jnp.sum(residual(x) ** 2))(still)
         rests = numbers.at_rest(still, slope)
         code = jnp.where(rests, code, STATUSES.index("max_steps"))
+        finite = jnp.all(jnp.isfinite(slope))
+        code = jnp.where(finite, code, STATUSES.index("not_finite"))
         return values, (code, jnp.asarray(found.stats["num_steps"]))
 
     if passes == 1:
@@ -328,15 +344,20 @@ def _report(
     residual = problem.residual(values)
     # Derivatives of a fit are those of its values and its noise: how sure it is counts as
     # constant, since factors of a design are costly to differentiate.
-    fixed, at, weight = jax.lax.stop_gradient((problem, values, assumed))
+    arrays, others = eqx.partition((problem, values, assumed), eqx.is_array)
+    fixed, at, weight = eqx.combine(jax.lax.stop_gradient(arrays), others)
     design = jax.jacfwd(fixed.residual)(at)
     prior = weight / fixed.prior[1]
     scale, singular, directions = factor(design, prior)
     per_noise, lost = covariance_of(singular, directions, scale)
     used = jnp.ravel(jnp.where(fixed.weights > 0, 1.0, 0.0))
     parameters = jnp.sum((design @ per_noise) * design)
-    free = jnp.maximum(jnp.sum(used) - parameters, 1.0)
-    noise = jnp.sqrt(jnp.sum(residual**2) / free) if known is None else known
+    free = jnp.sum(used) - parameters
+    noise = jnp.sqrt(jnp.sum(residual**2) / jnp.maximum(free, 1.0))
+    # No reading is left to judge the noise by.
+    noise = jnp.where((free > _SPARE) | jnp.any(prior > 0), noise, jnp.inf)
+    noise = noise if known is None else known
+    left_out = held_out_rms(design, -fixed.residual(at), prior, blocks, count, used)
     deviation = noise * jnp.sqrt(jnp.where(lost, jnp.inf, jnp.diag(per_noise)))
     return {
         "model": problem.model(values),
@@ -345,9 +366,7 @@ def _report(
             eqx.filter(problem.rest, eqx.is_inexact_array, inverse=True),
         ),
         "noise": noise,
-        "held_out": held_out_rms(
-            design, -fixed.residual(at), prior, blocks, count, used
-        ),
+        "held_out": jnp.where(jnp.isinf(noise), jnp.inf, left_out),
         "residual": problem.error(values),
         "values": values,
         "limits": jnp.stack(problem.limits),

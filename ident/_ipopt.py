@@ -76,6 +76,22 @@ Units = tuple[Any, float, Any]
 """Of the values, of the cost and of each inequality: in these IPOPT sees the problem."""
 
 
+def one_vector(inequalities: Any) -> Float[Array, " g"]:
+    """Return what is kept at or above zero, an array or a tree of them, as one vector.
+
+    Raises:
+        ValueError: If it holds truth values, which are never below zero.
+    """
+    leaves = [jnp.asarray(each) for each in jax.tree.leaves(inequalities)]
+    if any(each.dtype == bool for each in leaves):
+        msg = (
+            "constraints: found truth values, expected numbers that are kept at or above "
+            "zero: 1.5 - m.slope for m.slope <= 1.5"
+        )
+        raise ValueError(msg)
+    return jnp.concatenate([jnp.zeros(0), *map(jnp.ravel, leaves)])
+
+
 def _no_margins(values: Float[Array, " x"], args: Any) -> Float[Array, " g"]:
     """Return nothing to be kept above zero."""
     return jnp.zeros(0)

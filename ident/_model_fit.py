@@ -56,7 +56,10 @@ class ModelFit(eqx.Module, Generic[M]):
     standard_deviation: M
     """Shaped like the model, in its units; None for what was not fitted."""
     noise: Float[Array, ""]
-    """Standard deviation of a reading of weight 1, in the unit of the readings."""
+    """Standard deviation of a reading of weight 1, in the unit of the readings.
+
+    It is inf where there are no more readings than parameters, as all deviations then are.
+    """
     held_out: Float[Array, ""]
     """Root mean square of the weighted error at readings that a fit has not seen.
 
@@ -136,9 +139,10 @@ class ModelFit(eqx.Module, Generic[M]):
         """
         chosen = np.concatenate([self._places(name) for name in names])
         matrix, lost = covariance_of(self.singular, self.directions, self.scale)
+        lost |= jnp.isinf(self.noise)
         matrix = jnp.where(lost[:, None] | lost[None, :], jnp.nan, matrix)
-        matrix = jnp.where(jnp.diag(lost), jnp.inf, matrix)
-        return self.noise**2 * matrix[chosen[:, None], chosen]
+        matrix = jnp.where(jnp.diag(lost), jnp.inf, self.noise**2 * matrix)
+        return matrix[chosen[:, None], chosen]
 
     def _places(self, name: str) -> np.ndarray:
         ends = ("", "[", ".")

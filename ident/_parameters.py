@@ -23,6 +23,7 @@ Pairs = Any
 
 def fitted_arrays(model: Any, fitted: Sequence[str] | None) -> Any:
     """Return the filter of the arrays to fit."""
+    fitted = (fitted,) if isinstance(fitted, str) else fitted
     if fitted is None:
         positions = (AbstractNodes, AbstractSurface)
         return jax.tree.map(
@@ -61,7 +62,18 @@ class Form:
 
     @classmethod
     def of(cls, params: Any) -> "Form":
+        """Return the form of arrays.
+
+        Raises:
+            ValueError: If there is none.
+        """
         leaves = jtu.tree_leaves_with_path(params)
+        if not leaves:
+            msg = (
+                "found no array to fit in the model, expected one of floats: "
+                "jnp.asarray(1.0), as the number 1.0 counts as known"
+            )
+            raise ValueError(msg)
         shapes = tuple(jnp.shape(leaf) for _, leaf in leaves)
         paths = tuple(path_name(path) for path, _ in leaves)
         return cls(jax.tree.structure(params), shapes, paths)
@@ -97,7 +109,7 @@ class Form:
         """Return the first and the second number of all pairs, as two vectors.
 
         Raises:
-            ValueError: If a name is unknown or a pair is none.
+            ValueError: If a name is unknown, or a pair is none or of another shape.
         """
         if given is None or isinstance(given, Mapping):
             named = dict(given or {})
@@ -118,9 +130,30 @@ class Form:
                 msg = f"{what} of {path}: found {pair!r}, expected a pair or None"
                 raise ValueError(msg)
             for side, one, other in zip(sides, pair or default, default, strict=True):
-                value = as_float(other if one is None else one)
-                side.append(jnp.ravel(jnp.broadcast_to(value, shape)))
+                value = other if one is None else one
+                side.append(jnp.ravel(broadcast(value, shape, f"{what} of {path}")))
         return jnp.concatenate(sides[0]), jnp.concatenate(sides[1])
+
+    def check(
+        self,
+        pairs: tuple[Float[Array, " p"], Float[Array, " p"]],
+        rule: Callable[[Any, Any], Any],
+        words: str,
+    ) -> None:
+        """Check the pairs of all numbers; where they are traced, nothing is known of them.
+
+        Raises:
+            ValueError: If a pair does not keep the rule; NaN keeps none.
+        """
+        if any(isinstance(side, Tracer) for side in pairs):
+            return
+        first, second = map(np.asarray, pairs)
+        wrong = np.flatnonzero(~rule(first, second))
+        if wrong.size:
+            at = wrong[0]
+            found = f"{self.names[at]}: found {first[at]:g} and {second[at]:g}"
+            msg = f"{found}, expected {words}"
+            raise ValueError(msg)
 
 
 def _is_pair(node: Any) -> bool:
@@ -176,9 +209,8 @@ class Scaled(eqx.Module):
     ) -> Bool[Array, ""]:
         """Return whether the cost pushes all that stands on a limit against it."""
         low, high = self.limits
-        return ~jnp.any(
-            ((values <= low) & (slope < 0)) | ((values >= high) & (slope > 0))
-        )
+        inward = ((values <= low) & (slope < 0)) | ((values >= high) & (slope > 0))
+        return ~jnp.any(inward & (low < high))
 
 
 def as_float(value: Any) -> Any:
@@ -191,14 +223,58 @@ def as_float(value: Any) -> Any:
     return value
 
 
+def inputs_of(inputs: Any) -> Any:
+    """Return a tree of inputs with arrays of 64-bit floats; a list of numbers is one array."""
+
+    def is_row(node: Any) -> bool:
+        return isinstance(node, list) and all(isinstance(x, int | float) for x in node)
+
+    return jax.tree.map(as_float, inputs, is_leaf=is_row)
+
+
+def broadcast(value: Any, shape: tuple[int, ...], what: str) -> Array:
+    """Return numbers in a shape that they have, or can be repeated to.
+
+    Raises:
+        ValueError: If they cannot.
+    """
+    try:
+        return jnp.broadcast_to(as_float(value), shape)
+    except ValueError:
+        msg = f"{what}: found shape {np.shape(value)}, expected {shape}"
+        raise ValueError(msg) from None
+
+
+def as_measured(predicted: Any, shape: tuple[int, ...]) -> Array:
+    """Return predictions, which have the shape of the readings.
+
+    Raises:
+        ValueError: If they do not.
+    """
+    if jnp.shape(predicted) != shape:
+        msg = (
+            f"predict: found shape {jnp.shape(predicted)}, expected that of the "
+            f"readings, {shape}"
+        )
+        raise ValueError(msg)
+    return jnp.asarray(predicted)
+
+
 def weights_of(measured: Float[Array, "..."], given: ArrayLike | None) -> Array:
-    weights = jnp.broadcast_to(
-        as_float(1.0 if given is None else given), measured.shape
-    )
+    """Return the weight of each reading.
+
+    Raises:
+        ValueError: If they are of another shape, or one is below 0.
+        FitError: If a reading that counts is no number, or none counts.
+    """
+    weights = broadcast(1.0 if given is None else given, measured.shape, "weights")
     if not isinstance(weights, Tracer):
         if not np.all(np.asarray(weights) >= 0):
             msg = "weights: found one below 0 or NaN, expected 0 or more"
             raise ValueError(msg)
+        if not np.any(np.asarray(weights) > 0):
+            msg = "measured: found no reading of a weight above 0, expected some"
+            raise FitError(msg)
         if not isinstance(measured, Tracer):
             # By NumPy: under jit, JAX traces what it computes of constants, too.
             used = np.asarray(weights) > 0

@@ -154,6 +154,54 @@ def test_what_readings_do_not_determine_is_refused() -> None:
     assert np.isfinite(fitted(table, few, ERROR, WEIGHT, 1e-3).pos).all()
 
 
+def test_what_is_no_linear_fit_is_refused() -> None:
+    table, place = TABLES["one direction"], PLACE[:, 0]
+
+    def along(model: Any, place: Any) -> Any:
+        return model.offset(place)
+
+    for options, message in (
+        ({"smoothness": -1.0}, "smoothness: found -1.0, expected a number of 0 or"),
+        ({"smoothness": (1.0, np.nan)}, "smoothness: found nan"),
+        ({"solver": "ipopt"}, "solver: found 'ipopt', expected one of lineax"),
+        ({"weights": np.ones(3)}, r"weights: found shape \(3,\)"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            axcomp.fit_linear(table, along, place, ERROR, **options)
+    with pytest.raises(ValueError, match=r"readings, \(\d+, 1\)"):
+        axcomp.fit_linear(table, along, place, ERROR[:, None], smoothness=1.0)
+    holes = np.where(place > np.median(place), np.nan, place)
+    with pytest.raises(FitError, match="no numbers, expected finite inputs"):
+        axcomp.fit_linear(table, along, holes, ERROR, smoothness=1.0)
+    with pytest.raises(FitError, match="not linear in the arrays"):
+        axcomp.fit_linear(
+            jnp.ones(2), lambda m, x: jnp.exp(m[0] * x) + m[1], place / 40.0, ERROR
+        )
+    with pytest.raises(ValueError, match="make the model outside"):
+        jax.jit(
+            lambda weight: (
+                axcomp.fit_linear(
+                    Leadscrew(EquidistantNodes(0.0, 10.0, 5), np.zeros(5)),
+                    along,
+                    place,
+                    ERROR,
+                    smoothness=weight,
+                ).pos
+            )
+        )(1.0)
+
+
+def test_lists_are_arrays_and_pairs() -> None:
+    table = TABLES["one direction"]
+    lists = PLACE[:, 0].tolist(), ERROR.tolist()
+    arrays = PLACE[:, 0], ERROR
+    found = [
+        axcomp.fit_linear(table, lambda m, x: m.offset(x), *each, smoothness=pair).pos
+        for each, pair in ((lists, [0.5, 0.1]), (arrays, (0.5, 0.1)))
+    ]
+    np.testing.assert_array_equal(*found)
+
+
 def large() -> tuple[Any, Any, Any]:
     """Return a stack with a plane so large that it is a band, and readings of it."""
     place = np.random.default_rng(7).uniform(0.0, 40.0, (4000, 2))

@@ -253,11 +253,107 @@ def test_a_failed_solve_is_a_value_or_an_error() -> None:
         ({"fitted": ["level"]}, "fitted: found level"),
         ({"groups": np.array([1, 2])}, "found 2 of them, expected one per reading, 60"),
         ({"weights": -1.0}, "weights: found one below 0"),
+        ({"weights": np.ones(3)}, r"weights: found shape \(3,\), expected \(60,\)"),
+        ({"weights": 0.0}, "found no reading of a weight above 0"),
+        (
+            {"bounds": {"levels": (np.zeros(3), None)}},
+            r"levels: found shape \(3,\), expected \(2,\)",
+        ),
+        ({"bounds": {"rate": (2.0, 1.0)}}, "rate: found 2 and 1, expected bounds"),
+        ({"bounds": {"rate": (np.nan, 1.0)}}, "rate: found nan and 1"),
+        ({"priors": {"rate": (0.9, 0.0)}}, "rate: found 0.9 and 0, expected a prior"),
+        ({"noise": -1.0}, "noise: found -1.0"),
+        ({"solver": "casadi"}, "solver: found 'casadi', expected one of optimistix"),
+        ({"solver": optx.LevenbergMarquardt}, "expected one of optimistix, made"),
+        ({"constraints": lambda m: m.rate < 0.7}, "found truth values"),
     ],
 )
 def test_what_does_not_fit_together_is_refused(options: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         decay(**options)
+
+
+@pytest.mark.parametrize("solver", [None, "ipopt"])
+def test_what_is_no_number_is_named_as_the_cause(solver: Any) -> None:
+    holes = np.where(TIME > 4.0, np.nan, TIME)
+    with pytest.raises(FitError, match=r"'not_finite' .* look at inputs and start"):
+        axcomp.fit_model(GUESS, Decay.__call__, holes, READINGS, solver=solver)
+
+
+def test_both_solvers_take_a_number_that_may_not_move() -> None:
+    pinned = {"rate": (0.7, 0.7)}
+    found = [decay(bounds=pinned, solver=solver) for solver in (None, "ipopt")]
+    assert all(float(each.model.rate) == 0.7 for each in found)
+    # The stopping tolerance of the solvers.
+    np.testing.assert_allclose(found[0].values, found[1].values, rtol=1e-6)
+
+
+def test_as_many_readings_as_parameters_tell_no_noise() -> None:
+    place = np.array([0.0, 1.0])
+    exact = axcomp.fit_model(FLAT, along, place, 2.0 * place)
+    assert np.isinf([exact.noise, exact.held_out, exact.standard_deviation.slope]).all()
+    assert np.isinf(np.diag(exact.covariance(["offset", "slope"]))).all()
+    np.testing.assert_allclose(exact.values, [0.0, 2.0], atol=1e-5)
+    # Where it is known, it says all.
+    known = axcomp.fit_model(FLAT, along, place, 2.0 * place, noise=0.1)
+    assert float(known.standard_deviation.offset) == pytest.approx(0.1)
+
+
+class Stage(eqx.Module):
+    """Two lines, one of them in a list, behind a function: leaves that are no arrays."""
+
+    first: Line
+    others: list[Line]
+    shape: Any
+    name: str
+
+    def __call__(self, inputs: dict[str, Any]) -> Array:
+        rest = along(self.others[0], inputs["b"])
+        return jnp.asarray(self.shape(along(self.first, inputs["a"]))) + rest
+
+
+@pytest.mark.parametrize("solver", [None, "ipopt"])
+def test_a_model_of_parts_and_functions_takes_lists_and_single_precision(
+    solver: Any,
+) -> None:
+    def stage(*numbers: float) -> Stage:
+        a, b, c = map(jnp.float32, numbers)
+        other = Line(jnp.zeros(0), c)
+        return Stage(Line(a, b), [other], jnp.tanh, "table")
+
+    def predict(model: Stage, inputs: dict[str, Any]) -> Array:
+        line = Line(jnp.array(0.0), model.others[0].slope)
+        return Stage(model.first, [line], model.shape, model.name)(inputs)
+
+    rng = np.random.default_rng(5)
+    inputs = {"a": rng.uniform(-1, 1, 80).tolist(), "b": np.arange(80)}
+    arrays = {name: np.asarray(each, np.float32) for name, each in inputs.items()}
+    readings = predict(stage(0.5, 1.5, 0.25), arrays)
+    bounds = {"first.slope": (0.0, None), "others.0.slope": (None, 10.0)}
+    fit = axcomp.fit_model(
+        stage(0.0, 1.0, 0.0), predict, inputs, readings.tolist(), bounds=bounds,
+        solver=solver, fitted=["first", "others.0.slope"],
+    )  # fmt: skip
+    # Readings in single precision.
+    np.testing.assert_allclose(fit.values, [0.5, 1.5, 0.25], atol=1e-5)
+    assert fit.model.shape is jnp.tanh
+    half = eqx.tree_at(lambda m: m.others[0].slope, fit.model, jnp.array(0.0))
+    only = axcomp.fit_model(half, predict, inputs, readings, fitted="others.0.slope")
+    assert only.names == ("others.0.slope",)
+
+
+def test_several_inequalities_are_kept_at_once() -> None:
+    fit = decay(constraints=lambda m: (0.7 - m.rate, m.levels - 0.32))
+    assert float(fit.model.rate) <= 0.7 + 1e-8
+    assert np.min(fit.model.levels) >= 0.32 - 1e-8
+    with pytest.raises(FitError, match="no values keep all bounds and constraints"):
+        decay(constraints=lambda m: [0.7 - m.rate, m.rate - 0.8])
+
+
+def test_a_model_of_numbers_says_what_an_array_is() -> None:
+    plain: Any = Line(0.0, 1.0)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"jnp\.asarray\(1\.0\)"):
+        axcomp.fit_model(plain, along, TIME, READINGS)
 
 
 def test_predictions_have_the_shape_of_the_readings() -> None:
