@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..data.measurements import Measurement
-from ._ipopt import least_squares_ipopt
+from ..models import AbstractLookup
+from ._ipopt import least_squares_ipopt, one_vector
 from ._readings import Friction, Roles, arrays_of, recording_of, without_zero_of
 from ._write_job import Stated, verdicts_of, write_job
 from .core import FitError
@@ -227,11 +228,12 @@ def fit(
     Args:
         effects: What to fit, each at most once.
         data: A measurement (`read`), or arrays by role in mm, °, s, °C; they count as they
-            stand. ``run`` may hold numbers or names. NaN is a reading that was missed.
+            stand. ``run`` may hold numbers or names, directions are 1 and −1. NaN is a
+            reading that was missed.
         loss: ``"student"`` and ``"huber"`` resist wild readings, ``"gauss"`` does not.
         smoothness: ``"auto"``: by evidence; or the weight of the squared second differences
             of all tables, relative to 1/noise²; 0 = no prior.
-        drift: Pieces of the drift of each run; 0 = an offset per run.
+        drift: Pieces of the drift of each run; 0 = an offset per run. It needs ``time``.
         remove: Takes an arbitrary zero of the instrument off the error of each axis, its
             mean or the line (over two masters, the plane) through it; what constant is left
             is the machine's, and a table of the axis holds it, as the written list does.
@@ -242,15 +244,16 @@ def fit(
         constraints: What the entries of a table keep, by name of the effect:
             ``{"leadscrew": ["monotone"]}`` turns back nowhere, ``"non-negative"`` is
             nowhere below zero; or a function to values that the model keeps at or above
-            zero: ``lambda m: 0.001 - jnp.diff(m.pos)``. The most probable values that do,
+            zero, an array or several: ``lambda m: 0.001 - jnp.diff(m.pos)``. The most
+            probable values that do,
             at the smoothness of the fit; deviations, `joint` and `held_out` stay those of
             the fit without.
         solver: ``"ipopt"`` takes constraints; the factor does not. Left out: as needed.
 
     Raises:
         MissingRole: If an effect needs a role that the measurement lacks.
-        FitError: If arrays do not fit together, do not determine the effects, or nothing
-            keeps the constraints.
+        FitError: If arrays do not fit together, do not determine the effects, no reading
+            lies in a table, or nothing keeps the constraints.
         ValueError: If options do not fit together.
     """
     for option, word, words in (
@@ -261,6 +264,14 @@ def fit(
             known = ", ".join(repr(each) for each in words if each)
             msg = f"{option}: found {word!r}, expected one of {known}."
             raise ValueError(msg)
+    if smoothness is None:
+        msg = "smoothness: found None, expected 'auto' or a number >= 0"
+        raise ValueError(msg)
+    if not isinstance(drift, int | np.integer) or drift < 0:
+        msg = f"drift: found {drift!r}, expected a whole number of 0 or more"
+        raise ValueError(msg)
+    effects = _stack_of(effects)
+    constraints = _by_name(constraints)
     if constraints and solver == "factor":
         msg = "constraints need solver='ipopt': the factor knows no inequalities."
         raise ValueError(msg)
@@ -268,17 +279,21 @@ def fit(
     stack = [one for one in effects if isinstance(one, AbstractEffect)]
     names = _names(effects)
     place = _datum(stack, datum)
+    _check_reach(stack, given)
     options = {"loss": loss, "smoothness": smoothness}
     treated = {"drift": drift, "remove": remove, "datum": place}
-    constraints = constraints or {}
     unknown = [name for name in (*(active or {}), *constraints) if name not in names]
     if unknown:
         msg = (
             f"found {', '.join(unknown)} among active and constraints, expected {names}"
         )
         raise ValueError(msg)
+    for name, one in zip(names, effects, strict=True):
+        if isinstance(one, Friction) and name in {*(active or ()), *constraints}:
+            msg = f"{name}: found active or constraints of it, which a job takes only"
+            raise FitError(msg)
     stated = Stated(
-        tuple(effects), given, options, treated, tuple(active or ()), names, constraints
+        effects, given, options, treated, tuple(active or ()), names, constraints
     )  # fmt: skip
     way = cast("Literal['none', 'offset', 'line']", remove)
     recording = recording_of(stack, without_zero_of(stack, given, way))
@@ -326,7 +341,10 @@ def fit(
                 else each
                 for each in gauges
             )
-        acted = one.offsets(active[name]) if active and name in active else 0.0
+        acted: Float[np.ndarray, ...] | float = 0.0
+        if active and name in active:
+            _check_alike(name, active[name], part.effect.to_model(table, -1.0))
+            acted = one.offsets(active[name])
         if name in constraints:
             table = _constrained(part, table, constraints[name], place, acted)
         zero = _zero(part.effect, table, place)
@@ -353,6 +371,78 @@ def fit(
         data=recording,
         stated=stated,
     )
+
+
+def _stack_of(effects: Any) -> tuple[AbstractEffect | Friction, ...]:
+    """Return effects one by one.
+
+    Raises:
+        FitError: If there is none, or one is something else.
+    """
+    known = AbstractEffect | Friction
+    stack = (effects,) if isinstance(effects, known) else tuple(effects)
+    wrong = [repr(one) for one in stack if not isinstance(one, known)]
+    if wrong or not stack:
+        found = ", ".join(wrong) or "none"
+        msg = f"effects: found {found}, expected some such as axcomp.Backlash('X')"
+        raise FitError(msg)
+    return stack
+
+
+def _by_name(constraints: Any) -> dict[str, Any]:
+    """Return what effects keep by name, words in a row; what keeps nothing is left out.
+
+    Raises:
+        FitError: If there are no names.
+    """
+    if not isinstance(constraints, Mapping | None):
+        msg = "constraints: expected them by name: {'leadscrew': ['monotone']}"
+        raise FitError(msg)
+    found = dict(constraints or {})
+    rows = {
+        name: (own,) if isinstance(own, str) else own for name, own in found.items()
+    }
+    return {name: own for name, own in rows.items() if callable(own) or len(own)}
+
+
+def _check_reach(
+    stack: Sequence[AbstractEffect], given: Mapping[str, np.ndarray]
+) -> None:
+    """Check that some reading lies in each table.
+
+    Raises:
+        FitError: If none does.
+    """
+    for one in stack:
+        if one.table_effect is None or one.table_effect.ring:
+            continue
+        for (channel, name), (low, high) in one.ranges.items():
+            places = given[f"{name}.{channel}"]
+            if not np.any((places >= low) & (places <= high)):
+                ends = f"{np.nanmin(places):g} to {np.nanmax(places):g}"
+                msg = (
+                    f"{one.name}: found readings at {name} = {ends}, expected some from"
+                    f" {low:g} to {high:g}, where its nodes are"
+                )
+                raise FitError(msg)
+
+
+def _check_alike(name: str, acted: Any, model: Any) -> None:
+    """Check that a model which acted is of the kind that is fitted, and holds no more.
+
+    Raises:
+        FitError: If it does not.
+    """
+    if not isinstance(acted, type(model)):
+        found, expected = type(acted).__name__, type(model).__name__
+        msg = f"active: found a {found} as {name}, expected a {expected}"
+        raise FitError(msg)
+    if isinstance(acted, AbstractLookup) and len(acted.tables) > len(model.tables):
+        msg = (
+            f"active: found {name} of two directions, of which one would be lost; expected "
+            "bilateral=True"
+        )
+        raise FitError(msg)
 
 
 def _names(effects: Sequence[AbstractEffect | Friction]) -> tuple[str, ...]:
@@ -474,7 +564,7 @@ def _constrained(
 
     def keeps(move: Float[Array, " k"], args: Any) -> Float[Array, " g"]:
         middle, along = args
-        return jnp.ravel(inequality(effect.to_model(middle + along @ move, -1.0)))
+        return one_vector(inequality(effect.to_model(middle + along @ move, -1.0)))
 
     found = least_squares_ipopt(
         lambda move, _: move,

@@ -18,6 +18,7 @@ from ..data.measurements import (
     MissingRole,
     derive_direction,
     derive_error,
+    direction_of,
     find_role,
     measurement,
     read_table,
@@ -45,6 +46,11 @@ class Friction:
 
     compensation: ClassVar[str] = "friction"
     no_keys: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        if isinstance(self.inertia, str) and self.inertia != "fit":
+            msg = f"inertia: found {self.inertia!r}, expected 'fit' or a number"
+            raise FitError(msg)
 
     @property
     def roles(self) -> tuple[str, ...]:
@@ -127,6 +133,8 @@ def arrays_of(
             values = _measured(data, role)
         else:
             values = None if role not in data else np.asarray(data[role])
+            if values is not None and role.endswith(".direction"):
+                values = _directions(values, role)
         if values is None and role in ("run", "time") and role not in wanted[2:]:
             continue
         if values is None:
@@ -135,6 +143,25 @@ def arrays_of(
             raise FitError(msg)
         found[role] = np.asarray(values, None if role == "run" else np.float64)
     return found
+
+
+def _directions(given: np.ndarray, role: str) -> np.ndarray:
+    """Return directions as ±1, NaN where not known, of numbers or of words as in a file.
+
+    Raises:
+        FitError: If they are others: of 0 and 1 a backlash would come out twice as wide.
+    """
+    if given.dtype.kind in "UO":
+        words = [direction_of(str(each)) for each in given.ravel()]
+        given = np.reshape([0 if way is None else way for way in words], given.shape)
+    strange = given[~(np.isin(given, (-1, 1)) | np.isnan(given))]
+    if given.dtype == bool or strange.size:
+        msg = (
+            f"{role}: found {(*strange, True)[0]}, expected 1 and -1 "
+            "(np.where(forwards, 1, -1)), NaN where not known"
+        )
+        raise FitError(msg)
+    return given
 
 
 def _measured(data: Measurement, role: str) -> np.ndarray | None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import axcomp
+from axcomp import models
 from axcomp.ident.core import FitError
 from axcomp.ident.fit import Samples, TableLayout, fit_table
 
@@ -122,16 +123,20 @@ def test_friction_is_fitted_from_the_current() -> None:
     acceleration = np.gradient(velocity, time)
     current = 1.2 * np.sign(velocity) + 0.01 * velocity + 0.002 * acceleration
     current += np.random.default_rng(5).normal(scale=0.02, size=len(time))
-    fit = axcomp.fit(
-        [axcomp.Friction("X")],
-        {
-            "time": time, "X.velocity": velocity, "X.acceleration": acceleration,
-            "X.current": current,
-        },
-    )  # fmt: skip
+    recording = {
+        "time": time, "X.velocity": velocity, "X.acceleration": acceleration,
+        "X.current": current,
+    }  # fmt: skip
+    fit = axcomp.fit([axcomp.Friction("X")], recording)
     law = fit["friction"].model
     # One reading scatters by 0.02 A; thousands of them stand behind each speed.
     assert float(law(np.array([40.0]))[0]) == pytest.approx(1.6, abs=0.02)
+    with pytest.raises(FitError, match="found active or constraints of it"):
+        axcomp.fit(
+            [axcomp.Friction("X")], recording, constraints={"friction": ["monotone"]}
+        )
+    with pytest.raises(FitError, match="inertia: found 'auto', expected 'fit' or"):
+        axcomp.Friction("X", inertia="auto")  # type: ignore[arg-type]
 
 
 def along_x(seed: int) -> dict[str, np.ndarray]:
@@ -143,6 +148,61 @@ def along_x(seed: int) -> dict[str, np.ndarray]:
 
 
 SCREW = axcomp.Leadscrew("X", start=0, interval=25, points=9)
+NODES = models.EquidistantNodes(0.0, 25.0, 9)
+
+
+def in_both_directions() -> dict[str, np.ndarray]:
+    data = along_x(3)
+    way = np.tile(np.repeat([1.0, -1.0], 9), 5)
+    error = data["X.error"] - 0.006 * (way < 0)
+    return data | {"X.direction": way, "X.error": error}
+
+
+def test_directions_are_one_and_minus_one_or_words() -> None:
+    data, stack = in_both_directions(), [SCREW, axcomp.Backlash("X")]
+    way = data["X.direction"]
+    forwards = way > 0
+    width = axcomp.fit(stack, data)["backlash"].model.width
+    assert float(width) == pytest.approx(-0.006, abs=3e-4)
+    words = {"X.direction": np.where(forwards, "+", "-")}
+    assert float(axcomp.fit(stack, data | words)["backlash"].model.width) == width
+    # Taken for numbers, these would make the backlash twice as wide.
+    for wrong, found in ((forwards, "False"), (1 * forwards, "0"), (3 * forwards, "3")):
+        with pytest.raises(FitError, match=f"direction: found {found}, expected 1 and"):
+            axcomp.fit(stack, data | {"X.direction": wrong})
+
+
+def test_arrays_may_be_lists_or_of_single_precision() -> None:
+    data, stack = in_both_directions(), [SCREW, axcomp.Backlash("X")]
+    plain = axcomp.fit(stack, data)
+    lists = axcomp.fit(stack, {role: each.tolist() for role, each in data.items()})
+    assert np.array_equal(lists["leadscrew"].model.pos, plain["leadscrew"].model.pos)
+    short = {role: np.float32(each) for role, each in data.items() if role != "run"}
+    single = axcomp.fit(stack, data | short)
+    # 0.3 mm in single precision is known to 3e-8 mm.
+    assert single["leadscrew"].model.pos == pytest.approx(
+        np.asarray(plain["leadscrew"].model.pos), abs=1e-6
+    )
+    alone = axcomp.fit(axcomp.Backlash("X"), data)  # type: ignore[arg-type]
+    assert [*alone] == ["backlash"]
+
+
+def test_a_table_where_nothing_was_measured_is_refused() -> None:
+    beyond = axcomp.Leadscrew("X", start=1000, interval=25, points=9)
+    with pytest.raises(FitError, match="at X = 0 to 200, expected some from 1000 to"):
+        axcomp.fit([beyond], along_x(0))
+
+
+def test_one_word_is_a_constraint_and_none_is_no_constraint() -> None:
+    data = along_x(5)
+    pos = [
+        axcomp.fit([SCREW], data, constraints={"leadscrew": own})["leadscrew"].model.pos
+        for own in ("monotone", ["monotone"], [])
+    ]
+    np.testing.assert_array_equal(pos[0], pos[1])
+    np.testing.assert_array_equal(
+        pos[2], axcomp.fit([SCREW], data)["leadscrew"].model.pos
+    )
 
 
 def test_files_are_those_of_the_fit_and_what_was_active_stays(tmp_path: Path) -> None:
@@ -285,6 +345,23 @@ def test_a_table_knows_that_few_runs_do_not_tell_their_mean() -> None:
         ({"datum": [1.0, 2.0]}, "expected a table alone"),
         ({"active": {"cross": None}}, "found cross among active"),
         ({"constraints": {"leadscrew": abs}, "solver": "factor"}, "solver='ipopt'"),
+        ({"constraints": abs}, "expected them by name"),
+        (
+            {"constraints": {"leadscrew": lambda m: jnp.diff(m.pos) > 0}},
+            "found truth values",
+        ),
+        ({"drift": -1}, "drift: found -1, expected a whole number of 0 or more"),
+        ({"drift": "auto"}, "drift: found 'auto'"),
+        ({"drift": 2.5}, "drift: found 2.5"),
+        ({"smoothness": None}, "smoothness: found None, expected 'auto' or a number"),
+        (
+            {"active": {"leadscrew": models.Backlash(0.1)}},
+            "active: found a Backlash as leadscrew, expected a Leadscrew",
+        ),
+        (
+            {"active": {"leadscrew": models.Leadscrew(NODES, np.ones(9), -np.ones(9))}},
+            "of two directions, of which one would be lost",
+        ),
     ],
 )
 def test_options_that_do_not_fit_together_are_refused(
@@ -341,6 +418,8 @@ def test_a_table_that_was_off_beside_one_that_was_on_is_not_added_to(
     [
         ([axcomp.Leadscrew("X", start=0, interval=10, points=3)], r"'X\.position'"),
         ([axcomp.Backlash("X"), axcomp.Backlash("X")], "twice"),
+        ([], "effects: found none"),
+        ([axcomp.Backlash], "effects: found <class"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused(
