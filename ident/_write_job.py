@@ -106,8 +106,14 @@ def _numbered(
     axes: Mapping[str, int | Mapping[str, Any]],
 ) -> dict[str, dict[str, Any]]:
     """Return the keys of each axis in a job file, its number and list among them."""
+    kinds = int | np.integer | Mapping
+    if not isinstance(axes, Mapping) or not all(
+        isinstance(given, kinds) for given in axes.values()
+    ):
+        msg = f"axes: found {axes!r}, expected numbers or keys, axes={{'X': 1, …}}"
+        raise FitError(msg)
     known: dict[str, dict[str, Any]] = {
-        name: {"number": given} if isinstance(given, int) else dict(given)
+        name: dict(given) if isinstance(given, Mapping) else {"number": int(given)}
         for name, given in axes.items()
     }
     if not known and len(stated.axes) == 1 and len(lists) == 1:

@@ -41,7 +41,12 @@ class Points:
         Raises:
             FitError: If they do not.
         """
+        for name in ("position", "error"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), np.float64))
         count = len(self.position)
+        if not count or self.position.shape != (count, 3):
+            msg = f"position: found shape {self.position.shape}, expected (points, 3)"
+            raise FitError(msg)
         shape = (count, 3) if self.direction is None else (count,)
         if self.error.shape != shape:
             msg = (

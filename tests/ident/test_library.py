@@ -375,6 +375,10 @@ def test_files_need_the_numbers_of_the_axes(tmp_path: Path) -> None:
     fit = axcomp.fit([SCREW], along_x(0))
     with pytest.raises(FitError, match="found no number of X"):
         fit.write(tmp_path)
+    for axes in (["X"], {"X": "1"}, {"X": 1.0}):
+        with pytest.raises(FitError, match=r"axes: found .*, expected numbers or keys"):
+            fit.write(tmp_path, axes=axes)  # type: ignore[arg-type]
+    assert fit.write(tmp_path, axes={"X": np.int64(1)}).files[0].name == "achskw1.lis"
     with pytest.raises(FitError, match="lists: found axis 3"):
         fit.write(tmp_path, lists={3: "a.lis"}, axes={"X": 1})
 

@@ -2,6 +2,7 @@
 
 import doctest
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -382,6 +383,14 @@ def test_arrays_that_do_not_belong_together_are_refused() -> None:
     position = anywhere(4, 1)
     with pytest.raises(FitError, match=r"error: found shape \(4,\), expected \(4, 3\)"):
         axcomp.Points(position, np.zeros(4))
+    for wrong in (np.zeros((4, 2)), np.zeros((0, 3)), np.zeros(3)):
+        with pytest.raises(FitError, match=r"position: .* expected \(points, 3\)"):
+            axcomp.Points(wrong, wrong)
+    rows = np.arange(12.0).reshape(4, 3)
+    lists: Any = rows.tolist()
+    np.testing.assert_array_equal(
+        axcomp.Points(lists, lists).readings.value, rows.ravel()
+    )
     with pytest.raises(FitError, match="tool: found 2 rows, expected 4"):
         axcomp.Points(position, np.zeros((4, 3)), tool=np.zeros((2, 3)))
     nothing = axcomp.Points(position, np.full((4, 3), np.nan))
