@@ -106,9 +106,8 @@ def _numbered(
     axes: Mapping[str, int | Mapping[str, Any]],
 ) -> dict[str, dict[str, Any]]:
     """Return the keys of each axis in a job file, its number and list among them."""
-    kinds = int | np.integer | Mapping
     if not isinstance(axes, Mapping) or not all(
-        isinstance(given, kinds) for given in axes.values()
+        isinstance(given, int | np.integer | Mapping) for given in axes.values()
     ):
         msg = f"axes: found {axes!r}, expected numbers or keys, axes={{'X': 1, …}}"
         raise FitError(msg)
