@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast, final, get_args
 
 import jax.numpy as jnp
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
 from ..data.measurements import Measurement
@@ -17,7 +18,7 @@ from ._ipopt import least_squares_ipopt, one_vector
 from ._readings import Friction, Roles, arrays_of, recording_of, without_zero_of
 from ._write_job import Stated, verdicts_of, write_job
 from .core import FitError
-from .fit import Constraint, doubt_of_means, margins_of
+from .fit import Constraint, doubt_of_means, most_probable
 from .fit.joint import (
     AbstractEffect,
     Confusion,
@@ -558,13 +559,19 @@ def _constrained(
     moves = [effect.table(column) for column in span.T]
     written = table - _zero(effect, table, place) - acted
     along = np.stack([one - _zero(effect, one, place) for one in moves], axis=-1)
-    inequality = (
-        constraint if callable(constraint) else _margins(part, written, constraint)
-    )
+    each = np.stack(moves, axis=-1)
+    if not callable(constraint):
+        _check_words(part, constraint)
+        entries, unit = _entries(effect, written), float(np.sqrt(sizes.max()))
+        rows = [_entries(effect, one) / unit for one in np.moveaxis(along, -1, 0)]
+        slopes = sp.csr_array(np.stack(rows, axis=-1).reshape(-1, len(rows)))
+        free = sp.eye_array(len(rows), format="csr")
+        move = most_probable(constraint, entries / unit, effect.grid, slopes, free)
+        return np.asarray(table + each @ move)
 
     def keeps(move: Float[Array, " k"], args: Any) -> Float[Array, " g"]:
         middle, along = args
-        return one_vector(inequality(effect.to_model(middle + along @ move, -1.0)))
+        return one_vector(constraint(effect.to_model(middle + along @ move, -1.0)))
 
     found = least_squares_ipopt(
         lambda move, _: move,
@@ -575,33 +582,28 @@ def _constrained(
     if not found.converged:
         msg = f"constraints of {part.name}: IPOPT ended as '{found.status}'"
         raise FitError(msg)
-    return np.asarray(table + np.stack(moves, axis=-1) @ found.values)
+    return np.asarray(table + each @ found.values)
 
 
-def _margins(
-    part: Part, written: Float[np.ndarray, "..."], words: Sequence[Constraint]
-) -> Callable[[Any], Array]:
-    """Return what a model keeps at or above zero where its entries keep words.
+def _entries(
+    effect: AbstractEffect, values: Float[np.ndarray, "..."]
+) -> Float[np.ndarray, "..."]:
+    """Return the entries of a list for the values of a table, shaped like them."""
+    tables = effect.to_model(values, -1.0).tables
+    return np.concatenate([np.ravel(each) for each in tables]).reshape(values.shape)
+
+
+def _check_words(part: Part, words: Sequence[Constraint]) -> None:
+    """Check that a part is a table that may keep words.
 
     Raises:
-        FitError: If the part is no table, or goes round.
+        FitError: If it is none, or goes round.
     """
-    effect, known = part.effect, get_args(Constraint)
-    table = effect.table_effect
-    if (
-        table is None
-        or not set(words) <= {*known}
-        or (table.ring and known[0] in words)
-    ):
+    table, known = part.effect.table_effect, get_args(Constraint)
+    one_way = table is not None and not (table.ring and known[0] in words)
+    if not one_way or not set(words) <= {*known}:
         msg = (
             f"constraints of {part.name}: found {', '.join(words)}, expected a function, or"
             f" of a table {' and '.join(known)} (the first with two ends)"
         )
         raise FitError(msg)
-
-    def entries(model: Any) -> Array:
-        return jnp.concatenate([jnp.ravel(each) for each in model.tables])
-
-    shaped = np.asarray(entries(effect.to_model(written, -1.0))).reshape(written.shape)
-    rows = jnp.asarray(margins_of(words, shaped, effect.grid).toarray())
-    return lambda model: rows @ entries(model)

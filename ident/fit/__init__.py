@@ -16,7 +16,7 @@ from ._inequalities import (
     Constraint as Constraint,
     Inequalities as Inequalities,
     kept as kept,
-    margins_of as margins_of,
+    most_probable as most_probable,
 )
 from ._predict import (
     deviations as deviations,

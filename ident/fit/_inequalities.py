@@ -35,6 +35,38 @@ def margins_of(
     return sp.csr_array(sp.vstack(rows))
 
 
+def most_probable(
+    words: Sequence[str],
+    entries: Array,
+    nodes: Sequence[Float[np.ndarray, " _n"]],
+    moves: Any,
+    precision: Any,
+) -> Float[np.ndarray, " u"]:
+    """Return the most probable move of unknowns with which entries keep words, by IPOPT.
+
+    Args:
+        words: Of `Constraint`.
+        entries: As they are where nothing moves, shaped like the table.
+        nodes: As for `margins_of`.
+        moves: What each entry changes by with each unknown, sparse.
+        precision: Of the unknowns, sparse: they move as little as possible in its metric.
+
+    Raises:
+        FitError: If nothing keeps them.
+    """
+    from .._ipopt import quadratic_ipopt  # takes long to load
+
+    rows = margins_of(words, entries, nodes)
+    found = quadratic_ipopt(precision, rows @ moves, rows @ entries.ravel())
+    if not found.converged:
+        msg = (
+            f"constraints: found none that is {' and '.join(words)}, IPOPT ended as "
+            f"'{found.status}'"
+        )
+        raise FitError(msg)
+    return found.values
+
+
 def kept(
     words: Sequence[str], entries: Array, nodes: Sequence[Float[np.ndarray, " _n"]]
 ) -> Array:
@@ -104,27 +136,18 @@ class Inequalities:
         Raises:
             FitError: If nothing keeps them.
         """
-        from .._ipopt import quadratic_ipopt  # takes long to load
-
         assert fit.estimate is not None  # a fit, not one of its folds made bare
         post, table = fit.estimate.posterior, fit.layout.effect
         values = table.to_values(fit.values)
         entries = self.start + self.sign * (fit.values - self.zero @ values)
-        rows = margins_of(self.words, entries, fit.layout.nodes)
-        nodes: Any = sp.csr_array(
-            (np.ones(len(table.place)), (np.arange(len(table.place)), table.place)),
-            (len(table.place), len(post.values)),
-        )
-        zero = sp.csr_array(np.pad(self.zero, (0, len(post.values) - table.size))[None])
-        common = sp.csr_array(np.asarray(rows.sum(axis=1))[:, None])
-        found = quadratic_ipopt(
+        count, size = len(table.place), len(post.values)
+        nodes = (np.ones(count), (np.arange(count), table.place))
+        zero = sp.csr_array(np.pad(self.zero, (0, size - table.size))[None])
+        common = sp.csr_array(np.ones((count, 1))) @ zero
+        move = most_probable(
+            self.words, entries, fit.layout.nodes,
+            self.sign * (sp.csr_array(nodes, (count, size)) - common),
             post.problem.precision(post.weights),
-            self.sign * (rows @ nodes - common @ zero),
-            rows @ entries.ravel(),
-        )
-        if not found.converged:
-            words = " and ".join(self.words)
-            msg = f"constraints: found none that is {words}, IPOPT ended as '{found.status}'"
-            raise FitError(msg)
-        moved = table.to_table(found.values[: table.size])
+        )  # fmt: skip
+        moved = table.to_table(move[: table.size])
         return dataclasses.replace(fit, values=fit.values + moved)
