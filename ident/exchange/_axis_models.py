@@ -111,6 +111,10 @@ class AxisModels(Mapping[str, Any]):
                     found=f"a {type(self.models[name]).__name__} as {name}",
                     expected=f"one of {each}",
                 )
+        for field in ("masters", "units"):
+            beside = ", ".join(sorted({*getattr(self, field)} - {*self.models}))
+            expected = f"some of its models, {', '.join(self.models)}"
+            expect(not beside, f"{field} of axis {self.axis}", beside, expected)
 
 
 def load_model(
@@ -188,7 +192,16 @@ def write_lists(
         ExchangeError: As `AxisModels.to_entries`; nothing is written then.
     """
     drafts: dict[str, ListFile] = {}
-    for one in [models] if isinstance(models, AxisModels) else models:
+    every = list(models) if isinstance(models, Sequence) else [models]
+    for one in every:
+        name = type(one).__name__
+        expect(
+            isinstance(one, AxisModels), "models", name, "AxisModels(1, {'cross': …})"
+        )
+    numbers = [one.axis for one in every]
+    beside = {*(lists or {})} - {*numbers}
+    expect(not beside, "lists", f"axes {sorted(beside)}", f"some of {numbers}")
+    for one in every:
         given = (lists or {}).get(one.axis, ())
         files = [given] if isinstance(given, str | Path) else given
         old = machine_lists([ListFile.read(Path(file)) for file in files])

@@ -118,6 +118,7 @@ def test_currents_are_written_as_shares_of_the_rated_one(tmp_path: Path) -> None
         ),
         ({"friction": friction()}, {}, r"no stated unit.*shares of the rated torque"),
         ({"leadscrew": SCREW}, {"leadscrew": "um"}, r"kw\.ssfk\.table\[\]\.pos: .* um"),
+        ({"leadscrew": SCREW}, {"cross": "um"}, "units of axis 3: found cross"),
         ({"leadscrew": friction()}, {}, "a FrictionCompensation as leadscrew"),
         ({"plane": MODELS["plane"]}, {}, "masters of plane: found 0 axis numbers"),
         (
@@ -134,6 +135,18 @@ def test_what_no_list_holds_is_refused_by_name(
     with pytest.raises(ExchangeError, match=message):
         write_lists(AxisModels(3, models, units=units), tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_lists_of_other_axes_are_not_left_out(tmp_path: Path) -> None:
+    models = AxisModels(1, {"leadscrew": SCREW})
+    old = write_lists(models, tmp_path / "old")[0]
+    with pytest.raises(
+        ExchangeError, match=r"lists: found axes \[2\], expected some of"
+    ):
+        write_lists(models, tmp_path / "new", lists={2: old})
+    with pytest.raises(ExchangeError, match="models: found Leadscrew, expected AxisM"):
+        write_lists(SCREW, tmp_path / "new")  # type: ignore[arg-type]
+    assert not (tmp_path / "new").exists()
 
 
 def test_lists_of_two_axes_are_not_one_axis(tmp_path: Path) -> None:
