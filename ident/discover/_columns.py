@@ -38,6 +38,8 @@ _DRIFT = 20
 """Functions of time: a drift is slower than a 10th of the record."""
 _PLACED = 0.9
 """Share of a drift that positions explain, from which on it cannot be told from them."""
+_MOST_RUNS = 250
+"""Runs of a measurement that have an offset each; a counter of readings is none of runs."""
 _MOST = 5_000
 """Rows that show whether they do."""
 
@@ -264,11 +266,11 @@ class Columns:
 
     @cached_property
     def runs(self) -> Float[np.ndarray, "t r"]:
-        """One column per run of a measurement of several."""
+        """One column per run of a measurement of several; of too many none, they are noise."""
         columns = [np.zeros((len(self.view.data), 0))]
         for own in self.zeros.T:
-            numbers = np.unique(self.view.data.run[own > 0])
-            if len(numbers) > 1:
+            numbers, counts = np.unique(self.view.data.run[own > 0], return_counts=True)
+            if 1 < len(numbers) <= min(_MOST_RUNS, counts.sum() // 2):
                 columns.append((self.view.data.run[:, None] == numbers) * own[:, None])
         return self.view.centred(np.concatenate(columns, axis=1))
 

@@ -41,10 +41,12 @@ class Observed(JointData):
 
     @property
     def clock(self) -> Float[np.ndarray, " t"]:
-        """Instants, or the numbers of the rows where there is no time."""
-        if self.time is None:
-            return np.arange(len(self), dtype=float)
-        return self.time
+        """Instants, those between known ones where one was missed; without, the row numbers."""
+        number = np.arange(len(self), dtype=float)
+        known = np.isfinite(number if self.time is None else self.time)
+        if self.time is None or not known.any():
+            return number
+        return np.asarray(np.interp(number, number[known], self.time[known]))
 
     def unit(self, axis: str) -> str:
         """Return the unit of positions and errors of an axis."""

@@ -148,8 +148,10 @@ def view_of(
     known = np.flatnonzero(kept)
     order = known[np.lexsort((observed.clock[known], observed.source[known]))]
     rows = order[some_of(len(order), _MOST)]
-    distance = _distance(observed, axis)
-    return AxisView(axis, channel, observed.take(rows), distance[rows])
+    distance, data = _distance(observed, axis), observed.take(rows)
+    # What stands still is no clock.
+    time = data.clock if observed.time is not None and np.ptp(data.clock) > 0 else None
+    return AxisView(axis, channel, dataclasses.replace(data, time=time), distance[rows])
 
 
 def some_of(count: int, most: int) -> Int[np.ndarray, " n"]:

@@ -115,6 +115,25 @@ def test_shares_add_up_and_noise_is_that_of_the_readings(whole: Discovery) -> No
         assert axis.noise == pytest.approx(5e-4, rel=0.05)
 
 
+@pytest.mark.parametrize("what", ["numbered", "no reading", "stopped"])
+def test_counters_and_clocks_that_fail_hide_nothing(
+    virtual: ModuleType, what: str
+) -> None:
+    effects = [virtual.line("X", 1, 0.008), virtual.reversal("X", 0.004)]
+    data = virtual.observe(virtual.motion(1, "XY", MINUTES, 3_000), {"X": effects}, 1)
+    lost = np.random.default_rng(0).random(3_000) < 0.01
+    changed = {
+        # Readings that are numbered are no runs of one reading each.
+        "numbered": {"run": np.arange(3_000)},
+        "no reading": {"time": np.where(lost, np.nan, data.time)},
+        "stopped": {"time": np.zeros(3_000)},
+    }
+    found = discover(dataclasses.replace(data, **changed[what]), ("X", "Y"))
+    assert named(found) == {("leadscrew", "X", ()), ("backlash", "X", ())}
+    # 0.5 µm were added; the drift is known beside it.
+    assert found.axes[0].noise == pytest.approx(5e-4, rel=0.05)
+
+
 def test_drift_and_wild_readings_are_no_compensation(virtual: ModuleType) -> None:
     found = look(virtual)
     assert not found.found
