@@ -26,7 +26,7 @@ from ._left import (
     sensors_alike,
     stays,
 )
-from ._select import Selection, choose_heat, select_terms
+from ._select import STABLE, Selection, choose_heat, select_terms
 from ._terms import HEAT, PUSHES, Kind, Need, Term, compose
 from ._view import Channel, candidates_of, late_terms, view_of
 
@@ -246,6 +246,8 @@ def _rejected(
             reason = "a drift of the instrument explains the same"
         elif term in confusion.hidden:
             reason = "cannot be seen beside what was found: they change together"
+        elif share >= STABLE:
+            reason = "no more of it than chance gives, or than others explain"
         elif share >= _UNSURE:
             reason = f"seen in {share:.0%} of the resamples only"
         elif share > 0:

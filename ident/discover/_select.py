@@ -36,11 +36,15 @@ _PAIRS = 12
 """Complementary pairs of halves."""
 _FOLLOWS = 0.5
 """Share of its shape that a term must keep in the other half."""
-_STABLE = 0.8
+STABLE = 0.8
 """Share of the resamples in which a term must be selected."""
 _FREE = 100.0
 BEYOND_CHANCE = 50.0
 """Twice the log-likelihood that a temperature must gain over a drift in its place."""
+_BEYOND_CHANCE, _PLAIN = 15.0, 400.0
+"""The same for any other term, and one more for each of its functions: chance gives the best of
+all terms 14 where it has one function, 23 where it has twelve, in a hundred readings. And the
+gain in squares of the noise from which on that is plain."""
 
 
 def look_at(
@@ -213,7 +217,7 @@ def select_terms(
     found = found.estimated(0.1 * view.least(size))
     least = view.least(size, found.noise)
     frequency = _selection_frequency(columns, design, found, least)
-    chosen = _without_needless(found, kept, frequency >= _STABLE, least)
+    chosen = _without_needless(found, kept, frequency >= STABLE, least)
     variance = found.without(np.flatnonzero(~chosen).tolist()).variance
     # A drift is there again where the term that took its place is not.
     variance[len(kept) :] = size**2
@@ -297,11 +301,15 @@ def _without_needless(
         needless: dict[int, tuple[int, float]] = {}
         here = groups.without(np.flatnonzero(~keep).tolist())
         for g in np.flatnonzero(keep).tolist():
-            cost = float(np.sqrt(max(free.gain([g]), 0.0) / free.weight))
-            idle = cost < least
-            if terms[g].kind in HEAT:
+            gain = max(free.gain([g]), 0.0)
+            cost, heated = float(np.sqrt(gain / free.weight)), terms[g].kind in HEAT
+            idle = cost < least and not heated
+            if heated or (not idle and gain < _PLAIN * groups.noise**2):
                 both, alone = here.with_and_without(g, nuisance, 0.1 * least)
-                idle = 2.0 * (both.evidence - alone.evidence) < BEYOND_CHANCE
+                worth = 2.0 * (both.evidence - alone.evidence)
+                own = groups.slices[g]
+                chance = _BEYOND_CHANCE + own.stop - own.start
+                idle = worth < (BEYOND_CHANCE if heated else chance)
             if idle:
                 own = groups.slices[g]
                 needless[g] = own.stop - own.start, -cost

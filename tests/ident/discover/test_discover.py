@@ -115,6 +115,22 @@ def test_shares_add_up_and_noise_is_that_of_the_readings(whole: Discovery) -> No
         assert axis.noise == pytest.approx(5e-4, rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("there", "count", "seed"),
+    [(True, 60, 5), (True, 100, 5), (False, 60, 1), (False, 100, 5), (False, 100, 12)],
+)
+def test_few_readings_name_no_more_than_is_there(
+    virtual: ModuleType, there: bool, count: int, seed: int
+) -> None:
+    effects = [virtual.line("X", 1, 0.008), virtual.reversal("X", 0.004)]
+    motion = virtual.motion(seed, "XY", MINUTES, 3_000)
+    data = virtual.observe(motion, {"X": effects if there else []}, seed)
+    some = np.sort(np.random.default_rng(seed).permutation(3_000)[:count])
+    found = discover(data.take(some), ("X", "Y"))
+    there_is = {("leadscrew", "X", ()), ("backlash", "X", ())}
+    assert named(found) == (there_is if there else set())
+
+
 @pytest.mark.parametrize("what", ["numbered", "no reading", "stopped"])
 def test_counters_and_clocks_that_fail_hide_nothing(
     virtual: ModuleType, what: str
