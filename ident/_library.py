@@ -220,7 +220,7 @@ def fit(
     remove: str = "none",
     datum: Datum | Mapping[str, Datum] | None = None,
     active: Mapping[str, Any] | None = None,
-    constraints: Mapping[str, Callable[[Any], Array] | Sequence[Constraint]]
+    constraints: Mapping[str, Callable[[Any], Any] | Constraint | Sequence[Constraint]]
     | None = None,
     solver: str | None = None,
 ) -> Fit:

@@ -160,12 +160,13 @@ def test_what_is_no_linear_fit_is_refused() -> None:
     def along(model: Any, place: Any) -> Any:
         return model.offset(place)
 
-    for options, message in (
+    cases: tuple[tuple[dict[str, Any], str], ...] = (
         ({"smoothness": -1.0}, "smoothness: found -1.0, expected a number of 0 or"),
         ({"smoothness": (1.0, np.nan)}, "smoothness: found nan"),
         ({"solver": "ipopt"}, "solver: found 'ipopt', expected one of lineax"),
         ({"weights": np.ones(3)}, r"weights: found shape \(3,\)"),
-    ):
+    )
+    for options, message in cases:
         with pytest.raises(ValueError, match=message):
             axcomp.fit_linear(table, along, place, ERROR, **options)
     with pytest.raises(ValueError, match=r"readings, \(\d+, 1\)"):
@@ -193,13 +194,15 @@ def test_what_is_no_linear_fit_is_refused() -> None:
 
 def test_lists_are_arrays_and_pairs() -> None:
     table = TABLES["one direction"]
-    lists = PLACE[:, 0].tolist(), ERROR.tolist()
-    arrays = PLACE[:, 0], ERROR
+    lists: Any = (PLACE[:, 0].tolist(), ERROR.tolist(), [0.5, 0.1])
+    arrays: Any = (PLACE[:, 0], ERROR, (0.5, 0.1))
     found = [
-        axcomp.fit_linear(table, lambda m, x: m.offset(x), *each, smoothness=pair).pos
-        for each, pair in ((lists, [0.5, 0.1]), (arrays, (0.5, 0.1)))
+        axcomp.fit_linear(
+            table, lambda m, x: m.offset(x), place, error, smoothness=pair
+        )
+        for place, error, pair in (lists, arrays)
     ]
-    np.testing.assert_array_equal(*found)
+    np.testing.assert_array_equal(*(each.pos for each in found))
 
 
 def large() -> tuple[Any, Any, Any]:

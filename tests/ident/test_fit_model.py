@@ -328,7 +328,7 @@ def test_a_model_of_parts_and_functions_takes_lists_and_single_precision(
     rng = np.random.default_rng(5)
     inputs = {"a": rng.uniform(-1, 1, 80).tolist(), "b": np.arange(80)}
     arrays = {name: np.asarray(each, np.float32) for name, each in inputs.items()}
-    readings = predict(stage(0.5, 1.5, 0.25), arrays)
+    readings: Any = predict(stage(0.5, 1.5, 0.25), arrays)
     bounds = {"first.slope": (0.0, None), "others.0.slope": (None, 10.0)}
     fit = axcomp.fit_model(
         stage(0.0, 1.0, 0.0), predict, inputs, readings.tolist(), bounds=bounds,

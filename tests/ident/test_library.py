@@ -4,7 +4,7 @@ import doctest
 import subprocess
 import sys
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +13,7 @@ import pytest
 import axcomp
 from axcomp import models
 from axcomp.ident.core import FitError
-from axcomp.ident.fit import Samples, TableLayout, fit_table
+from axcomp.ident.fit import Constraint, Samples, TableLayout, fit_table
 
 RECIPES = Path(__file__).parents[2] / "docs" / "library.md"
 
@@ -195,9 +195,10 @@ def test_a_table_where_nothing_was_measured_is_refused() -> None:
 
 def test_one_word_is_a_constraint_and_none_is_no_constraint() -> None:
     data = along_x(5)
+    words: list[Constraint | list[Constraint]] = ["monotone", ["monotone"], []]
     pos = [
         axcomp.fit([SCREW], data, constraints={"leadscrew": own})["leadscrew"].model.pos
-        for own in ("monotone", ["monotone"], [])
+        for own in words
     ]
     np.testing.assert_array_equal(pos[0], pos[1])
     np.testing.assert_array_equal(
@@ -378,7 +379,8 @@ def test_files_need_the_numbers_of_the_axes(tmp_path: Path) -> None:
     for axes in (["X"], {"X": "1"}, {"X": 1.0}):
         with pytest.raises(FitError, match=r"axes: found .*, expected numbers or keys"):
             fit.write(tmp_path, axes=axes)  # type: ignore[arg-type]
-    assert fit.write(tmp_path, axes={"X": np.int64(1)}).files[0].name == "achskw1.lis"
+    number: Any = np.int64(1)
+    assert fit.write(tmp_path, axes={"X": number}).files[0].name == "achskw1.lis"
     with pytest.raises(FitError, match="lists: found axis 3"):
         fit.write(tmp_path, lists={3: "a.lis"}, axes={"X": 1})
 
