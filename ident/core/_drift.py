@@ -15,8 +15,10 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.linalg.lapack import dpttrf, dpttrs
+from scipy.linalg import get_lapack_funcs
 from scipy.optimize import minimize
+
+dpttrf, dpttrs = get_lapack_funcs(("pttrf", "pttrs"), dtype=np.float64)
 
 _MANY = 4_000
 """Readings from which the variances are sought on a part of them."""
