@@ -79,11 +79,13 @@ def hand_on(
             shared = source in draft.fit.sources
             if shared or (coupled and name not in job.spec.measurements[source].active):
                 words = f"the {name} of an earlier fit of this job"
-                beside = Acting(job, draft.axis, name, _alone(draft), words, shared)
+                beside = Acting(
+                    job, draft.axis, name, _lists_of_single(draft), words, shared
+                )
                 left.setdefault((index, source), []).append(beside)
 
 
-def _alone(draft: AbstractDraft) -> AxisLists:
+def _lists_of_single(draft: AbstractDraft) -> AxisLists:
     """Return what one fit adds, as if it were all that acts on its axis."""
     job, number = draft.job, draft.lists.axis
     with job.blaming(("fits", draft.index)):

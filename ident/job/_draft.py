@@ -98,11 +98,11 @@ class AbstractOfFit(abc.ABC):
 class AbstractPlan(AbstractOfFit):
     """A planned fit: its existing lists read, its keys understood.
 
-    What is asked of a fit in a group follows `alone`; a kind that has no part in one leaves
+    What is asked of a fit in a group follows `fit_single`; a kind that has no part in one leaves
     it as it is.
     """
 
-    def alone(self, tables: "Tables", left: Leftovers) -> "AbstractDraft":
+    def fit_single(self, tables: "Tables", left: Leftovers) -> "AbstractDraft":
         """Fit it to its own measurements, as if there was no other: a group of one.
 
         Args:
@@ -114,9 +114,9 @@ class AbstractPlan(AbstractOfFit):
             FitError: If they do not determine the fit.
             ExchangeError: If the result fits no list.
         """
-        from .joint import fit_alone, read_group  # takes long to load
+        from .joint import fit_group_of_one, read_group  # takes long to load
 
-        return self.draft(fit_alone(self, read_group(tables, [self])))
+        return self.draft(fit_group_of_one(self, read_group(tables, [self])))
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -245,7 +245,7 @@ class AbstractDraft(AbstractOfFit):
         return tuple(f"{self.kind.prefix}.{name}" for name in self.kind.entries.stale)
 
     @property
-    def settled(self) -> bool:
+    def converged(self) -> bool:
         """Whether the iterations of its fit came to rest; else its gate fails."""
         return True
 
@@ -318,7 +318,9 @@ class AbstractDraft(AbstractOfFit):
         """Return every line of the gate."""
         return ()
 
-    def left_over(self, tables: "Tables", fit: FitSpec) -> SecondMeasurement | None:
+    def second_measurement(
+        self, tables: "Tables", fit: FitSpec
+    ) -> SecondMeasurement | None:
         """Return the error that a second measurement shows, the list active.
 
         Args:

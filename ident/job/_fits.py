@@ -55,14 +55,14 @@ def fit_all(
         for one in own.values():
             hand_on(one, order, left)
     undetermined: dict[int, FitError] = {}
-    untold = _confounded_alone(tables, single)
+    untold = _confounded_single(tables, single)
     for place, k in enumerate(order):
         draft = None
         if k not in untold or fits[k].kind.partial:
             say(f"fitting {fits[k].compensation} of {fits[k].axis}")
             try:
                 with job.blaming(("fits", k), f"{_start(fits[k])}: "):
-                    draft = single[k].alone(tables, left)
+                    draft = single[k].fit_single(tables, left)
             except FitError as error:
                 if k not in untold:
                     undetermined[k], untold[k] = error, str(error)
@@ -100,7 +100,7 @@ def _refuse_streams(job: Job, grouped: frozenset[int]) -> None:
                 )
 
 
-def _confounded_alone(
+def _confounded_single(
     tables: Tables, single: Mapping[int, AbstractPlan]
 ) -> dict[int, str]:
     """Return which fits of no group their readings do not tell apart, and why."""

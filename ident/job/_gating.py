@@ -66,9 +66,9 @@ def switching_remarks(one: "TableDraft") -> list[Remark]:
     return [Remark.warning(words)]
 
 
-def settled_checks(one: "AbstractDraft") -> list[GateCheck]:
+def convergence_checks(one: "AbstractDraft") -> list[GateCheck]:
     """Return the line of the gate for a fit that did not settle; none for one that did."""
-    if one.settled:
+    if one.converged:
         return []
     where = f"{one.name}: its values still move from pass to pass"
     return [gate_check("settled", 1.0, 0.0, "unsettled fits", where)]

@@ -157,7 +157,9 @@ def measure_again(
         if fit.files and names:
             update = {"measurement": None, "measurements": names}
             try:
-                readings = draft.left_over(tables, draft.fit.model_copy(update=update))
+                readings = draft.second_measurement(
+                    tables, draft.fit.model_copy(update=update)
+                )
             except AxcompError as error:
                 remarks.append(Remark.warning(f"Not measured again: {error}"))
         again = None

@@ -72,7 +72,7 @@ def fitted(
         job = load_job(path)
         tables = Tables(job)
         (fit,) = job.spec.fits
-        draft = fit.kind.planner.plan(tables, 0, fit).alone(tables, {})
+        draft = fit.kind.planner.plan(tables, 0, fit).fit_single(tables, {})
     assert isinstance(draft, TemperatureDraft)
     return draft.found
 

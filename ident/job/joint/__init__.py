@@ -8,8 +8,8 @@ if TYPE_CHECKING:
     from ._group import (
         IdentifiedGroup as IdentifiedGroup,
         confounded as confounded,
-        fit_alone as fit_alone,
         fit_group as fit_group,
+        fit_group_of_one as fit_group_of_one,
     )
     from ._proof import (
         AxisSum as AxisSum,

@@ -139,7 +139,7 @@ def fit_group(
     return found, drafts
 
 
-def fit_alone(one: AbstractPlan, recording: GroupRecording) -> Share:
+def fit_group_of_one(one: AbstractPlan, recording: GroupRecording) -> Share:
     """Fit a plan to its own measurements: a group of one.
 
     Raises:
@@ -149,7 +149,7 @@ def fit_alone(one: AbstractPlan, recording: GroupRecording) -> Share:
         raise FitError(why)
     share = Share(_identified("", (one,), recording), 0)
     if not share.group.written[0]:
-        raise FitError(share.why_lost)
+        raise FitError(share.why_undetermined)
     return share
 
 

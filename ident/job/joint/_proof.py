@@ -17,7 +17,7 @@ from ..result._result import Remark, some_of, staged
 from ..write._lists import AxisFiles
 from ._group import IdentifiedGroup
 from ._recording import GroupRecording
-from ._share import MOST, LeftOutDraft, Share, lost
+from ._share import MOST, LeftOutDraft, Share, undetermined_values
 
 
 @dataclasses.dataclass(frozen=True)
@@ -186,7 +186,7 @@ def _effects(
     """Yield how much of the error each fit is, and each effect beside them."""
     members = [one.index for one in found.members]
     for index, part in zip(members, found.parts, strict=True):
-        missing, written = lost(part, found.fit), drafts[index].written
+        missing, written = undetermined_values(part, found.fit), drafts[index].written
         yield _share_of(part, not missing, some_of(missing, MOST), index, written)
     for index in found.indices:
         one = drafts[index]
@@ -275,7 +275,7 @@ def _remarks(
     if not fit.converged:
         yield Remark.warning(fit.message)
     names = {part.name for part in found.parts}
-    fine = {part.name for part in found.parts if not lost(part, fit)}
+    fine = {part.name for part in found.parts if not undetermined_values(part, fit)}
     left_out = {
         part.name
         for part, one in zip(found.parts, found.members, strict=True)

@@ -147,12 +147,12 @@ class Share:
         return self.recording.readings(over, way, self.error, self.rows)
 
     @property
-    def why_lost(self) -> str:
+    def why_undetermined(self) -> str:
         """Why nothing is written of it, in words."""
         own = [c.sentence for c in self.fit.confusions if self.part.name in c.effects]
         if own:
             return " ".join(dict.fromkeys(own))
-        missing = lost(self.part, self.fit)
+        missing = undetermined_values(self.part, self.fit)
         if not missing:
             return "no reading reaches any of its values."
         return f"these readings do not tell {some_of(missing, MOST)}."
@@ -173,7 +173,7 @@ class Share:
         return [Remark.info(words), *self.recording.remarks]
 
 
-def lost(part: Part, fit: JointFit) -> tuple[str, ...]:
+def undetermined_values(part: Part, fit: JointFit) -> tuple[str, ...]:
     """Return the values, in words, that readings reach and cannot tell.
 
     A node that no reading reaches, or that only its neighbours in the same table hide, is
@@ -278,4 +278,4 @@ class LeftOutDraft(AbstractDraft):
     def _words(self) -> str:
         if self.why or self.share is None:
             return f"The {self.name} is left out: {self.why}"
-        return f"The {self.name} is left out: {self.share.why_lost}"
+        return f"The {self.name} is left out: {self.share.why_undetermined}"

@@ -78,7 +78,7 @@ class TableDraft(AbstractDraft):
         return float(np.max(np.abs(self.offset - exact)))
 
     @property
-    def settled(self) -> bool:
+    def converged(self) -> bool:
         return self.estimate.converged
 
     @property
@@ -176,7 +176,9 @@ class TableDraft(AbstractDraft):
         switched = check_switching(self.jump, spread, job.limits, axis.unit, entry)
         return (*lines, switched)
 
-    def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
+    def second_measurement(
+        self, tables: Tables, fit: FitSpec
+    ) -> SecondMeasurement | None:
         assert isinstance(fit, TableSpec)
         plan, table = self.plan, self.plan.table
         again = dataclasses.replace(plan, job=tables.job, fit=fit)

@@ -36,7 +36,7 @@ _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
 
 
-def fit_alone(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
+def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
     """Fit a planned table to its own measurements.
 
     Raises:

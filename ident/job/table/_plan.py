@@ -54,10 +54,10 @@ class Plan(AbstractPlan):
     datum: tuple[float, ...] | None
     remarks: tuple[Remark, ...]
 
-    def alone(self, tables: Tables, left: Leftovers) -> AbstractDraft:
-        from ._fitting import fit_alone
+    def fit_single(self, tables: Tables, left: Leftovers) -> AbstractDraft:
+        from ._fitting import fit_planned
 
-        return fit_alone(self, tables, left)
+        return fit_planned(self, tables, left)
 
     @property
     def positions(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from ...exchange import (
 from ...kinds import kinds
 from ...proof import GateCheck
 from .._draft import AbstractDraft
-from .._gating import settled_checks, unsettled
+from .._gating import convergence_checks, unsettled
 from ..file._load import Job
 from ..result._job_result import WholeAxis
 from ..result._result import Remark
@@ -181,7 +181,7 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
     spreads = [spread for one in drafts if (spread := one.cycles) is not None]
     cycles = max(spreads, default=None)
     gates = {
-        one.index: (*one.gate(cycles), *settled_checks(one)) if one.written else ()
+        one.index: (*one.gate(cycles), *convergence_checks(one)) if one.written else ()
         for one in every
     }
     entries, machine_entries = dict[str, Value](), dict[str, Value]()
@@ -192,7 +192,7 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
             machine_entries |= one.machine_entries(cycles)
         extra |= one.extra_files()
         remarks += one.machine_remarks()
-        remarks += [] if one.settled else [unsettled(one)]
+        remarks += [] if one.converged else [unsettled(one)]
     listing, machine = None, None
     if entries:
         listing, more = _listing(job, drafts, entries)

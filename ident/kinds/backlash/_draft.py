@@ -65,7 +65,7 @@ class BacklashDraft(AbstractDraft):
         return is_sure(self.share.part)
 
     @property
-    def settled(self) -> bool:
+    def converged(self) -> bool:
         return self.share.fit.converged
 
     @property
@@ -105,10 +105,12 @@ class BacklashDraft(AbstractDraft):
             lines.append(limits.check("max_change", change, unit, words))
         return tuple(lines)
 
-    def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
+    def second_measurement(
+        self, tables: Tables, fit: FitSpec
+    ) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
         again = dataclasses.replace(self.plan, job=tables.job, fit=fit)
-        draft = again.alone(tables, {})
+        draft = again.fit_single(tables, {})
         assert isinstance(draft, BacklashDraft)  # its own
         sides = sides_of(draft.share)
         return SecondMeasurement(

@@ -78,7 +78,7 @@ class CrosstalkDraft(AbstractDraft):
         return dataclasses.replace(model, cycles=cycles)
 
     @property
-    def settled(self) -> bool:
+    def converged(self) -> bool:
         return self.found.converged
 
     @property

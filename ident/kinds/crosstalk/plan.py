@@ -181,7 +181,7 @@ class CrosstalkPlan(AbstractPlan):
             options = {**options, "positions": form.points, **apart}
         return fit_crosstalk(cut_events(log, form, names), form, names, **options)
 
-    def alone(self, tables: Tables, left: Leftovers) -> CrosstalkDraft:
+    def fit_single(self, tables: Tables, left: Leftovers) -> CrosstalkDraft:
         recording = read_group(tables, [self])
         log = self._log(recording, recording.data.error[self.axis])
         found = self._found(log)

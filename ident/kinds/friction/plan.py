@@ -48,7 +48,7 @@ class FrictionPlan(AbstractPlan):
 
     fit: Spec
 
-    def alone(self, tables: Tables, left: Leftovers) -> "FrictionDraft":
+    def fit_single(self, tables: Tables, left: Leftovers) -> "FrictionDraft":
         job, fit = self.job, self.fit
         recording = read_drive(tables, fit)
         level = fit.level
@@ -106,7 +106,7 @@ class FrictionDraft(AbstractDraft):
         return self.knots is not None
 
     @property
-    def settled(self) -> bool:
+    def converged(self) -> bool:
         return self.found.fit.converged
 
     @property

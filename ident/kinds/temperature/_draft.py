@@ -65,7 +65,7 @@ class TemperatureDraft(AbstractDraft):
         return bool(self.found.moving)
 
     @property
-    def settled(self) -> bool:
+    def converged(self) -> bool:
         return self.found.converged
 
     @property
@@ -152,7 +152,9 @@ class TemperatureDraft(AbstractDraft):
     def line(self, machine: ListFile | None) -> TemperatureLine | None:
         return self._line_of(self._law.columns, machine)
 
-    def left_over(self, tables: Tables, fit: FitSpec) -> SecondMeasurement | None:
+    def second_measurement(
+        self, tables: Tables, fit: FitSpec
+    ) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
         own = self.plan
         again = dataclasses.replace(own, job=tables.job, fit=fit, tables=tables)

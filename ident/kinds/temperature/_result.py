@@ -165,7 +165,7 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
         yield Remark.warning(f"{wild} wild readings were left out.")
     if fit.missed:
         yield Remark.info(f"{fit.missed} readings were missed or incomplete.")
-    yield from _not_told(draft)
+    yield from _undetermined(draft)
     hottest = max(float(fit.data.temperature[name].max()) for name in fit.sensors)
     if hottest > _HOT:
         yield Remark.warning(
@@ -199,7 +199,7 @@ def _lag_words(lag: Lag) -> str:
     )
 
 
-def _not_told(draft: "TemperatureDraft") -> Iterator[Remark]:
+def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
     """Return what these readings cannot say, however well they fit."""
     fit, axis, asked = draft.found, draft.axis, draft.fit.effects
     if fit.coefficient is None:

@@ -88,7 +88,7 @@ class TemperaturePlan(AbstractPlan):
         reason = f"found {listed}, expected sensor = the one that the error of {axis} follows"
         raise MeasurementError(str(measured.source), reason)
 
-    def alone(self, tables: Tables, left: Leftovers) -> TemperatureDraft:
+    def fit_single(self, tables: Tables, left: Leftovers) -> TemperatureDraft:
         recording, kept = read_thermal(self)
         line, data = self.line(recording.data), recording.data
         datum = self.datum
@@ -120,13 +120,13 @@ class TemperaturePlan(AbstractPlan):
         rows: Int[np.ndarray, " n"],
     ) -> TemperatureDraft:
         """Return the draft of a line whose laws and lags are chosen."""
-        from ...job.joint import fit_alone  # takes long to load
+        from ...job.joint import fit_group_of_one  # takes long to load
 
         asked = self.line(recording.data).lags
         shown = {sensor: asked[sensor] for sensor, lag in line.lags.items() if lag}
         line = place_nodes(line, recording.data, rows).lagging(shown)
         one = dataclasses.replace(self, chosen=line)
-        return one.draft(fit_alone(one, recording))
+        return one.draft(fit_group_of_one(one, recording))
 
     @property
     def positions(self) -> tuple[str, ...]:

@@ -38,7 +38,7 @@ class OffsetPlan(AbstractPlan):
 
     fit: Spec
 
-    def alone(self, tables: Tables, left: Leftovers) -> AbstractDraft:
+    def fit_single(self, tables: Tables, left: Leftovers) -> AbstractDraft:
         error = read_group(tables, [self]).data.error[self.axis]
         return OffsetDraft(self.job, self.index, self.fit, error)
 
