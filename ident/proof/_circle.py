@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from functools import lru_cache
 from typing import ClassVar
 
 import equinox as eqx
@@ -76,6 +77,28 @@ def circular_test(
         out_unit: Current that one unit of the list is.
         cycle: Of the controller in s.
     """
+    phase, places, given = _course(cycle)
+    numbers = jnp.asarray(inertia), jnp.asarray(out_unit)
+    found = _follow(law, _filled_up(compensation), numbers, *given)
+    place = np.empty((len(phase), 2))
+    place[places] = np.asarray(found)[-len(places) :]
+    # The other axis does not err: this one's share of the radius is cos of the angle.
+    radial = (place.T - CircularTest.radius * np.cos(phase)) * np.cos(phase)
+    return CircularTest(
+        angle=np.rad2deg(phase - phase[0]),
+        without=radial[0],
+        with_list=radial[1],
+    )
+
+
+@lru_cache
+def _course(
+    cycle: float,
+) -> tuple[Float[np.ndarray, " t"], Int[np.ndarray, "s a"], tuple[Array, ...]]:
+    """Return the phase of the last turn, the places in it of each arc, and what `_follow` takes.
+
+    The same for every axis of a controller.
+    """
     radius = CircularTest.radius
     speed = CircularTest.feed / radius
     turn = round(2 * np.pi / (speed * cycle))
@@ -87,25 +110,9 @@ def circular_test(
     length = -(-turn // _ARCS)
     begins = np.minimum(length * np.arange(_ARCS), turn - length)
     arcs = begins + np.arange(before + length)[:, None]
-    found = _follow(
-        law,
-        jnp.asarray(inertia),
-        _filled_up(compensation),
-        jnp.asarray(out_unit),
-        jnp.asarray(np.stack([position, velocity, -speed * speed * position])),
-        jnp.asarray([*_GAINS, cycle]),
-        jnp.asarray(arcs),
-    )
-    places = np.empty((turn, 2))
-    places[arcs[before:] - before] = np.asarray(found)[before:]
-    phase, position = phase[before:], position[before:]
-    # The other axis does not err: this one's share of the radius is cos of the angle.
-    radial = (places.T - position) * np.cos(phase)
-    return CircularTest(
-        angle=np.rad2deg(phase - phase[0]),
-        without=radial[0],
-        with_list=radial[1],
-    )
+    motion = np.stack([position, velocity, -speed * speed * position])
+    given = tuple(map(jnp.asarray, (motion, np.array([*_GAINS, cycle]), arcs)))
+    return phase[before:], arcs[before:] - before, given
 
 
 def _filled_up(compensation: FrictionCompensation) -> FrictionCompensation:
@@ -126,9 +133,8 @@ def _filled_up(compensation: FrictionCompensation) -> FrictionCompensation:
 @eqx.filter_jit
 def _follow(
     law: AbstractFriction,
-    inertia: Float[Array, ""],
     compensation: FrictionCompensation,
-    out_unit: Float[Array, ""],
+    numbers: tuple[Float[Array, ""], Float[Array, ""]],
     motion: Float[Array, "3 t"],
     gains: Float[Array, " 4"],
     arcs: Int[Array, "s a"],
@@ -140,7 +146,7 @@ def _follow(
     friction takes until half of a step, which foretells the speed there, is what it took
     in the middle of the step before, or at rest: the law is asked once per step.
     """
-    start = compensation.start()
+    (inertia, out_unit), start = numbers, compensation.start()
     listed = compensation.run(start, motion[0], motion[1])[0]
     # All arcs without the list, then all with it, in one row.
     added = out_unit * listed[arcs]
@@ -187,5 +193,6 @@ def _follow(
     place, speed, _ = motion[0]
     taken = slowing(jnp.abs(speed), jnp.where(speed < 0.0, -1.0, 1.0))
     state = place, speed, rest, taken
-    places = jax.lax.scan(cycle_of, state, (motion, added))[1]
+    # Two steps at a time: a step of so few arcs costs little more than to begin it.
+    places = jax.lax.scan(cycle_of, state, (motion, added), unroll=2)[1]
     return jnp.stack(jnp.split(places, 2, axis=1), axis=2)
