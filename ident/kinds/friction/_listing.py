@@ -81,16 +81,6 @@ class LawCurve:
     deviations: Float[np.ndarray, "3 v"]
 
     @property
-    def positive(self) -> Float[np.ndarray, " v"]:
-        """Current moving positive."""
-        return np.asarray(self.currents[0])
-
-    @property
-    def negative(self) -> Float[np.ndarray, " v"]:
-        """Current moving negative, as a positive number."""
-        return np.asarray(self.currents[1])
-
-    @property
     def mean(self) -> Float[np.ndarray, " v"]:
         """What a list can say."""
         return np.asarray(self.currents[2])
@@ -118,7 +108,7 @@ class LawCurve:
     def difference(self) -> float:
         """Mean difference of the directions, as a share of the friction, where both count."""
         both = self.weight * 4.0 * self.positive_share * (1.0 - self.positive_share)
-        apart = float(both @ np.abs(self.positive - self.negative))
+        apart = float(both @ np.abs(self.currents[0] - self.currents[1]))
         return apart / max(float(both @ np.abs(self.mean)), 1e-300)
 
 

@@ -105,7 +105,7 @@ def test_law_and_load_come_back(done: tuple[Path, JobResult]) -> None:
         assert abs(found.fit.parameters[name] - truth) <= 4 * sd
     assert found.curve is not None
     driven = found.curve.speed > 1.5
-    mean = 0.5 * (found.curve.positive + found.curve.negative)
+    mean = found.curve.currents[:2].mean(axis=0)
     # A few per cent of the level: tables stand in for the law where they predict as well.
     assert np.abs(mean - np.asarray(LAW(found.curve.speed)))[driven].max() < 0.15
 
@@ -245,7 +245,7 @@ def test_current_that_opposes_the_motion_is_turned_round(tmp_path: Path) -> None
     record(tmp_path, sign=-1.0)
     found = friction(run(tmp_path, keys=""))
     assert found.curve is not None
-    assert found.curve.positive.min() > 1.0
+    assert found.curve.currents[0].min() > 1.0
     assert any("turned round" in remark.message for remark in found.remarks)
 
 
@@ -255,7 +255,7 @@ def test_level_scales_the_list_and_leaves_the_knob_alone(tmp_path: Path) -> None
     listing = ListFile.read(tmp_path / "out" / "achskw1.lis")
     assert half.knots is not None
     assert half.curve is not None
-    mean = 0.5 * (half.curve.positive + half.curve.negative)
+    mean = half.curve.currents[:2].mean(axis=0)
     share = half.knots.current(half.curve.speed) / mean
     # Rounding to units of 12 mA, and knots that lie beside the curve.
     assert share[half.curve.weight > 0].mean() == pytest.approx(0.5, abs=0.02)
@@ -390,7 +390,7 @@ def test_each_direction_counts_at_the_speeds_that_it_saw(tmp_path: Path) -> None
     )
     # The positive law, a steep line, is held where it ends.
     ends = found.curve.speed > 16.0
-    assert np.ptp(found.curve.positive[ends]) < 1e-9
+    assert np.ptp(found.curve.currents[0][ends]) < 1e-9
     gate = {check.name: check for check in found.gate}
     assert gate["from_file"].passed
     assert gate["from_file"].value <= 1.1 * found.error["predicted"].sound.rms + 0.024
