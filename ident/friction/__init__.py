@@ -4,8 +4,8 @@ Read in this order:
 
 - `_samples`: `DriveSamples`, what a drive recorded.
 - `_structures`: the kinds of law, Coulomb + viscous, Stribeck, table, and their columns.
-- `_equation`: a recording as rows of a linear equation, filtered alike on both sides, and
-  their weights under a free table.
+- `_equation`: a recording as rows of a linear equation, filtered alike on both sides.
+- `_weights`: how much each row counts, as a free table sees it, and sums of the rows.
 - `_result`: `FrictionFit`, parameters and σ where neighbouring residuals resemble each other,
   and what the data do not tell.
 - `_separable`: the fit of a law by variable projection, and how smooth a table is.

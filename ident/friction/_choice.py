@@ -1,7 +1,6 @@
 """Which law to believe: the simplest that predicts windows held out as well as the best does."""
 
 import dataclasses
-import itertools
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
@@ -9,11 +8,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..core import FitError, one_blas_thread
-from ._equation import Known, Recording, record, ridged, weigh
+from ._equation import Known, Recording, record
 from ._inverse import fit_competing
 from ._result import FrictionFit
 from ._samples import DriveSamples
-from ._separable import View
 from ._structures import (
     AbstractStructure,
     CoulombViscous,
@@ -21,6 +19,7 @@ from ._structures import (
     Laws,
     Stribeck,
 )
+from ._weights import View, Weights, ridged, weigh
 
 WINDOWS = 10
 _FEWEST = 30
@@ -55,7 +54,7 @@ class Candidate:
         """Root of the mean square of the error over the windows."""
         return float(np.sqrt(np.mean(self.window_error**2)))
 
-    @property
+    @cached_property
     def standard_error(self) -> float:
         """Of that mean square, in terms of ``error``."""
         return _mean_error(self.window_error**2) / (2.0 * max(self.error, 1e-300))
@@ -84,14 +83,12 @@ class Choice:
         chosen: Place of the chosen law among the candidates.
         best: Place of the smallest error held out.
         candidates: From simple to rich.
-        windows: How many windows were held out.
         window: Of each sample of the recording.
     """
 
     chosen: int
     best: int
     candidates: tuple[Candidate, ...]
-    windows: int
     window: Int[np.ndarray, " t"]
 
     @property
@@ -144,22 +141,23 @@ class Choice:
                 values in question; further axes are kept.
         """
 
-        def jackknife(laws: Laws) -> np.ndarray:
-            values = read(laws.friction(velocity))
-            count = values.shape[-1]
+        def doubt(
+            fit: FrictionFit, without: Laws
+        ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            """Return values, the variance by windows, and the squares by straight lines."""
+            own = fit.friction(velocity), fit.structure.bent(velocity, fit.factors)
+            every = read(np.column_stack([*own, without.friction(velocity)]))
+            value, bent, others = every[..., 0], every[..., 1], every[..., 2:]
+            count = others.shape[-1]
             # Mean square of Student's t: few windows tell their own spread badly.
             heavier = (count - 1) / max(count - 3, 1)
-            return np.asarray(heavier * (count - 1) * np.var(values, axis=-1))
+            spread = heavier * (count - 1) * np.var(others, axis=-1)
+            return value, spread, bent**2
 
-        def lines(fit: FrictionFit) -> np.ndarray:
-            return np.asarray(
-                np.square(read(fit.structure.bent(velocity, fit.factors)))
-            )
-
+        value, spread, lines = doubt(fit, without)
         slopes = read(fit.slopes(velocity))
-        own = slopes[..., : len(fit.factors)] @ fit.factors
         noise = ((slopes @ fit.law_covariance) * slopes).sum(axis=-1)
-        variance = np.maximum(noise, jackknife(without)) + lines(fit)
+        variance = np.maximum(noise, spread) + lines
         total, best, seen = 1.0, self.candidates[self.best], {fit.structure}
         for one in self.candidates:
             law, count = one.fit, len(one.window_error)
@@ -167,9 +165,9 @@ class Choice:
             if law.structure in seen or share < _UNLIKELY:
                 continue
             seen.add(law.structure)
-            apart = read(law.friction(velocity)) - own
-            more = jackknife(one.without) + lines(law)
-            variance, total = variance + share * (more + apart**2), total + share
+            other, spread, lines = doubt(law, one.without)
+            more = spread + lines + (other - value) ** 2
+            variance, total = variance + share * more, total + share
         return np.asarray(np.sqrt(variance / total))
 
 
@@ -203,21 +201,38 @@ def choose_law(
     """
     recording = record(samples, known, decimate)
     window = _windows(recording, windows)
+    edges, reach = window.searchsorted(range(windows + 1)), recording.lowpass.reach
+    # Rows beside a window share samples with it by the filter.
+    touched = np.stack([edges[:-1] - reach, edges[1:] + reach]).clip(0, len(window))
+    cuts = np.unique(np.append(touched, [0, len(window)]))
     kinds = tuple(structures or default_structures(recording))
+    fits, held = list[FrictionFit](), dict[AbstractStructure, _Held]()
     with one_blas_thread():
-        weights = weigh(recording, loss)
-        found: dict[AbstractStructure, Candidate] = {}
-        near, candidates = None, list[Candidate]()
+        weights, near = weigh(recording, loss, cuts), None
         for kind in kinds:
             fit = fit_competing(weights.free.under(kind), weights, near)
             # Both directions apart have nearly the shape that they have together.
             near = fit.shape if len(fit.shape) else None
             # Where the data do not carry a law, the simpler one speaks for it.
-            law = fit.structure
-            if law not in found:
-                found[law] = _hold_out(fit, weights.limit, window)
-            own = kind if fit.missing else law
-            candidates.append(dataclasses.replace(found[law], structure=own, fit=fit))
+            if fit.structure not in held:
+                held[fit.structure] = _hold_out(fit, weights, window, touched)
+            fits.append(fit)
+    each = [held[fit.structure] for fit in fits]
+    left = np.array([one[1] for one in each] + [fit.error for fit in fits])
+    size = recording.load_size
+    square = recording.usable * np.minimum(left**2, weights.limit**2) / size**2
+    counts, squares = (
+        np.add.reduceat(values, edges[:-1], axis=-1)
+        for values in (recording.usable * 1.0, square)
+    )
+    errors = np.sqrt(squares[: len(fits)] / counts)
+    fitted = np.sqrt(squares[len(fits) :].sum(axis=1) / counts.sum())
+    candidates = tuple(
+        Candidate(kind if fit.missing else fit.structure, fit, laws, error, float(rest))
+        for kind, fit, (laws, _), error, rest in zip(
+            kinds, fits, each, errors, fitted, strict=True
+        )
+    )
     # Each sample belongs to the window of the nearest row.
     centres = recording.lowpass.centres
     between = 0.5 * (centres[1:] + centres[:-1])
@@ -225,8 +240,7 @@ def choose_law(
     return Choice(
         chosen=chosen,
         best=best,
-        candidates=tuple(candidates),
-        windows=windows,
+        candidates=candidates,
         window=window[np.searchsorted(between, np.arange(len(samples.time)))],
     )
 
@@ -243,7 +257,8 @@ def default_structures(recording: Recording) -> tuple[AbstractStructure, ...]:
 
 def _mean_error(values: Float[np.ndarray, " w"]) -> float:
     """Return the standard error of a mean."""
-    return float(np.std(values, ddof=1) / np.sqrt(len(values)))
+    off, count = values - values.sum() / len(values), len(values)
+    return float(np.sqrt(off @ off / (count * (count - 1.0))))
 
 
 def _order(candidates: Sequence[Candidate]) -> tuple[int, int]:
@@ -271,57 +286,46 @@ def _windows(recording: Recording, windows: int) -> Int[np.ndarray, " s"]:
     return np.minimum((share * windows).astype(np.int64), windows - 1)
 
 
-def _hold_out(
-    fit: FrictionFit, limit: float, window: Int[np.ndarray, " s"]
-) -> Candidate:
-    """Return how a law predicts, and what it is without each window.
+_Held = tuple[Laws, Float[np.ndarray, " s"]]
 
-    Solved by the sums of all rows less those of the window.
+
+def _hold_out(
+    fit: FrictionFit,
+    weights: Weights,
+    window: Int[np.ndarray, " s"],
+    touched: Int[np.ndarray, "2 w"],
+) -> _Held:
+    """Return what a law is without each window, and the error of each row when held out.
+
+    Solved by the sums of all rows less those near the window.
 
     Args:
         fit: By all rows; the law is taken as linear in its shape about it.
-        limit: Largest error that counts: a wild row says nothing of the law.
+        weights: Of the rows.
         window: Of each row.
+        touched: First row, and row behind the last, that share samples with each window.
     """
-    equation, shape, size = fit.equation, fit.shape, len(fit.state)
-    recording, rows = equation.recording, fit.rows
-    edges = np.searchsorted(window, np.arange(window[-1] + 2)).tolist()
-    reach, spans = recording.lowpass.reach, list(itertools.pairwise(edges))
-    # Rows beside a window share samples with it by the filter.
-    near = [slice(max(a - reach, 0), b + reach) for a, b in spans]
-    sums = rows.sums - np.stack([rows.left[k].T @ rows.right[k] for k in near])
-    prior = np.pad(fit.prior, (0, len(shape)))
-    every = ridged(sums[:, :, :-1] + prior, sums[:, :, -1])
+    equation, shape, size, rows = fit.equation, fit.shape, len(fit.state), fit.rows
+    begins, (first, end) = rows.cuts[:-1], touched[:, :, None]
+    beside = ((first <= begins) & (begins < end)) * 1.0
+    sums = rows.sums - np.tensordot(beside, rows.pieces, 1)
+    every = ridged(sums[:, :, :-1] + fit.prior, sums[:, :, -1])
     factors, steps = every[:, :size], every[:, size:]
     shapes = np.clip(shape + np.clip(steps, -_LONGEST, _LONGEST), *equation.bounds)
-    lines = np.column_stack([-every, np.ones(len(every))])
-    parts = [rows.right[slice(*k)] @ each for k, each in zip(spans, lines, strict=True)]
-    error = np.concatenate(parts)
+    error = rows.target - (rows.right @ every.T)[np.arange(len(window)), window]
     for number in np.flatnonzero(np.abs(steps).max(axis=1, initial=0.0) > _NEAR):
         # Too far for tangents: factors anew at the shape they lead to.
         kept, held = fit.share.copy(), window == number
-        kept[near[number]] = 0.0
-        moved = equation.rows(shapes[number])
-        normal = View(equation, kept, shape).rows(moved).sums
-        factors[number] = ridged(normal[:size, :size], normal[:size, -1])
-        error[held] = moved[held, -1] - moved[held, :size] @ factors[number]
-
-    def squared(error: np.ndarray) -> np.ndarray:
-        return np.asarray(recording.usable * np.minimum(error**2, limit**2))
-
-    square = np.add.reduceat(squared(error), edges[:-1])
-    count = np.add.reduceat(recording.usable * 1.0, edges[:-1])
-    load = recording.load_size
-    fitted = squared(fit.error).sum() / count.sum()
+        kept[slice(*touched[:, number])] = 0.0
+        moved = equation.columns(shapes[number])
+        others = dataclasses.replace(weights, share=kept)
+        normal = View(equation, others, shape).rows(moved).sums
+        factors[number] = ridged(normal[:, :-1], normal[:, -1])
+        error[held] = rows.target[held] - moved[held] @ factors[number]
     names, linear, to_law = equation.reading
     read = dict(zip(names, linear @ factors.T, strict=True))
     given = {"inertia": fit.known.inertia, "offset": fit.known.offset}
     none = np.zeros(len(factors))
-    beside = [read.get(name, none + (known or 0.0)) for name, known in given.items()]
-    return Candidate(
-        structure=equation.structure,
-        fit=fit,
-        without=Laws(equation.structure, factors @ to_law.T, shapes, *beside),
-        window_error=np.sqrt(square / count) / load,
-        fitted_error=float(np.sqrt(fitted)) / load,
-    )
+    loads = [read.get(name, none + (known or 0.0)) for name, known in given.items()]
+    laws = Laws(equation.structure, factors @ to_law.T, shapes, *loads)
+    return laws, error

@@ -3,13 +3,12 @@
 Both sides go through one low-pass and are thinned to about a hundred rows per second: what is
 filtered alike on both sides keeps a linear equation true, so the filter takes noise away
 without a shift or a smear that one side would see and the other not (the "parallel filter" of
-the robotics literature: Gautier, Janot and others). The rows are weighed once, under a table
-that can bend anywhere: what is wild under it is wild under any law.
+the robotics literature: Gautier, Janot and others).
 """
 
 import dataclasses
 import itertools
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import final
 
 import numpy as np
@@ -18,23 +17,13 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import firwin
 
 from ..core import (
-    ColumnsEffect,
     FitError,
-    NoPrior,
-    Readings,
-    Stack,
-    estimate,
-    least_scale,
-    memory,
 )
 from ._samples import DriveSamples, check_samples
 from ._structures import (
     KNOTS,
     WAYS,
     AbstractStructure,
-    CoulombViscous,
-    KnotTable,
-    Stribeck,
     default_knots,
     range_of,
 )
@@ -45,12 +34,6 @@ _TOGETHER = 8
 """Rows that are filtered at a time."""
 _RATE = 100.0
 """Rows per s where nothing else is asked for."""
-_WILD = 4.0
-"""Error in scales beyond which a row says nothing of the law."""
-_HELD = 1e-9
-"""Precision that holds a column without rows, relative to that of all others."""
-_RIDGE = 1e-12
-"""Added to scaled normal matrices that are inverted as they stand."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -212,11 +195,6 @@ class Recording:
         return range_of(self.speed)
 
     @cached_property
-    def signs(self) -> Float[np.ndarray, "t 2"]:
-        """Sign of the motion in each direction; 0 elsewhere."""
-        return CoulombViscous(True).signs(self.samples.velocity).T
-
-    @cached_property
     def beside(self) -> Float[np.ndarray, "s f"]:
         """Acceleration, a constant load, and further loads."""
         samples, even = self.samples, np.ones(len(self.samples.time))
@@ -240,7 +218,7 @@ class Recording:
         self, structure: AbstractStructure, profile: Float[np.ndarray, "t k"]
     ) -> Float[np.ndarray, "s w k"]:
         """Return columns over speed with the signs of each direction, filtered."""
-        signs = self.signs if structure.directional else self.signs.sum(1)[:, None]
+        signs = structure.signs(self.samples.velocity).T
         both = signs[:, :, None] * profile[:, None]
         shape = both.shape[1:]
         found = self.lowpass(both.reshape(len(both), shape[0] * shape[1]))
@@ -303,71 +281,66 @@ class Equation:
         """All columns that follow no shape."""
         return np.hstack([self.beside, in_line(self.recording.steady(self.structure))])
 
-    @cached_property
-    def _shapeless(self) -> Float[np.ndarray, "s c"]:
-        """What `rows` returns where no column follows a shape."""
-        return np.hstack([self.unbent, self.recording.target[:, None]])
-
-    def rows(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s c"]:
-        """Return columns of all linear factors, slopes by the shape, and the target, per row.
-
-        The slopes are those of the last column of each direction.
-        """
+    def columns(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s k"]:
+        """Return the columns of all linear factors."""
         if not len(shape):
-            return self._shapeless
-        fixed, ways = len(self.fixed_names), self.structure.ways
-        last = self.falling(shape)
-        steady = np.split(self.unbent[:, fixed:], ways, axis=1)
-        each = [(own, last[:, way, :1]) for way, own in enumerate(steady)]
-        columns = [self.unbent[:, :fixed], *itertools.chain(*each)]
-        target = self.recording.target[:, None]
-        return np.hstack([*columns, in_line(last[:, :, 1:]), target])
+            return self.unbent
+        steady, last = self.recording.steady(self.structure), self.falling(shape)
+        both = np.concatenate([steady, last[:, :, :1]], axis=2)
+        return np.hstack([self.beside, in_line(both)])
 
-    def tangent(self, factors: Float[np.ndarray, " k"]) -> Float[np.ndarray, "c p"]:
-        """Return the map from `rows` but the target to derivatives by factors and shape."""
-        shapes, ways = len(self.structure.shapes), self.structure.ways
-        last = factors[len(self.fixed_names) :].reshape(ways, -1)[:, -1]
-        by_shape = np.concatenate([each * np.eye(shapes) for each in last])
-        found = np.eye(len(factors) + len(by_shape), len(factors) + shapes)
-        found[len(factors) :, len(factors) :] = by_shape
-        return found
+    def slopes(
+        self, shape: Float[np.ndarray, " h"], factors: Float[np.ndarray, " k"]
+    ) -> Float[np.ndarray, "s h"]:
+        """Return the derivatives of the rows by the shape."""
+        own = factors[len(self.fixed_names) :].reshape(self.structure.ways, -1)
+        return np.tensordot(self.falling(shape)[:, :, 1:], own[:, -1], (1, 0))
 
-    @cached_property
-    def reading(
-        self,
-    ) -> tuple[tuple[str, ...], Float[np.ndarray, "r k"], Float[np.ndarray, "f k"]]:
-        """How the linear factors as fitted are read.
-
-        Names of parameters as users read them, the map to these, and that to the factors of
-        the law. Per direction, seen in motion are level⁺ + offset and level⁻ − offset only:
-        where the offset is not known, it is chosen so that the mean levels of both directions
-        are equal.
-        """
-        structure, fixed = self.structure, len(self.fixed_names)
-        known = self.recording.known
-        unit = np.eye(fixed + len(structure.names))
-        names, beside, to_law = self.fixed_names, unit[:fixed], unit[fixed:]
-        words, sums = structure.reported
-        if structure.directional:
-            words = tuple(name + way for way in WAYS for name in words)
-        if structure.directional and known.offset is None:
-            one = structure.levels
-            both = np.concatenate([one, -one])
-            offset = 0.5 * both @ to_law / one.sum()
-            names, beside = (*names, "offset"), np.vstack([beside, offset])
-            to_law = to_law - np.outer(both, offset)
-        law = np.kron(np.eye(structure.ways), sums) @ to_law
-        return (*names, *words), np.vstack([beside, law]), to_law
+    @property
+    def reading(self) -> "Reading":
+        """How the linear factors as fitted are read."""
+        parted = self.recording.known.offset is None and self.structure.directional
+        return _reading(self.structure, self.fixed_names, parted)
 
     @cached_property
     def penalty(self) -> Float[np.ndarray, "k k"]:
-        """Precision of all linear factors under the smoothness prior at weight 1."""
+        """Precision of factors and shape under the smoothness prior at weight 1."""
         structure, fixed = self.structure, len(self.fixed_names)
-        found = np.zeros((fixed + len(structure.names),) * 2)
+        found = np.zeros((fixed + len(structure.names) + len(structure.shapes),) * 2)
         bends = structure.bends
         if bends is not None:
             found[fixed:, fixed:] = np.kron(np.eye(structure.ways), bends.T @ bends)
         return found
+
+
+Reading = tuple[tuple[str, ...], Float[np.ndarray, "r k"], Float[np.ndarray, "f k"]]
+"""Names of parameters as users read them, the map from the linear factors as fitted to these,
+and that to the factors of the law."""
+
+
+@lru_cache
+def _reading(
+    structure: AbstractStructure, fixed_names: tuple[str, ...], parted: bool
+) -> Reading:
+    """Return how factors are read, arrays to be read only.
+
+    Per direction, seen in motion are level⁺ + offset and level⁻ − offset only: where the offset
+    is to be parted from them, it is chosen so that the mean levels of both directions are equal.
+    """
+    fixed = len(fixed_names)
+    unit = np.eye(fixed + len(structure.names))
+    names, beside, to_law = fixed_names, unit[:fixed], unit[fixed:]
+    words, sums = structure.reported
+    if structure.directional:
+        words = tuple(name + way for way in WAYS for name in words)
+    if parted:
+        one = structure.levels
+        both = np.concatenate([one, -one])
+        offset = 0.5 * both @ to_law / one.sum()
+        names, beside = (*names, "offset"), np.vstack([beside, offset])
+        to_law = to_law - np.outer(both, offset)
+    law = np.kron(np.eye(structure.ways), sums) @ to_law
+    return (*names, *words), np.vstack([beside, law]), to_law
 
 
 def in_line(columns: Float[np.ndarray, "s w k"]) -> Float[np.ndarray, "s c"]:
@@ -394,93 +367,3 @@ def record(
         msg = f"decimate: found {factor}, expected 1 or more."
         raise FitError(msg)
     return Recording(samples, known, factor)
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Weights:
-    """What the rows say before any law is asked.
-
-    Attributes:
-        share: How much each row counts, 0 to 1.
-        limit: Largest error that says anything of a law.
-        free: Equation of the free table.
-        sums: Its XᵀW [X, target].
-    """
-
-    share: Float[np.ndarray, " s"]
-    limit: float
-    free: Equation
-    sums: Float[np.ndarray, "k k1"]
-
-    def start(self, equation: Equation) -> Float[np.ndarray, " h"]:
-        """Return the start of a law's shape that leaves the least, as the free table sees it."""
-        structure, free = equation.structure, self.free
-        assert isinstance(structure, Stribeck)
-        assert isinstance(free.structure, KnotTable)
-        knots, fixed = np.asarray(free.structure.knots), len(free.fixed_names)
-        velocity = np.concatenate([knots, -knots])
-        # Factors of the free table, which has no offset, for each factor of the law.
-        starts = structure.starts(equation.recording.speed_range)
-        own = structure.columns(velocity, starts)
-        if "offset" in equation.fixed_names:
-            own = np.concatenate([own, np.ones_like(own[:, :, :1])], axis=2)
-        laws = np.zeros((len(starts), len(self.sums), fixed + own.shape[2]))
-        laws[:, :fixed, :fixed] = np.eye(fixed)
-        laws[:, fixed:, fixed:] = np.sign(velocity)[:, None] * own
-        sums = np.swapaxes(laws, 1, 2) @ self.sums
-        factors = ridged(sums[:, :, :-1] @ laws, sums[:, :, -1])
-        gains = np.einsum("nk,nk->n", sums[:, :, -1], factors)
-        return np.asarray(starts[np.argmax(gains)])
-
-
-def weigh(recording: Recording, loss: str) -> Weights:
-    """Return the weights of the rows under a table per direction that can bend anywhere.
-
-    Args:
-        recording: The recording.
-        loss: ``"trim"``, ``"student"``, ``"huber"`` or ``"gauss"``.
-
-    Raises:
-        FitError: If the loss is unknown.
-    """
-    free = Equation(recording, KnotTable(True, recording.knots))
-    used = recording.usable
-    right = free.rows(np.zeros(0))[used]
-    rows, target = right[:, :-1], right[:, -1]
-    every = rows.T @ right
-    count, size = rows.shape
-
-    def sums(share: np.ndarray) -> np.ndarray:
-        less = np.flatnonzero(share < 1.0)
-        return np.asarray(
-            every - ((1.0 - share[less, None]) * rows[less]).T @ right[less]
-        )
-
-    own, limit, share = np.ones(count), np.inf, np.zeros(len(used))
-    if loss != "gauss" and count > 2 * size:
-        length = np.sqrt(np.maximum(every[:, :-1].diagonal(), 1e-300))
-        design = rows / length
-        stack = Stack((ColumnsEffect(NoPrior(size), size, _HELD),), banded=False)
-        found = estimate(
-            stack,
-            memory(stack, Readings(target, {}, None), design),
-            loss=loss,
-            weights=lambda _: np.zeros(0),
-            floor=least_scale(target),
-        )
-        ratio = (target - design @ found.centre) / found.loss.scale
-        own, limit = found.loss.share(ratio), _WILD * found.loss.scale
-    share[used] = own
-    return Weights(share, limit, free, sums(own))
-
-
-def ridged(
-    matrix: Float[np.ndarray, "*w k k"], right: Float[np.ndarray, "*w k"]
-) -> Float[np.ndarray, "*w k"]:
-    """Return the solutions of normal equations; 0 where columns have no rows."""
-    size = np.sqrt(np.maximum(matrix.diagonal(0, -2, -1), 0.0))
-    size[size == 0.0] = 1.0
-    scaled = matrix / (size[..., :, None] * size[..., None, :])
-    scaled += _RIDGE * np.eye(matrix.shape[-1])
-    return np.asarray(np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size)

@@ -6,11 +6,12 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core import one_blas_thread
-from ._equation import Equation, Known, Weights, record, ridged, weigh
+from ._equation import Equation, Known, record
 from ._result import FrictionFit, score_covariance
 from ._samples import DriveSamples
 from ._separable import fit_equation
 from ._structures import GAUSS, AbstractStructure, CoulombViscous, Stribeck
+from ._weights import View, Weights, ridged, weigh
 
 _DROP = 3.0
 """Standard deviations that a drop must show to be one."""
@@ -79,7 +80,7 @@ def fit_carried(
         names = [name.replace("drop", "breakaway") for name in names]
         missing |= dict.fromkeys([*names, *equation.structure.shapes], reason)
         fit = fit_equation(equation.under(CoulombViscous(way)), weights)
-    return dataclasses.replace(fit, missing=missing)
+    return dataclasses.replace(fit, missing=missing) if missing else fit
 
 
 def fit_competing(
@@ -94,25 +95,34 @@ def fit_competing(
     # Where one direction asks for an exponent, both do.
     if len(structure.shapes) > (1 if near is None else len(near)):
         usual = equation.under(Stribeck(structure.directional, GAUSS))
-        begin = weights.start(usual) if near is None else near
-        begin = np.append(begin, np.log(GAUSS))
-        held = fit_equation(equation, weights, begin, searched=1)
-        sums, near = held.rows.sums, held.shape
-        # What each row adds to the next step of the exponent.
-        away = held.rows.left @ ridged(sums[:, :-1], np.eye(len(sums))[-1])
-        push = (away * held.error)[:, None]
-        spread = score_covariance(push, equation.recording.piece)[0][0, 0]
-        asked = push.sum() ** 2 > _OTHER**2 * spread
-        fit = dataclasses.replace(
-            held,
-            equation=usual,
-            shape=held.shape[:1],
-            rows=held.rows.along(np.eye(len(sums))[:, :-1]),
-            at_bound=held.at_bound[:1],
-        )
-        if not asked and _drop_reason(fit) is None:
+        fit = fit_equation(usual, weights, near)
+        near = np.append(fit.shape, np.log(GAUSS))
+        if not _asks(fit, equation, weights, near) and _drop_reason(fit) is None:
             return fit
     return fit_carried(equation, weights, near)
+
+
+def _asks(
+    fit: FrictionFit,
+    free: Equation,
+    weights: Weights,
+    shape: Float[np.ndarray, " h"],
+) -> bool:
+    """Return whether the rows ask for another exponent than `GAUSS` (score test).
+
+    Args:
+        fit: With that exponent.
+        free: Equation of the law with any exponent.
+        weights: Of the rows.
+        shape: Of the law with any exponent that is that of the fit.
+    """
+    columns = np.hstack([fit.rows.right, free.slopes(shape, fit.state)[:, -1:]])
+    rows = View(free, weights, shape).rows(columns)
+    # What each row adds to the next step of the exponent.
+    away = rows.left @ ridged(rows.sums[:, :-1], np.eye(columns.shape[1])[-1])
+    push = (away * fit.error)[:, None]
+    spread = score_covariance(push, free.recording.piece)[0, 0]
+    return bool(push.sum() ** 2 > _OTHER**2 * spread)
 
 
 def _drop_reason(fit: FrictionFit) -> str | None:
@@ -165,7 +175,7 @@ def force_error(fit: FrictionFit, samples: DriveSamples) -> Float[np.ndarray, " 
         fit: The law, with inertia and offset.
         samples: A recording, the one fitted or another; its rows in motion count.
     """
-    recording = record(samples, fit.known, fit.decimate)
-    rows = Equation(recording, fit.structure).rows(fit.shape)
-    left = recording.target - rows[:, : len(fit.state)] @ fit.state
+    recording = record(samples, fit.known, fit.equation.recording.factor)
+    columns = Equation(recording, fit.structure).columns(fit.shape)
+    left = recording.target - columns @ fit.state
     return np.asarray(left[recording.usable])

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..core import FitError
-from ._equation import ridged
 from ._structures import KnotTable
+from ._weights import ridged
 
 _PER_MM = 1000.0
 _PLACES = 60
@@ -161,7 +161,7 @@ def _cheapest(costs: list[np.ndarray]) -> Int[np.ndarray, " k"]:
     for cost in costs:
         ways = total[:, None] + cost
         came.append(ways.argmin(axis=0))
-        total = ways.min(axis=0)
+        total = np.minimum.reduce(ways)
     path = [int(total.argmin())]
     for before in reversed(came):
         path.append(int(before[path[-1]]))

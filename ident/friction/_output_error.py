@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from ..core import FitError
 from ._equation import Equation, record
 from ._inverse import fit_inverse
-from ._result import FrictionFit, Rows, score_covariance
+from ._result import FrictionFit, score_covariance
 from ._samples import DriveSamples
 from ._simulate import (
     COUNT,
@@ -37,6 +37,7 @@ from ._simulate import (
     solve,
 )
 from ._structures import GAUSS, WAYS, CoulombViscous, Laws, Stribeck
+from ._weights import Rows, rooted
 
 _PIECES, _SHORTEST = 64, 40
 """Short windows, and the least samples of each, that lead from a far start to a near one."""
@@ -61,17 +62,13 @@ class OutputErrorFit:
             are those of the force, for comparison with the inverse fit.
         free_run: RMS of measured − simulated position in mm.
         cost: Half the sum of its squares in mm², and of the weighted distance to the guess.
-        variance: Of a position error that counts as independent, in mm².
-        trust: Weight of the guess.
-        constraints: Inequalities that it kept.
+        task: What was asked for.
     """
 
     friction: FrictionFit
     free_run: float
     cost: float
-    variance: float
-    trust: float
-    constraints: tuple[Constraint, ...]
+    task: "_Task"
 
 
 def fit_output_error(
@@ -138,7 +135,7 @@ def laws_held_out(
     """
     whole, found = fit.friction, []
     # Both solvers end in the same optimum; only inequalities need the slower one.
-    solver: Solver = "ipopt" if fit.constraints else "optimistix"
+    solver: Solver = "ipopt" if fit.task.constraints else "optimistix"
     for number in range(int(window.max()) + 1):
         rows = window != number
         try:
@@ -147,10 +144,10 @@ def laws_held_out(
                 whole.structure,
                 known=whole.known,
                 loss=loss,
-                decimate=whole.decimate,
+                decimate=whole.equation.recording.factor,
             )
             runs = _Runs.of(guess, samples, rows)
-            task = _Task(runs, guess, fit.variance, fit.trust, solver, fit.constraints)
+            task = dataclasses.replace(fit.task, runs=runs, guess=guess, solver=solver)
             # Of many bottoms along the valley, one that is no worse than that of all.
             starts = task.guessed, dataclasses.replace(task, guess=whole).guessed
             other = task.fit(min(starts, key=task.misfit)).friction
@@ -231,7 +228,7 @@ class _Runs:
         if msg:
             raise FitError(msg)
         assert samples.position is not None
-        recording = record(samples, guess.known, guess.decimate)
+        recording = record(samples, guess.known, guess.equation.recording.factor)
         equation = Equation(recording, structure)
         count, piece = len(samples.time) - 1, samples.piece
         use = np.ones(count + 1, bool) if rows is None else rows
@@ -262,7 +259,10 @@ class _Runs:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Task:
-    """A fit that is asked for: runs, guess, and options of `OutputErrorFit`."""
+    """A fit that is asked for: runs, and arguments of `fit_output_error`.
+
+    The variance is of a position error that counts as independent, in mm².
+    """
 
     runs: _Runs
     guess: FrictionFit
@@ -307,14 +307,9 @@ class _Task:
 
     def _root(self) -> Float[np.ndarray, "10 10"]:
         """Return the root of the precision of the guess, in the unit of position errors."""
-        covariance = self.guess.state_covariance
-        spread = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-        values, ways = np.linalg.eigh(covariance / spread / spread[:, None])
-        seen = values > 1e-10 * values.max()
-        weight = self.trust * self.variance / np.where(seen, values, np.inf)
-        root = np.zeros((COUNT, COUNT))
-        root[: len(values), : len(values)] = np.sqrt(weight)[:, None] * ways.T / spread
-        return root
+        root, found = rooted(self.guess.state_covariance)[0], np.zeros((COUNT, COUNT))
+        found[: root.shape[1], : len(root)] = root.T
+        return np.asarray(np.sqrt(self.trust * self.variance) * found)
 
     def _limits(self) -> tuple[Float[np.ndarray, " 10"], Float[np.ndarray, " 10"]]:
         """Return limits: nothing but the offset may push, and nothing weighs nothing."""
@@ -357,18 +352,16 @@ class _Task:
         count = size - len(equation.structure.shapes)
         factors, shape = values[:count], values[count:size]
         used = equation.recording.usable
-        right = equation.rows(shape)
-        rows = Rows(used[:, None] * right[:, :-1], right)
+        right = np.hstack([equation.columns(shape), equation.slopes(shape, factors)])
+        cuts = np.array([0, len(right)])
+        rows = Rows(used[:, None] * right, right, equation.recording.target, cuts)
         thin = max(1, len(error) // _ROWS)
         scores = (slopes[: len(error), :size] * error[:, None])[::thin]
-        inner, _ = score_covariance(scores, self.runs.run[::thin])
+        inner = score_covariance(scores, self.runs.run[::thin])
         # The guess came from the same samples: it narrows nothing, and only keeps the
         # inverse finite.
-        matrix = slopes[:, :size].T @ slopes[:, :size]
-        scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-        scaled = matrix / np.outer(scale, scale)
-        inverse = np.linalg.pinv(scaled, rcond=1e-10, hermitian=True)
-        inverse = thin * inverse / np.outer(scale, scale)
+        root, _ = rooted(slopes[:, :size].T @ slopes[:, :size])
+        inverse = thin * root @ root.T
         low, high = (np.asarray(each) for each in self.problem.limits)
         edge = _EDGE * (high - low)
         missing = {
@@ -380,9 +373,9 @@ class _Task:
             equation=equation,
             state=factors,
             shape=shape,
-            rows=rows.along(equation.tangent(factors)),
+            rows=rows,
             share=used.astype(float),
-            prior=np.zeros((count, count)),
+            prior=equation.penalty,
             converged=converged,
             at_bound=((values < low + edge) | (values > high - edge))[count:size],
             missing=missing,
@@ -393,9 +386,7 @@ class _Task:
             friction=law,
             free_run=float(np.sqrt(error @ error / self.runs.compared.sum())),
             cost=cost,
-            variance=self.variance,
-            trust=self.trust,
-            constraints=self.constraints,
+            task=self,
         )
 
 

@@ -12,6 +12,7 @@ from ...data.signals import median
 from ...models import AbstractFriction
 from ._equation import Equation, Known
 from ._structures import WAYS, AbstractStructure
+from ._weights import Rows, rooted
 
 METHOD = "inverse dynamic fit"
 _ONE_WAY = "no motion in this direction was recorded"
@@ -22,37 +23,11 @@ _VAGUE = 0.3
 """Standard deviation of a column's contribution, as a share of the load, that says nothing."""
 _IN_NULL = 1e-3
 """Share of a parameter in a direction that no row tells, to be unknown with it."""
-_NULL = 1e-9
-"""Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
 _LARGEST_LEVERAGE = 0.9
 _LARGEST_LAG = 0.1
 """Longest lag as a share of the rows."""
 _STRONGEST = 0.97
 """Autocorrelation that a first-order model is taken to have at most."""
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Rows:
-    """Weighted rows of an equation.
-
-    Attributes:
-        left: Columns as they are seen, times the weight of each row.
-        right: Columns and target.
-    """
-
-    left: Float[np.ndarray, "s k"]
-    right: Float[np.ndarray, "s k1"]
-
-    @cached_property
-    def sums(self) -> Float[np.ndarray, "k k1"]:
-        """The sums XᵀW [X, target]."""
-        return np.asarray(self.left.T @ self.right)
-
-    def along(self, tangent: Float[np.ndarray, "k p"]) -> "Rows":
-        """Return the rows of combinations of the columns."""
-        right = self.right[:, :-1] @ tangent, self.right[:, -1:]
-        return Rows(self.left @ tangent, np.hstack(right))
 
 
 @final
@@ -67,9 +42,10 @@ class FrictionFit:
         state: Linear factors as fitted: inertia, offset, loads where fitted, then those of the
             law, before a gauge parts level and offset.
         shape: Logarithms of the law's non-linear parameters.
-        rows: Derivatives of the load per row by ``state`` and ``shape``, and the target.
+        rows: Derivatives of the load by ``state`` and ``shape``, and the load without what
+            is known.
         share: Weight that each row had, 0 to 1.
-        prior: Precision of the factors by smoothness, relative to 1/noise².
+        prior: Precision of ``state`` and ``shape`` by smoothness, relative to 1/noise².
         converged: Whether the search for the law's shape ended.
         at_bound: Which shapes ended at the edge of what the data could tell.
         missing: What the data do not carry of the law that was asked for: name → reason.
@@ -82,7 +58,7 @@ class FrictionFit:
     shape: Float[np.ndarray, " h"]
     rows: Rows
     share: Float[np.ndarray, " s"]
-    prior: Float[np.ndarray, "n n"]
+    prior: Float[np.ndarray, "m m"]
     converged: bool
     at_bound: Bool[np.ndarray, " h"]
     missing: Mapping[str, str] = dataclasses.field(default_factory=dict)
@@ -100,11 +76,6 @@ class FrictionFit:
         return self.equation.recording.known
 
     @property
-    def decimate(self) -> int:
-        """Samples of the recording per row."""
-        return self.equation.recording.factor
-
-    @property
     def normal(self) -> Float[np.ndarray, "m m"]:
         """Normal matrix of ``state`` and ``shape``, without the prior."""
         return np.asarray(self.rows.sums[:, :-1])
@@ -112,9 +83,8 @@ class FrictionFit:
     @cached_property
     def error(self) -> Float[np.ndarray, " s"]:
         """Load − fit of every row."""
-        factors = np.append(self.state, np.zeros(len(self.shape)))
-        right = self.rows.right
-        return np.asarray(right[:, -1] - right[:, :-1] @ factors)
+        columns = self.rows.right[:, : len(self.state)]
+        return np.asarray(self.rows.target - columns @ self.state)
 
     @property
     def residual(self) -> Float[np.ndarray, " t"]:
@@ -152,6 +122,11 @@ class FrictionFit:
         )
 
     @cached_property
+    def _rooted(self) -> tuple[Float[np.ndarray, "m r"], Float[np.ndarray, "m z"]]:
+        """Root of the inverse of the precision, and directions that the rows do not tell."""
+        return rooted(self.normal + self.prior)
+
+    @cached_property
     def state_covariance(self) -> Float[np.ndarray, "m m"]:
         """Of ``state`` and ``shape`` together, directions without information left out.
 
@@ -163,17 +138,15 @@ class FrictionFit:
         """
         if self.given is not None:
             return self.given
-        left, even = self.rows.left, self.normal
-        prior = np.pad(self.prior, (0, len(self.shape)))
-        root, _ = rooted(even + prior)
-        inverse = root @ root.T
-        leverage = np.einsum("sk,sk->s", left @ inverse, self.rows.right[:, :-1])
+        left, even, prior = self.rows.left, self.normal, self.prior
+        inverse = self._rooted[0] @ self._rooted[0].T
+        leverage = np.einsum("sk,sk->s", left @ inverse, self.rows.right)
         push = self.error / np.clip(1.0 - leverage, 1.0 - _LARGEST_LEVERAGE, 1.0)
         freedom = max(self.count - len(inverse), 1)
         noise = float((self.share * push) @ push) / freedom
         known = self.noise**2 * prior
         piece = self.equation.recording.piece
-        inner = score_covariance(left * push[:, None], piece)[0]
+        inner = score_covariance(left * push[:, None], piece)
         robust = inverse @ (inner + known) @ inverse
         plain = inverse @ (noise * even + known) @ inverse
         have, least = np.diag(robust), np.diag(plain)
@@ -195,7 +168,7 @@ class FrictionFit:
 
     @property
     def law_covariance(self) -> Float[np.ndarray, "p p"]:
-        """Of ``factors`` and ``shape``, for `band`."""
+        """Of ``factors`` and ``shape``."""
         return np.asarray(self._law @ self.state_covariance @ self._law.T)
 
     @cached_property
@@ -261,10 +234,13 @@ class FrictionFit:
             if own > _VAGUE * equation.recording.load_size
         }
         size = np.where(size > 0, size, 1.0)
-        _, null = rooted(self.normal[:count, :count] + self.prior)
-        null = null / np.abs(null * size[:count, None]).max(axis=0)
-        reach = np.abs(self._jacobian[:, :count] @ null).max(axis=1, initial=0.0)
-        unseen = reach > _IN_NULL * np.abs(self._jacobian / size).max(axis=1)
+        unseen = np.zeros(len(self.names), bool)
+        # Where rows tell factors and shape, they tell the factors.
+        if self._rooted[1].size:
+            _, null = rooted((self.normal + self.prior)[:count, :count])
+            null = null / np.abs(null * size[:count, None]).max(axis=0)
+            reach = np.abs(self._jacobian[:, :count] @ null).max(axis=1, initial=0.0)
+            unseen = reach > _IN_NULL * np.abs(self._jacobian / size).max(axis=1)
         found = dict(self.missing)
         for name, gone in zip(self.names, unseen, strict=True):
             if name in found:
@@ -324,29 +300,6 @@ class FrictionFit:
         """Return the derivatives of the friction by ``factors`` and ``shape``."""
         return self.structure.slopes(velocity, self.factors, self.shape)
 
-    def band(
-        self, velocity: Float[np.ndarray, " v"]
-    ) -> tuple[Float[np.ndarray, " v"], Float[np.ndarray, " v"]]:
-        """Return friction and its standard deviation at velocities in mm/s, in load units.
-
-        That of the noise: the law itself is taken as true (see `Choice.deviation`).
-        """
-        slopes = self.slopes(velocity)
-        variance = ((slopes @ self.law_covariance) * slopes).sum(axis=1)
-        return self.friction(velocity), np.sqrt(np.maximum(variance, 0.0))
-
-
-def rooted(
-    matrix: Float[np.ndarray, "k k"],
-) -> tuple[Float[np.ndarray, "k r"], Float[np.ndarray, "k z"]]:
-    """Return R with R Rᵀ the inverse in directions that rows tell, and the other directions."""
-    size = np.sqrt(np.diag(matrix))
-    size = np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
-    seen = values > _NULL * max(float(values[-1]), np.finfo(float).tiny)
-    root = vectors[:, seen] / np.sqrt(values[seen]) / size[:, None]
-    return root, vectors[:, ~seen] / size[:, None]
-
 
 def lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> int:
     """Return over how many rows scores resemble each other (Andrews' rule, Bartlett weights).
@@ -360,7 +313,7 @@ def lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> in
     """
     same = (piece[1:] == piece[:-1]) * 1.0
     size = np.einsum("tk,tk->k", scores, scores)
-    beside = np.einsum("tk,tk,t->k", scores[1:], scores[:-1], same)
+    beside = same @ (scores[1:] * scores[:-1])
     used = size > 0
     rho = np.clip(beside / np.where(used, size, 1.0), 0.0, _STRONGEST)
     far = used / (1 - rho) ** 4
@@ -372,11 +325,8 @@ def lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> in
 
 def score_covariance(
     scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]
-) -> tuple[Float[np.ndarray, "k k"], int]:
-    """Return the covariance of the sum of scores, and the lag up to which it looks.
-
-    Arguments as of `lag_of`.
-    """
+) -> Float[np.ndarray, "k k"]:
+    """Return the covariance of the sum of scores; arguments as of `lag_of`."""
     lag = lag_of(scores, piece)
     # Bartlett's weights are what sums over a sliding window give. Pieces are set apart by
     # as many empty rows as the window is long.
@@ -385,4 +335,4 @@ def score_covariance(
     parts = [each for part in np.split(scores, edges) for each in (part, gap)]
     total = np.cumsum(np.concatenate([gap, *parts]), axis=0)
     window = total[lag + 1 :] - total[: -lag - 1]
-    return window.T @ window / (lag + 1), lag
+    return np.asarray(window.T @ window / (lag + 1))

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from ...data.signals import median
 from ..core import FitError, one_blas_thread
-from ._equation import Equation, Known, Recording, record, ridged
+from ._equation import Equation, Known, Recording, record
 from ._samples import DriveSamples
 from ._simulate import LOOKAHEADS, share_of
 from ._structures import (
@@ -28,6 +28,7 @@ from ._structures import (
     default_knots,
     range_of,
 )
+from ._weights import ridged
 
 _FARTHEST, _NOTHING = 0.02, 1e-6
 """mm: no friction takes longer to build up, however soft the drive, and below is none."""

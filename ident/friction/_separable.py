@@ -6,12 +6,8 @@ those of `weigh`.
 
 Variable projection: at each trial shape the linear factors follow from least squares, so the
 search runs over Stribeck velocity and exponent only. Source: G. Golub, V. Pereyra, Separable
-nonlinear least squares, Inverse Problems 19(2), 2003. Where a noise-free motion stands beside
-the measured one, rows are seen through its columns (two-stage least squares), which keeps the
-fit consistent under noise in velocity and acceleration.
+nonlinear least squares, Inverse Problems 19(2), 2003.
 """
-
-from typing import final
 
 import numpy as np
 from jaxtyping import Float
@@ -19,8 +15,9 @@ from scipy.linalg import eigh
 from scipy.optimize import leastsq
 
 from ..core import FitError
-from ._equation import Equation, Weights, in_line, ridged
-from ._result import FrictionFit, Rows, lag_of, rooted
+from ._equation import Equation, in_line
+from ._result import FrictionFit, lag_of
+from ._weights import Rows, View, Weights, orthonormal, ridged, rooted
 
 _LAST_GAIN, _LAST_STEP = 1e-7, 1e-4
 """Relative, of cost and shape at the end of a search: a hundredth of their deviations."""
@@ -36,50 +33,8 @@ _WEIGHTS = np.geomspace(1e-2, 1e8, 31)
 """Of a smoothness prior, relative to 1/noise², that are tried."""
 
 
-def _basis(columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s b"]:
-    """Return an orthonormal basis of columns."""
-    return np.asarray(columns @ rooted(columns.T @ columns)[0])
-
-
-@final
-class View:
-    """How the rows of an equation are seen: weighted, and through a noise-free motion."""
-
-    def __init__(
-        self,
-        equation: Equation,
-        share: Float[np.ndarray, " s"],
-        shape: Float[np.ndarray, " h"],
-    ) -> None:
-        self.share = share[:, None]
-        self.root = np.sqrt(self.share)
-        self._basis = None
-        fine = equation.recording.noise_free
-        if fine is not None:
-            rows = Equation(fine, equation.structure).rows(shape)
-            self._basis = _basis(self.root * rows[:, :-1])
-
-    def seen(self, columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s c"]:
-        """Return columns, times the roots of the weights, as they are seen."""
-        weighted = self.root * columns
-        if self._basis is None:
-            return np.asarray(weighted)
-        return np.asarray(self._basis @ (self._basis.T @ weighted))
-
-    def rows(self, right: Float[np.ndarray, "s c"]) -> Rows:
-        """Return weighted rows of columns and, as the last of them, the target."""
-        columns = right[:, :-1]
-        if self._basis is None:
-            return Rows(self.share * columns, right)
-        return Rows(self.root * self.seen(columns), right)
-
-
 def fit_equation(
-    equation: Equation,
-    weights: Weights,
-    near: Float[np.ndarray, " h"] | None = None,
-    *,
-    searched: int = 2,
+    equation: Equation, weights: Weights, near: Float[np.ndarray, " h"] | None = None
 ) -> FrictionFit:
     """Fit factors and shape of an equation to all of its usable rows.
 
@@ -87,17 +42,13 @@ def fit_equation(
         equation: The equation.
         weights: Of its rows.
         near: Logarithms of a shape to begin with.
-        searched: How many of the non-linear parameters, from the first on; others stay.
 
     Raises:
         FitError: If hardly any row is left.
     """
-    structure, share = equation.structure, weights.share
-    count = int(equation.recording.usable.sum())
-    linear, shapes = (
-        len(equation.fixed_names) + len(structure.names),
-        len(structure.shapes),
-    )
+    structure = equation.structure
+    count, shapes = int(equation.recording.usable.sum()), len(structure.shapes)
+    linear = len(equation.fixed_names) + len(structure.names)
     if count <= linear + shapes:
         msg = (
             f"{count} samples in motion are left after filtering, "
@@ -107,23 +58,25 @@ def fit_equation(
     shape, converged = np.zeros(0), True
     if shapes:
         shape = weights.start(equation) if near is None else near[:shapes]
-        view = View(equation, share, shape)
-        shape, converged = _search(equation, view, searched, shape)
-    rows = View(equation, share, shape).rows(equation.rows(shape))
-    normal, moment = rows.sums[:linear, :linear], rows.sums[:linear, -1]
-    prior = np.zeros_like(normal)
-    if not structure.parametric:
-        prior = _smoothness(equation, rows, share) * equation.penalty
-    root, _ = rooted(normal + prior)
-    factors = root @ (root.T @ moment)
+        shape, converged = _search(equation, View(equation, weights, shape), shape)
+    view, columns = View(equation, weights, shape), equation.columns(shape)
+    rows, prior = view.rows(columns), equation.penalty
+    if structure.parametric:
+        root, _ = rooted(rows.sums[:, :-1])
+        factors = root @ (root.T @ rows.sums[:, -1])
+    else:
+        weight, factors = _smoothed(equation, rows, weights.share)
+        prior = weight * prior
+    if shapes:
+        rows = view.rows(np.hstack([columns, equation.slopes(shape, factors)]))
     low, high = equation.bounds
     edge = _AT_BOUND * (high - low)
     return FrictionFit(
         equation=equation,
         state=factors,
         shape=shape,
-        rows=rows.along(equation.tangent(factors)) if shapes else rows,
-        share=share,
+        rows=rows,
+        share=weights.share,
         prior=prior,
         converged=converged,
         at_bound=(shape <= low + edge) | (shape >= high - edge),
@@ -131,15 +84,14 @@ def fit_equation(
 
 
 def _search(
-    equation: Equation, view: View, searched: int, begin: Float[np.ndarray, " h"]
+    equation: Equation, view: View, begin: Float[np.ndarray, " h"]
 ) -> tuple[Float[np.ndarray, " h"], bool]:
-    """Return the logarithms of the shape that leave the least, and whether the search ended.
-
-    Searched are the first of them; the others stay where they begin.
-    """
-    basis = _basis(view.root * equation.unbent)
-    held, bounds = begin[searched:], equation.bounds[:, :searched]
-    middle, half = bounds.mean(axis=0), 0.5 * (bounds[1] - bounds[0])
+    """Return the logarithms of the shape that leave the least, and whether the search ended."""
+    basis = orthonormal(view.root * equation.unbent)
+    middle, half = (
+        equation.bounds.mean(axis=0),
+        0.5 * np.diff(equation.bounds, axis=0)[0],
+    )
     kept: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def apart(columns: np.ndarray) -> np.ndarray:
@@ -154,33 +106,32 @@ def _search(
         if free.tobytes() not in kept:
             kept.clear()
             inside = np.tanh(free - _AWAY)
-            own = equation.falling(np.append(middle + half * inside, held))
-            own = own[:, :, : 1 + len(free)]
+            own = equation.falling(middle + half * inside)
             own = apart(in_line(own)).reshape(own.shape)
             columns = own[:, :, 0]
-            gram = columns.T @ columns
-            factors = ridged(gram, columns.T @ target)
+            # Each direction has but one column: their inverse serves values and slopes.
+            every = np.stack([columns.T @ columns] * columns.shape[1])
+            inverse = columns @ ridged(every, np.eye(len(every)))
+            factors = target @ inverse
             slopes = np.tensordot(own[:, :, 1:], factors, (1, 0))
             slopes = slopes * (half * (1.0 - inside**2))
-            every = np.stack([gram] * slopes.shape[1])
-            slopes = columns @ ridged(every, slopes.T @ columns).T - slopes
+            slopes = columns @ (inverse.T @ slopes) - slopes
             kept[free.tobytes()] = target - columns @ factors, slopes
         return kept[free.tobytes()]
 
     found = leastsq(
         lambda free: at(free)[0],
-        _AWAY + np.arctanh(np.clip((begin[:searched] - middle) / half, -_INSIDE, _INSIDE)),
+        _AWAY + np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
         Dfun=lambda free: at(free)[1],
         xtol=_LAST_STEP, ftol=_LAST_GAIN, factor=_FIRST_STEP, full_output=True,  # pyright: ignore[reportArgumentType]
     )  # fmt: skip
-    shape = np.append(middle + half * np.tanh(found[0] - _AWAY), held)
-    return shape, found[-1] in (1, 2, 3, 4)
+    return middle + half * np.tanh(found[0] - _AWAY), found[-1] in (1, 2, 3, 4)
 
 
-def _smoothness(
+def _smoothed(
     equation: Equation, rows: Rows, share: Float[np.ndarray, " s"]
-) -> float:
-    """Return the weight of the smoothness prior that makes the rows most likely.
+) -> tuple[float, Float[np.ndarray, " k"]]:
+    """Return the weight of the smoothness prior that makes the rows most likely, and factors.
 
     Restricted likelihood of a linear model with Gaussian noise of unknown size; one
     eigenbasis of prior and rows together serves all weights. Residuals that resemble their
@@ -192,20 +143,22 @@ def _smoothness(
         rows: Its rows.
         share: Weight of each row.
     """
-    sums, (design, target) = rows.sums, np.split(rows.right, [-1], axis=1)
+    sums = rows.sums
     size = np.sqrt(np.diag(sums))
     size = np.where(size > 0, size, size.max())
     area = np.outer(size, size)
     stiffness, vectors = eigh(
         equation.penalty / area, sums[:, :-1] / area + _NULL * np.eye(len(size))
     )
+    stiffness = np.maximum(stiffness, 0.0)
     along = vectors.T @ (sums[:, -1] / size)
-    left = target[:, 0] - design @ (vectors @ along / size)
+    left = rows.target - rows.right @ (vectors @ along / size)
     lag = lag_of((np.sqrt(share) * left)[:, None], equation.recording.piece)
     flats = len(equation.fixed_names) + 2 * equation.structure.ways
     count = max(int((share > 0).sum()) // (1 + lag), len(size) + 2)
-    raised = 1.0 + _WEIGHTS[:, None] * np.maximum(stiffness[flats:], 0.0)
+    raised = 1.0 + _WEIGHTS[:, None] * stiffness[flats:]
     gone = (along[flats:] ** 2 * (1.0 - 1.0 / raised)).sum(axis=1)
     score = (count - flats) * np.log(np.maximum(share @ left**2 + gone, 1e-300))
     score += np.log(raised / _WEIGHTS[:, None]).sum(axis=1)
-    return float(_WEIGHTS[np.argmin(score)])
+    weight = float(_WEIGHTS[np.argmin(score)])
+    return weight, vectors @ (along / (1.0 + weight * stiffness)) / size

@@ -284,7 +284,7 @@ def choice_sentence(choice: Choice) -> str:
     one, other = (choice.candidates[place] for place in (choice.chosen, choice.best))
     low, high = one.spread
     text = (
-        f"{one.structure.words}: force error {100 * one.error:.2f} % on {choice.windows} "
+        f"{one.structure.words}: force error {100 * one.error:.2f} % on {len(one.window_error)} "
         f"windows held out in turn ({100 * low:.2f} to {100 * high:.2f} %)"
     )
     if choice.chosen == choice.best:

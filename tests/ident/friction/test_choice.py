@@ -21,7 +21,7 @@ from axcomp.ident.friction import (
     force_error,
 )
 from axcomp.ident.friction._equation import Lowpass
-from axcomp.ident.friction._result import score_covariance
+from axcomp.ident.friction._result import lag_of, score_covariance
 
 EMPS = Path(__file__).parents[3] / "../shared/data/emps/DATA_EMPS.mat"
 PUBLISHED = {  # value and standard deviation; kg → N per mm/s²
@@ -93,7 +93,7 @@ def test_an_exponent_other_than_two_is_found() -> None:
     speed = np.geomspace(2.0, 190.0, 50)
     truth = friction(speed, 1.0) - 0.3
     # Noise of 5 % over 4 000 samples; with an exponent of 2 the curve is 2 % off.
-    assert np.abs(choice.fit.band(speed)[0] / truth - 1.0).max() < 0.012
+    assert np.abs(choice.fit.friction(speed) / truth - 1.0).max() < 0.012
 
 
 def test_deviations_know_that_the_law_is_none_of_the_kinds() -> None:
@@ -102,7 +102,8 @@ def test_deviations_know_that_the_law_is_none_of_the_kinds() -> None:
     for exponent in (0.4, 0.5, 0.6):
         level = 1.5 + 0.3 * np.abs(samples.velocity) ** exponent
         choice = choose_law(recording(np.sign(samples.velocity) * level, noise=0.03))
-        found, noise = choice.fit.band(speed)
+        found, slopes = choice.fit.friction(speed), choice.fit.slopes(speed)
+        noise = np.sqrt((slopes @ choice.fit.law_covariance * slopes).sum(axis=1))
         own = choice.deviation(choice.fit, choice.without, speed, np.asarray)
         off = np.abs(found - 1.5 - 0.3 * speed**exponent)
         inside.append((off <= 2 * own).mean())
@@ -159,7 +160,7 @@ def test_scores_are_summed_over_lags_with_bartletts_weights() -> None:
         lambda each: np.convolve(each, np.ones(6), "same"), 0, rng.normal(size=(200, 2))
     )
     piece = np.repeat([0, 1], [120, 80])
-    found, lag = score_covariance(scores, piece)
+    found, lag = score_covariance(scores, piece), lag_of(scores, piece)
     assert lag > 1
     plain = np.zeros((2, 2))
     for one in range(200):

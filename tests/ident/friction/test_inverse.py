@@ -82,7 +82,7 @@ def test_law_of_the_fit_is_the_model_of_the_controller() -> None:
     speeds = np.linspace(-300.0, 300.0, 41)
     assert fit.law is not None
     # Same formula written twice: rounding only.
-    np.testing.assert_allclose(fit.band(speeds)[0], fit.law(speeds), atol=1e-12)
+    np.testing.assert_allclose(fit.friction(speeds), fit.law(speeds), atol=1e-12)
 
 
 @pytest.mark.parametrize("shape", [2.0, None])
@@ -162,7 +162,8 @@ def test_table_follows_the_law_within_its_errors() -> None:
     truth = fit_inverse(recording(5))
     assert truth.law is not None
     speeds = np.geomspace(3.0, 250.0, 20)
-    value, sd = fit.band(speeds)
+    value, slopes = fit.friction(speeds), fit.slopes(speeds)
+    sd = np.sqrt((slopes @ fit.law_covariance * slopes).sum(axis=1))
     # The line between knots leaves the curve by some per cent beside its own σ.
     off = np.abs(value - np.asarray(truth.law(speeds)))
     assert (off < 4 * sd + 0.06).all()

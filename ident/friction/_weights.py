@@ -1,0 +1,215 @@
+"""How much each row of an equation counts, how rows are seen, and the sums of them.
+
+The rows are weighed once, under a table that can bend anywhere: what is wild under it is wild
+under any law. Where a noise-free motion stands beside the measured one, rows are seen through
+its columns (two-stage least squares), which keeps a fit consistent under noise in velocity and
+acceleration.
+"""
+
+import dataclasses
+import itertools
+from functools import cached_property
+from typing import final
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..core import (
+    ColumnsEffect,
+    NoPrior,
+    Readings,
+    Stack,
+    estimate,
+    least_scale,
+    memory,
+)
+from ._equation import Equation, Recording, in_line
+from ._structures import KnotTable, Stribeck
+
+_WILD = 4.0
+"""Error in scales beyond which a row says nothing of the law."""
+_HELD = 1e-9
+"""Precision that holds a column without rows, relative to that of all others."""
+_RIDGE = 1e-12
+"""Added to scaled normal matrices that are inverted as they stand."""
+_NULL = 1e-9
+"""Share of the largest eigenvalue of the scaled normal matrix that counts as none."""
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Rows:
+    """Weighted rows of an equation.
+
+    Attributes:
+        left: Columns as they are seen, times the weight of each row.
+        right: Columns.
+        target: What they explain.
+        cuts: Rows between which sums are asked for, ascending from 0 to all.
+    """
+
+    left: Float[np.ndarray, "s k"]
+    right: Float[np.ndarray, "s k"]
+    target: Float[np.ndarray, " s"]
+    cuts: Int[np.ndarray, " c"]
+
+    @cached_property
+    def pieces(self) -> Float[np.ndarray, "p k k1"]:
+        """The sums XᵀW [X, target] of the rows between each cut and the next."""
+        count = self.right.shape[1]
+        found = np.empty((len(self.cuts) - 1, count, count + 1))
+        ends = itertools.pairwise(self.cuts.tolist())
+        for sums, (first, end) in zip(found, ends, strict=True):
+            left = self.left[first:end].T
+            sums[:, :-1] = left @ self.right[first:end]
+            sums[:, -1] = left @ self.target[first:end]
+        return found
+
+    @cached_property
+    def sums(self) -> Float[np.ndarray, "k k1"]:
+        """The sums of all rows."""
+        return np.asarray(self.pieces.sum(axis=0))
+
+
+@final
+@dataclasses.dataclass(frozen=True, eq=False)
+class Weights:
+    """What the rows say before any law is asked.
+
+    Attributes:
+        share: How much each row counts, 0 to 1.
+        limit: Largest error that says anything of a law.
+        free: Equation of the free table.
+        cuts: See `Rows`.
+    """
+
+    share: Float[np.ndarray, " s"]
+    limit: float
+    free: Equation
+    cuts: Int[np.ndarray, " c"]
+
+    @cached_property
+    def free_rows(self) -> Rows:
+        """Rows of the free table."""
+        columns = self.free.unbent
+        target = self.free.recording.target
+        return Rows(self.share[:, None] * columns, columns, target, self.cuts)
+
+    def start(self, equation: Equation) -> Float[np.ndarray, " h"]:
+        """Return the start of a law's shape that leaves the least, as the free table sees it."""
+        structure, free, seen = equation.structure, self.free, self.free_rows.sums
+        assert isinstance(structure, Stribeck)
+        assert isinstance(free.structure, KnotTable)
+        knots, fixed = np.asarray(free.structure.knots), len(free.fixed_names)
+        velocity = np.concatenate([knots, -knots])
+        # Factors of the free table, which has no offset, for each factor of the law.
+        starts = structure.starts(equation.recording.speed_range)
+        own = structure.columns(velocity, starts)
+        if "offset" in equation.fixed_names:
+            own = np.concatenate([own, np.ones_like(own[:, :, :1])], axis=2)
+        laws = np.zeros((len(starts), len(seen), fixed + own.shape[2]))
+        laws[:, :fixed, :fixed] = np.eye(fixed)
+        laws[:, fixed:, fixed:] = np.sign(velocity)[:, None] * own
+        sums = np.swapaxes(laws, 1, 2) @ seen
+        factors = ridged(sums[:, :, :-1] @ laws, sums[:, :, -1])
+        gains = np.einsum("nk,nk->n", sums[:, :, -1], factors)
+        return np.asarray(starts[np.argmax(gains)])
+
+
+@final
+class View:
+    """How the rows of an equation are seen: weighted, and through a noise-free motion."""
+
+    def __init__(
+        self, equation: Equation, weights: Weights, shape: Float[np.ndarray, " h"]
+    ) -> None:
+        self.equation, self.weights = equation, weights
+        self.root, self._basis = np.sqrt(weights.share)[:, None], None
+        free = equation.recording.noise_free
+        if free is not None:
+            fine = Equation(free, equation.structure)
+            slopes = in_line(fine.falling(shape)[:, :, 1:])
+            columns = np.hstack([fine.columns(shape), slopes])
+            self._basis = orthonormal(self.root * columns)
+
+    def seen(self, columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s c"]:
+        """Return columns, times the roots of the weights, as they are seen."""
+        weighted = self.root * columns
+        if self._basis is None:
+            return np.asarray(weighted)
+        return np.asarray(self._basis @ (self._basis.T @ weighted))
+
+    def rows(self, columns: Float[np.ndarray, "s k"]) -> Rows:
+        """Return weighted rows of columns."""
+        weights, target = self.weights, self.equation.recording.target
+        if self._basis is not None:
+            left = self.root * self.seen(columns)
+        elif columns is weights.free.unbent:
+            return weights.free_rows
+        else:
+            left = weights.share[:, None] * columns
+        return Rows(left, columns, target, weights.cuts)
+
+
+def weigh(
+    recording: Recording, loss: str, cuts: Int[np.ndarray, " c"] | None = None
+) -> Weights:
+    """Return the weights of the rows under a table per direction that can bend anywhere.
+
+    Args:
+        recording: The recording.
+        loss: ``"trim"``, ``"student"``, ``"huber"`` or ``"gauss"``.
+        cuts: See `Rows`; none but the ends where left out.
+
+    Raises:
+        FitError: If the loss is unknown.
+    """
+    free = Equation(recording, KnotTable(True, recording.knots))
+    used = recording.usable
+    rows, target = free.unbent[used], recording.target[used]
+    count, size = rows.shape
+    limit, share = np.inf, used * 1.0
+    if loss != "gauss" and count > 2 * size:
+        length = np.sqrt(np.maximum(np.einsum("sk,sk->k", rows, rows), 1e-300))
+        design = rows / length
+        stack = Stack((ColumnsEffect(NoPrior(size), size, _HELD),), banded=False)
+        found = estimate(
+            stack,
+            memory(stack, Readings(target, {}, None), design),
+            loss=loss,
+            weights=lambda _: np.zeros(0),
+            floor=least_scale(target),
+        )
+        ratio = (target - design @ found.centre) / found.loss.scale
+        share[used], limit = found.loss.share(ratio), _WILD * found.loss.scale
+    if cuts is None:
+        cuts = np.array([0, len(used)])
+    return Weights(share, limit, free, cuts)
+
+
+def ridged(
+    matrix: Float[np.ndarray, "*w k k"], right: Float[np.ndarray, "*w k"]
+) -> Float[np.ndarray, "*w k"]:
+    """Return the solutions of normal equations; 0 where columns have no rows."""
+    size = np.sqrt(np.maximum(matrix.diagonal(0, -2, -1), 0.0))
+    size[size == 0.0] = 1.0
+    scaled = matrix / (size[..., :, None] * size[..., None, :])
+    np.einsum("...kk->...k", scaled)[...] += _RIDGE
+    return np.asarray(np.linalg.solve(scaled, (right / size)[..., None])[..., 0] / size)
+
+
+def rooted(
+    matrix: Float[np.ndarray, "k k"],
+) -> tuple[Float[np.ndarray, "k r"], Float[np.ndarray, "k z"]]:
+    """Return R with R Rᵀ the inverse in directions that rows tell, and the other directions."""
+    size = np.sqrt(np.diag(matrix))
+    size = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    seen = values > _NULL * max(float(values[-1]), np.finfo(float).tiny)
+    root = vectors[:, seen] / np.sqrt(values[seen]) / size[:, None]
+    return root, vectors[:, ~seen] / size[:, None]
+
+
+def orthonormal(columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s b"]:
+    """Return an orthonormal basis of columns."""
+    return np.asarray(columns @ rooted(columns.T @ columns)[0])
