@@ -167,16 +167,16 @@ def _print_group(
 
     _print_sums(console, group)
     _print_effects(console, group, fits)
-    lost = dict.fromkeys(pair.sentence for pair in group.lost)
-    for sentence in lost:
+    confusions = dict.fromkeys(pair.sentence for pair in group.confusions)
+    for sentence in confusions:
         print_line(console, f"undetermined: {sentence}")
     for each in group.effects:
-        if each.written and each.why and each.name not in " ".join(lost):
+        if each.written and each.why and each.name not in " ".join(confusions):
             print_line(console, f"undetermined: of the {each.name}: {each.why}")
     for freedom in group.freedoms:
         print_line(console, f"free: {freedom.sentence} {freedom.rule}")
     own = [remark.message for index in group.fits for remark in fits[index].remarks]
-    said |= {*lost, *(message for message in own if message.startswith(TOGETHER))}
+    said |= {*confusions, *(message for message in own if message.startswith(TOGETHER))}
     print_remarks(console, group.remarks, said)
 
 

@@ -181,9 +181,9 @@ class AbstractPlan(AbstractOfFit):
 
     def may_be_written(self, part: "Part", fit: "JointFit") -> bool:
         """Return whether the readings tell its part of the joint fit."""
-        from .joint._share import lost  # takes long to load
+        from .joint._share import undetermined_values  # takes long to load
 
-        return bool(part.determined.any()) and not lost(part, fit)
+        return bool(part.determined.any()) and not undetermined_values(part, fit)
 
     def effect(
         self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None

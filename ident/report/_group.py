@@ -57,7 +57,7 @@ def group_section(
     proven = all(section.verdict.level == "good" for section in own)
     assumed = any(one.fit.judgement.has(Code.ASSUMED) for one in own)
     opening = "Computed; signs unproven. " if assumed else ""
-    level = "warn" if missing or group.lost or not proven else "good"
+    level = "warn" if missing or group.confusions or not proven else "good"
     return GroupSection(
         name=f"group-{place}",
         heading=f"Identified together: group {group.name}",

@@ -302,9 +302,9 @@ def _confused(
     if len(effects) < 2:
         return found
     for pair in examine_design(data, [*effects.values()]).confusions:
-        lost = set(pair.effects)
+        pair_names = set(pair.effects)
         for index, effect in effects.items():
-            if len(lost) > 1 and effect.name in lost:
+            if len(pair_names) > 1 and effect.name in pair_names:
                 found.setdefault(index, pair.sentence)
     return found
 

@@ -90,7 +90,7 @@ class GroupResult:
         fits: Indices of its fits.
         effects: How much of the error each is; helpers last.
         freedoms: What may be moved between effects without changing the sum.
-        lost: What these readings cannot tell apart.
+        confusions: What these readings cannot tell apart.
         axes: The sum, axis by axis.
         order: Time in s, or row number, of all rows.
         timed: Whether it is a time.
@@ -104,7 +104,7 @@ class GroupResult:
     fits: tuple[int, ...]
     effects: tuple[EffectShare, ...]
     freedoms: tuple[Gauge, ...]
-    lost: tuple[Confusion, ...]
+    confusions: tuple[Confusion, ...]
     axes: tuple[AxisSum, ...]
     order: Float[np.ndarray, " t"]
     timed: bool
@@ -120,7 +120,7 @@ class GroupResult:
             "fits": self.fits,
             "effects": self.effects,
             "gauges": self.freedoms,
-            "confusions": self.lost,
+            "confusions": self.confusions,
             "axes": {
                 one.axis: {
                     "unit": one.unit,
@@ -160,7 +160,7 @@ def prove_group(
         freedoms=tuple(
             dataclasses.replace(each, rule=_rule(found, each)) for each in fit.gauges
         ),
-        lost=fit.confusions,
+        confusions=fit.confusions,
         axes=tuple(_sum(found, drafts, files[axis]) for axis in fit.axes),
         order=recording.order,
         timed=recording.timed,

@@ -51,14 +51,14 @@ class TemperatureDraft(AbstractDraft):
         plan: What was asked for.
         found: The estimate, in the sign of the error.
         share: Its part of the joint fit.
-        lost: Why the coefficient is held constant, in words; empty where it is not.
+        confounded: Why the coefficient is held constant, in words; empty where it is not.
     """
 
     fit: Spec
     plan: "TemperaturePlan"
     found: TemperatureFit
     share: "Share"
-    lost: str = ""
+    confounded: str = ""
 
     @property
     def written(self) -> bool:
@@ -70,7 +70,7 @@ class TemperatureDraft(AbstractDraft):
 
     @property
     def partial(self) -> bool:
-        return bool(self.lost)
+        return bool(self.confounded)
 
     @functools.cached_property
     def zero(self) -> float:

@@ -142,9 +142,9 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
     """Return everything that the report has to say of a fit."""
     fit = draft.found
     yield from draft.share.remarks()
-    if draft.lost:
+    if draft.confounded:
         yield Remark.error(
-            f"{draft.lost} The coefficient is left out; the offset over the temperature is"
+            f"{draft.confounded} The coefficient is left out; the offset over the temperature is"
             " determined and written."
         )
     if not fit.moving and set((draft.fit.law or {}).values()) == {"constant"}:
@@ -215,7 +215,7 @@ def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
             " shift of the whole axis is not seen, and only the growth from there"
             " is corrected."
         )
-    if not draft.lost:
+    if not draft.confounded:
         yield from _or_drift(fit)
     if fit.independent < _FEW and fit.noise.drift > 0:
         yield Remark.warning(

@@ -97,11 +97,11 @@ class TemperaturePlan(AbstractPlan):
             only = {"coefficient": line.sensors["coefficient"]}
             line = dataclasses.replace(line, sensors=only, reference=datum)
         rows = complete_rows(line, data, kept)
-        if lost := self._confused(line, data):
+        if confounded := self._confused(line, data):
             # Where the slope and its change are one, the offset may stand apart from both.
             line = dataclasses.replace(line, law={**line.law, "coefficient": 1})
             if "offset" not in line.sensors or self._confused(line, data):
-                raise FitError(lost)
+                raise FitError(confounded)
         line = choose_line(data, rows, line, self.fit.loss)
         recording = only_these(recording, rows)
         bent = bent_to_meet(line) if self.meets and datum is None else line
@@ -111,7 +111,7 @@ class TemperaturePlan(AbstractPlan):
             draft = self._of(line, recording, rows)
         missed = len(kept) - len(rows)
         found = dataclasses.replace(draft.found, missed=missed, meeting=meeting)
-        return dataclasses.replace(draft, found=found, lost=lost)
+        return dataclasses.replace(draft, found=found, confounded=confounded)
 
     def _of(
         self,

@@ -167,7 +167,7 @@ def test_what_readings_cannot_tell_is_named_and_the_rest_written(
     words = next(r.message for r in left[1].remarks if r.level == "error")
     assert "temperature of X (scale) is left out" in words
     assert "at another temperature" in words
-    assert found.groups[0].lost
+    assert found.groups[0].confusions
     written = {str(file) for file in found.files}
     assert "achskw1.lis" not in written
     assert "temperature_X.csv" not in written
