@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from axcomp.ident.cli import _said
+from axcomp.ident.cli import _console
 from axcomp.ident.cli._console import working
 
 
@@ -15,7 +15,7 @@ def test_a_terminal_sees_what_goes_on_once_it_takes_long(
     with working("reading the job"):
         pass
     assert capsys.readouterr().err == ""
-    monkeypatch.setattr(_said, "_SOON", 0.0)
+    monkeypatch.setattr(_console, "_SOON", 0.0)
     with working("reading the job") as step:
         end = time.monotonic() + 10.0
         said = ""
@@ -33,7 +33,7 @@ def test_elsewhere_the_steps_of_long_work_are_plain_lines(
     with working("reading the job") as step:
         step("fitting")
     assert capsys.readouterr().err == ""
-    monkeypatch.setattr(_said, "_LONG", -1.0)
+    monkeypatch.setattr(_console, "_LONG", -1.0)
     with working("reading the job", every=60.0) as step:
         step("fitting")
         step("proving")  # within a minute of the other one
