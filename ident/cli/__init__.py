@@ -6,8 +6,8 @@ needs when it runs, so that `axcomp check` starts without JAX. They stand in `_r
 `_fit`, `_iso230`, `_batch` (batch, results), `_lists` (check, show, diff, convert), `_export`
 (objects, probe, export-external), `_simulate`, `_judge` (verify, doctor), `_discover` and the
 folder `demo`. `_options` makes options of their parameters and docstrings, and holds what several
-of them take; `_said` prints sentences, tables and progress; `_show_tables` and `_list_plots` show
-a list.
+of them take; `_console` prints sentences, tables and progress; `_show_tables` and `_list_plots`
+show a list.
 """
 
 import gc
