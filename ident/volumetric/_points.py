@@ -1,7 +1,7 @@
 """Measured points in the volume of a machine."""
 
 import dataclasses
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -10,6 +10,9 @@ from ...data.measurements import Measurement
 from ..core import FitError, Readings
 
 _AXES = "XYZ"
+
+Rows = Any
+"""Array or lists of numbers: an array of floats once they are checked."""
 
 
 @final
@@ -29,8 +32,8 @@ class Points:
             zero; None: all have the same.
     """
 
-    position: Float[np.ndarray, "t 3"]
-    error: Float[np.ndarray, "t *c"]
+    position: Rows
+    error: Rows
     direction: Float[np.ndarray, "t 3"] | None = None
     tool: Float[np.ndarray, "*t 3"] | None = None
     run: np.ndarray | None = None

@@ -137,6 +137,7 @@ def test_what_no_list_holds_is_refused_by_name(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.other_types
 def test_lists_of_other_axes_are_not_left_out(tmp_path: Path) -> None:
     models = AxisModels(1, {"leadscrew": SCREW})
     old = write_lists(models, tmp_path / "old")[0]

@@ -154,6 +154,7 @@ def test_what_readings_do_not_determine_is_refused() -> None:
     assert np.isfinite(fitted(table, few, ERROR, WEIGHT, 1e-3).pos).all()
 
 
+@pytest.mark.other_types
 def test_what_is_no_linear_fit_is_refused() -> None:
     table, place = TABLES["one direction"], PLACE[:, 0]
 
@@ -192,6 +193,7 @@ def test_what_is_no_linear_fit_is_refused() -> None:
         )(1.0)
 
 
+@pytest.mark.other_types
 def test_lists_are_arrays_and_pairs() -> None:
     table = TABLES["one direction"]
     lists: Any = (PLACE[:, 0].tolist(), ERROR.tolist(), [0.5, 0.1])

@@ -242,6 +242,7 @@ def test_a_failed_solve_is_a_value_or_an_error() -> None:
             decay(solver=solver, max_steps=2)
 
 
+@pytest.mark.other_types
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -312,6 +313,7 @@ class Stage(eqx.Module):
         return jnp.asarray(self.shape(along(self.first, inputs["a"]))) + rest
 
 
+@pytest.mark.other_types
 @pytest.mark.parametrize("solver", [None, "ipopt"])
 def test_a_model_of_parts_and_functions_takes_lists_and_single_precision(
     solver: Any,

@@ -117,6 +117,7 @@ def test_models_of_a_fit_take_the_error_off() -> None:
     assert fit["plane"].standard_deviation.values.shape == plane.values.shape
 
 
+@pytest.mark.other_types
 def test_friction_is_fitted_from_the_current() -> None:
     time = np.arange(0.0, 60.0, 0.005)
     velocity = 60.0 * np.sin(2 * np.pi * time / 7.0) + 20.0 * np.sin(time)
@@ -172,6 +173,7 @@ def test_directions_are_one_and_minus_one_or_words() -> None:
             axcomp.fit(stack, data | {"X.direction": wrong})
 
 
+@pytest.mark.other_types
 def test_arrays_may_be_lists_or_of_single_precision() -> None:
     data, stack = in_both_directions(), [SCREW, axcomp.Backlash("X")]
     plain = axcomp.fit(stack, data)
@@ -334,6 +336,7 @@ def test_a_table_knows_that_few_runs_do_not_tell_their_mean() -> None:
     assert np.max(own.standard_deviation.pos) < 1e-4
 
 
+@pytest.mark.other_types
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -372,6 +375,7 @@ def test_options_that_do_not_fit_together_are_refused(
         axcomp.fit([SCREW], along_x(0), **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.other_types
 def test_files_need_the_numbers_of_the_axes(tmp_path: Path) -> None:
     fit = axcomp.fit([SCREW], along_x(0))
     with pytest.raises(FitError, match="found no number of X"):
@@ -419,6 +423,7 @@ def test_a_table_that_was_off_beside_one_that_was_on_is_not_added_to(
         fit.write(tmp_path / "out", lists=lists, axes={"X": 1, "Y": 2})
 
 
+@pytest.mark.other_types
 @pytest.mark.parametrize(
     ("effects", "message"),
     [

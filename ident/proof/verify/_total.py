@@ -95,7 +95,7 @@ def drive_target(
         apart = (aligned - position)[inside]
         factors = np.linalg.lstsq(every[inside], apart, rcond=None)[0]
         moved = aligned - every[:, 3:] @ factors[3:]
-        found = estimate_delay(position, moved, 1.0, longest=_REACH)
+        found = estimate_delay(position, moved, 1.0, longest=float(_REACH))
         sure = abs(found.seconds) > _SURE * found.standard_deviation
         delay = found.seconds if found.determined and sure else 0.0
         late, part = late + round(delay), delay - round(delay)
