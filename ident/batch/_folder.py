@@ -89,8 +89,8 @@ def begin(
 
 def end(folder: Path, manifest: Mapping[str, Any], seconds: float) -> None:
     """Write ``batch.json`` once more when all jobs are done."""
-    told = {"finished": _now(), "seconds": round(seconds, 1)}
-    _write(folder / _MANIFEST, {**manifest, **told})
+    ending = {"finished": _now(), "seconds": round(seconds, 1)}
+    _write(folder / _MANIFEST, {**manifest, **ending})
 
 
 def _write(path: Path, manifest: Mapping[str, Any]) -> None:

@@ -228,11 +228,7 @@ class _Passes:
             problem = self._problem(matrix, theta)
             # About the values themselves the sums keep all their digits.
             problem = self._solved(problem, self._light(problem)).about()
-            post = (
-                self._chosen(problem, None)
-                if self.fixed is None
-                else self._solved(problem, self.fixed(problem))
-            )
+            post = self._weighed(problem)
             return Estimate(post, Loss(), theta, True, self.fixed is not None)
         # Far from the table every residual is large: believe all, the hopeless ones less.
         size, count = matrix.sizes
@@ -251,12 +247,7 @@ class _Passes:
         problem = self._problem(matrix, theta)
         plain = self._solved(problem, self._light(problem)).about()
         try:
-            post = (
-                self._chosen(plain, None)
-                if self.fixed is None
-                else self._solved(plain, self.fixed(plain))
-            )
-            other = self._robust(post, total)
+            other = self._robust(self._weighed(plain), total)
         except FitError:
             if found is None:
                 raise
@@ -349,6 +340,12 @@ class _Passes:
             msg = "the readings do not determine the table: the normal matrix is singular."
             raise FitError(msg)
         return found
+
+    def _weighed(self, problem: Problem) -> Posterior:
+        """Return the posterior at the weights that were given, or else by evidence."""
+        if self.fixed is None:
+            return self._chosen(problem, None)
+        return self._solved(problem, self.fixed(problem))
 
     def _chosen(self, problem: Problem, near: Posterior | None) -> Posterior:
         found = choose_weights(problem, near)

@@ -55,19 +55,19 @@ def fit_all(
         for one in own.values():
             hand_on(one, order, left)
     undetermined: dict[int, FitError] = {}
-    untold = _confounded_single(tables, single)
+    confounded = _confounded_single(tables, single)
     for place, k in enumerate(order):
         draft = None
-        if k not in untold or fits[k].kind.partial:
+        if k not in confounded or fits[k].kind.partial:
             say(f"fitting {fits[k].compensation} of {fits[k].axis}")
             try:
                 with job.blaming(("fits", k), f"{_start(fits[k])}: "):
                     draft = single[k].fit_single(tables, left)
             except FitError as error:
-                if k not in untold:
-                    undetermined[k], untold[k] = error, str(error)
-        if draft is None or (k in untold and draft.written and not draft.partial):
-            draft = single[k].left_out(untold[k])
+                if k not in confounded:
+                    undetermined[k], confounded[k] = error, str(error)
+        if draft is None or (k in confounded and draft.written and not draft.partial):
+            draft = single[k].left_out(confounded[k])
         drafts[k] = draft
         hand_on(draft, order[place + 1 :], left)
     if len(undetermined) == len(fits):
