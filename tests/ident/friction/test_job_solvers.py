@@ -15,6 +15,9 @@ from axcomp.models import (
 
 from ..friction_job import friction_job
 
+# Simulations take longer than a compilation with few optimisations saves.
+pytestmark = pytest.mark.usefixtures("optimised")
+
 WRITTEN = "rated_current = 12\ntorque_unit = 0.001\nlevel = 1.0"
 """Keys with which all of the friction becomes a list."""
 
@@ -66,12 +69,12 @@ def test_options_that_do_not_go_together_are_refused_before_work(
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording whose current comes 6 ms late: forces and positions disagree on a law."""
+    """A recording whose current comes 12 ms late: forces and positions disagree on a law."""
     folder = tmp_path_factory.mktemp("driven")
-    law, step = StribeckFriction(2.0, 3.0, 5.0, 2.0, 0.004), 0.002
+    law, step = StribeckFriction(2.0, 3.0, 5.0, 2.0, 0.004), 0.004
     rng = np.random.default_rng(8)
-    count = np.arange(200)
-    ramp = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1, count / 60))
+    count = np.arange(100)
+    ramp = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1, count / 30))
     speeds = (2.0, 8.0, 16.0, 40.0, 100.0)
     velocity = np.concatenate(
         [way * v * ramp * ramp[::-1] for v in speeds for way in (1, -1)]
@@ -86,14 +89,14 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def output(driven: Path) -> FrictionResult:
     """The recording fitted by simulation."""
-    return run(driven, 0.002, f'method = "output_error"\n{WRITTEN}')
+    return run(driven, 0.004, f'method = "output_error"\n{WRITTEN}')
 
 
 @pytest.mark.slow
 def test_what_is_predicted_follows_the_law_that_output_error_found(
     driven: Path, output: FrictionResult
 ) -> None:
-    inverse = run(driven, 0.002, WRITTEN)
+    inverse = run(driven, 0.004, WRITTEN)
     velocity, moving = output.view.velocity, output.view.moving
     laws = [each.fit.law for each in (inverse, output)]
     assert laws[0] is not None
@@ -120,7 +123,7 @@ def test_ipopt_in_a_job_ends_no_higher_than_optimistix(
     # Without inequalities both jobs hold windows out by optimistix: once is enough.
     held_out = "axcomp.ident.kinds.friction._identify.laws_held_out"
     monkeypatch.setattr(held_out, lambda *_: output.identified.without)
-    second = run(driven, 0.002, 'method = "output_error"\nsolver = "ipopt"')
+    second = run(driven, 0.004, 'method = "output_error"\nsolver = "ipopt"')
     assert output.identified.output is not None
     assert second.identified.output is not None
     assert second.law.method == "output error (ipopt)"
