@@ -10,6 +10,7 @@ The library at a glance; each name is loaded when it is first used:
   machine; `Volumetric`, a grid) from measured `Points`.
 * `load_model`, `write`: lists of the controller ↔ models (`AxisModels`, `ModelUnit`).
   `export_external`: models as C of an external compensation.
+* `AxcompError`: what is raised where input cannot be used, in words that say what to do.
 
 Three parts, imported by their own names so that a command which only reads lists never
 pays for what only a fit needs:
@@ -24,6 +25,7 @@ from typing import TYPE_CHECKING
 from .ident._lazy import homes_of, importer
 
 if TYPE_CHECKING:
+    from .data.errors import AxcompError as AxcompError
     from .ident._fit_linear import fit_linear as fit_linear
     from .ident._fit_model import fit_model as fit_model
     from .ident._library import Fit as Fit, fit as fit

@@ -451,6 +451,46 @@ def test_nodes_are_given_one_way() -> None:
         axcomp.Temperature("X")
 
 
+def test_a_table_that_cannot_be_is_refused_in_words() -> None:
+    # In a process of its own, where nobody checks the types of arguments.
+    code = """
+import axcomp
+line = {"start": 0, "interval": 10, "points": 5}
+pair = {key: (value, value) for key, value in line.items()}
+for kind, given in (
+    (axcomp.Cross, line | {"master": "X"}),
+    (axcomp.Plane, pair | {"masters": ("Y", "X")}),
+    (axcomp.Plane, pair | {"masters": ("Y",)}),
+    (axcomp.Plane, line | {"masters": ("Y", "Z")}),
+    (axcomp.Leadscrew, line | {"points": 5.5}),
+    (axcomp.Leadscrew, line | {"start": (0,)}),
+    (axcomp.Leadscrew, {"setpoints": 0.0}),
+):
+    try:
+        print(kind("X", **given))
+    except axcomp.AxcompError as error:
+        print(error)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    start = "found start 0, interval 10 and points 5.5"
+    for line, words in zip(
+        done.stdout.splitlines(),
+        (
+            "cross of X over X: found an axis twice, expected other axes as masters",
+            "plane of X over Y and X: found an axis twice, expected other axes as masters",
+            "plane of X: found masters ('Y',), expected two, one per master",
+            "plane of X: found start 0, expected two, one per master",
+            f"leadscrew of X: {start}, expected two numbers and a whole number",
+            "leadscrew of X: found start (0,), interval 10 and points 5, expected two",
+            "leadscrew of X: expected at least two nodes in ascending order",
+        ),
+        strict=True,
+    ):
+        assert line.startswith(words)
+
+
 @pytest.mark.parametrize(("word", "lag"), [("auto", "fit"), ("none", 0.0), (60, 60)])
 def test_a_lag_has_the_words_of_a_job(word: str, lag: float | str) -> None:
     sensors = {"offset": "spindle", "coefficient": "scale"}

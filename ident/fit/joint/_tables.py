@@ -122,8 +122,31 @@ class AbstractTable(AbstractEffect):
         return np.reshape(found, (2, *shape) if len(ways) > 1 else shape)
 
 
-def _grid(start: Number, interval: Number, points: int) -> Float[np.ndarray, " n"]:
-    return np.round(float(start) + float(interval) * np.arange(points), _DIGITS)
+def _grid(
+    name: str, start: Number, interval: Number, points: int
+) -> Float[np.ndarray, " n"]:
+    try:
+        first, step, count = float(start), float(interval), int(points)
+    except (TypeError, ValueError):
+        count = None
+    if count is None or count != points:
+        msg = (
+            f"{name}: found start {start!r}, interval {interval!r} and points {points!r},"
+            " expected two numbers and a whole number"
+        )
+        raise FitError(msg)
+    return np.round(first + step * np.arange(count), _DIGITS)
+
+
+def _check_masters(table: AbstractTable, count: int) -> None:
+    """Check that a table lies over so many axes, none of them its own.
+
+    Raises:
+        FitError: If it does not.
+    """
+    if len({table.axis, *table.masters}) != 1 + count:
+        msg = f"{table.name}: found an axis twice, expected other axes as masters"
+        raise FitError(msg)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -146,7 +169,8 @@ class AbstractLine(AbstractTable):
 
     def __post_init__(self) -> None:
         if self.setpoints is not None:
-            object.__setattr__(self, "setpoints", tuple(map(float, self.setpoints)))
+            nodes = np.atleast_1d(np.asarray(self.setpoints, np.float64))
+            object.__setattr__(self, "setpoints", tuple(nodes.tolist()))
         super().__post_init__()
 
     @cached_property
@@ -159,7 +183,7 @@ class AbstractLine(AbstractTable):
         if self.setpoints is None and not (
             start is None or interval is None or points is None
         ):
-            return _grid(start, interval, points)
+            return _grid(self.name, start, interval, points)
         msg = (
             f"{self.compensation} of {self.axis}: expected either setpoints or start, "
             "interval and points"
@@ -241,6 +265,10 @@ class Cross(AbstractLine):
     rank = Rank.CROSS
     no_keys = ("modulo",)  # its axis says so
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_masters(self, 1)
+
     @cached_property
     def masters(self) -> tuple[str, ...]:
         """See `AbstractEffect`."""
@@ -280,9 +308,17 @@ class Plane(AbstractTable):
 
     def __post_init__(self) -> None:
         for key in ("masters", "start", "interval", "points"):
-            if (given := getattr(self, key)) is not None:  # lists do as well
-                object.__setattr__(self, key, tuple(given))
+            if (given := getattr(self, key)) is None:
+                continue
+            if np.shape(given) != (2,):
+                msg = (
+                    f"plane of {self.axis}: found {key} {given!r}, expected two, one per"
+                    " master"
+                )
+                raise FitError(msg)
+            object.__setattr__(self, key, tuple(given))  # lists do as well
         super().__post_init__()
+        _check_masters(self, 2)
 
     @cached_property
     def table_effect(self) -> TableEffect:
@@ -294,7 +330,7 @@ class Plane(AbstractTable):
             raise FitError(msg)
         else:
             each = zip(self.start, self.interval, self.points, strict=True)
-            nodes = tuple(_grid(*axis) for axis in each)
+            nodes = tuple(_grid(self.name, *axis) for axis in each)
         return shared_table(nodes, self.masters)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
