@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast, final, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, final
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +13,18 @@ import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
 from ..data.measurements import Measurement
-from ..models import AbstractLookup
+from ._arguments import (
+    Datum,
+    by_name,
+    check_alike,
+    check_names,
+    check_options,
+    check_reach,
+    check_words,
+    datum_of,
+    names_of,
+    stack_of,
+)
 from ._ipopt import least_squares_ipopt, one_vector
 from ._readings import Friction, Roles, arrays_of, recording_of, without_zero_of
 from ._write_job import Stated, verdicts_of, write_job
@@ -37,8 +48,6 @@ if TYPE_CHECKING:
 
     from .job import JobResult
 
-Datum = float | Sequence[float]
-"""A position, one per master."""
 _FOLDS = 5
 """Blocks of consecutive readings that are held out in turn where there is one run."""
 _EMPTY = 1e-10
@@ -257,42 +266,20 @@ def fit(
             lies in a table, or nothing keeps the constraints.
         ValueError: If options do not fit together.
     """
-    for option, word, words in (
-        ("remove", remove, ("none", "offset", "line")),
-        ("solver", solver, ("factor", "ipopt", None)),
-    ):
-        if word not in words:
-            known = ", ".join(repr(each) for each in words if each)
-            msg = f"{option}: found {word!r}, expected one of {known}."
-            raise ValueError(msg)
-    if smoothness is None:
-        msg = "smoothness: found None, expected 'auto' or a number >= 0"
-        raise ValueError(msg)
-    if not isinstance(drift, int | np.integer) or drift < 0:
-        msg = f"drift: found {drift!r}, expected a whole number of 0 or more"
-        raise ValueError(msg)
-    effects = _stack_of(effects)
-    constraints = _by_name(constraints)
+    check_options(remove, solver, smoothness, drift)
+    effects = stack_of(effects)
+    constraints = by_name(constraints)
     if constraints and solver == "factor":
         msg = "constraints need solver='ipopt': the factor knows no inequalities."
         raise ValueError(msg)
     given = arrays_of(effects, data)
     stack = [one for one in effects if isinstance(one, AbstractEffect)]
-    names = _names(effects)
-    place = _datum(stack, datum)
-    _check_reach(stack, given)
+    names = names_of(effects)
+    place = datum_of(stack, datum)
+    check_reach(stack, given)
     options = {"loss": loss, "smoothness": smoothness}
     treated = {"drift": drift, "remove": remove, "datum": place}
-    unknown = [name for name in (*(active or {}), *constraints) if name not in names]
-    if unknown:
-        msg = (
-            f"found {', '.join(unknown)} among active and constraints, expected {names}"
-        )
-        raise ValueError(msg)
-    for name, one in zip(names, effects, strict=True):
-        if isinstance(one, Friction) and name in {*(active or ()), *constraints}:
-            msg = f"{name}: found active or constraints of it, which a job takes only"
-            raise FitError(msg)
+    check_names(names, effects, active or (), constraints)
     stated = Stated(
         effects, given, options, treated, tuple(active or ()), names, constraints
     )  # fmt: skip
@@ -344,7 +331,7 @@ def fit(
             )
         acted: Float[np.ndarray, ...] | float = 0.0
         if active and name in active:
-            _check_alike(name, active[name], part.effect.to_model(table, -1.0))
+            check_alike(name, active[name], part.effect.to_model(table, -1.0))
             acted = one.offsets(active[name])
         if name in constraints:
             table = _constrained(part, table, constraints[name], place, acted)
@@ -374,91 +361,6 @@ def fit(
     )
 
 
-def _stack_of(effects: Any) -> tuple[AbstractEffect | Friction, ...]:
-    """Return effects one by one.
-
-    Raises:
-        FitError: If there is none, or one is something else.
-    """
-    known = AbstractEffect | Friction
-    stack = (effects,) if isinstance(effects, known) else tuple(effects)
-    wrong = [repr(one) for one in stack if not isinstance(one, known)]
-    if wrong or not stack:
-        found = ", ".join(wrong) or "none"
-        msg = f"effects: found {found}, expected some such as axcomp.Backlash('X')"
-        raise FitError(msg)
-    return stack
-
-
-def _by_name(constraints: Any) -> dict[str, Any]:
-    """Return what effects keep by name, words in a row; what keeps nothing is left out.
-
-    Raises:
-        FitError: If there are no names.
-    """
-    if not isinstance(constraints, Mapping | None):
-        msg = "constraints: expected them by name: {'leadscrew': ['monotone']}"
-        raise FitError(msg)
-    found = dict(constraints or {})
-    rows = {
-        name: (own,) if isinstance(own, str) else own for name, own in found.items()
-    }
-    return {name: own for name, own in rows.items() if callable(own) or len(own)}
-
-
-def _check_reach(
-    stack: Sequence[AbstractEffect], given: Mapping[str, np.ndarray]
-) -> None:
-    """Check that some reading lies in each table.
-
-    Raises:
-        FitError: If none does.
-    """
-    for one in stack:
-        if one.table_effect is None or one.table_effect.ring:
-            continue
-        for (channel, name), (low, high) in one.ranges.items():
-            places = given[f"{name}.{channel}"]
-            if not np.any((places >= low) & (places <= high)):
-                ends = f"{np.nanmin(places):g} to {np.nanmax(places):g}"
-                msg = (
-                    f"{one.name}: found readings at {name} = {ends}, expected some from"
-                    f" {low:g} to {high:g}, where its nodes are"
-                )
-                raise FitError(msg)
-
-
-def _check_alike(name: str, acted: Any, model: Any) -> None:
-    """Check that a model which acted is of the kind that is fitted, and holds no more.
-
-    Raises:
-        FitError: If it does not.
-    """
-    if not isinstance(acted, type(model)):
-        found, expected = type(acted).__name__, type(model).__name__
-        msg = f"active: found a {found} as {name}, expected a {expected}"
-        raise FitError(msg)
-    if isinstance(acted, AbstractLookup) and len(acted.tables) > len(model.tables):
-        msg = (
-            f"active: found {name} of two directions, of which one would be lost; expected "
-            "bilateral=True"
-        )
-        raise FitError(msg)
-
-
-def _names(effects: Sequence[AbstractEffect | Friction]) -> tuple[str, ...]:
-    """Return the name of each effect: its compensation, with the axis where it recurs."""
-    kinds = [one.compensation for one in effects]
-    names = tuple(
-        kind if kinds.count(kind) == 1 else f"{one.axis}.{kind}"
-        for kind, one in zip(kinds, effects, strict=True)
-    )
-    if len(set(names)) < len(names):
-        msg = f"found an effect twice among {', '.join(kinds)}, expected each once an axis"
-        raise FitError(msg)
-    return names
-
-
 def _with_runs(joint: JointFit) -> dict[str, tuple[float, float]]:
     """Return the constant of each axis; it keeps the mean of the runs, which few do not tell."""
     doubts = {axis: doubt_of_means(runs)[0] for axis, runs in joint.runs.items()}
@@ -476,37 +378,6 @@ def _holders(stack: Sequence[AbstractEffect]) -> dict[str, AbstractEffect]:
     for _, one in sorted(known, key=lambda pair: pair[0]):
         found.setdefault(one.axis, one)
     return found
-
-
-def _datum(
-    stack: Sequence[AbstractEffect], datum: Datum | Mapping[str, Datum] | None
-) -> tuple[float, ...] | None:
-    """Return where the error is zero, one position per master.
-
-    Raises:
-        FitError: If an effect is no table, does not stand alone, or ends before.
-    """
-    if datum is None:
-        return None
-    if isinstance(datum, Mapping) and set(datum) != {"at"}:
-        msg = f"datum: found {', '.join(datum) or 'no key'}, expected at"
-        raise FitError(msg)
-    at = datum["at"] if isinstance(datum, Mapping) else datum
-    place = tuple(float(each) for each in np.atleast_1d(np.asarray(at)))
-    for one in stack:
-        nodes = one.grid
-        alone = [other.axis for other in stack].count(one.axis) == 1
-        if not nodes or not alone or len(nodes) != len(place):
-            msg = (
-                f"datum: found {one.compensation} of {one.axis}, expected a table alone on "
-                "its axis, and a position for each of its masters"
-            )
-            raise FitError(msg)
-        for at, own in zip(place, nodes, strict=True):
-            if not own[0] <= at <= own[-1]:
-                msg = f"datum: found {at:g}, expected {own[0]:g} to {own[-1]:g}"
-                raise FitError(msg)
-    return place
 
 
 def _zero(
@@ -561,7 +432,7 @@ def _constrained(
     along = np.stack([one - _zero(effect, one, place) for one in moves], axis=-1)
     each = np.stack(moves, axis=-1)
     if not callable(constraint):
-        _check_words(part, constraint)
+        check_words(part, constraint)
         entries, unit = _entries(effect, written), float(np.sqrt(sizes.max()))
         rows = [_entries(effect, one) / unit for one in np.moveaxis(along, -1, 0)]
         slopes = sp.csr_array(np.stack(rows, axis=-1).reshape(-1, len(rows)))
@@ -591,19 +462,3 @@ def _entries(
     """Return the entries of a list for the values of a table, shaped like them."""
     tables = effect.to_model(values, -1.0).tables
     return np.concatenate([np.ravel(each) for each in tables]).reshape(values.shape)
-
-
-def _check_words(part: Part, words: Sequence[Constraint]) -> None:
-    """Check that a part is a table that may keep words.
-
-    Raises:
-        FitError: If it is none, or goes round.
-    """
-    table, known = part.effect.table_effect, get_args(Constraint)
-    one_way = table is not None and not (table.ring and known[0] in words)
-    if not one_way or not set(words) <= {*known}:
-        msg = (
-            f"constraints of {part.name}: found {', '.join(words)}, expected a function, or"
-            f" of a table {' and '.join(known)} (the first with two ends)"
-        )
-        raise FitError(msg)
