@@ -1,6 +1,7 @@
 """Tables as effects, over the stencils of the controller: leadscrew, cross and plane."""
 
 import abc
+import contextlib
 import dataclasses
 import itertools
 from collections.abc import Sequence
@@ -125,17 +126,15 @@ class AbstractTable(AbstractEffect):
 def _grid(
     name: str, start: Number, interval: Number, points: int
 ) -> Float[np.ndarray, " n"]:
-    try:
-        first, step, count = float(start), float(interval), int(points)
-    except (TypeError, ValueError):
-        count = None
-    if count is None or count != points:
-        msg = (
-            f"{name}: found start {start!r}, interval {interval!r} and points {points!r},"
-            " expected two numbers and a whole number"
-        )
-        raise FitError(msg)
-    return np.round(first + step * np.arange(count), _DIGITS)
+    with contextlib.suppress(TypeError, ValueError):
+        if int(points) == points:
+            own = float(start) + float(interval) * np.arange(int(points))
+            return np.round(own, _DIGITS)
+    msg = (
+        f"{name}: found start {start!r}, interval {interval!r} and points {points!r},"
+        " expected two numbers and a whole number"
+    )
+    raise FitError(msg)
 
 
 def _check_masters(table: AbstractTable, count: int) -> None:
