@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from axcomp.ident.core import FitError, node_shares, regress
+from axcomp.ident.core import FitError, find_drift, node_shares, regress
 from axcomp.models import TemperatureCurve
 
 NOISE = 1e-3
@@ -43,3 +43,12 @@ def test_columns_that_say_the_same_are_refused() -> None:
     columns = np.column_stack([np.ones(9), np.arange(9.0), 2.0 + np.arange(9.0)])
     with pytest.raises(FitError, match="cannot tell the columns apart"):
         regress(columns, np.zeros(9))
+
+
+def test_residuals_without_any_scatter_have_no_drift() -> None:
+    time, columns = np.arange(50.0), np.ones((50, 1))
+    for value in 1.0 / np.arange(1.0, 31.0):
+        residual = np.full(50, value)
+        # What rounding leaves is the root of a difference of squares.
+        drift = find_drift(time, columns, residual, np.ones(50)).drift
+        assert drift < 1e-6 * value
