@@ -3,6 +3,7 @@
 `Friction`, the effect that takes no joint readings, stands here with its roles.
 """
 
+import contextlib
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -123,6 +124,9 @@ def arrays_of(
     if isinstance(data, Measurement):
         axes = [one.axis for one in effects if isinstance(one, AbstractEffect)]
         data = without_motion(data, axes).with_gaps()
+    elif not isinstance(data, Mapping):
+        msg = f"data: found {data!r}, expected a measurement or arrays by role"
+        raise FitError(msg)
     for one in effects:
         wanted += one.roles
         if isinstance(one, AbstractEffect):
@@ -141,8 +145,22 @@ def arrays_of(
             known = ", ".join(data) if isinstance(data, Mapping) else ""
             msg = f"the effects need {role!r}, found arrays of {known}"
             raise FitError(msg)
-        found[role] = np.asarray(values, None if role == "run" else np.float64)
+        found[role] = _row_of(values, role)
     return found
+
+
+def _row_of(values: np.ndarray, role: str) -> np.ndarray:
+    """Return numbers, one per row; runs may have names.
+
+    Raises:
+        FitError: If they are others.
+    """
+    shape = np.shape(values)
+    with contextlib.suppress(TypeError, ValueError):
+        if len(shape) == 1 and shape != (0,) and not np.iscomplexobj(values):
+            return np.asarray(values, None if role == "run" else np.float64)
+    msg = f"{role}: found {values.dtype} of shape {shape}, expected one number per row"
+    raise FitError(msg)
 
 
 def _directions(given: np.ndarray, role: str) -> np.ndarray:

@@ -17,6 +17,9 @@ from .fit.joint import AbstractEffect, Temperature
 if TYPE_CHECKING:
     from .job import JobResult
 
+_SIGNED = "# Fit.write writes over this file while it is as written: {}\n"
+"""How a job ends: with the digest of what stands before."""
+
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -68,6 +71,7 @@ def write_job(
 ) -> "JobResult":
     """Write readings and job into a folder, run the job there; see `Fit.write`."""
     from .job import run_job
+    from .job.write._output import signed
 
     functions = [name for name, each in stated.constraints.items() if callable(each)]
     if functions:
@@ -79,14 +83,16 @@ def write_job(
     numbered = _numbered(stated, lists, axes)
     _refuse_half_active(stated, numbered)
     folder.mkdir(parents=True, exist_ok=True)
+    path, readings = folder / "job.toml", folder / "readings.parquet"
+    _refuse_strange(path, readings)
+    fits = list(_fits(stated))
     job: dict[str, Any] = {
         "axes": numbered,
-        "measurements": {"readings": _measurement(stated, folder, numbered)},
+        "measurements": {"readings": _measurement(stated, readings, numbered)},
         "gate": dict(gate),
+        "fits": fits,
     }
-    job["fits"] = list(_fits(stated))
-    path = folder / "job.toml"
-    path.write_text(job_text(job) + "\n", encoding="utf-8")
+    path.write_bytes(signed(job_text(job) + "\n", _SIGNED))
     return run_job(path, folder)
 
 
@@ -146,8 +152,22 @@ def _refuse_half_active(stated: Stated, axes: Mapping[str, Mapping[str, Any]]) -
             raise FitError(msg)
 
 
+def _refuse_strange(path: Path, readings: Path) -> None:
+    """Refuse to write over a job, or readings, that are not as an earlier write left them."""
+    from .job.write._output import is_signed
+
+    own = path.is_file() and is_signed(path.read_bytes(), _SIGNED)
+    there = [file.name for file in (path, readings) if file.exists()]
+    if there and not own:
+        msg = (
+            f"write: found {' and '.join(there)} in {path.parent}, not as a write left it,"
+            " expected another folder: it would be lost"
+        )
+        raise FitError(msg)
+
+
 def _measurement(
-    stated: Stated, folder: Path, axes: Mapping[str, Mapping[str, Any]]
+    stated: Stated, path: Path, axes: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Write the readings and return the keys of the measurement."""
     import pyarrow as pa  # takes long to load
@@ -167,10 +187,6 @@ def _measurement(
             angles = [each for each in role.dimensions if each.startswith("ang")]
             dimension = angles[0] if angles and turns else role.dimensions[0]
             columns[text]["unit"] = LIBRARY_UNIT[dimension]
-    table = {
-        text: pa.array(values, from_pandas=True) for text, values in arrays.items()
-    }
-    pq.write_table(pa.table(table), folder / "readings.parquet")
     treated = {key: value for key, value in stated.treated.items() if value}
     if (place := treated.pop("datum", None)) is not None:
         treated["datum"] = {"at": list(place)}
@@ -187,8 +203,12 @@ def _measurement(
         raise FitError(msg)
     if references - {20.0}:
         treated["reference_temperature"] = references.pop()
+    table = {
+        text: pa.array(values, from_pandas=True) for text, values in arrays.items()
+    }
+    pq.write_table(pa.table(table), path)
     return {
-        "file": "readings.parquet",
+        "file": path.name,
         "active": list(stated.active_kinds),
         "columns": columns,
     } | treated

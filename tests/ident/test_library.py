@@ -1,6 +1,7 @@
 """The library's face: the recipes of docs/library.md, and its effects."""
 
 import doctest
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -90,6 +91,26 @@ def test_effects_and_datum_are_stated_in_the_words_of_a_job() -> None:
     np.testing.assert_array_equal(one.pos, other.pos)
     with pytest.raises(FitError, match="datum: found zero, expected at"):
         axcomp.fit([SCREW], data, datum={"zero": 100.0})
+
+
+@pytest.mark.other_types
+@pytest.mark.parametrize(
+    ("role", "given", "found"),
+    [
+        ("X.position", ["a"] * 5, "<U1 of shape (5,)"),
+        ("X.error", np.ones((5, 1)), "float64 of shape (5, 1)"),
+        ("X.error", 1.0, "float64 of shape ()"),
+        ("X.position", np.zeros(0), "float64 of shape (0,)"),
+        ("X.error", np.ones(5) + 1j, "complex128 of shape (5,)"),
+    ],
+)
+def test_readings_that_are_no_row_of_numbers_are_refused(
+    role: str, given: Any, found: str
+) -> None:
+    data = {"X.position": np.arange(5.0), "X.error": np.arange(5.0)}
+    words = f"{role}: found {found}, expected one number per row"
+    with pytest.raises(FitError, match=re.escape(words)):
+        axcomp.fit([SCREW], data | {role: given})
 
 
 def test_models_of_a_fit_take_the_error_off() -> None:
@@ -387,6 +408,23 @@ def test_files_need_the_numbers_of_the_axes(tmp_path: Path) -> None:
     assert fit.write(tmp_path, axes={"X": number}).files[0].name == "achskw1.lis"
     with pytest.raises(FitError, match="lists: found axis 3"):
         fit.write(tmp_path, lists={3: "a.lis"}, axes={"X": 1})
+
+
+def test_what_no_write_has_made_is_not_written_over(tmp_path: Path) -> None:
+    fit = axcomp.fit([SCREW], in_both_directions())
+    job = tmp_path / "job.toml"
+    fit.write(tmp_path, axes={"X": 1})
+    fit.write(tmp_path, axes={"X": 2})  # over its own
+    job.write_text("# mine\n" + job.read_text())
+    mine = job.read_bytes()
+    with pytest.raises(
+        FitError, match=r"found job\.toml and readings\.parquet in .* lost"
+    ):
+        fit.write(tmp_path, axes={"X": 1})
+    assert job.read_bytes() == mine
+    job.unlink()
+    with pytest.raises(FitError, match=r"found readings\.parquet in"):
+        fit.write(tmp_path, axes={"X": 1})
 
 
 def test_a_job_is_not_written_where_it_would_fit_something_else(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ _DRAWN = re.compile(r"overview|(group-)?\d+-.+")
 RESULT, REPORT = "result.json", "report.html"
 """What a run writes last; the report is drawn of the result, which does not name it."""
 _SIGNED = "<!-- {} -->\n"
-"""How pages and drawings end: with the digest of what stands before."""
+"""How pages and drawings end: with the digest of what stands before, as a comment."""
 
 
 class OutputError(AxcompError, OSError):
@@ -36,14 +36,15 @@ class OutputError(AxcompError, OSError):
         return f"{self.path}: {self.reason}"
 
 
-def signed(text: str) -> bytes:
-    """Return a page or drawing with its digest at the end, by which it is known again."""
-    return (text + _SIGNED.format(_digest(text.encode()))).encode()
+def signed(text: str, comment: str = _SIGNED) -> bytes:
+    """Return a text with its digest at the end, by which it is known again."""
+    return (text + comment.format(_digest(text.encode()))).encode()
 
 
-def _is_signed(content: bytes) -> bool:
-    size = len(_SIGNED.format(_digest(b"")))
-    return content[-size:] == _SIGNED.format(_digest(content[:-size])).encode()
+def is_signed(content: bytes, comment: str = _SIGNED) -> bool:
+    """Return whether a text is still as `signed` returned it."""
+    size = len(comment.format(_digest(b"")))
+    return content[-size:] == comment.format(_digest(content[:-size])).encode()
 
 
 def _digest(content: bytes) -> str:
@@ -121,7 +122,7 @@ class OutFolder:
         if self._earlier.get(name) == _digest(content):
             return False
         # Pages and drawings come after the result, which cannot name them.
-        return not (self._is_known and _is_signed(content))
+        return not (self._is_known and is_signed(content))
 
     def refuse_sources(self, names: Iterable[str]) -> None:
         """Raise where a file to be written is one that the job reads.
