@@ -5,6 +5,7 @@ import errno
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
+from itertools import count
 from pathlib import Path
 
 _LONGEST = 200
@@ -63,6 +64,31 @@ def write_together(contents: Mapping[Path, bytes]) -> None:
             raise OSError(error.errno, error.strerror, str(path)) from None
         raise
     _sync_folder(path.parent)
+
+
+def keep_copy(path: Path, folder: Path) -> Path | None:
+    """Copy a file into a folder, by another name where its own is taken.
+
+    Args:
+        path: The file.
+        folder: Made where it is missing.
+
+    Returns:
+        The copy; None where the folder held one already.
+
+    Raises:
+        OSError: If it cannot be read or copied.
+    """
+    content = path.read_bytes()
+    names = (f"{path.stem}.{k}{path.suffix}" if k else path.name for k in count())
+    for copy in map(folder.joinpath, names):
+        if not copy.exists():
+            folder.mkdir(parents=True, exist_ok=True)
+            write_atomically(copy, content)
+            return copy
+        if copy.read_bytes() == content:
+            return None
+    raise AssertionError  # names never end
 
 
 def _write(path: Path, content: bytes) -> None:

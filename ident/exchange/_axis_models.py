@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, final
 
-from ...data.files import write_atomically
+from ...data.files import keep_copy, write_atomically
 from ...data.lists import ListFile, Value
 from ...models import Conventions
 from ..kinds import kind, kinds
@@ -16,6 +16,9 @@ from ._machine_lists import Reading, entries_of_activation, machine_lists
 from ._nodes import Ranges
 from ._units import ExchangeError, ModelUnit, expect
 from .controller._controller import model_of
+
+_WRITTEN = "written by axcomp"
+"""How the first line of a new list ends."""
 
 
 @final
@@ -178,7 +181,8 @@ def write_lists(
 
     Args:
         models: Of one axis or several.
-        out: Folder; made where it is missing. Each file is replaced as a whole.
+        out: Folder; made where it is missing. Each file is replaced as a whole; one that
+            is neither of `lists` nor written by this function is kept in ``kept/``.
         lists: Existing lists by axis number: they are edited, all else in them stays.
         conventions: Rules of the controller; left out: the defaults.
         build: Of the controller; left out: the newest.
@@ -201,9 +205,11 @@ def write_lists(
     numbers = [one.axis for one in every]
     beside = {*(lists or {})} - {*numbers}
     expect(not beside, "lists", f"axes {sorted(beside)}", f"some of {numbers}")
+    known: set[Path] = set()
     for one in every:
         given = (lists or {}).get(one.axis, ())
         files = [given] if isinstance(given, str | Path) else given
+        known |= {Path(file).resolve() for file in files}
         old = machine_lists([ListFile.read(Path(file)) for file in files])
         existing = old.compensation.get(one.axis)
         entries, machine = one.to_entries(
@@ -220,7 +226,15 @@ def write_lists(
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     for name, draft in drafts.items():
-        write_atomically(folder / name, draft.dumps())
+        target, content = folder / name, draft.dumps()
+        strange = target.is_file() and target.resolve() not in known
+        if (
+            strange
+            and _WRITTEN.encode() not in (lies := target.read_bytes())
+            and lies != content
+        ):
+            keep_copy(target, folder / "kept")
+        write_atomically(target, content)
     return tuple(folder / name for name in drafts)
 
 
@@ -234,5 +248,5 @@ def _with_entries(
         if any(name.startswith(f"{each.prefix}.") for name in entries)
         for part in each.entries.stale
     ]
-    what = f"Compensation list of axis {axis}, written by axcomp"
+    what = f"Compensation list of axis {axis}, {_WRITTEN}"
     return with_tables(existing, axis, entries, begin, what).listing

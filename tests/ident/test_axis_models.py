@@ -99,6 +99,20 @@ def test_an_existing_list_keeps_all_but_the_table(tmp_path: Path) -> None:
     assert len(ListFile.read(new).table("kw.ssfk", "neg")) == 4
 
 
+def test_a_list_that_was_not_handed_over_is_kept_aside(tmp_path: Path) -> None:
+    models = AxisModels(1, {"leadscrew": SCREW})
+    mine = tmp_path / "achskw1.lis"
+    mine.write_text("kopf.achs_nr 1\nkw.crosscomp.unit 1\n")
+    before = mine.read_bytes()
+    write_lists(models, tmp_path)
+    assert (tmp_path / "kept" / mine.name).read_bytes() == before
+    # What was written, and what is edited on request, leaves no copy.
+    write_lists(models, tmp_path, lists={1: mine})
+    higher = eqx.tree_at(lambda screw: screw.pos, SCREW, SCREW.pos + 0.001)
+    write_lists(AxisModels(1, {"leadscrew": higher}), tmp_path)
+    assert len(list((tmp_path / "kept").iterdir())) == 1
+
+
 def test_currents_are_written_as_shares_of_the_rated_one(tmp_path: Path) -> None:
     # 12.5 A rated, and one unit of `out` is a thousandth of it.
     unit = ModelUnit("A", size=0.0125)

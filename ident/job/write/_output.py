@@ -2,7 +2,6 @@
 
 import contextlib
 import hashlib
-import itertools
 import json
 import re
 import tempfile
@@ -10,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from ....data.errors import AxcompError
-from ....data.files import write_atomically
+from ....data.files import keep_copy, write_atomically
 
 REJECTED = "rejected"
 KEPT = "kept"
@@ -212,22 +211,18 @@ class OutFolder:
         """
         target, is_strange = self.root / name, self._is_strange(name)
         self._free.add(name)
-        if not is_strange or (found := target.read_bytes()) == content:
+        if not is_strange or target.read_bytes() == content:
             return
-        stem, _, tail = name.rpartition(".")
-        names = (f"{stem}.{k}.{tail}" if k else name for k in itertools.count())
-        kept = next(Path(KEPT) / n for n in names if self._may_hold(n, found))
-        if (self.root / kept).exists():
-            return  # an earlier run has kept it
         try:
-            (self.root / kept).parent.mkdir(parents=True, exist_ok=True)
-            write_atomically(self.root / kept, found)
+            copy = keep_copy(target, (self.root / KEPT / name).parent)
         except OSError as error:
             reason = f"cannot keep a copy of it in {KEPT}/: {error.strerror or error}"
             raise OutputError(path=str(target), reason=reason) from None
+        if copy is None:
+            return  # an earlier run has kept it
         self.remarks.append(
             f"{name} lay in the output folder and is not as an earlier run of this job left"
-            f" it: it was kept as {kept}."
+            f" it: it was kept as {copy.relative_to(self.root)}."
         )
 
     def keep_drawings(self) -> None:
@@ -235,10 +230,6 @@ class OutFolder:
         for path in sorted((self.root / PLOTS).glob("*.svg")):
             if _DRAWN.fullmatch(path.stem):
                 self.keep(f"{PLOTS}/{path.name}")
-
-    def _may_hold(self, name: str, content: bytes) -> bool:
-        path = self.root / KEPT / name
-        return not path.exists() or path.read_bytes() == content
 
     def retire(self, name: str) -> None:
         """Move a file of an earlier run into ``rejected/``, where nobody loads it from.
