@@ -35,6 +35,10 @@ from .result._job_result import WholeAxis
 from .result._result import Remark
 from .write._lists import AxisFiles
 
+_WARM = (
+    "Lengths that were not measured at the reference temperature are brought there by"
+    " expansion and material_temperature."
+)
 _Read = tuple[Measured, Motion]
 """The error of an axis in one measurement, and where all axes were."""
 
@@ -262,15 +266,22 @@ class _Axis:
             warm = {name: motion.temperatures[name] for name in sensors}
             motion = dataclasses.replace(motion, temperatures=warm)
             added = added_beyond(loaded, before, spec.active, motion)
-            if lacking := [name for name in names if name not in added]:
-                reason = f"it lacks what {', '.join(lacking)} follows"
-                remarks.append(self._unknown(source, reason))
+            if (
+                draft.kind.table and spec.at_reference
+            ):  # lengths as they are where no law acts
+                laws = (d.compensation for d in self.drafts if d.sensors)
+                added |= dict.fromkeys(laws, np.zeros(motion.rows))
+            lacking = [n for n in names if n not in added and not kind(n).unseen]
+            # Over axes that stood still it adds a constant, which nobody knows.
+            still = [n for n in lacking if self._stands(loaded.inputs(n), motion)]
+            if roles := self._roles(loaded, set(lacking) - set(still), motion):
+                remarks.append(self._untold(source, roles))
                 continue
             if measured.line:  # nobody knows the slope that the axis has then
                 axes = self.job.spec.axes
                 over = [measured.positions[axes[k].number] for k in draft.fit.over]
                 added = {k: without_zero(v, over, "line") for k, v in added.items()}
-            known = spec.remove == "none" and spec.datum is None
+            known = spec.remove == "none" and spec.datum is None and not still
             found.append(
                 judge_together(
                     source,
@@ -282,6 +293,38 @@ class _Axis:
                 )
             )
         return found
+
+    def _stands(self, inputs: Collection[int], motion: Motion) -> bool:
+        """Return whether no axis moves in a measurement that a compensation looks at."""
+        places = motion.positions
+        seen = [places[k] for k in inputs or [self.files.number] if k in places]
+        return not any(np.ptp(one) > 0 for one in seen)
+
+    def _roles(
+        self, loaded: AxisLists, names: Collection[str], motion: Motion
+    ) -> list[str]:
+        """Return the columns that compensations follow and a measurement lacks."""
+        inputs = {axis for name in names for axis in loaded.inputs(name)}
+        found = [
+            f"{name}.position"
+            for name, axis in self.job.spec.axes.items()
+            if axis.number in inputs - motion.positions.keys()
+        ]
+        if any("temperature" in kind(name).follows for name in names):
+            sensors = dict.fromkeys(s for draft in self.drafts for s in draft.sensors)
+            found += [f"temperature.{name}" for name in sensors]
+        return found
+
+    def _untold(self, source: str, roles: Sequence[str]) -> Remark:
+        words = ", ".join(f'"{role}" = {{ value = … }}' for role in roles)
+        warm = any(role.startswith("temperature.") for role in roles)
+        return Remark.error(
+            f"What all that acts on {self.name} leaves of measurement {source!r} cannot be"
+            f" told: it lacks {' and '.join(roles)}. State what it was then in"
+            f" [measurements.{source}.columns], as a column or as {words}: without it"
+            " nobody sees whether two lists correct the same error."
+            f"{' ' + _WARM if warm else ''}"
+        )
 
     def _unknown(self, source: str, why: str) -> Remark:
         words = (
@@ -306,14 +349,8 @@ class _Axis:
 
     def _doubled(self, one: Together, names: tuple[str, ...]) -> Remark:
         others = [name for name in names if name != one.compensation]
-        warm = (
-            ""
-            if not any("temperature" in kind(name).follows for name in names)
-            else (
-                " Lengths that were not measured at the reference temperature are brought"
-                " there by expansion and material_temperature."
-            )
-        )
+        follows = any("temperature" in kind(name).follows for name in names)
+        warm = f" {_WARM}" if follows else ""
         return Remark.error(
             f"With all that will act on {self.name}, {one.together:.4g} {self.unit} rms"
             f" are left of measurement {one.measurement!r}, where the"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from .._lazy import importer
 from ._dynamics import GateTable as GateTable
 from ._figures import (
+    MOST_WILD as MOST_WILD,
     ErrorFigures as ErrorFigures,
     ErrorTally as ErrorTally,
     RunTable as RunTable,

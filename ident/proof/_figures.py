@@ -11,6 +11,8 @@ from ...data.measurements import iso230_figures
 
 _WILD = 6.0
 """Standard deviations from the median at which a reading is the instrument's fault."""
+MOST_WILD = 0.1
+"""Share of readings up to which those far from all others are wild: more have a cause."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,6 +12,8 @@ _DOES = {
     "unit": "the unit of the list is wrong",
     "shift": "the table is applied at another place",
     "twice": "the list is applied twice",
+    "swapped": "each direction of motion gets what belongs to the other. Either the"
+    " controller, or the directions of one of the two measurements, is the other way round",
     "wrong axis": "the list acts on another axis, follows another one, or is not active",
 }
 """What a diagnosis means for the person who loaded the list."""
@@ -154,6 +156,24 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     return f"Take the list out again: {does}{words}; {_again(fit, scale)}."
 
 
+def _unowned(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    assert fit.again is not None  # it found them
+    return (
+        f"Not verified yet: {_again(fit, scale)}, nearly all of it"
+        f" {reason.fields['words']}: state in {fit.again.source['file']} whose they are"
+        " (datum or remove, as in the first job), and evaluate it once more."
+    )
+
+
+def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    seen, unit = reason.fields, "°" if fit.unit == "deg" else "mm"
+    return (
+        f"Verified in part: {_fall(fit, scale)}; {_again(fit, scale)}, which saw"
+        f" {seen['axis']} from {seen['low']:.4g} to {seen['high']:.4g} {unit} only:"
+        " measure the rest of its travel again."
+    )
+
+
 _SENTENCES: dict[Code, str | Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.GATE: _gate,
     Code.ERROR: _error,
@@ -163,6 +183,8 @@ _SENTENCES: dict[Code, str | Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.DIAGNOSED: _diagnosed,
     Code.NO_BETTER: "Take the list out again: {again}, no better than before{found}.",
     Code.LESS_THAN_PREDICTED: "Better, but less than predicted: {fall}; {again}{found}.",
+    Code.UNOWNED: _unowned,
+    Code.IN_PART: _in_part,
     Code.VERIFIED: "Verified: {fall}; {again}.",
 }
 """The first reason of a verdict in a sentence: with the fall of the error, and what a second

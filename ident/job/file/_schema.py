@@ -219,6 +219,12 @@ class MeasurementSpec(JobPart, frozen=True):
     10⁷ cells. Example: `true`."""
 
     @property
+    def at_reference(self) -> bool:
+        """Whether lengths are those at the reference temperature."""
+        stated = None not in (self.expansion, self.material_temperature)
+        return self.already_compensated or stated
+
+    @property
     def column_specs(self) -> dict[str, ColumnSpec]:
         """Where the values of each role are; empty: as the file says."""
         return {role: _column_spec(one) for role, one in self.columns.items()}

@@ -14,7 +14,7 @@ from ...fit import TableFit
 from ...proof import ErrorFigures, GateCheck, RunTable, error_figures
 from ...readings import Readings
 from ._second import MeasuredAgain, SecondMeasurement
-from ._verdict import Judgement, Verdict, judgement_of
+from ._verdict import Code, Judgement, Verdict, judgement_of
 
 Array = np.ndarray
 
@@ -201,9 +201,12 @@ class AbstractResult(abc.ABC):
     @property
     def confirmed(self) -> bool:
         """Whether a second measurement shows that the list does what it says."""
-        if self.again is None or self.judgement.verdict is Verdict.REJECTED:
+        again, judged = self.again, self.judgement
+        if again is None or judged.verdict is Verdict.REJECTED:
             return False
-        return self.again.acts or self.judgement.verdict is Verdict.GOOD
+        return not judged.has(Code.UNOWNED) and (
+            again.acts or judged.verdict is Verdict.GOOD
+        )
 
     @property
     def measured_as(self) -> str:

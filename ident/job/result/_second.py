@@ -1,23 +1,52 @@
 """A second measurement, with the new list active: all that may be called verified."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....data.errors import FoundError
 from ....data.measurements import Iso230, iso230
-from ...proof import Diagnosis, ErrorFigures, RunTable, error_figures, wild_readings
+from ...proof import (
+    MOST_WILD,
+    Diagnosis,
+    ErrorFigures,
+    RunTable,
+    error_figures,
+    wild_readings,
+)
 
 LESS = 1.5
 """Ratio of the measured to the predicted error, from which on less came of a list."""
 SHOWN = 0.5
 """Share of what a list adds that may be left where the figures alone show its sign."""
 
+_WHOLE = 0.8
+"""Share of the travel from which on a second measurement speaks for all of it."""
+
 
 class SecondMeasurementError(FoundError):
     """A second measurement cannot stand beside the first."""
+
+
+def part_of(
+    names: Sequence[str],
+    first: Float[np.ndarray, "t d"],
+    second: Float[np.ndarray, "s d"],
+) -> tuple[str, float, float] | None:
+    """Return the axis of which a second measurement saw a part only, and which part.
+
+    Args:
+        names: Of the axes.
+        first: Their positions in the first measurement, in mm or °.
+        second: Likewise in the second one.
+    """
+    for name, old, new in zip(names, first.T, second.T, strict=True):
+        seen = np.clip(new, old.min(), old.max())
+        if np.ptp(seen) < _WHOLE * np.ptp(old):
+            return name, float(new.min()), float(new.max())
+    return None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +65,11 @@ class SecondMeasurement:
             others.
         added: What the list adds at these readings, standard deviation in mm or °; None
             where only a diagnosis can tell that it acts.
+        part: An axis, and the first and last position in mm or ° that these readings
+            have of it, where the list was made from far more of it; None: they reach
+            as far as those of the first measurement.
+        unowned: Constant and slopes of these readings in words, where their job does not say
+            whose they are, and what is left without them, rms in mm or °; else None.
         factor: How many times it acts, and its standard deviation, where these readings
             show that by themselves; None likewise.
     """
@@ -47,6 +81,8 @@ class SecondMeasurement:
     run: Int[np.ndarray, " t"] | None = None
     wild: Bool[np.ndarray, " t"] | None = None
     added: float | None = None
+    part: tuple[str, float, float] | None = None
+    unowned: tuple[str, float] | None = None
     factor: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -58,9 +94,9 @@ class SecondMeasurement:
 
     @property
     def sound(self) -> Bool[np.ndarray, " t"]:
-        """Readings that are not wild."""
+        """Readings that are not wild: where many are far off, it is the list."""
         wild = wild_readings(self.error) if self.wild is None else self.wild
-        return np.asarray(~wild)
+        return np.asarray(~wild | (wild.mean() > MOST_WILD))
 
     @property
     def figures(self) -> ErrorFigures:
@@ -105,6 +141,15 @@ class MeasuredAgain:
     def rms(self) -> float | None:
         """Error with the list active, rms without wild readings; None: not measured."""
         return None if self.readings is None else self.readings.figures.sound.rms
+
+    @property
+    def unowned(self) -> str | None:
+        """Constant and slopes that keep the error from being as predicted; None: no such."""
+        found = None if self.readings is None else self.readings.unowned
+        if found is None or self.rms is None:
+            return None
+        words, left = found
+        return words if left <= LESS * self.predicted < self.rms else None
 
     @property
     def shown(self) -> bool:

@@ -43,6 +43,11 @@ class Code(enum.StrEnum):
     """With the list active the error is no smaller than before."""
     LESS_THAN_PREDICTED = "less_than_predicted"
     """With the list active the error is smaller, by less than predicted."""
+    UNOWNED = "unowned"
+    """With the list active a constant or slope is left, and its job does not say whose
+    [words]."""
+    IN_PART = "in_part"
+    """The second measurement saw a part of the travel only [axis, low, high]."""
     VERIFIED = "verified"
     """The second measurement shows what was predicted [file, sha256, date]."""
 
@@ -118,12 +123,13 @@ def _fault_measured(fit: "AbstractResult") -> Reason | None:
     again = fit.again
     if again is None:
         return None
+    unowned = again.unowned is not None
     found = None if again.shown else again.diagnosis
     if found is not None and found.verdict not in ("right", "cannot tell"):
         return Reason(Code.DIAGNOSED, {"verdict": found.verdict, "value": found.value})
     # Where no gain was promised only what is plainly worse speaks against the list.
     least = NO_GAIN if again.predicted < NO_GAIN * again.before else LESS
-    if again.rms is not None and again.rms >= least * again.before:
+    if not unowned and again.rms is not None and again.rms >= least * again.before:
         return Reason(Code.NO_BETTER)
     return None
 
@@ -134,7 +140,13 @@ def _doubts(fit: "AbstractResult") -> list[Reason]:
     again = fit.again
     if before and predicted and predicted.sound.rms >= NO_GAIN * before.sound.rms:
         return [Reason(Code.NO_GAIN)]
+    if again is not None and again.unowned is not None:
+        return [Reason(Code.UNOWNED, {"words": again.unowned})]
     if again is not None and again.rms is not None:
         if again.rms > LESS * again.predicted:
             return [Reason(Code.LESS_THAN_PREDICTED)]
+    readings = None if again is None else again.readings
+    if readings is not None and readings.part is not None:
+        seen = dict(zip(("axis", "low", "high"), readings.part, strict=True))
+        return [Reason(Code.IN_PART, seen)]
     return []

@@ -18,10 +18,11 @@ from ...readings import Readings, Tables, without_zero
 from .._draft import AbstractDraft
 from .._gating import spread_over, switching_remarks
 from ..result._result import Remark, SampleView, TableResult, staged
-from ..result._second import SecondMeasurement
+from ..result._second import SecondMeasurement, part_of
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
 from ._remarks import fit_remarks, outside, places_of
+from ._trend import unowned_in
 
 if TYPE_CHECKING:
     from ..write._lists import AxisFiles
@@ -191,13 +192,16 @@ class TableDraft(AbstractDraft):
         removed = {tables.job.spec.measurements[name].remove for name in fit.sources}
         if "line" in removed:  # a slope that no reading shows
             added = without_zero(added, [*found.positions.T], "line")
+        error = found.error - zero_at(found, datum, table)
         return SecondMeasurement(
             ", ".join(fit.sources),
             found.positions,
-            found.error - zero_at(found, datum, table),
+            error,
             found.direction if own else None,
             found.run if run_table(found, table) is not None else None,
             added=float(np.std(added)),
+            unowned=unowned_in(again, found.positions, error),
+            part=part_of(fit.over, self.readings.positions, found.positions),
         )
 
     @property

@@ -156,10 +156,14 @@ class Plan(AbstractPlan):
         """Return offsets at the nodes as the entries of the list, which keep `constraints`.
 
         Raises:
-            ExchangeError: If one does not fit its type.
+            JobError: If one does not fit its type.
         """
         nodes = self.table.layout.nodes
-        return kept(self.fit.constraints, self.table.to_integers(offset), nodes)
+        words = (
+            f"too large a correction (is the unit of {self.fit.axis}.error right?): "
+        )
+        with self.job.blaming(("fits", self.index), words):
+            return kept(self.fit.constraints, self.table.to_integers(offset), nodes)
 
     @property
     def inequalities(self) -> Inequalities | None:
@@ -210,6 +214,9 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
     with job.blaming(where):
         old, unread = _old_table(job, fit, existing, active)
         table = table_of(tables, index, fit, old)
+        masters = table.masters
+        if existing is not None and old is not None:
+            masters = fit.kind.entries.named_masters(existing) or (table.axis,)
         if active:
             if existing is None or old is None:
                 raise job.error(
@@ -217,14 +224,15 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
                     f"{fit.compensation} was active while measuring, but no list with"
                     " its table is given, expected list = the file that was loaded",
                 )
-            old_masters = fit.kind.entries.named_masters(existing) or (table.axis,)
-            if old_masters != table.masters:
+            if masters != table.masters:
                 raise job.error(
                     where,
                     f"found masters {list(table.masters)}, expected"
-                    f" {list(old_masters)} as in the active table of {existing.source}",
+                    f" {list(masters)} as in the active table of {existing.source}",
                 )
             refuse_lost_nodes(table, old, existing.source)
+        elif holder is not None and set(masters) != set(table.masters):
+            unread, old = [_displaced(job, fit, holder, masters)], None
     fit.refuse(job, index, table)
     if table.periodic and "monotone" in fit.constraints:
         reason = (
@@ -262,6 +270,18 @@ def _old_table(
             raise
         words = f"The new table replaces one that cannot be compared with it: {error}"
         return None, [Remark.warning(words)]
+
+
+def _displaced(job: Job, fit: TableSpec, source: str, masters: Sequence[int]) -> Remark:
+    """Return what becomes of an old table over other axes: there is room for one."""
+    known = {axis.number: name for name, axis in job.spec.axes.items()}
+    names = " and ".join(known.get(one, f"axis {one}") for one in masters)
+    return Remark.warning(
+        f"The old {fit.compensation} table of {source} follows {names}: the new one takes"
+        f" its place, and nothing corrects what it corrected. Where {fit.axis} needs both,"
+        " fit a plane over the axes of both, or hold one of them in an external"
+        " compensation (axcomp export-external)."
+    )
 
 
 def _remarks(

@@ -139,12 +139,7 @@ def refuse_unowned_trend(plan: Plan, fit: TableFit) -> None:
     Raises:
         JobError: Naming the measurement, both numbers and the keys that answer.
     """
-    job = plan.job
-    silent = [
-        name
-        for name in plan.fit.sources
-        if not {"datum", "remove"} & job.spec.measurements[name].model_fields_set
-    ]
+    job, silent = plan.job, _silent(plan)
     if not silent:
         return
     trend = trend_of(fit)
@@ -159,6 +154,35 @@ def refuse_unowned_trend(plan: Plan, fit: TableFit) -> None:
         f' they are: {datum}remove = "none" (both are the machine\'s), "offset" (the'
         ' constant is the instrument\'s) or "line" (the slope is, too)',
     )
+
+
+def unowned_in(
+    plan: Plan, places: Float[np.ndarray, "t d"], error: Float[np.ndarray, " t"]
+) -> tuple[str, float] | None:
+    """Return the constant and slopes of which a job does not say whose they are, in words.
+
+    With what the readings are without them, rms in mm or °. None where the job says it, or
+    where they are small.
+
+    Args:
+        plan: Of the table, with the job.
+        places: Of the readings.
+        error: Of the readings.
+    """
+    trend = trend_through(places, error, periodic=plan.table.periodic)
+    if not _silent(plan) or not asks_for_owner(plan.job, trend):
+        return None
+    return trend_words(plan.job, plan.fit, trend), trend.remainder
+
+
+def _silent(plan: Plan) -> list[str]:
+    """Return the measurements of which the job does not say whose zero and slope are."""
+    spec = plan.job.spec.measurements
+    return [
+        name
+        for name in plan.fit.sources
+        if not {"datum", "remove"} & spec[name].model_fields_set
+    ]
 
 
 def asks_for_owner(job: Job, trend: Trend) -> bool:

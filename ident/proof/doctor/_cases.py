@@ -48,8 +48,8 @@ class Diagnosis:
     Attributes:
         axis: Logical number.
         compensation: As in a job file.
-        verdict: ``right``, ``sign``, ``unit``, ``shift``, ``wrong axis``, ``twice`` or
-            ``cannot tell``.
+        verdict: ``right``, ``sign``, ``unit``, ``shift``, ``wrong axis``, ``twice``,
+            ``swapped`` (directions) or ``cannot tell``.
         value: Factor of the offset; shift in mm or °; number of the other axis; None
             where there is none.
         probability: Of the verdict, given that one of them is true.
@@ -146,10 +146,14 @@ def cases_of(use: InUse, scene: Scene) -> tuple[list[Case], float, float | None]
     found = search(channel, target)
     cases = []
     for one in found.rivals:
-        shift = one.hypothesis.change.shift
+        change = one.hypothesis.change
+        shift = change.shift
         # One that changes less than another factor may counts as none.
-        if not any(shift) or _matters(channel, np.array([shift]), _BAND)[0]:
-            cases.append((one.criterion, _named(one.hypothesis, channel)))
+        if any(shift) and not _matters(channel, np.array([shift]), _BAND)[0]:
+            continue
+        if change.turned and one is not found.rivals[0] and not _turn_matters(channel):
+            continue
+        cases.append((one.criterion, _named(one.hypothesis, channel)))
     cases += _elsewhere(use, scene, found)
     return cases, float(factor[0]), _blind(channel, target, found)
 
@@ -161,13 +165,17 @@ def _named(one: Hypothesis, channel: AbstractChannel) -> Diagnosis:
     sign = 1 if one.scale > 0 else -1
     if not words:
         return Diagnosis(*own, "right", 1.0, sentence=_RIGHT, sign=1)
-    if words[0] == "sign":  # whatever its size
-        words = [word for word in words if word not in ("unit", "twice")]
+    if words[0] == "sign":  # whatever its size and directions
+        lesser = ("unit", "twice", *(["swapped"] if one.change.turned else []))
+        words = [word for word in words if word not in lesser]
     if one.is_free or len(words) > 1:
         return Diagnosis(*own, "cannot tell")
     text = fault_words(one, channel, _WORDS)
     if words == ["swapped"]:
-        return Diagnosis(*own, "wrong axis", sentence=text)
+        word = "swapped" if one.change.turned else "wrong axis"
+        return Diagnosis(
+            *own, word, sentence=text, sign=sign if one.change.turned else 0
+        )
     value = found["shift"] if words == ["shift"] else one.scale
     return Diagnosis(*own, words[0], value, sentence=text, sign=sign)
 
@@ -181,6 +189,14 @@ def _matters(
     effect = np.linalg.norm(moved[0] - moved[0].mean())
     apart = np.linalg.norm(moved[1:] - moved[0], axis=1)
     return np.asarray(apart >= share * effect)
+
+
+def _turn_matters(channel: AbstractChannel) -> bool:
+    """Return whether swapped directions change enough that readings should exclude it."""
+    plain = channel.column(channel.plain)
+    turned = channel.column(dataclasses.replace(channel.plain, turned=True))
+    effect = np.linalg.norm(plain - plain.mean())
+    return bool(np.linalg.norm(turned - plain) >= _MATTERS * effect)
 
 
 def _blind(channel: AbstractChannel, target: Target, found: Found) -> float | None:

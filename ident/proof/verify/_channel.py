@@ -38,6 +38,7 @@ class Change:
         shift: By how much the table lies further, in mm or ° per master; or empty. Where
             several places are tried at once, a line of it per row.
         cycles: Length of the filter instead of that of the lists; or None.
+        turned: Each direction of motion gets what the list has for the other one.
     """
 
     conventions: Conventions
@@ -45,6 +46,7 @@ class Change:
     edge: Edge | None = None
     shift: tuple[float, ...] | Float[np.ndarray, "r k"] = ()
     cycles: int | None = None
+    turned: bool = False
 
     @property
     def is_shifted(self) -> bool:
@@ -109,6 +111,7 @@ class AbstractChannel(abc.ABC):
         masters: Logical numbers of the axes that it looks at.
         ways: Extent of the table per master, the last ones; empty where there is none.
         swaps: Masters that a controller could take instead.
+        two_way: Whether its list has other entries for the other direction of motion.
         cycles: Length of the filter, 0 or 1 where there is none.
         listed: Length that a list states for a filter that acts on switching alone.
         unit: ``mm``, ``°``, or empty where it is that of the drive.
@@ -124,6 +127,7 @@ class AbstractChannel(abc.ABC):
     others: "Mapping[str, AbstractChannel]" = dataclasses.field(default_factory=dict)
     ways: tuple[Way, ...] = dataclasses.field(default=(), init=False)
     swaps: tuple[tuple[int, ...], ...] = dataclasses.field(default=(), init=False)
+    two_way: bool = dataclasses.field(default=False, init=False)
     cycles: int = dataclasses.field(default=0, init=False)
     listed: int = dataclasses.field(default=0, init=False)
     relevant: tuple[str, ...] = dataclasses.field(default=(), init=False)

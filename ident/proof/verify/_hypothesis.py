@@ -84,7 +84,7 @@ class Hypothesis:
         if change.is_shifted:
             found["shift"] = max(change.shift, key=abs)
         rules = {RULES[name] for name in other_rules(change, plain) if name in RULES}
-        if change.masters is not None or "swapped" in rules:
+        if change.masters is not None or change.turned or "swapped" in rules:
             found["swapped"] = None
         if self.lag:
             found["lag"] = float(self.lag)
@@ -156,6 +156,10 @@ def _text(word: str, value: float, change: Change, channel: AbstractChannel) -> 
             return f"unit is {_times(value)}"
         case "shift":
             return _shift(change, channel)
+        case "swapped" if change.turned:
+            return (
+                "directions swapped: motion in one gets what the list has for the other"
+            )
         case "swapped":
             return f"masters swapped: {_swapped(change.masters, channel)}"
         case "lag":

@@ -73,8 +73,13 @@ def otherwise(channel: AbstractChannel, change: Change) -> tuple[list[Change], .
     """Return a change with every choice of masters, then of edges, and with other rules."""
     own, rules = channel.edge(change.conventions), channel.rules(change.conventions)
     edges = EDGES if any(way.ends for way in channel.ways) else ()
+    turns = (False, True) if channel.two_way else (False,)
     return (
-        [dataclasses.replace(change, masters=one) for one in (None, *channel.swaps)],
+        [
+            dataclasses.replace(change, masters=one, turned=turned)
+            for one in (None, *channel.swaps)
+            for turned in turns
+        ],
         [
             dataclasses.replace(change, edge=None if edge == own else edge)
             for edge in edges

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import minimize
 
-from .._figures import wild_readings
+from .._figures import MOST_WILD, wild_readings
 from ._channel import AbstractChannel, Change
 from ._hypothesis import FAULT, Hypothesis
 from ._log import FLOOR, RESOLUTION, Target
@@ -18,8 +18,6 @@ from ._scan import few_of, otherwise, place, scaled, structures, timed
 
 _MOST_PLACES = 30
 """Places per master at which a table that lies elsewhere is tried on all rows."""
-_MOST_WILD = 0.1
-"""Share of the rows up to which those far from all others are wild: more have a cause."""
 _KEPT = 3
 """Structures that are looked at closely, beside the plain one."""
 
@@ -88,7 +86,7 @@ def search(
     best = judged.ranked(left, float(len(every.rows)))[0].hypothesis
     residual = every.target.residual(every.column(best))
     wild = wild_readings(residual, max(FLOOR, target.step))
-    if 0.0 < wild.mean() <= _MOST_WILD:
+    if 0.0 < wild.mean() <= MOST_WILD:
         judged = _Rows(channel, target, every.rows[~wild])
         left = judged.searched(start)
         best = judged.ranked(left, float(len(judged.rows)))[0].hypothesis

@@ -21,7 +21,8 @@ class TableChannel(AbstractChannel):
     """A table over positions of its masters."""
 
     def prepare(self) -> None:
-        self.ways = ways_of(self.law(self.conventions))
+        law = self.law(self.conventions)
+        self.ways, self.two_way = ways_of(law), len(law.tables) > 1
         entry = self.one.kind.cycles
         self.listed = self.one.listing.integer(entry[0]) or 0 if entry else 0
         self.places(self.masters)  # a log without a master is refused at once
@@ -44,7 +45,10 @@ class TableChannel(AbstractChannel):
         ahead = self._beyond(model, places, 1, edge)
         if len(model.tables) == 1:
             return Parts(ahead)
-        return Parts(ahead, self._beyond(model, places, -1, edge) - ahead)
+        back = self._beyond(model, places, -1, edge)
+        return (
+            Parts(back, ahead - back) if change.turned else Parts(ahead, back - ahead)
+        )
 
     def places(
         self, masters: tuple[int, ...], actual: bool = False

@@ -189,3 +189,47 @@ def test_backlash_active_beside_a_bilateral_fit_is_refused(tmp_path: Path) -> No
     job = screw_job(tmp_path, measurement='active = ["backlash"]')
     with pytest.raises(JobError, match="found backlash for a bilateral leadscrew fit"):
         run_job(job, tmp_path / "out")
+
+
+def test_cross_that_takes_the_place_of_one_over_another_axis_is_said(
+    tmp_path: Path,
+) -> None:
+    lines = "kopf.achs_nr 2\nkw.crosscomp.unit 1\nkw.crosscomp.last_index 1\n"
+    lines += "kw.crosscomp.master_ax_nr 3\n"
+    for k, value in enumerate((0, 300)):
+        lines += f"kw.crosscomp.table[{k}].setpoint {1_000_000 * k}\n"
+        lines += f"kw.crosscomp.table[{k}].correction {value}\n"
+    (tmp_path / "y.lis").write_text(lines)
+    place = np.tile(np.arange(0.0, 101.0, 10.0), 3)
+    table(tmp_path / "m.csv", "x,e", place, 2e-4 * place)
+    (tmp_path / "job.toml").write_text("""
+[axes.X]
+number = 1
+[axes.Y]
+number = 2
+list = "y.lis"
+[measurements.m]
+file = "m.csv"
+active = []
+remove = "none"
+columns = { "X.position" = "x", "Y.error" = "e" }
+[[fits]]
+compensation = "cross"
+axis = "Y"
+master = "X"
+measurement = "m"
+start = 0.0
+interval = 50.0
+points = 3
+""")
+    (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").tables
+    (said,) = [one.message for one in fit.remarks if "takes its place" in one.message]
+    assert "follows axis 3" in said
+
+
+def test_correction_that_no_entry_holds_asks_for_the_unit_of_the_error(
+    tmp_path: Path,
+) -> None:
+    laser(tmp_path / "laser.csv", scale=1e3)
+    with pytest.raises(JobError, match=r"fits\[0\].*unit of X.error right"):
+        run_job(screw_job(tmp_path), tmp_path / "out")

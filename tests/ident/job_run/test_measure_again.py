@@ -3,6 +3,7 @@
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,28 +22,42 @@ from .screw import (
     table,
 )
 
+PLACES = np.arange(0.0, 401.0, 25.0)
 DATA = Path(__file__).parents[4] / "shared" / "data" / "iso230"
 
 
-def laser(path: Path, added: float | None, seed: int = 7) -> None:
-    """Three runs; `added`: how many times the list acts that lies in ``out``."""
+def laser(
+    path: Path,
+    added: float | None,
+    seed: int = 7,
+    *,
+    there: np.ndarray = PLACES,
+    ways: int = 1,
+    loaded: tuple[float, float] = (-np.inf, np.inf),
+    zero: float = 0.0,
+) -> None:
+    """Three runs; `added`: how many times the list acts that lies in ``out``.
+
+    It acts within `loaded`, with the entries of the other direction where `ways` is −1.
+    """
     rng = np.random.default_rng(seed)
-    there = np.arange(0.0, 401.0, 25.0)
     target = np.tile(np.concatenate([there, there[::-1]]), 3)
     direction = np.tile(np.repeat([1, -1], len(there)), 3)
     run = np.repeat([1, 2, 3], 2 * len(there))
     # 0.3 µm of noise beside 20 µm of error.
-    error = screw_error(target, direction) + 3e-4 * rng.standard_normal(len(run))
+    error = zero + screw_error(target, direction) + 3e-4 * rng.standard_normal(len(run))
     if added is not None:
-        error += added * offsets(path.parent / "out", 1, A1=target, D=direction)
+        acts = (target >= loaded[0]) & (target <= loaded[1])
+        adds = offsets(path.parent / "out", 1, A1=target, D=ways * direction)
+        error += added * acts * adds
     table(
         path, "target,actual,run,direction", target, target + error, run, direction
     )  # fmt: skip
 
 
-def after_job(folder: Path, added: float, head: str = "") -> Path:
+def after_job(folder: Path, added: float, head: str = "", **how: Any) -> Path:
     """The second measurement, with the list in ``out`` loaded, as a job."""
-    laser(folder / "after.csv", added, seed=8)
+    laser(folder / "after.csv", added, seed=8, **how)
     text = (
         f'{head}[axes.X]\nnumber = 1\nlist = "out/achskw1.lis"\n'
         '[measurements.laser]\nfile = "after.csv"\nactive = ["leadscrew"]\n'
@@ -157,6 +172,50 @@ def test_flipped_machine_is_named_and_nothing_is_called_verified(
     assert '<div class="verdict bad">Take the list out again: the list doubles' in page
     assert "Verified:" not in page
     assert "<b>Next:</b> Take the leadscrew of X out again" in page
+
+
+def test_directions_of_a_bilateral_table_that_are_swapped_are_named(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fit(job, "--after", str(after_job(job.parent, 1.0, ways=-1))) == 1
+    (screw,) = result(job)["fits"]
+    assert screw["diagnosis"]["verdict"] == "swapped"
+    assert screw["verdict"] == "rejected"
+    assert "directions swapped" in capsys.readouterr().out
+
+
+def test_second_measurement_of_a_part_verifies_that_part_only(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # What the list does at 0 to 200 mm nobody saw: there it does not act.
+    seen = np.arange(200.0, 401.0, 25.0)
+    again = after_job(job.parent, 1.0, there=seen, loaded=(200.0, 400.0))
+    assert fit(job, "--after", str(again)) == 0
+    (screw,) = result(job)["fits"]
+    assert screw["verdict"] == "unproven"
+    (reason,) = screw["reasons"]
+    assert reason == {"code": "in_part", "axis": "X", "low": 200.0, "high": 400.0}
+    assert "X from 200 to 400 mm only" in " ".join(capsys.readouterr().out.split())
+
+
+def test_zero_of_a_second_measurement_that_nobody_owns_is_asked_for(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fit(job, "--after", str(after_job(job.parent, 1.0, zero=0.03))) == 1
+    (screw,) = result(job)["fits"]
+    assert (screw["verdict"], screw["reasons"][0]["code"]) == ("unproven", "unowned")
+    assert "verified" not in screw["error"]
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "state in after.toml whose they are (datum or remove" in shown
+
+
+def test_part_of_the_travel_where_a_list_does_not_act_is_no_wild_reading(
+    job: Path,
+) -> None:
+    again = after_job(job.parent, 1.0, loaded=(110.0, 400.0))
+    assert fit(job, "--after", str(again)) == 1
+    left = result(job)["fits"][0]["error"]["measured_again"]
+    assert left["rms_without_wild"] == left["rms"] > 3e-3
 
 
 def test_list_that_was_not_active_is_asked_for_and_taken_out(

@@ -287,23 +287,20 @@ def test_gantry_whose_partner_has_a_table_of_zeros_is_stopped(tmp_path: Path) ->
     assert gantry_gates(tmp_path) == [False]
 
 
-def test_slope_that_leadscrew_and_temperature_both_correct_is_stopped(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def beside_heat(folder: Path, *, more: str = "", column: str = "") -> str:
+    """Measure a screw at 30 °C and its warming; returns the job for both."""
     rng = np.random.default_rng(24)
-    laser(tmp_path, slope=SLOPE)
-    text = (tmp_path / "laser.csv").read_text().splitlines()
-    warm = [f"{row},{'t' if k == 0 else 30.0}" for k, row in enumerate(text)]
-    (tmp_path / "laser.csv").write_text("\n".join(warm) + "\n")
+    laser(folder, slope=SLOPE)
     heat = np.repeat(np.linspace(18.0, 32.0, 15), len(PLACES))
     place = np.tile(PLACES, 15)
     # 50 µm/m at 30 °C, the state in which the laser measured, and none at 20 °C.
-    error = 0.1 * SLOPE * (heat - 20.0) * place + NOISE * rng.standard_normal(len(heat))
-    table(tmp_path / "warm.csv", "place,e,t", place, error, heat)
-    job = JOB.format(axis="", active="", bilateral="false").replace(
-        '"run" = "run" }', '"run" = "run", "temperature.frame" = "t" }'
-    )
-    job += """
+    error = 0.1 * SLOPE * (heat - 20.0) * place + np.interp(place, PLACES, SCREW)
+    error = error + NOISE * rng.standard_normal(len(heat))
+    table(folder / "warm.csv", "place,e,t", place, error, heat)
+    job = JOB.format(axis="", active=more, bilateral="false")
+    return (
+        job.replace('"run" = "run" }', f'"run" = "run" {column} }}')
+        + """
 [measurements.warm]
 file = "warm.csv"
 remove = "none"
@@ -315,9 +312,36 @@ measurement = "warm"
 sensor = "frame"
 reference = 0.0
 """
+    )
+
+
+def test_slope_that_leadscrew_and_temperature_both_correct_is_stopped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job = beside_heat(tmp_path, column=', "temperature.frame" = { value = 30.0 }')
     assert fit(tmp_path, job) == 1
     said = " ".join(capsys.readouterr().out.split())
     assert "FAILED axis error" in said
     assert "correct the same error" in said
     assert "material_temperature" in said
     assert (tmp_path / "out" / "rejected" / "achskw1.lis").exists()
+
+
+def test_table_beside_a_temperature_law_asks_how_warm_it_was_measured(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fit(tmp_path, beside_heat(tmp_path)) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "it lacks temperature.frame" in said
+    assert '"temperature.frame" = { value = … }' in said
+    assert (tmp_path / "out" / "rejected" / "achskw1.lis").exists()
+
+
+def test_table_of_lengths_at_the_reference_temperature_stands_beside_a_law(
+    tmp_path: Path,
+) -> None:
+    more = "expansion = 5.0\nmaterial_temperature = 30.0"
+    assert fit(tmp_path, beside_heat(tmp_path, more=more)) == 0
+    listing = ListFile.read(tmp_path / "out" / "achskw1.lis")
+    # Twice the slope would leave 20 µm; 0.1 µm of noise on six readings per node.
+    assert np.ptp(SCREW + screw_by_hand(listing)) < 5e-4
