@@ -59,7 +59,8 @@ class Iso230Test:
     def verdict(self, tolerance: float) -> Iso230Verdict:
         """Return the verdict: A against the tolerance, the figure named.
 
-        A test with missing readings does not pass: the figures of the whole one are larger.
+        A test with missing readings or approaches does not pass: the figures of the whole
+        one are larger.
 
         Raises:
             MeasurementError: If the data give no accuracy to judge.
@@ -69,7 +70,8 @@ class Iso230Test:
             reason = "found one run only, expected at least two: no accuracy A to judge"
             raise MeasurementError(str(self.path), reason)
         within, single = value <= tolerance, self.figures.single_targets()
-        passed = within and not self.missing and not single
+        fewer = self.figures.incomplete_targets()
+        passed = within and not (self.missing or single or fewer)
         sentence = (
             f"{'PASS' if passed else 'NOT JUDGED' if within else 'FAIL'}:"
             f" {with_arrows(name)} = {amount(value, self.unit)} {'≤' if within else '>'}"
@@ -82,6 +84,12 @@ class Iso230Test:
         elif within and single:
             places = ", ".join(f"{target:g}" for target in single[:8])
             sentence += f", but it leaves out targets with a single approach: {places}"
+        elif within and fewer:
+            places = ", ".join(f"{target:g}" for target in fewer[:8])
+            sentence += (
+                f", but targets {places} have fewer approaches than others: repeat them,"
+                " or leave those targets out"
+            )
         return Iso230Verdict(passed, name, value, tolerance, sentence)
 
 

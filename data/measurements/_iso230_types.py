@@ -108,6 +108,16 @@ class Iso230:
         """Return the targets with a single approach from a side: A lacks their s."""
         return tuple(p.target for p in self.positions if 1 in (p.runs_up, p.runs_down))
 
+    def incomplete_targets(self) -> tuple[float, ...]:
+        """Return the targets with fewer approaches from a side than others have."""
+        most = [
+            max(getattr(p, side) for p in self.positions)
+            for side in ("runs_up", "runs_down")
+        ]
+        return tuple(
+            p.target for p in self.positions if [p.runs_up, p.runs_down] != most
+        )
+
     def accuracy_ends(self) -> tuple[float, float] | None:
         """Return the ends of the band x̄ ± 2s, whose distance is A; None without s."""
         sides = self._sides()

@@ -1,5 +1,6 @@
 """What a fit does where it comes and goes, and where it does not settle: cycles, checks, words."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...data.lists import ListFile
@@ -81,3 +82,18 @@ def unsettled(one: "AbstractDraft") -> Remark:
         " its readings ask for. Look at the readings that contradict the others: measure"
         " them again, or leave them out (skip); or take nodes that can follow them."
     )
+
+
+def not_compared(one: "AbstractDraft", gate: Sequence[GateCheck]) -> list[Remark]:
+    """Return that `max_change` of the job judges nothing here; nothing where it does."""
+    if one.job.limits.max_change is None or one.kind.adds_current or one.kind.by_plc:
+        return []
+    if any(check.name == "max_change" for check in gate):
+        return []
+    key = "list" if one.kind.holder == "compensation" else "machine_data"
+    return [
+        Remark.warning(
+            f"max_change does not judge the {one.name}: the job gives none that was there"
+            f" before, to compare with (axes.{one.axis}.{key})."
+        )
+    ]

@@ -131,6 +131,22 @@ def test_iso230_passes_no_test_that_ends_within_its_second_run(
     assert "it leaves out targets with a single approach: 0, 25, 50" in shown
 
 
+@pytest.mark.parametrize("lost", [1, 2])
+def test_iso230_passes_no_target_with_fewer_approaches_than_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], lost: int
+) -> None:
+    head, *rows = laser(tmp_path).read_text(encoding="utf-8").splitlines()
+    far = max(float(row.split(",")[0]) for row in rows)
+    last = [k for k, row in enumerate(rows) if float(row.split(",")[0]) == far]
+    kept = [row for k, row in enumerate(rows) if k not in last[:lost]]
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join([head, *kept]) + "\n", encoding="utf-8")
+    assert main(["iso230", str(short), "--tolerance", "0.5"]) == 1
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "NOT JUDGED: A = " in shown
+    assert f"targets {far:g} have fewer approaches than others" in shown
+
+
 def test_iso230_writes_the_chart_twice(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,7 +17,7 @@ from ...exchange import (
 from ...kinds import kinds
 from ...proof import GateCheck
 from .._draft import AbstractDraft
-from .._gating import convergence_checks, unsettled
+from .._gating import convergence_checks, not_compared, unsettled
 from ..file._load import Job
 from ..result._job_result import WholeAxis
 from ..result._result import Remark
@@ -193,6 +193,7 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
         extra |= one.extra_files()
         remarks += one.machine_remarks()
         remarks += [] if one.converged else [unsettled(one)]
+        remarks += not_compared(one, gates[one.index])
     listing, machine = None, None
     if entries:
         listing, more = _listing(job, drafts, entries)

@@ -233,3 +233,14 @@ def test_correction_that_no_entry_holds_asks_for_the_unit_of_the_error(
     laser(tmp_path / "laser.csv", scale=1e3)
     with pytest.raises(JobError, match=r"fits\[0\].*unit of X.error right"):
         run_job(screw_job(tmp_path), tmp_path / "out")
+
+
+def test_limit_of_a_change_says_where_there_is_nothing_to_compare_with(
+    tmp_path: Path,
+) -> None:
+    laser(tmp_path / "laser.csv")
+    job = screw_job(tmp_path)
+    job.write_text(job.read_text() + "[gate]\nmax_change = 0.001\n")
+    (fit,) = run_job(job, tmp_path / "out").tables
+    (said,) = [one.message for one in fit.remarks if "max_change" in one.message]
+    assert "axes.X.list" in said
