@@ -40,7 +40,7 @@ class Second:
         job: Its job.
         name: Of that file, relative to the first job.
         date: Day on which it was first evaluated.
-        lists: Hashes of the lists, by file name.
+        lists: Hashes of what the lists say, by file name.
     """
 
     job: Job
@@ -82,17 +82,20 @@ def plan_second(
         JobError: If the second measurement that is asked for was made with other lists.
         OSError: If its job cannot be read.
     """
+    earlier = _earlier(root)
+    stated = job.spec.verify
+    path = job.file(stated.job) if asked is None and stated is not None else asked
+    if path is None and earlier is None:
+        return None, ()
     lists = {
-        name: hashlib.sha256(listing.dumps()).hexdigest()
+        name: _hash_of(listing)
         for one in files
         if not one.failed
         for name, listing in one.lists
     }
-    earlier = _earlier(root)
-    stated = job.spec.verify
-    path = job.file(stated.job) if asked is None and stated is not None else asked
     if path is not None:
         after = load_job(path, needs_fits=False)
+        _refuse_other_axes(job, after)
         name = job.relative(path)
         other = _other_list(job, after, root, files, lists)
         if other is not None and asked is not None:
@@ -107,8 +110,7 @@ def plan_second(
             earlier["date"] if same and earlier else datetime.date.today().isoformat()
         )
         return Second(after, name, date, lists), ()
-    if earlier is None:
-        return None, ()
+    assert earlier is not None
     name, why = str(earlier["file"]), "the lists have changed since"
     if earlier["lists"] == lists:
         why = "it has changed since, or is gone"
@@ -253,13 +255,33 @@ def _other_list(
             continue
         stated = axis.listing
         path = root / name if stated is None else after.file(stated)
-        if path.is_file() and sha256(path) != lists[name]:
+        if path.is_file() and _hash_of(ListFile.read(path)) != lists[name]:
             return (
                 f"found {path}, which is not the {name} that {job.path.name} makes now,"
                 " expected the second measurement to be made with the lists of the first"
                 " job: fit without --after, load its lists and measure again"
             )
     return None
+
+
+def _refuse_other_axes(job: Job, after: Job) -> None:
+    """Raise where a second job calls an axis otherwise than the first, or another so."""
+    numbers = {name: axis.number for name, axis in job.spec.axes.items()}
+    names = {number: name for name, number in numbers.items()}
+    for name, axis in after.spec.axes.items():
+        known = names.get(axis.number, name)
+        if (known, numbers.get(name, axis.number)) != (name, axis.number):
+            raise after.error(
+                ("axes", name),
+                f"found axis {axis.number} as {name}, expected the names and numbers of"
+                f" {job.path.name}: {', '.join(f'{k} = {v}' for k, v in numbers.items())}",
+            )
+
+
+def _hash_of(listing: ListFile) -> str:
+    """Return the hash of what a list says: comments and layout do not count."""
+    said = "\n".join(f"{one.name} {one.value}" for one in listing.entries)
+    return hashlib.sha256(said.encode()).hexdigest()
 
 
 def _earlier(root: Path) -> dict[str, Any] | None:

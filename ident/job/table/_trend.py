@@ -22,6 +22,9 @@ _SURE = 3.0
 _NEGLIGIBLE = 1e-3
 """Share of the largest correction that the gate allows: less moves no axis to speak of."""
 
+_ABSURD = 0.01
+"""Slope in mm per mm that no machine has."""
+
 
 @final
 @dataclasses.dataclass(frozen=True)
@@ -213,7 +216,8 @@ def trend_words(job: Job, fit: TableSpec, trend: Trend) -> str:
         words.append(
             f"a slope of {_amount(scale * slope, scale * deviation)} {unit}/{per}{over}"
         )
-    return " and ".join(words)
+    absurd = np.any(np.abs(trend.slopes) > _ABSURD)
+    return " and ".join(words) + (" (is a unit wrong?)" if absurd else "")
 
 
 def _amount(value: float, deviation: float) -> str:

@@ -255,6 +255,8 @@ def test_rerun_keeps_the_verification_and_changed_lists_lose_it(
     job: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert fit(job, "--after", str(after_job(job.parent, 1.0))) == 0
+    # A title stands in a comment of the list, and changes nothing that it says.
+    job.write_text(job.read_text().replace('title = "screw"', 'title = "X"'))
     assert fit(job) == 0
     assert fitted(job)["verdict"] == "good"
     capsys.readouterr()
@@ -290,6 +292,18 @@ def test_second_measurement_of_other_lists_is_refused_and_nothing_written(
         capsys.readouterr().err
     )
     assert listing.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("axes.X", "axes.Q"), ("number = 1", "number = 2")]
+)
+def test_second_measurement_that_calls_its_axes_otherwise_is_refused(
+    job: Path, capsys: pytest.CaptureFixture[str], old: str, new: str
+) -> None:
+    after = after_job(job.parent, 1.0)
+    after.write_text(after.read_text().replace(old, new))
+    assert fit(job, "--after", str(after)) == 1
+    assert "the names and numbers of job.toml: X = 1" in capsys.readouterr().err
 
 
 def test_job_may_name_its_second_measurement(job: Path) -> None:
