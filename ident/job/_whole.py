@@ -383,18 +383,24 @@ def _with_partner(
         fitted, mine = by_axis.get(partner), by_axis[axis].after
         theirs = fitted.after if fitted else job.lists[partner]
         own, there = _waits(mine), _waits(theirs)
-        lacking = [name for name in whole.compensations if name not in there]
+        lacking = [
+            name
+            for name in whole.compensations
+            if name not in there or _follows(theirs, name) != _follows(mine, name)
+        ]
         apart = [name for name in own if there.get(name, own[name]) != own[name]]
         # Where both were measured, each has the sign that its readings ask for.
         compared = () if fitted or lacking else whole.compensations
-        turned, unread = list[str](), ""
+        against, unread = dict[str, tuple[bool, float]](), ""
         try:
-            turned = [name for name in compared if acts_against(theirs, mine, name)]
+            against = {name: acts_against(theirs, mine, name) for name in compared}
         except ExchangeError as error:
             unread = str(error)
+        turned = [name for name, (other_way, _) in against.items() if other_way]
         where, advice = f"{partner} has all that acts on {axis}", ""
+        doubt: Remark | None = None
         if lacking:
-            where = f"{partner} has no {' and no '.join(lacking)}"
+            where = f"{partner} has no {' and no '.join(lacking)} like that of {axis}"
             advice = (
                 f'Fit {partner} as well ([[fits]] with axis = "{partner}"), or give its'
                 f" list ([axes.{partner}] list = …) if it has one."
@@ -415,9 +421,24 @@ def _with_partner(
         elif apart:
             where = f"{partner} has another manual_activation of {' and '.join(apart)}"
             advice = "Let both wait for COMP ON, or none."
+        elif more := [name for name in there if name not in own]:
+            words = (
+                f"{partner}, the gantry partner of {axis}, has {' and '.join(more)}, and"
+                f" {axis} has not: they move apart by what it adds. Name the list that"
+                f" {axis} has ([axes.{axis}] list = …), or fit {axis} as well."
+            )
+            doubt = Remark.warning(words)
+        elif twist := max((apart for _, apart in against.values()), default=0.0):
+            words = (
+                f"{axis} and its gantry partner {partner} are moved up to {twist:.4g} mm"
+                f" apart by their lists, more than {axis} alone is moved. Fit {partner} as"
+                f' well ([[fits]] with axis = "{partner}"), unless its list was measured'
+                " on this machine."
+            )
+            doubt = Remark.warning(words)
         wrong = float(len(lacking) or bool(advice))
         check = gate_check("gantry", wrong, 0.0, "lists missing", where)
-        remarks = whole.remarks
+        remarks = whole.remarks if doubt is None else (*whole.remarks, doubt)
         if advice:
             words = (
                 f"{partner} is the gantry partner of {axis} and"
@@ -427,6 +448,11 @@ def _with_partner(
             remarks = (*remarks, Remark.error(words))
         whole = dataclasses.replace(whole, gate=(*whole.gate, check), remarks=remarks)
     return whole
+
+
+def _follows(lists: AxisLists, name: str) -> set[int]:
+    """Return the other axes over whose positions a compensation acts."""
+    return set(lists.inputs(name)) - {lists.axis} if name in lists.used else set()
 
 
 def _waits(lists: AxisLists) -> dict[str, bool]:

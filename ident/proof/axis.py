@@ -318,11 +318,12 @@ def judge_together(
     )
 
 
-def acts_against(partner: AxisLists, own: AxisLists, name: str) -> bool:
-    """Return whether a compensation of a gantry partner is that of an axis turned over.
+def acts_against(partner: AxisLists, own: AxisLists, name: str) -> tuple[bool, float]:
+    """Return whether a gantry partner has a compensation turned over, and what it twists by.
 
     At the nodes of the axis and in both directions: both together are then less than half
-    of what lies between them. What follows more than positions is not compared.
+    of what lies between them. The twist is the largest difference in mm; 0 where one of
+    the two alone would twist by as much. What follows more than positions is not compared.
 
     Raises:
         ExchangeError: If a list makes no table.
@@ -346,6 +347,8 @@ def acts_against(partner: AxisLists, own: AxisLists, name: str) -> bool:
         for one in (own, partner)
     ]
     if added[0] is None or added[1] is None:
-        return False
-    both = np.linalg.norm(added[0] + added[1])
-    return bool(both < _TURNED * np.linalg.norm(added[0] - added[1]))
+        return False, 0.0
+    both, apart = added[0] + added[1], added[0] - added[1]
+    turned = np.linalg.norm(both) < _TURNED * np.linalg.norm(apart)
+    twist = float(np.abs(apart).max())
+    return bool(turned), twist if twist > np.abs(added[0]).max() else 0.0

@@ -167,9 +167,11 @@ def _unowned(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     seen, unit = reason.fields, "°" if fit.unit == "deg" else "mm"
+    low, high = (f"{seen[name]:.4g}" for name in ("low", "high"))
+    where = f"at {low}" if low == high else f"from {low} to {high}"
     return (
         f"Verified in part: {_fall(fit, scale)}; {_again(fit, scale)}, which saw"
-        f" {seen['axis']} from {seen['low']:.4g} to {seen['high']:.4g} {unit} only:"
+        f" {seen['axis']} {where} {unit} only:"
         " measure the rest of its travel again."
     )
 

@@ -200,7 +200,7 @@ class TableDraft(AbstractDraft):
             found.direction if own else None,
             found.run if run_table(found, table) is not None else None,
             added=float(np.std(added)),
-            unowned=unowned_in(again, found.positions, error),
+            unowned=unowned_in(again, plan, found.positions, error),
             part=part_of(fit.over, self.readings.positions, found.positions),
         )
 

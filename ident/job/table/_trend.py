@@ -160,22 +160,33 @@ def refuse_unowned_trend(plan: Plan, fit: TableFit) -> None:
 
 
 def unowned_in(
-    plan: Plan, places: Float[np.ndarray, "t d"], error: Float[np.ndarray, " t"]
+    plan: Plan,
+    first: Plan,
+    places: Float[np.ndarray, "t d"],
+    error: Float[np.ndarray, " t"],
 ) -> tuple[str, float] | None:
     """Return the constant and slopes of which a job does not say whose they are, in words.
 
-    With what the readings are without them, rms in mm or °. None where the job says it, or
-    where they are small.
+    With what the readings are without them, rms in mm or °. None where the job says it, and
+    not otherwise than the first one, or where they are small.
 
     Args:
-        plan: Of the table, with the job.
+        plan: Of the table, with the second job.
+        first: Likewise, with the first job.
         places: Of the readings.
         error: Of the readings.
     """
     trend = trend_through(places, error, periodic=plan.table.periodic)
-    if not _silent(plan) or not asks_for_owner(plan.job, trend):
+    stated = not _silent(plan) and (_has_zero(plan) or not _has_zero(first))
+    if stated or not asks_for_owner(plan.job, trend):
         return None
     return trend_words(plan.job, plan.fit, trend), trend.remainder
+
+
+def _has_zero(plan: Plan) -> bool:
+    """Return whether the zero of a measurement is the instrument's."""
+    every = (plan.job.spec.measurements[name] for name in plan.fit.sources)
+    return any(one.remove != "none" or one.datum is not None for one in every)
 
 
 def _silent(plan: Plan) -> list[str]:

@@ -209,6 +209,15 @@ def test_zero_of_a_second_measurement_that_nobody_owns_is_asked_for(
     assert "state in after.toml whose they are (datum or remove" in shown
 
 
+def test_zero_that_both_jobs_do_not_say_alike_is_asked_for(job: Path) -> None:
+    job.write_text(job.read_text().replace('remove = "none"', 'remove = "offset"'))
+    assert fit(job) == 0
+    again = after_job(job.parent, 1.0, zero=0.03)
+    again.write_text(again.read_text() + 'remove = "none"\n')
+    assert fit(job, "--after", str(again)) == 1
+    assert result(job)["fits"][0]["reasons"][0]["code"] == "unowned"
+
+
 def test_part_of_the_travel_where_a_list_does_not_act_is_no_wild_reading(
     job: Path,
 ) -> None:

@@ -230,6 +230,29 @@ def test_gantry_whose_partner_acts_with_the_opposite_sign_is_stopped(
     )
 
 
+def test_gantry_whose_partner_follows_another_axis_is_stopped(tmp_path: Path) -> None:
+    gantry(tmp_path)
+    (tmp_path / "achskw4.lis").write_text(cross_list(number=4, master=3, size=0.03))
+    assert fit(tmp_path, GANTRY.format(partner='list = "achskw4.lis"')) == 1
+    assert gantry_gates(tmp_path) == [False]
+
+
+@pytest.mark.parametrize("more", [False, True])
+def test_gantry_whose_partner_is_moved_otherwise_says_by_how_much(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: bool
+) -> None:
+    gantry(tmp_path)
+    text = cross_list(number=4, master=1, size=0.03 if more else 0.3)
+    if more:
+        text += "kw.ssfk.unit 1\nkw.ssfk.interval 1000000\nkw.ssfk.kw_nr_max 2\n"
+        text += "kw.ssfk.table[0].pos 0\nkw.ssfk.table[1].pos 300\n"
+    (tmp_path / "achskw4.lis").write_text(text)
+    assert fit(tmp_path, GANTRY.format(partner='list = "achskw4.lis"')) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    apart = "has leadscrew, and Y has not" if more else "mm apart by their lists"
+    assert apart in said
+
+
 def gantry(folder: Path, size: float = 0.03, name: str = "line") -> None:
     rng = np.random.default_rng(22)
     x = np.tile(np.arange(0.0, 401.0, 25.0), 2)
