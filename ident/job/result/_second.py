@@ -34,6 +34,7 @@ def part_of(
     names: Sequence[str],
     first: Float[np.ndarray, "t d"],
     second: Float[np.ndarray, "s d"],
+    turn: float | None = None,
 ) -> tuple[str, float, float] | None:
     """Return the axis of which a second measurement saw a part only, and which part.
 
@@ -41,12 +42,24 @@ def part_of(
         names: Of the axes.
         first: Their positions in the first measurement, in mm or °.
         second: Likewise in the second one.
+        turn: Length of one turn in °, of an axis that goes round.
     """
     for name, old, new in zip(names, first.T, second.T, strict=True):
-        seen = np.clip(new, old.min(), old.max())
-        if np.ptp(seen) < _WHOLE * np.ptp(old):
-            return name, float(new.min()), float(new.max())
+        (start, end), seen = _reach(old, turn), _reach(new, turn)
+        low, high = seen if turn else np.clip(seen, start, end)
+        if high - low < _WHOLE * (end - start):
+            return name, seen[0], seen[1] % turn if turn else seen[1]
     return None
+
+
+def _reach(places: Float[np.ndarray, " t"], turn: float | None) -> tuple[float, float]:
+    """Return the first and the last place; on an axis that goes round, beside the widest gap."""
+    if turn is None:
+        return float(places.min()), float(places.max())
+    there = np.unique(places % turn)
+    last = int(np.argmax(np.diff(there, append=there[0] + turn)))
+    low, high = float(there[(last + 1) % len(there)]), float(there[last])
+    return low, high if high >= low else high + turn
 
 
 @dataclasses.dataclass(frozen=True)

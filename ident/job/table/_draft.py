@@ -193,6 +193,7 @@ class TableDraft(AbstractDraft):
         if "line" in removed:  # a slope that no reading shows
             added = without_zero(added, [*found.positions.T], "line")
         error = found.error - zero_at(found, datum, table)
+        turn = None if table.modulo is None else float(np.diff(table.modulo)[0])
         return SecondMeasurement(
             ", ".join(fit.sources),
             found.positions,
@@ -201,7 +202,7 @@ class TableDraft(AbstractDraft):
             found.run if run_table(found, table) is not None else None,
             added=float(np.std(added)),
             unowned=unowned_in(again, plan, found.positions, error),
-            part=part_of(fit.over, self.readings.positions, found.positions),
+            part=part_of(fit.over, self.readings.positions, found.positions, turn),
         )
 
     @property

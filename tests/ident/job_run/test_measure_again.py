@@ -12,6 +12,7 @@ from axcomp.data.measurements import measurement, read_table
 from axcomp.ident.cli import main
 from axcomp.ident.exchange import read_conventions
 from axcomp.ident.job import run_job
+from axcomp.ident.job.result._second import part_of
 
 from .screw import (
     offsets,
@@ -196,6 +197,18 @@ def test_second_measurement_of_a_part_verifies_that_part_only(
     (reason,) = screw["reasons"]
     assert reason == {"code": "in_part", "axis": "X", "low": 200.0, "high": 400.0}
     assert "X from 200 to 400 mm only" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [(-90.0, 90.0, ("C", 270.0, 90.0)), (0.0, 345.0, None), (-180.0, 165.0, None)],
+)
+def test_half_a_turn_is_a_part_wherever_it_begins(
+    low: float, high: float, said: tuple[str, float, float] | None
+) -> None:
+    whole = np.arange(0.0, 360.0, 15.0)[:, None]
+    again = np.arange(low, high + 1.0, 15.0)[:, None] % 360.0
+    assert part_of(["C"], whole, again, 360.0) == said
 
 
 def test_zero_of_a_second_measurement_that_nobody_owns_is_asked_for(
