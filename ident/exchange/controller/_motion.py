@@ -94,14 +94,18 @@ class Motion:
         columns = (*self.positions.values(), *self.velocities.values())
         return len(next(iter((*columns, *self.accelerations.values())), np.zeros(0)))
 
+    def name(self, axis: int) -> str:
+        """Return what sentences call an axis."""
+        return f"A{axis}"
+
     def position(self, axis: int, why: str) -> Column:
         """Return the commanded position of an axis.
 
         Raises:
             ExchangeError: If the motion does not have it.
         """
-        known = ", ".join(f"A{number}.position" for number in self.positions)
-        wanted = f"A{axis}.position {why}"
+        known = ", ".join(f"{self.name(number)}.position" for number in self.positions)
+        wanted = f"{self.name(axis)}.position {why}"
         expect(axis in self.positions, self.source, known or "no position", wanted)
         return self.positions[axis]
 

@@ -150,8 +150,9 @@ class JobResult:
 
     @property
     def confirmed(self) -> bool:
-        """Whether a second measurement, where there is one, confirms all that it shows."""
-        return all(fit.confirmed for fit in self.fits if fit.again is not None)
+        """Whether a second measurement, where there is one, shows something and confirms it."""
+        seen = [fit.confirmed for fit in self.fits if fit.again is not None]
+        return all(seen) and (self.second is None or bool(seen))
 
     @property
     def passed(self) -> bool:

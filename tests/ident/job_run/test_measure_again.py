@@ -222,6 +222,19 @@ def test_zero_of_a_second_measurement_that_nobody_owns_is_asked_for(
     assert "state in after.toml whose they are (datum or remove" in shown
 
 
+def test_second_measurement_that_shows_nothing_is_no_success(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = after_job(job.parent, 1.0)
+    lines = (job.parent / "after.csv").read_text().replace("target", "shown").split()
+    (job.parent / "after.csv").write_text("\n".join(lines) + "\n")
+    again.write_text(again.read_text() + 'columns = { "X.error" = "actual" }\n')
+    assert fit(job, "--after", str(again)) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Not measured again" in said
+    assert "'X.position'" in said
+
+
 def test_zero_that_both_jobs_do_not_say_alike_is_asked_for(job: Path) -> None:
     job.write_text(job.read_text().replace('remove = "none"', 'remove = "offset"'))
     assert fit(job) == 0
