@@ -159,9 +159,8 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 def _unowned(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     assert fit.again is not None  # it found them
     return (
-        f"Not verified yet: {_again(fit, scale)}, nearly all of it"
-        f" {reason.fields['words']}: state in {fit.again.source['file']} whose they are"
-        " (datum or remove, as in the first job), and evaluate it once more."
+        f"Not verified yet: {_again(fit, scale)}: state in {fit.again.source['file']} whose"
+        " they are (datum or remove, as in the first job), and evaluate it once more."
     )
 
 
@@ -200,7 +199,8 @@ def _again(fit: AbstractResult, scale: Scale) -> str:
     text = f"a second measurement with the list active ({source})"
     if again.rms is None:
         return f"{text} shows what it does"
-    return f"{text} found {scale.figure(again.rms)} {scale.error} rms"
+    mostly = "" if again.trend is None else f", nearly all of it {again.trend.words}"
+    return f"{text} found {scale.figure(again.rms)} {scale.error} rms{mostly}"
 
 
 def _fall(fit: AbstractResult, scale: Scale) -> str:

@@ -63,6 +63,21 @@ def _reach(places: Float[np.ndarray, " t"], turn: float | None) -> tuple[float, 
 
 
 @dataclasses.dataclass(frozen=True)
+class LeftTrend:
+    """A constant and slopes that a second measurement shows.
+
+    Attributes:
+        words: Both, with unit and standard deviation.
+        rest: What is left without them, rms in mm or °.
+        owned: Its job says whose they are, and not otherwise than the first.
+    """
+
+    words: str
+    rest: float
+    owned: bool
+
+
+@dataclasses.dataclass(frozen=True)
 class SecondMeasurement:
     """Readings taken with the list of one fit active.
 
@@ -81,8 +96,7 @@ class SecondMeasurement:
         part: An axis, and the first and last position in mm or ° that these readings
             have of it, where the list was made from far more of it; None: they reach
             as far as those of the first measurement.
-        unowned: Constant and slopes of these readings in words, where their job does not say
-            whose they are, and what is left without them, rms in mm or °; else None.
+        trend: Constant and slopes of these readings, where they are large; else None.
         factor: How many times it acts, and its standard deviation, where these readings
             show that by themselves; None likewise.
     """
@@ -95,7 +109,7 @@ class SecondMeasurement:
     wild: Bool[np.ndarray, " t"] | None = None
     added: float | None = None
     part: tuple[str, float, float] | None = None
-    unowned: tuple[str, float] | None = None
+    trend: LeftTrend | None = None
     factor: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -156,13 +170,12 @@ class MeasuredAgain:
         return None if self.readings is None else self.readings.figures.sound.rms
 
     @property
-    def unowned(self) -> str | None:
+    def trend(self) -> LeftTrend | None:
         """Constant and slopes that keep the error from being as predicted; None: no such."""
-        found = None if self.readings is None else self.readings.unowned
+        found = None if self.readings is None else self.readings.trend
         if found is None or self.rms is None:
             return None
-        words, left = found
-        return words if left <= LESS * self.predicted < self.rms else None
+        return found if found.rest <= LESS * self.predicted < self.rms else None
 
     @property
     def shown(self) -> bool:

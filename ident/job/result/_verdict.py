@@ -123,7 +123,7 @@ def _fault_measured(fit: "AbstractResult") -> Reason | None:
     again = fit.again
     if again is None:
         return None
-    unowned = again.unowned is not None
+    unowned = again.trend is not None and not again.trend.owned
     found = None if again.shown else again.diagnosis
     if found is not None and found.verdict not in ("right", "cannot tell"):
         return Reason(Code.DIAGNOSED, {"verdict": found.verdict, "value": found.value})
@@ -140,8 +140,9 @@ def _doubts(fit: "AbstractResult") -> list[Reason]:
     again = fit.again
     if before and predicted and predicted.sound.rms >= NO_GAIN * before.sound.rms:
         return [Reason(Code.NO_GAIN)]
-    if again is not None and again.unowned is not None:
-        return [Reason(Code.UNOWNED, {"words": again.unowned})]
+    trend = None if again is None else again.trend
+    if trend is not None and not trend.owned:
+        return [Reason(Code.UNOWNED, {"words": trend.words})]
     if again is not None and again.rms is not None:
         if again.rms > LESS * again.predicted:
             return [Reason(Code.LESS_THAN_PREDICTED)]

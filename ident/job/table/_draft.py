@@ -22,7 +22,7 @@ from ..result._second import SecondMeasurement, part_of
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
 from ._remarks import fit_remarks, outside, places_of
-from ._trend import unowned_in
+from ._trend import trend_left
 
 if TYPE_CHECKING:
     from ..write._lists import AxisFiles
@@ -201,7 +201,7 @@ class TableDraft(AbstractDraft):
             found.direction if own else None,
             found.run if run_table(found, table) is not None else None,
             added=float(np.std(added)),
-            unowned=unowned_in(again, plan, found.positions, error),
+            trend=trend_left(again, plan, found.positions, error),
             part=part_of(fit.over, self.readings.positions, found.positions, turn),
         )
 

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from ...fit import TableFit
 from ...kinds._keys import TableSpec
 from ..file._load import Job
+from ..result._second import LeftTrend
 from ._plan import Plan
 
 _SURE = 3.0
@@ -159,16 +160,13 @@ def refuse_unowned_trend(plan: Plan, fit: TableFit) -> None:
     )
 
 
-def unowned_in(
+def trend_left(
     plan: Plan,
     first: Plan,
     places: Float[np.ndarray, "t d"],
     error: Float[np.ndarray, " t"],
-) -> tuple[str, float] | None:
-    """Return the constant and slopes of which a job does not say whose they are, in words.
-
-    With what the readings are without them, rms in mm or °. None where the job says it, and
-    not otherwise than the first one, or where they are small.
+) -> LeftTrend | None:
+    """Return the constant and slopes of a second measurement; None where they are small.
 
     Args:
         plan: Of the table, with the second job.
@@ -177,10 +175,10 @@ def unowned_in(
         error: Of the readings.
     """
     trend = trend_through(places, error, periodic=plan.table.periodic)
-    stated = not _silent(plan) and (_has_zero(plan) or not _has_zero(first))
-    if stated or not asks_for_owner(plan.job, trend):
+    if not asks_for_owner(plan.job, trend):
         return None
-    return trend_words(plan.job, plan.fit, trend), trend.remainder
+    owned = not _silent(plan) and (_has_zero(plan) or not _has_zero(first))
+    return LeftTrend(trend_words(plan.job, plan.fit, trend), trend.remainder, owned)
 
 
 def _has_zero(plan: Plan) -> bool:
