@@ -127,7 +127,7 @@ def _error(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 def _no_gain(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     seen = "" if fit.again is None else f"; {_again(fit, scale)}"
     why = _NO_GAIN.get(fit.held_out, "") if isinstance(fit, TableResult) else ""
-    return f"This list would not help: {_fall(fit, scale)}{seen}.{why}"
+    return f"This list would not help, do not load it: {_fall(fit, scale)}{seen}.{why}"
 
 
 def _assumed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:

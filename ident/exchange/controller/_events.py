@@ -80,7 +80,8 @@ def parse_action(text: str, where: str) -> tuple[Action, tuple[str, ...]]:
         raise ExchangeError(
             where=where,
             found=repr(text),
-            expected=f"{EVENT_FORMS}, the axis in the column axis; compensations are {', '.join(keywords)}",
+            expected=f"{EVENT_FORMS}, the axis in the column axis; compensations are"
+            f" {', '.join(keywords)}",
         )
     return ("on" if match[1] == "ON" else "off"), tuple(keywords[w] for w in words)
 

@@ -5,6 +5,7 @@ import dataclasses
 import functools
 import hashlib
 import os
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,8 @@ _PART = 1 << 16
 """Bytes of a file that are hashed at a time: most files are no longer."""
 _TABLES = ("kw.", "frict_comp.")
 """What only a compensation list holds."""
+_NAMED = re.compile(r"achs(kw|mds)[0-9]+\.lis", re.IGNORECASE)
+"""File names by which the controller knows the axis of a list."""
 _ASSUMED = Conventions()
 """Rules of a controller of which nothing was measured."""
 
@@ -250,9 +253,13 @@ def _refuse_other_axis(job: Job, name: str, key: str, listing: ListFile) -> None
         found = axis_number(listing)
     except ExchangeError:
         return  # The file does not say; the job does.
-    stated = listing.integer("kopf.achs_nr")
-    if stated is not None and found != number:
+    says = "kopf.achs_nr"
+    if listing.integer(says) is None:
+        says = Path(listing.source).name
+        if _NAMED.fullmatch(says) is None:
+            return  # A number in another name may be that of a machine.
+    if found != number:
         raise job.error(
             ("axes", name, key),
-            f"found a list of axis {found} (kopf.achs_nr), expected axis {number}",
+            f"found a list of axis {found} ({says}), expected axis {number}",
         )

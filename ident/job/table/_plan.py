@@ -296,6 +296,12 @@ def _remarks(
         yield Remark.info(
             "The old table was active while measuring: the new one is old + residual."
         )
+        if axis_list is not None and not fit.kind.entries.is_activated(axis_list):
+            yield Remark.warning(
+                f"{axis_list.source} switches the {fit.compensation} of {fit.axis} off"
+                f" ({fit.kind.activation}), and active says that it was on while measuring:"
+                " where it was off, the new table holds the old one once too often."
+            )
     elif old is not None:
         yield Remark.info(
             "The old table was off while measuring: the new one replaces it."

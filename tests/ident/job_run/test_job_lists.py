@@ -244,3 +244,25 @@ def test_limit_of_a_change_says_where_there_is_nothing_to_compare_with(
     (fit,) = run_job(job, tmp_path / "out").tables
     (said,) = [one.message for one in fit.remarks if "max_change" in one.message]
     assert "axes.X.list" in said
+
+
+def test_list_whose_name_alone_says_another_axis_is_refused(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    (tmp_path / "achskw2.lis").write_text("kw.ssfk.unit 1\n")
+    with pytest.raises(JobError, match=r"a list of axis 2 \(achskw2.lis\)"):
+        run_job(screw_job(tmp_path, axis='list = "achskw2.lis"'), tmp_path / "out")
+
+
+def test_table_that_was_on_while_its_axis_list_has_it_off_is_doubted(
+    tmp_path: Path,
+) -> None:
+    old_list(tmp_path)
+    laser(tmp_path / "laser.csv", scale=0.5)
+    (tmp_path / "m.lis").write_text("kopf.achs_nr 1\nlr_param.ssfk 0\n")
+    job = screw_job(
+        tmp_path,
+        axis='list = "achskw1.lis"\nmachine_data = "m.lis"',
+        measurement='active = ["leadscrew"]',
+    )
+    (fit,) = run_job(job, tmp_path / "out").tables
+    assert any("once too often" in one.message for one in fit.remarks)
