@@ -150,7 +150,7 @@ def read_group(
     time = joined([part.time for part in parts])
     order = np.arange(sum(counts), dtype=float) if time is None else time
     slices = rows_of(lead.sources, counts)
-    fold, by_run = folds(run, order)
+    fold, by_run = folds(_held_out_together(run, parts), order)
     # Runs without an offset: it is what tells the temperature.
     heated = _unique((one.axis,) for one in members if one.sensors)
     specs = [tables.job.spec.measurements[name] for name in lead.sources]
@@ -314,6 +314,30 @@ def folds(
         runs, index = np.unique(label, return_inverse=True)
         if len(runs) > 2:
             return np.asarray(index.reshape(-1) % min(len(runs), _MOST_RUNS)), True
+    return _turns(order), False
+
+
+def _turns(order: Float[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
+    """Return the turn of each reading, stretch by stretch."""
     rank = np.empty(len(order), dtype=np.int64)
     rank[np.argsort(order, kind="stable")] = np.arange(len(order))
-    return rank * _BLOCKS // max(len(order), 1) % _FOLDS, False
+    return np.asarray(rank * _BLOCKS // max(len(order), 1) % _FOLDS)
+
+
+def _held_out_together(
+    run: Int[np.ndarray, " t"] | None, parts: Sequence[JointData]
+) -> Int[np.ndarray, " t"] | None:
+    """Return a label of readings that are held out together: those of a run.
+
+    A measurement without runs beside others with some may be all that tells an effect:
+    stretches of it.
+    """
+    if run is None or all(part.run is None for part in parts):
+        return run
+    label, first = run.copy(), 0
+    for part in parts:
+        if part.run is None:
+            rows = np.arange(len(part), dtype=float)
+            label[first : first + len(part)] = label.max() + 1 + _turns(rows)
+        first += len(part)
+    return label

@@ -368,3 +368,16 @@ def test_table_of_lengths_at_the_reference_temperature_stands_beside_a_law(
     listing = ListFile.read(tmp_path / "out" / "achskw1.lis")
     # Twice the slope would leave 20 µm; 0.1 µm of noise on six readings per node.
     assert np.ptp(SCREW + screw_by_hand(listing)) < 5e-4
+
+
+def test_measurement_without_runs_is_held_out_in_stretches_beside_one_with_runs(
+    tmp_path: Path,
+) -> None:
+    job = beside_heat(tmp_path, column=', "temperature.frame" = { value = 30.0 }')
+    for name in ("laser", "warm"):
+        both = 'measurements = ["laser", "warm"]\ngroup = "X"'
+        job = job.replace(f'measurement = "{name}"', both)
+    assert fit(tmp_path, job) == 0
+    fits = json.loads((tmp_path / "out" / "result.json").read_text())["fits"]
+    # Held out as a whole, the warming would leave nothing that tells the temperature.
+    assert all(one["error"]["predicted"]["rms"] < 2 * NOISE for one in fits)
