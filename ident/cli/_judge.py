@@ -125,8 +125,8 @@ def doctor(
 ) -> bool:
     """Say what is wrong with a list, from measurements without and with it.
 
-    Right, sign, unit, shift, wrong axis, applied twice, or that the measurements cannot
-    tell. Exit status 0 where all is right.
+    Right, sign, unit, shift, wrong axis, swapped directions, applied twice, or that the
+    measurements cannot tell. Exit status 0 where all is right.
 
     Options:
         files (FILE.lis …): Lists as they were active in the second measurement.
