@@ -183,9 +183,10 @@ class FrictionDraft(AbstractDraft):
             yield Remark.warning(f"{name.replace('_', ' ')} is not known: {reason}")
         yield from self.found.remarks
         yield Remark.info(choice_sentence(self.found.choice))
-        if self.view.offset is not None:
+        load, sd = self.view.offset, fit.standard_deviations.get("offset", 0.0)
+        if load is not None and abs(load) > _SURE * sd:
             yield Remark.info(
-                f"A constant load of {self.view.offset:.4g} {self.recording.unit}"
+                f"A constant load of {load:.4g} {self.recording.unit}"
                 " (gravity, counterweight) is no friction: it belongs into the torque"
                 " offset of the drive, not into the list. With the list written here"
                 " this offset leaves the least of the current."

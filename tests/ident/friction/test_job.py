@@ -50,12 +50,13 @@ def record(
     law: AbstractFriction = LAW,
     limit: float = np.inf,
     inertia: float = INERTIA,
+    load: float = OFFSET,
 ) -> None:
     rng = np.random.default_rng(8)
     v = motion() if velocity is None else velocity
     step = 0.002
     x, a = np.cumsum(v) * step, np.gradient(v, step)
-    i = inertia * a + np.asarray(law(v)) + OFFSET + NOISE * rng.normal(size=v.size)
+    i = inertia * a + np.asarray(law(v)) + load + NOISE * rng.normal(size=v.size)
     i = np.clip(i, -limit, limit)
     table = np.column_stack([np.arange(v.size) * step, x, sign * i])
     np.savetxt(folder / "trace.csv", table, "%.7f", ",", header="t,x,i", comments="")
@@ -461,6 +462,14 @@ def test_constant_load_is_the_one_that_goes_with_the_list(tmp_path: Path) -> Non
     assert np.abs(listed[rows]).mean() > 1.0
     words = [remark.message for remark in found.remarks]
     assert any(f"load of {view.offset:.4g} A" in each for each in words)
+
+
+def test_load_that_does_not_stand_out_of_its_deviation_is_not_spoken_of(
+    tmp_path: Path,
+) -> None:
+    record(tmp_path, load=0.0)
+    words = [remark.message for remark in friction(run(tmp_path)).remarks]
+    assert not any("constant load" in each for each in words)
 
 
 def test_rotary_axes_are_told_in_degrees_per_second(tmp_path: Path) -> None:
