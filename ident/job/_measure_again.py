@@ -23,7 +23,7 @@ from ._draft import AbstractDraft
 from .file._load import Job, load_job, sha256
 from .result._job_result import JobResult
 from .result._result import AbstractResult, Remark
-from .result._second import MeasuredAgain, SecondMeasurement
+from .result._second import LESS, MeasuredAgain, SecondMeasurement
 from .write._lists import AxisFiles
 
 _CONVENTIONS = "conventions.toml"
@@ -171,6 +171,7 @@ def measure_again(
             diagnosis = _turned(diagnosis, readings)
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
         found.append(dataclasses.replace(fit, again=again))
+    found = [_beside(one, found) for one in found]
     settled, more = _settled_by(found)
     if settled:
         more += _save_settled(job, root, settled)
@@ -180,6 +181,21 @@ def measure_again(
         remarks=(*result.remarks, *remarks, *more),
         second=second.record,
     )
+
+
+def _beside(fit: AbstractResult, found: Sequence[AbstractResult]) -> AbstractResult:
+    """Return a fit that is right with what else of its axis is not, and spoils its figures."""
+    again = fit.again
+    if again is None or again.diagnosis is None or again.diagnosis.verdict != "right":
+        return fit
+    wrong = tuple(
+        one.compensation
+        for one in found
+        if one.axis == fit.axis and one.again is not None and one.again.is_wrong
+    )
+    if not wrong or again.rms is None or again.rms <= LESS * again.predicted:
+        return fit
+    return dataclasses.replace(fit, again=dataclasses.replace(again, beside=wrong))
 
 
 def _turned(

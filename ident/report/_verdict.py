@@ -156,6 +156,14 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     return f"Take the list out again: {does}{words}; {_again(fit, scale)}."
 
 
+def _beside(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    others = " and ".join(reason.fields["compensations"])
+    return (
+        f"Right by itself, as a part of what moves {fit.axis}: {_again(fit, scale)}, since"
+        f" the {others} of {fit.axis} is wrong. Mend that, and measure again."
+    )
+
+
 def _unowned(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     assert fit.again is not None  # it found them
     return (
@@ -184,6 +192,7 @@ _SENTENCES: dict[Code, str | Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.DIAGNOSED: _diagnosed,
     Code.NO_BETTER: "Take the list out again: {again}, no better than before{found}.",
     Code.LESS_THAN_PREDICTED: "Better, but less than predicted: {fall}; {again}{found}.",
+    Code.BESIDE: _beside,
     Code.UNOWNED: _unowned,
     Code.IN_PART: _in_part,
     Code.VERIFIED: "Verified: {fall}; {again}.",

@@ -204,9 +204,9 @@ class AbstractResult(abc.ABC):
         again, judged = self.again, self.judgement
         if again is None or judged.verdict is Verdict.REJECTED:
             return False
-        return not judged.has(Code.UNOWNED) and (
-            again.acts or judged.verdict is Verdict.GOOD
-        )
+        if judged.has(Code.UNOWNED) or judged.has(Code.BESIDE):
+            return False
+        return again.acts or judged.verdict is Verdict.GOOD
 
     @property
     def measured_as(self) -> str:

@@ -156,6 +156,8 @@ class MeasuredAgain:
         before: Error in the first measurement, rms without wild readings; of the whole
             axis for a fit of a group.
         predicted: Likewise, as predicted with the list active.
+        beside: Compensations of the axis that do something else than their lists say, where
+            this one is right.
     """
 
     source: Mapping[str, str]
@@ -163,6 +165,7 @@ class MeasuredAgain:
     diagnosis: Diagnosis | None
     before: float
     predicted: float
+    beside: tuple[str, ...] = ()
 
     @property
     def rms(self) -> float | None:
@@ -188,6 +191,13 @@ class MeasuredAgain:
             return False
         small = self.rms <= LESS * self.predicted
         return small and self.rms <= SHOWN * self.readings.added
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the list surely does something else than it says."""
+        if self.shown or self.diagnosis is None:
+            return False
+        return self.diagnosis.verdict not in ("right", "cannot tell")
 
     @property
     def acts(self) -> bool:

@@ -43,6 +43,8 @@ class Code(enum.StrEnum):
     """With the list active the error is no smaller than before."""
     LESS_THAN_PREDICTED = "less_than_predicted"
     """With the list active the error is smaller, by less than predicted."""
+    BESIDE = "beside"
+    """It does what it says, and another list of the axis does not [compensations]."""
     UNOWNED = "unowned"
     """With the list active a constant or slope is left, and its job does not say whose
     [words]."""
@@ -123,13 +125,13 @@ def _fault_measured(fit: "AbstractResult") -> Reason | None:
     again = fit.again
     if again is None:
         return None
-    unowned = again.trend is not None and not again.trend.owned
-    found = None if again.shown else again.diagnosis
-    if found is not None and found.verdict not in ("right", "cannot tell"):
+    excused = bool(again.beside) or (again.trend is not None and not again.trend.owned)
+    found = again.diagnosis
+    if again.is_wrong and found is not None:
         return Reason(Code.DIAGNOSED, {"verdict": found.verdict, "value": found.value})
     # Where no gain was promised only what is plainly worse speaks against the list.
     least = NO_GAIN if again.predicted < NO_GAIN * again.before else LESS
-    if not unowned and again.rms is not None and again.rms >= least * again.before:
+    if not excused and again.rms is not None and again.rms >= least * again.before:
         return Reason(Code.NO_BETTER)
     return None
 
@@ -140,6 +142,8 @@ def _doubts(fit: "AbstractResult") -> list[Reason]:
     again = fit.again
     if before and predicted and predicted.sound.rms >= NO_GAIN * before.sound.rms:
         return [Reason(Code.NO_GAIN)]
+    if again is not None and again.beside:
+        return [Reason(Code.BESIDE, {"compensations": again.beside})]
     trend = None if again is None else again.trend
     if trend is not None and not trend.owned:
         return [Reason(Code.UNOWNED, {"words": trend.words})]

@@ -7,8 +7,26 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile
+from axcomp.ident.cli import main
 
-from .mill import AXES, CROSS, PLANE, cross_list, edge, fit, left_over, measured, probe
+from .mill import (
+    AXES,
+    CROSS,
+    NOISE,
+    PLANE,
+    X,
+    Y,
+    cross_by_hand,
+    cross_list,
+    edge,
+    fit,
+    left_over,
+    measured,
+    plane_by_hand,
+    probe,
+    sag,
+    table,
+)
 
 ON = "kopf.achs_nr 3\nlr_param.crosscomp 1\n"
 
@@ -121,3 +139,27 @@ def test_axis_whose_list_cannot_be_read_is_not_let_out(
     said = " ".join(capsys.readouterr().out.split())
     assert "What acts on Z cannot be judged as a whole" in said
     assert "switch its compensation off in the axis list" in said
+
+
+def test_right_list_beside_a_wrong_one_is_not_to_be_taken_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edge(tmp_path)
+    x, y = (np.tile(each.ravel(), 2) for each in np.meshgrid(X, Y))
+    bump = 0.02 * np.sin(np.pi * x / 200.0)  # what only the plane holds
+    noise = NOISE * np.random.default_rng(3).standard_normal((2, len(x)))
+    table(tmp_path / "probe.csv", "x,y,dz", x, y, sag(x, y) + bump + noise[0])
+    text = AXES + measured("edge") + measured("probe") + CROSS + PLANE
+    assert fit(tmp_path, text) == 0
+    listing = ListFile.read(tmp_path / "out" / "achskw3.lis")
+    adds = plane_by_hand(listing, x, y) - cross_by_hand(listing, y)
+    again = sag(x, y) + bump + adds + noise[1]
+    table(tmp_path / "again.csv", "x,y,dz", x, y, again)
+    more = 'active = ["cross", "plane"]'
+    after = AXES + 'list = "out/achskw3.lis"\n' + measured("again", more)
+    (tmp_path / "after.toml").write_text(after)
+    job, out = str(tmp_path / "job.toml"), str(tmp_path / "out")
+    assert main(["fit", job, "--out", out, "--after", str(tmp_path / "after.toml")])
+    fits = json.loads((tmp_path / "out" / "result.json").read_text())["fits"]
+    assert [one["reasons"][0]["code"] for one in fits] == ["diagnosed", "beside"]
+    assert "the cross of Z is wrong" in " ".join(capsys.readouterr().out.split())
