@@ -159,9 +159,7 @@ def test_everything_at_once(
     assert np.mean([each["within_3"] for each in tables.values()]) >= 0.95
 
 
-def test_the_whole_fit(
-    benchmark: BenchmarkFixture, tmp_path: Path
-) -> None:
+def test_the_whole_fit(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
     work = machine_with_everything()
     log = record(work, work_programme(1800.0, 0), 100).every(18)
     data = measured(log, tmp_path / "work.csv")
