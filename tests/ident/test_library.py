@@ -497,7 +497,7 @@ line = {"start": 0, "interval": 10, "points": 5}
 pair = {key: (value, value) for key, value in line.items()}
 for kind, given in (
     (axcomp.Cross, line | {"master": "X"}),
-    (axcomp.Plane, pair | {"masters": ("Y", "X")}),
+    (axcomp.Plane, pair | {"masters": ("Y", "Y")}),
     (axcomp.Plane, pair | {"masters": ("Y",)}),
     (axcomp.Plane, line | {"masters": ("Y", "Z")}),
     (axcomp.Leadscrew, line | {"points": 5.5}),
@@ -516,8 +516,8 @@ for kind, given in (
     for line, words in zip(
         done.stdout.splitlines(),
         (
-            "cross of X over X: found an axis twice, expected other axes as masters",
-            "plane of X over Y and X: found an axis twice, expected other axes as masters",
+            "cross of X over X: found the axis X twice, expected another master",
+            "plane of X over Y and Y: found the axis Y twice, expected another master",
             "plane of X: found masters ('Y',), expected two, one per master",
             "plane of X: found start 0, expected two, one per master",
             f"leadscrew of X: {start}, expected two numbers and a whole number",

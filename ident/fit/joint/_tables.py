@@ -137,14 +137,14 @@ def _grid(
     raise FitError(msg)
 
 
-def _check_masters(table: AbstractTable, count: int) -> None:
-    """Check that a table lies over so many axes, none of them its own.
+def _check_different(table: AbstractTable, *axes: str) -> None:
+    """Check that two axes are different ones.
 
     Raises:
-        FitError: If it does not.
+        FitError: If they are the same.
     """
-    if len({table.axis, *table.masters}) != 1 + count:
-        msg = f"{table.name}: found an axis twice, expected other axes as masters"
+    if len(set(axes)) < len(axes):
+        msg = f"{table.name}: found the axis {axes[0]} twice, expected another master"
         raise FitError(msg)
 
 
@@ -266,7 +266,7 @@ class Cross(AbstractLine):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_masters(self, 1)
+        _check_different(self, self.axis, self.master)
 
     @cached_property
     def masters(self) -> tuple[str, ...]:
@@ -317,7 +317,7 @@ class Plane(AbstractTable):
                 raise FitError(msg)
             object.__setattr__(self, key, tuple(given))  # lists do as well
         super().__post_init__()
-        _check_masters(self, 2)
+        _check_different(self, *self.masters)
 
     @cached_property
     def table_effect(self) -> TableEffect:
