@@ -102,10 +102,10 @@ def _files(argument: str) -> list[Path]:
             f"found a folder, expected files; for all jobs in it: {argument}/*.toml",
         )
     # An absolute pattern is one that `Path.glob` does not take.
-    found = sorted(map(Path, glob.glob(argument, recursive=True)))  # noqa: PTH207
-    if not found:
+    paths = sorted(map(Path, glob.glob(argument, recursive=True)))  # noqa: PTH207
+    if not paths:
         raise BatchError(argument, "found no such file, expected job files or tables")
-    return [path for path in found if path.is_file()]
+    return [path for path in paths if path.is_file()]
 
 
 def _names(paths: list[Path]) -> list[str]:

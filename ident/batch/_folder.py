@@ -67,17 +67,17 @@ def begin(
         except (ValueError, KeyError):
             reason = "found no manifest of a batch, expected one"
             raise BatchError(str(path), reason) from None
-        lost = [name for name in before if name not in jobs]
-        if lost:
+        missing = [name for name in before if name not in jobs]
+        if missing:
             raise BatchError(
                 str(folder),
-                f"found a batch with the job {lost[0]!r}, which is not among the"
+                f"found a batch with the job {missing[0]!r}, which is not among the"
                 f" {len(jobs)} given now, expected the same jobs (or more)",
             )
     packages = ("axcomp", "numpy", "scipy", "jax", "distributed", "pyarrow")
     manifest = {
         "schema": VERSION,
-        "arguments": [str(one) for one in arguments],
+        "arguments": [str(argument) for argument in arguments],
         "started": _now(),
         "versions": {"python": platform.python_version()}
         | {name: importlib.metadata.version(name) for name in packages},

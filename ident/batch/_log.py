@@ -75,8 +75,10 @@ def fit_log(
     parts, read = log.parts(headers, _PARTS, _ROWS), partial(_samples, headers, factor)
     with contextlib.ExitStack() as stack:
         own, apply = _shared(parts, read, scheduler, workers, stack)
-        found = fit_streamed(layout, own, smoothness=smoothness, loss=loss, apply=apply)
-        return found.fit
+        streamed = fit_streamed(
+            layout, own, smoothness=smoothness, loss=loss, apply=apply
+        )
+        return streamed.fit
 
 
 def _samples(headers: Sequence[str], factor: float, table: Table) -> Samples:
@@ -117,8 +119,8 @@ def _shared(
         client: Any = stack.enter_context(workers_of(scheduler, workers))
 
         def apply(call: Callable[[Any], Any], items: Sequence[Any]) -> Iterable[Any]:
-            found: list[Any] = client.gather(client.map(call, list(items), pure=False))
-            return found
+            values: list[Any] = client.gather(client.map(call, list(items), pure=False))
+            return values
 
         return pieces, apply
     threads = min(cores(), len(parts) // _APIECE)

@@ -172,11 +172,11 @@ def _fit_row(fit: Mapping[str, Any], remarks: Sequence[Mapping[str, str]]) -> Ro
         for figure in _ISO:
             row[f"{stage}_{figure}"] = figures.get(figure)
     every = [*remarks, *fit["remarks"]]
-    sound = all(one["level"] != "error" for one in every)
-    row["gate_failed"] = [one["name"] for one in fit["gate"] if not one["passed"]]
+    sound = all(entry["level"] != "error" for entry in every)
+    row["gate_failed"] = [entry["name"] for entry in fit["gate"] if not entry["passed"]]
     row["passed"] = bool(fit["passed"]) and sound and fit.get("verdict") != "rejected"
     loud = ("warning", "error")
-    row["warnings"] = [one["message"] for one in every if one["level"] in loud]
+    row["warnings"] = [entry["message"] for entry in every if entry["level"] in loud]
     return {key: value for key, value in row.items() if key in COLUMNS}
 
 

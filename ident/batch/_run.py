@@ -183,9 +183,9 @@ def _run(
             # Enough chunks that nobody works on a last one while the others have none left.
             size = max(1, min(_CHUNK, -(-len(good) // (_ROUNDS * crew))))
             for outcomes in chain([bad], run_chunks(client, good, order, size)):
-                kept = [one for one in outcomes if not one.full]
+                kept = [outcome for outcome in outcomes if not outcome.full]
                 stand.done += len(kept)
-                yield from ((one.name, one.rows) for one in kept)
+                yield from ((outcome.name, outcome.rows) for outcome in kept)
                 if len(kept) < len(outcomes):
                     raise BatchError(
                         order.out,
@@ -193,10 +193,10 @@ def _run(
                     )
     except OSError as error:
         # A broken connection is an OSError too; only files have a number of their own.
-        lost = error.errno is None or isinstance(error, ConnectionError)
-        what = "the scheduler was lost" if lost else f"cannot write: {error.strerror}"
+        broken = error.errno is None or isinstance(error, ConnectionError)
+        what = "the scheduler was lost" if broken else f"cannot write: {error.strerror}"
         raise BatchError(
-            (scheduler or "scheduler") if lost else order.out,
+            (scheduler or "scheduler") if broken else order.out,
             f"{what}; {_what_is_done(stand)}",
         ) from None
 
@@ -211,8 +211,8 @@ def _examined(
     """Return the jobs to run, those of equal shape together, and those that cannot run."""
     size = max(1, len(tasks) // (_ROUNDS * crew))
     parts = [tasks[start : start + size] for start in range(0, len(tasks), size)]
-    found = chain.from_iterable(client.gather(client.map(examine, parts, pure=False)))
-    pairs = list(zip(tasks, found, strict=True))
+    shapes = chain.from_iterable(client.gather(client.map(examine, parts, pure=False)))
+    pairs = list(zip(tasks, shapes, strict=True))
     bad = [outcome for _, outcome in pairs if isinstance(outcome, Outcome)]
     good = [(shape, task) for task, shape in pairs if isinstance(shape, str)]
     return [task for _, task in sorted(good, key=lambda one: one[0])], bad

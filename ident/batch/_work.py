@@ -69,13 +69,13 @@ class Outcome:
 
 def examine(tasks: Sequence[Task]) -> list[str | Outcome]:
     """Return the shape of each job, or the outcome of one that cannot run."""
-    found: list[str | Outcome] = []
+    shapes: list[str | Outcome] = []
     for task in tasks:
         try:
-            found.append(_shape(task.path))
+            shapes.append(_shape(task.path))
         except (AxcompError, OSError) as error:
-            found.append(failed(task, str(error)))
-    return found
+            shapes.append(failed(task, str(error)))
+    return shapes
 
 
 def _shape(path: Path) -> str:
@@ -100,15 +100,18 @@ def run_chunk(tasks: Sequence[Task], order: Order) -> list[Outcome]:
     Threads wait for the disk to take the files of a job while the next ones run.
     """
     start_worker()
-    watch, found = _Watch(order), list[Outcome | Future[Outcome]]()
+    watch, outcomes = _Watch(order), list[Outcome | Future[Outcome]]()
     try:
         with ThreadPoolExecutor(_PUBLISHING) as disk:
             for task in tasks:
                 watch.begin(task)
-                found.append(_one(task, order, disk))
+                outcomes.append(_one(task, order, disk))
     finally:
         watch.running = None
-    return [one if isinstance(one, Outcome) else one.result() for one in found]
+    return [
+        outcome if isinstance(outcome, Outcome) else outcome.result()
+        for outcome in outcomes
+    ]
 
 
 @dataclasses.dataclass

@@ -49,20 +49,20 @@ def discover(
         loaded = load_job(job, needs_fits=False)
         progress("reading the measurements")
         seen = observe(loaded)
-        found = look(
+        discovery = look(
             seen.data, tuple(loaded.spec.axes), source=str(job), progress=progress
         )
     for remark in seen.remarks:
         print_line(console, f"info: {remark}")
     if as_json:
-        print_json(_json(found, seen.names))
+        print_json(_json(discovery, seen.names))
     else:
-        _print(Console(highlight=False), found)
-    if write is not None and found.found:
-        _write(console, write, loaded, seen, found)
+        _print(Console(highlight=False), discovery)
+    if write is not None and discovery.found:
+        _write(console, write, loaded, seen, discovery)
     elif write is not None:
         print_line(console, f"Nothing to fit was found: {write} was not written.")
-    return found.told
+    return discovery.told
 
 
 def _write(
@@ -117,10 +117,10 @@ def _print(console: "Console", found: "Discovery") -> None:
     """Print what a person wants to know: what to compensate, by how much, what stays."""
     for axis in found.axes:
         mine = [
-            one
-            for one in found.found
-            if one.axis == axis.axis
-            and kind(one.compensation).adds_current == (axis.channel == "current")
+            fit
+            for fit in found.found
+            if fit.axis == axis.axis
+            and kind(fit.compensation).adds_current == (axis.channel == "current")
         ]
         title = (
             f"{axis.channel} of {axis.axis}: {_amount(axis.rms, axis.unit)} rms in"
@@ -129,20 +129,20 @@ def _print(console: "Console", found: "Discovery") -> None:
         print_line(console, title if mine else f"{title}: no compensation found")
         rows = [
             (
-                one.compensation,
-                ", ".join(one.masters) or "–",
-                ", ".join(one.sensors) or "–",
-                _amount(one.rms, one.unit),
-                f"{one.share:.1%}",
-                f"{one.stability:.0%}",
+                fit.compensation,
+                ", ".join(fit.masters) or "–",
+                ", ".join(fit.sensors) or "–",
+                _amount(fit.rms, fit.unit),
+                f"{fit.share:.1%}",
+                f"{fit.stability:.0%}",
             )
-            for one in mine
+            for fit in mine
         ]
         if mine:
             heads = ["compensation", "over", "sensor", *_NUMBERS]
             console.print(table_of(heads, rows, numbers=_NUMBERS))
-        for one in mine:
-            print_line(console, one.sentence)
+        for fit in mine:
+            print_line(console, fit.sentence)
         for drift in found.drifts:
             if drift.axis == axis.axis and axis.channel == "error":
                 print_line(console, drift.sentence)

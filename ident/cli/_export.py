@@ -117,7 +117,7 @@ def probe(
     pattern, example = f"(?P<word>{AXIS_WORD})", "its word as in A1=X"
     words = by_axis(word, "--word", pattern, example)
     if len(files) == 1 and files[0].suffix.lower() == ".toml":
-        found, read = _probe_of_job(files[0], own)
+        probes, read = _probe_of_job(files[0], own)
     else:
         lists, rules = read_lists(files), Conventions()
         reach = {**travel_in(lists, rules, increment), **own}
@@ -126,15 +126,15 @@ def probe(
             for k, between in reach.items()
         }
         existing = machine_lists(lists).compensation
-        found = make_probe(axes, probed_in(lists, rules), rules, existing, ())
+        probes = make_probe(axes, probed_in(lists, rules), rules, existing, ())
         read = files[1:]
     contents = {
         listing.source: listing.dumps()
-        for group in (found.lists, found.additions)
+        for group in (probes.lists, probes.additions)
         for listing in group.values()
     }
-    contents["probe.txt"] = probe_text(found).encode()
-    contents |= {name: text.encode() for name, text in probe_programs(found).items()}
+    contents["probe.txt"] = probe_text(probes).encode()
+    contents |= {name: text.encode() for name, text in probe_programs(probes).items()}
     folder = OutFolder(out, files[0], read)
     folder.refuse_sources(contents)
     for name, content in contents.items():
@@ -142,12 +142,12 @@ def probe(
     if as_json:
         steps = [
             {**dataclasses.asdict(step), "sentence": step.sentence}
-            for step in probe_steps(found)
+            for step in probe_steps(probes)
         ]
-        tree = {"files": list(contents), "steps": steps, "remarks": found.remarks}
+        tree = {"files": list(contents), "steps": steps, "remarks": probes.remarks}
         print_json(tree)
     else:
-        typer.echo(probe_text(found), nl=False)
+        typer.echo(probe_text(probes), nl=False)
     note(folder.remarks)
     typer.echo(f"{', '.join(contents)} in {out}", err=True)
 
@@ -180,13 +180,13 @@ def _probe_of_job(
                 channel=axis.channel,
             )
     lists = read_lists(paths)
-    found = {(one.axis, one.name): one for one in probed_in(lists, job.conventions)}
+    probed = {(one.axis, one.name): one for one in probed_in(lists, job.conventions)}
     remarks = []
     for fit in spec.fits:
         number = spec.axes[fit.axis].number
         facts = kind(fit.compensation)
         if facts.adds_current:
-            if (number, facts.name) not in found:
+            if (number, facts.name) not in probed:
                 remarks.append(
                     f"{fit.axis}, {facts.name}: not probed, as no list holds its table: a"
                     " current that nobody measured is never put on a drive. Measure and fit"
@@ -196,8 +196,8 @@ def _probe_of_job(
             continue
         named = getattr(fit, "masters", None) or [getattr(fit, "master", fit.axis)]
         masters = tuple(spec.axes[master].number for master in named)
-        found[number, fit.compensation] = Probed(number, fit.compensation, masters)
-    tables = [found[key] for key in sorted(found)]
+        probed[number, fit.compensation] = Probed(number, fit.compensation, masters)
+    tables = [probed[key] for key in sorted(probed)]
     existing = machine_lists(lists).compensation
     return make_probe(axes, tables, job.conventions, existing, remarks), paths
 

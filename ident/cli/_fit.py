@@ -69,15 +69,15 @@ def fit(
 
 def _print_fits(console: "Console", result: "JobResult") -> None:
     """Print what a person wants to know first; what several fits say alike, once."""
-    said = set[str]()
-    alone = dict(enumerate(result.fits))
+    printed = set[str]()
+    rest = dict(enumerate(result.fits))
     for group in result.groups:
-        _print_group(console, group, result.fits, said)
+        _print_group(console, group, result.fits, printed)
         for index in group.fits:
-            _print_fit(console, alone.pop(index), said, grouped=True)
-    for one in alone.values():
-        _print_fit(console, one, said)
-    print_remarks(console, result.remarks, said)
+            _print_fit(console, rest.pop(index), printed, grouped=True)
+    for fit_result in rest.values():
+        _print_fit(console, fit_result, printed)
+    print_remarks(console, result.remarks, printed)
 
 
 def _verdict_of(result: "JobResult") -> str:
@@ -183,15 +183,15 @@ def _print_group(
 def _print_sums(console: "Console", group: "GroupResult") -> None:
     count, rows = len(group.fits), []
     fits = "one fit" if count == 1 else f"{count} fits as one"
-    for one in group.axes:
-        scale = scale_of(one.unit)
-        figures = [one.error[stage].sound.rms for stage in _STAGES]
+    for axis in group.axes:
+        scale = scale_of(axis.unit)
+        figures = [axis.error[stage].sound.rms for stage in _STAGES]
         rows.append(
             (
-                f"{one.axis}, {scale.error}",
-                *(number(scale.factor * value) for value in (*figures, one.noise)),
-                str(len(one.rows)),
-                str(int(one.wild.sum())),
+                f"{axis.axis}, {scale.error}",
+                *(number(scale.factor * value) for value in (*figures, axis.noise)),
+                str(len(axis.rows)),
+                str(int(axis.wild.sum())),
             )
         )
     heads = ["before", "predicted", "from file", "one reading", "readings", "wild"]
@@ -202,7 +202,7 @@ def _print_sums(console: "Console", group: "GroupResult") -> None:
 def _print_effects(
     console: "Console", group: "GroupResult", fits: Sequence["AbstractResult"]
 ) -> None:
-    scales, rows = {one.axis: scale_of(one.unit) for one in group.axes}, []
+    scales, rows = {axis.axis: scale_of(axis.unit) for axis in group.axes}, []
     for each in group.effects:
         scale = scales.get(each.axis, scale_of("mm"))
         over = fits[each.index].over if each.index is not None else ()

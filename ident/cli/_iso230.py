@@ -49,14 +49,14 @@ def iso230(
     columns = _columns(column or (), axis)
     limit, limit_unit = (None, None) if tolerance is None else _tolerance(tolerance)
     files = {"before": file, "after": after} if after else {"": file}
-    found = [read_iso230(path, columns, axis) for path in files.values()]
-    first, last, judged = found[0], found[-1], after or file
+    outcomes = [read_iso230(path, columns, axis) for path in files.values()]
+    first, last, judged = outcomes[0], outcomes[-1], after or file
     if last.unit != first.unit:
         reason = f"found {last.unit}, expected {first.unit} as in {file}"
         raise MeasurementError(str(after), reason)
     if limit_unit not in (None, last.unit):
         refuse("--tolerance", repr(tolerance), f"{last.unit} as in {judged}")
-    tests = dict(zip(files, (one.figures for one in found), strict=True))
+    tests = dict(zip(files, (outcome.figures for outcome in outcomes), strict=True))
     if _targets(last.figures) != _targets(first.figures):
         remark = "Its targets are not those of the first file: compare with care."
         remarks = (remark, *last.figures.remarks)
@@ -95,15 +95,15 @@ def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
 
     expected = "ROLE=COLUMN with role target, actual, error, run or direction, such as error=dx:um"
     pattern = r"(target|position|actual|error|run|direction)=(.+)"
-    found: dict[str, ColumnSpec] = {}
+    columns: dict[str, ColumnSpec] = {}
     for text in texts:
         role, name = matched("--column", text, pattern, expected).groups()
         role = {"target": "position"}.get(role, role)
         key = role if role == "run" else f"{axis or 'axis'}.{role}"
         head, _, unit = name.rpartition(":")
         stated = head and find_unit(unit) is not None
-        found[key] = ColumnSpec(head, unit) if stated else ColumnSpec(name)
-    return found
+        columns[key] = ColumnSpec(head, unit) if stated else ColumnSpec(name)
+    return columns
 
 
 def _targets(test: "Iso230") -> tuple[float, ...]:

@@ -65,7 +65,7 @@ def verify(
     rules = assumed.conventions
     reading = Reading(rules, increment, ranges)
     with working("reading the log"):
-        snapshot, found = read_snapshot(log), Verification((), (), rules, frozenset())
+        snapshot, answer = read_snapshot(log), Verification((), (), rules, frozenset())
         if snapshot is not None:
             outside = verify_snapshot(lists, snapshot, reading)
         else:
@@ -73,17 +73,17 @@ def verify(
             logged = read_log(log, increment, cycle_time, names)
             outside, logged = verify_external(lists, logged, reading)
             if logged.offsets or not outside:
-                found = verify_log(lists, logged, reading)
-        every = (*outside, *found.verdicts)
-        found = dataclasses.replace(found, verdicts=every)
+                answer = verify_log(lists, logged, reading)
+        every = (*outside, *answer.verdicts)
+        answer = dataclasses.replace(answer, verdicts=every)
     print_result(
-        [_json(one) for one in found.verdicts] if as_json else None,
-        [f"A{one.axis} {one.compensation}: {one.sentence}" for one in found.verdicts],
+        [_json(one) for one in answer.verdicts] if as_json else None,
+        [f"A{one.axis} {one.compensation}: {one.sentence}" for one in answer.verdicts],
     )
-    note(found.remarks)
+    note(answer.remarks)
     if save is not None:
-        _save(save, stored, found)
-    return found.agrees
+        _save(save, stored, answer)
+    return answer.agrees
 
 
 def _json(one: "Verdict") -> Mapping[str, object]:
@@ -146,7 +146,7 @@ def doctor(
     lists = read_lists(files)
     names = {axis.number: name for name, axis in new.spec.axes.items()}
     with working("reading the measurements"):
-        found = diagnose(
+        diagnoses = diagnose(
             lists,
             read_outside(old),
             read_outside(new),
@@ -154,13 +154,16 @@ def doctor(
             names=names,
         )
     note(not_judged(lists, new.conventions, names), "")
-    shown = [(names.get(one.axis, f"A{one.axis}"), one) for one in found]
+    shown = [
+        (names.get(answer.axis, f"A{answer.axis}"), answer) for answer in diagnoses
+    ]
     keys = ("compensation", "verdict", "value", "sentence")
     trees = [
-        {"axis": name} | {key: getattr(one, key) for key in keys} for name, one in shown
+        {"axis": name} | {key: getattr(answer, key) for key in keys}
+        for name, answer in shown
     ]
     print_result(
         trees if as_json else None,
-        [f"{name} {one.compensation}: {one.sentence}" for name, one in shown],
+        [f"{name} {answer.compensation}: {answer.sentence}" for name, answer in shown],
     )
-    return all(one.verdict == "right" for one in found)
+    return all(answer.verdict == "right" for answer in diagnoses)

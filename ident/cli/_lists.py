@@ -132,8 +132,8 @@ def diff(
     from ...data.lists import compare, offset_curves
 
     lists = read_shown_list(old), read_shown_list(new)
-    found = compare(*lists)
-    print_result(found if as_json else None, _lines(found))
+    comparison = compare(*lists)
+    print_result(comparison if as_json else None, _lines(comparison))
     if out is not None:
         from ._list_plots import draw_tables
 

@@ -170,10 +170,10 @@ def matched(option: str, text: str, pattern: str, expected: str) -> "re.Match[st
     Raises:
         UsageError: If it says something else.
     """
-    found = re.fullmatch(pattern, text)
-    if found is None:
+    match = re.fullmatch(pattern, text)
+    if match is None:
         refuse(option, repr(text), expected)
-    return found
+    return match
 
 
 def read_shown_list(path: Path) -> "ListFile":
@@ -215,8 +215,8 @@ def by_axis(
         UsageError: If a text is something else.
     """
     pattern, expected = rf"A?(?P<axis>\d{{1,5}})={value}", f"an axis and {expected}"
-    found = [matched(option, text, pattern, expected) for text in texts or ()]
-    return {int(match["axis"]): match for match in found}
+    matches = [matched(option, text, pattern, expected) for text in texts or ()]
+    return {int(match["axis"]): match for match in matches}
 
 
 def axis_ranges(
@@ -232,10 +232,10 @@ def axis_ranges(
     """
     number = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
     value = rf"\s*(?P<low>{number})\s*:\s*(?P<high>{number})\s*"
-    found = {}
+    ranges = {}
     for axis, match in by_axis(texts, option, value, expected).items():
         low, high = float(match["low"]), float(match["high"])
         if not (-most <= low < high <= most and math.isfinite(high - low)):
             refuse(option, repr(match[0]), f"an axis and {expected}")
-        found[axis] = low, high
-    return found
+        ranges[axis] = low, high
+    return ranges

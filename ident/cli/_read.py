@@ -88,7 +88,9 @@ def _as_dict(table: "Table", problems: "list[CellError]") -> dict[str, Any]:
         "last": [column.cell(-1) for column in table.columns],
         "skipped": table.skipped,
         "remarks": table.remarks,
-        "problems": [{key: getattr(one, key) for key in keys} for one in problems],
+        "problems": [
+            {key: getattr(problem, key) for key in keys} for problem in problems
+        ],
     }
 
 
@@ -215,7 +217,7 @@ def new(
         job = new_job(files, path=out, lists=lists or [], axes=numbers)
     write_atomically(out, job.text.encode())
     if as_json:
-        asked = [dataclasses.asdict(one) for one in job.questions]
+        asked = [dataclasses.asdict(question) for question in job.questions]
         print_json({"job": str(out), "fits": job.fits, "questions": asked})
         return
     _print_questions(out, job)
@@ -238,7 +240,9 @@ def _print_questions(out: Path, job: "NewJob") -> None:
         return
     if job.questions:
         typer.echo('It asks (take the "#? " off the answer that is right):')
-    for number, one in enumerate(job.questions, start=1):
-        optional = "" if one.needed else " (may stay open)"
-        typer.echo(f"  {out}:{one.line}: QUESTION {number}{optional}: {one.words}")
+    for number, question in enumerate(job.questions, start=1):
+        optional = "" if question.needed else " (may stay open)"
+        typer.echo(
+            f"  {out}:{question.line}: QUESTION {number}{optional}: {question.words}"
+        )
     typer.echo(f"Then: axcomp fit {shlex.quote(str(out))}")

@@ -88,7 +88,7 @@ def simulate(
         elif any(column.name == "event" for column in table.columns):
             happened = _events_in(table, path)
         step("following the controller")
-        found = follow(
+        offsets = follow(
             lists,
             path,
             Reading(
@@ -100,13 +100,13 @@ def simulate(
             cycle_time=cycle_time,
             events=happened,
         )
-    columns = _columns(path, found)
-    note(dict.fromkeys(text for axis in found for text in axis.remarks))
+    columns = _columns(path, offsets)
+    note(dict.fromkeys(text for axis in offsets for text in axis.remarks))
     if out is not None:
         parquet = out.suffix.lower() == ".parquet"
         write_atomically(out, _content(columns, parquet=parquet))
     if as_json:
-        print_json(_summary(columns, found, rules))
+        print_json(_summary(columns, offsets, rules))
     elif out is None:
         typer.echo(_content(columns).decode("ascii"), nl=False)
     else:
@@ -212,13 +212,13 @@ def _motion_in(table: "Table") -> "Motion":
     from ..exchange import Motion
 
     def number(axis: str) -> int:
-        found = axis.removeprefix("A")
-        if not found.isdigit():
+        digits = axis.removeprefix("A")
+        if not digits.isdigit():
             reason = (
                 f"found axis {axis!r}, expected A1, A2, … after the logical numbers"
             )
             raise MeasurementError(str(table.path), reason)
-        return int(found)
+        return int(digits)
 
     measured = measurement(table)
     motion = Motion.of(measured, number)
@@ -260,7 +260,7 @@ def _events_in(table: "Table", motion: "Motion") -> "tuple[ControllerEvent, ...]
         raise MeasurementError(str(table.path), reason)
     if motion.time is None:
         return ()  # refused with the reason where they are used
-    found: list[ControllerEvent] = []
+    events: list[ControllerEvent] = []
     for k, cell in enumerate(columns["event"].text or ()):
         texts = [text.strip() for text in cell.split(";") if text.strip()]
         if not texts:
@@ -276,8 +276,8 @@ def _events_in(table: "Table", motion: "Motion") -> "tuple[ControllerEvent, ...]
             expected = "A1, A2, … after the logical numbers, or nothing for all axes"
             raise LineError(str(table.path), line, f"axis {axis!r}", expected)
         number = int(axis) if axis else None
-        found += [_event(table.path, line, row, number, text) for text in texts]
-    return tuple(sorted(found, key=lambda event: event.row))
+        events += [_event(table.path, line, row, number, text) for text in texts]
+    return tuple(sorted(events, key=lambda event: event.row))
 
 
 def _text(column: "Column | None", row: int) -> str:

@@ -73,14 +73,14 @@ def observables(
     """
     rules = Conventions() if conventions is None else conventions
     machine = machine_lists(lists)
-    switched = {(one.axis, one.name): one for one in machine.in_use(rules)}
+    switched = {(use.axis, use.name): use for use in machine.in_use(rules)}
     held = MachineLists(machine.compensation, {}).in_use(rules)
-    used = switched | {(one.axis, one.name): one for one in held}
-    found: list[Observable] = []
+    used = switched | {(use.axis, use.name): use for use in held}
+    rows: list[Observable] = []
     for key in sorted(used):
-        found += _compensation(used[key])
-    found += _external(machine)
-    return (*found, *_positions(used.values()))
+        rows += _compensation(used[key])
+    rows += _external(machine)
+    return (*rows, *_positions(used.values()))
 
 
 def objects_csv(rows: Iterable[Observable]) -> str:
@@ -140,9 +140,9 @@ def _external(machine: MachineLists) -> list[Observable]:
 
 def _positions(used: Iterable[InUse]) -> list[Observable]:
     """Return the positions that a log needs beside the offsets."""
-    pairs = [(one, kind(one.name).adds_current) for one in used]
-    seen = sorted({axis for one, _ in pairs for axis in (one.axis, *one.masters)})
-    moved = sorted({one.axis for one, is_current in pairs if not is_current})
+    pairs = [(use, kind(use.name).adds_current) for use in used]
+    seen = sorted({axis for use, _ in pairs for axis in (use.axis, *use.masters)})
+    moved = sorted({use.axis for use, is_current in pairs if not is_current})
     commanded, bus = "commanded position, uncompensated", "position on the drive bus"
     rows = [
         Observable(

@@ -47,8 +47,8 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
                 if not clear or index in grouped:
                     raise _unclear(job, source, fit, name, before)
                 words = f"the {name} of {used[name].listing.source}"
-                one = Acting(job, fit.axis, name, before, words)
-                left.setdefault((index, source), []).append(one)
+                acting = Acting(job, fit.axis, name, before, words)
+                left.setdefault((index, source), []).append(acting)
     return left
 
 

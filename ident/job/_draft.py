@@ -366,7 +366,7 @@ class AbstractDraft(AbstractOfFit):
 
     def frame(self, done: "AxisFiles") -> dict[str, Any]:
         """Return what every result says alike, as arguments of its class."""
-        job, found = self.job, done.findings
+        job, findings = self.job, done.findings
         axis = job.spec.axes[self.axis]
         return {
             "compensation": self.compensation,
@@ -377,7 +377,7 @@ class AbstractDraft(AbstractOfFit):
             "conventions": _convention_states(
                 job.conventions, job.verified, self.kind.conventions
             ),
-            "findings": tuple(dataclasses.asdict(item) for item in found),
+            "findings": tuple(dataclasses.asdict(item) for item in findings),
         }
 
 

@@ -39,7 +39,7 @@ def fit_all(
     fits, grouped = job.spec.fits, job.spec.grouped
     _refuse_streams(job, grouped)
     drafts: dict[int, AbstractDraft] = {}
-    found: list[IdentifiedGroup] = []
+    groups: list[IdentifiedGroup] = []
     plans = [fit.kind.planner.plan(tables, k, fit) for k, fit in enumerate(fits)]
     single = {k: plan for k, plan in enumerate(plans) if k not in grouped}
     order = sorted(single, key=lambda k: not fits[k].kind.fitted_first)
@@ -48,12 +48,14 @@ def fit_all(
         from .joint import fit_group  # takes long to load
 
         every = [plans[k] for k in indices]
-        say(f"fitting group {name!r} together: {', '.join(one.name for one in every)}")
+        say(
+            f"fitting group {name!r} together: {', '.join(member.name for member in every)}"
+        )
         group, own = fit_group(tables, name, every)
-        found.append(group)
+        groups.append(group)
         drafts |= own
-        for one in own.values():
-            hand_on(one, order, left)
+        for member in own.values():
+            hand_on(member, order, left)
     undetermined: dict[int, FitError] = {}
     confounded = _confounded_single(tables, single)
     for place, k in enumerate(order):
@@ -73,7 +75,7 @@ def fit_all(
     if len(undetermined) == len(fits):
         k = next(iter(undetermined))
         raise job.error(("fits", k), f"{_start(fits[k])}: {undetermined[k]}")
-    return [drafts[k] for k in range(len(fits))], found
+    return [drafts[k] for k in range(len(fits))], groups
 
 
 def _start(fit: FitSpec) -> str:

@@ -89,9 +89,9 @@ def plan_second(
         return None, ()
     lists = {
         name: _hash_of(listing)
-        for one in files
-        if not one.failed
-        for name, listing in one.lists
+        for axis in files
+        if not axis.failed
+        for name, listing in axis.lists
     }
     if path is not None:
         after = load_job(path, needs_fits=False)
@@ -150,7 +150,7 @@ def measure_again(
     measured = errors_in(tables)
     # A fit of a group is compared as the group as a whole.
     sums = {one.axis: one.error for group in result.groups for one in group.axes}
-    found = []
+    fits = []
     for draft, fit in zip(drafts, result.fits, strict=True):
         diagnosis = diagnoses.get((fit.axis_number, fit.compensation))
         readings = None
@@ -170,14 +170,14 @@ def measure_again(
             before, predicted = (figures[k].sound.rms for k in ("before", "predicted"))
             diagnosis = _turned(diagnosis, readings)
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
-        found.append(dataclasses.replace(fit, again=again))
-    found = [_beside(one, found) for one in found]
-    settled, more = _settled_by(found)
+        fits.append(dataclasses.replace(fit, again=again))
+    fits = [_beside(one, fits) for one in fits]
+    settled, more = _settled_by(fits)
     if settled:
         more += _save_settled(job, root, settled)
     return dataclasses.replace(
         result,
-        fits=tuple(_finished(one, settled) for one in found),
+        fits=tuple(_finished(one, settled) for one in fits),
         remarks=(*result.remarks, *remarks, *more),
         second=second.record,
     )
@@ -240,7 +240,7 @@ def _diagnoses(
     names = {axis.number: name for name, axis in job.spec.axes.items()}
     remarks = [Remark.info(line) for line in not_judged(lists, job.conventions, names)]
     try:
-        found = diagnose(
+        diagnoses = diagnose(
             lists,
             read_outside(job),
             read_outside(second.job),
@@ -250,7 +250,9 @@ def _diagnoses(
     except ExchangeError as error:
         words = f"What the lists do cannot be diagnosed from {second.name}: {error}"
         return {}, [*remarks, Remark.warning(words)]
-    return {(one.axis, one.compensation): one for one in found}, remarks
+    return {
+        (diagnosis.axis, diagnosis.compensation): diagnosis for diagnosis in diagnoses
+    }, remarks
 
 
 def _other_list(
@@ -264,9 +266,9 @@ def _other_list(
 
     Loaded was what its job names, else what an earlier run left in the folder.
     """
-    for one in files:
-        axis = after.spec.axes.get(one.axis)
-        name = one.compensation_name
+    for axis_files in files:
+        axis = after.spec.axes.get(axis_files.axis)
+        name = axis_files.compensation_name
         if axis is None or name not in lists:
             continue
         stated = axis.listing
@@ -303,11 +305,11 @@ def _hash_of(listing: ListFile) -> str:
 def _earlier(root: Path) -> dict[str, Any] | None:
     """Return what an earlier run into the folder says of its second measurement."""
     try:
-        found = json.loads((root / "result.json").read_bytes())["second_measurement"]
-        complete = {"file", "date", "inputs", "lists"} <= set(found)
+        record = json.loads((root / "result.json").read_bytes())["second_measurement"]
+        complete = {"file", "date", "inputs", "lists"} <= set(record)
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return dict(found) if complete else None
+    return dict(record) if complete else None
 
 
 def _hashes(after: Job) -> dict[str, str]:
@@ -328,17 +330,17 @@ def _settled_by(
 ) -> tuple[dict[str, int | str], list[Remark]]:
     """Return the rules of the controller that the diagnoses settle."""
     votes: dict[str, set[int | str]] = {}
-    for one in results:
-        again = one.again
+    for result in results:
+        again = result.again
         if again is None:
             continue
-        found = again.diagnosis
-        sign = 1 if again.shown else 0 if found is None else found.sign
+        diagnosis = again.diagnosis
+        sign = 1 if again.shown else 0 if diagnosis is None else diagnosis.sign
         # Scatter of the runs may look like a fault: the error must go the same way.
         worse = again.rms is not None and (again.rms - again.before) * sign > 0
         if sign == 0 or worse:
             continue
-        for rule in one.conventions:
+        for rule in result.conventions:
             if rule.decides == "sign":
                 votes.setdefault(rule.name, set()).add(sign * int(rule.value))
             elif rule.decides == "owner" and again.acts and sign > 0:

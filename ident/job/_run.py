@@ -76,7 +76,7 @@ def run_job(
     say("writing lists")
     files, remarks = judge_files(job, files_of(job, drafts))
     files, whole = judge_whole(tables, files)
-    second, lost = plan_second(job, after, out, files)
+    second, outdated = plan_second(job, after, out, files)
     files, moved = _write(job, folder, files)
     by_axis = {one.axis: one for one in files}
     sums: list[GroupResult] = []
@@ -87,9 +87,9 @@ def run_job(
     together = {index: one.name for one in sums for index in one.fits}
     results = []
     for draft in drafts:
-        found, group = draft.prove(by_axis[draft.axis]), together.get(draft.index)
-        said = (*found.remarks, *draft.stays_on())
-        results.append(dataclasses.replace(found, group=group, remarks=said))
+        proved, group = draft.prove(by_axis[draft.axis]), together.get(draft.index)
+        own_remarks = (*proved.remarks, *draft.stays_on())
+        results.append(dataclasses.replace(proved, group=group, remarks=own_remarks))
     result = JobResult(
         title=job.spec.title or job.path.stem,
         machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
@@ -97,7 +97,7 @@ def run_job(
         inputs=job.hashes(),
         versions=_versions(),
         load_sheet=(),
-        remarks=(*remarks, *moved, *lost),
+        remarks=(*remarks, *moved, *outdated),
         files=(*map(Path, folder.digests), Path(RESULT)),
         digests=folder.digests,
         wall_time=0.0,
@@ -142,13 +142,13 @@ def _write(
     for name in (RESULT, REPORT):  # written later, when the remarks are
         folder.keep(name)
     folder.keep_drawings()
-    found = []
-    for one in files:
-        contents = {name: listing.dumps() for name, listing in one.lists}
+    axes = []
+    for axis in files:
+        contents = {name: listing.dumps() for name, listing in axis.lists}
         # The other kind of axis list would contradict this one.
-        names = _names_of(one.number, [draft.fit for draft in one.drafts])
-        written = folder.renew(names, contents | dict(one.extra), failed=one.failed)
-        found.append(one.as_written(folder.root, written))
+        names = _names_of(axis.number, [draft.fit for draft in axis.drafts])
+        written = folder.renew(names, contents | dict(axis.extra), failed=axis.failed)
+        axes.append(axis.as_written(folder.root, written))
     fragment = startup_fragment(files)
     folder.renew([_STARTUP], {} if fragment is None else {_STARTUP: fragment.dumps()})
     moved = [
@@ -164,12 +164,12 @@ def _write(
         program_names(job), {name: text.encode() for name, text in programs.items()}
     )
     moved += [Remark.warning(words) for words in folder.remarks]
-    return tuple(found), moved
+    return tuple(axes), moved
 
 
 def _diagnosis(job: Job, files: Sequence[AxisFiles]) -> dict[str, bytes]:
     """Return the objects of the compensations that are let out, and how to record them."""
-    lists = [listing for one in files if not one.failed for _, listing in one.lists]
+    lists = [listing for axis in files if not axis.failed for _, listing in axis.lists]
     rows = observables(lists, job.conventions) if lists else ()
     if not rows:
         return {}
@@ -182,5 +182,5 @@ def _diagnosis(job: Job, files: Sequence[AxisFiles]) -> dict[str, bytes]:
 
 @functools.cache
 def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version()}
-    return found | {name: importlib.metadata.version(name) for name in _PACKAGES}
+    versions = {"python": platform.python_version()}
+    return versions | {name: importlib.metadata.version(name) for name in _PACKAGES}

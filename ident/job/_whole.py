@@ -52,16 +52,17 @@ def judge_whole(
         tables: Files of the job.
         files: The axes with their drafts, gates and lists.
     """
-    job, found = tables.job, list[WholeAxis]()
+    job, axes = tables.job, list[WholeAxis]()
     for own in files:
         acting = tuple(d for d in own.drafts if d.written and d.jump > 0)
         if acting:
-            found.append(_Axis(tables, own, acting).judged())
+            axes.append(_Axis(tables, own, acting).judged())
     stopped = {own.axis for own in files if own.failed}
-    stopped |= {one.axis for one in found if one.failed}
-    by_axis = {one.axis: _with_partner(job, one, files, stopped) for one in found}
+    stopped |= {axis.axis for axis in axes if axis.failed}
+    by_axis = {axis.axis: _with_partner(job, axis, files, stopped) for axis in axes}
     judged = tuple(
-        one.judged(by_axis[one.axis]) if one.axis in by_axis else one for one in files
+        axis.judged(by_axis[axis.axis]) if axis.axis in by_axis else axis
+        for axis in files
     )
     return judged, tuple(by_axis.values())
 
@@ -120,8 +121,10 @@ class _Axis:
         remarks = [*self._abrupt(loaded, jumps), *self._hasty(loaded, lines)]
         readings = self._readings(loaded, names, remarks)
         values = {c.name.removeprefix("axis "): c.value for c in lines}
-        checks = (*lines, *(one.check(self.unit) for one in readings))
-        remarks += [self._doubled(one, names) for one in readings if not one.passed]
+        checks = (*lines, *(reading.check(self.unit) for reading in readings))
+        remarks += [
+            self._doubled(reading, names) for reading in readings if not reading.passed
+        ]
         return self._whole(names, checks, values, readings, remarks)
 
     def _abrupt(self, loaded: AxisLists, jumps: Mapping[str, float]) -> list[Remark]:
@@ -129,7 +132,7 @@ class _Axis:
 
         The job does not write them, and leaves them as they are.
         """
-        limit, found = self.job.limits.max_switching, []
+        limit, remarks = self.job.limits.max_switching, []
         fitted = {draft.compensation for draft in self.drafts}
         for name, jump in jumps.items():
             cycles = kind(name).cycles
@@ -146,8 +149,8 @@ class _Axis:
                 f" {listing.integer(entry) or 0} cycles: set {entry} {wanted}, so that"
                 f" a cycle brings no more than {limit:g} {self.unit} (max_switching)."
             )
-            found.append(Remark.warning(words))
-        return found
+            remarks.append(Remark.warning(words))
+        return remarks
 
     def _hasty(self, loaded: AxisLists, lines: Sequence[GateCheck]) -> Iterator[Remark]:
         """Yield what to set where a reversal of the axis list is too fast for the gate."""
@@ -193,12 +196,12 @@ class _Axis:
             acceleration=values.get("max_acceleration", float("nan")),
             jump=float("nan") if jump is None else jump.value,
             error={
-                f"{one.measurement}, {one.compensation}": {
-                    "before": one.before,
-                    "alone": one.alone,
-                    "together": one.together,
+                f"{reading.measurement}, {reading.compensation}": {
+                    "before": reading.before,
+                    "alone": reading.alone,
+                    "together": reading.together,
                 }
-                for one in readings
+                for reading in readings
             },
             gate=checks,
             remarks=tuple(dict.fromkeys(remarks)),
@@ -253,7 +256,7 @@ class _Axis:
         self, loaded: AxisLists, names: tuple[str, ...], remarks: list[Remark]
     ) -> list[Together]:
         """Return what is left of each measurement; remarks of what cannot be told."""
-        before, found = self.files.existing, []
+        before, together = self.files.existing, []
         for draft, source, reading in self._measured:
             spec = self.job.spec.measurements[source]
             if isinstance(reading, str):
@@ -282,7 +285,7 @@ class _Axis:
                 over = [measured.positions[axes[k].number] for k in draft.fit.over]
                 added = {k: without_zero(v, over, "line") for k, v in added.items()}
             known = spec.remove == "none" and spec.datum is None and not still
-            found.append(
+            together.append(
                 judge_together(
                     source,
                     draft.compensation,
@@ -292,7 +295,7 @@ class _Axis:
                     known,
                 )
             )
-        return found
+        return together
 
     def _stands(self, inputs: Collection[int], motion: Motion) -> bool:
         """Return whether no axis moves in a measurement that a compensation looks at."""
@@ -335,7 +338,7 @@ class _Axis:
     @functools.cached_property
     def _measured(self) -> list[tuple[AbstractDraft, str, _Read | str]]:
         """Every measurement of each fit, or why it is not known."""
-        found: list[tuple[AbstractDraft, str, _Read | str]] = []
+        readings: list[tuple[AbstractDraft, str, _Read | str]] = []
         for draft in self.drafts:
             for source in draft.fit.sources:
                 reading: _Read | str = "it is read in pieces"
@@ -344,8 +347,8 @@ class _Axis:
                         reading = read_error(self.tables, source, self.name)
                     except MeasurementError as error:
                         reading = str(error)
-                found.append((draft, source, reading))
-        return found
+                readings.append((draft, source, reading))
+        return readings
 
     def _doubled(self, one: Together, names: tuple[str, ...]) -> Remark:
         others = [name for name in names if name != one.compensation]

@@ -90,12 +90,12 @@ class VirtualMachine:
 
     def causes(self, axis: str, state: State) -> dict[str, Column]:
         """Return the error of the bare machine in mm by the compensation it asks for."""
-        found: dict[str, Column] = {}
+        causes: dict[str, Column] = {}
         for source in self.sources:
             if source.axis == self._known(axis):
                 kind = source.compensation
-                found[kind] = found.get(kind, 0.0) + source.error(state)
-        return found
+                causes[kind] = causes.get(kind, 0.0) + source.error(state)
+        return causes
 
     def error(
         self, axis: str, positions: Columns, direction: Int[np.ndarray, " t"]

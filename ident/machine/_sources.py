@@ -104,9 +104,9 @@ class Reversal(AbstractErrorSource):
 
     def error(self, at: State) -> Column:
         share = np.clip(at.position[self.axis] / self.length, 0.0, 1.0)
-        lost = self.at_start + (self.at_end - self.at_start) * share
+        play = self.at_start + (self.at_end - self.at_start) * share
         # Half on either side: the mean of both directions is not shifted.
-        return -at.direction[self.axis] * lost / 2
+        return -at.direction[self.axis] * play / 2
 
 
 @final

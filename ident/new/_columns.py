@@ -203,10 +203,10 @@ def _unnamed(
     place, error = not kinds & _WITH_PLACE, not kinds & _READ
     if len(free) < place + error:
         return []
-    found = []
+    questions = []
     if place:
         choices = [(f"{home}.position", _spec(each, each.unit)) for each in free]
-        found.append(_unclear(free[0], {"role"}, choices))
+        questions.append(_unclear(free[0], {"role"}, choices))
     if error:
         fine = sorted(reversed(free), key=lambda each: not says_correction(each.name))
         choices = [
@@ -217,8 +217,8 @@ def _unnamed(
         ]
         asks = {"role"} if fine[0].unit else {"role", "unit"}
         asks |= {"sign"} if says_correction(fine[0].name) else set()
-        found.append(_unclear(fine[0], asks, choices))
-    return found
+        questions.append(_unclear(fine[0], asks, choices))
+    return questions
 
 
 def _free(table: Table, named: Sequence[_Named]) -> list[Column]:
@@ -436,11 +436,11 @@ def _axis_in(name: str, pieces: Sequence[str]) -> str | None:
     numbered = _NUMBERED.search(name)
     if numbered is not None:
         return f"A{numbered[1] or numbered[2]}"
-    found = [piece.upper() for piece in pieces if _AXIS.fullmatch(piece)]
-    linear = [piece for piece in found if piece[0] in _LINEAR]
+    axes = [piece.upper() for piece in pieces if _AXIS.fullmatch(piece)]
+    linear = [piece for piece in axes if piece[0] in _LINEAR]
     if not linear and len(pieces) == 1 and pieces[0].islower():
         return None  # "a", "v", "b" alone may be anything
-    return next(iter(linear or found), None)
+    return next(iter(linear or axes), None)
 
 
 def own_roles(table: Table, axis: str | None) -> dict[str, ColumnSpec]:
@@ -450,13 +450,13 @@ def own_roles(table: Table, axis: str | None) -> dict[str, ColumnSpec]:
         table: The file as read.
         axis: Of the roles that it names without one.
     """
-    found = {}
+    roles = {}
     for column in table.columns:
         if column.role is not None and column.run is None:
             whole = find_role(column.role) is not None
             text = column.role if whole else f"{axis}.{column.role}"
-            found[text] = _spec(column, column.unit)
-    return found
+            roles[text] = _spec(column, column.unit)
+    return roles
 
 
 def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
@@ -525,16 +525,16 @@ def _sensor(column: Column) -> str:
 
 def _joined(unclear: Sequence[Unclear]) -> list[Unclear]:
     """Return the questions, those of columns that would have the same role as one."""
-    found: dict[str, Unclear] = {}
+    by_role: dict[str, Unclear] = {}
     for each in unclear:
         role = each.choices[0][0]
-        if role in found:
-            first = found[role]
+        if role in by_role:
+            first = by_role[role]
             asks = first.asks | each.asks | {"column"}
             choices = (*first.choices, *each.choices)
             each = dataclasses.replace(first, asks=asks, choices=choices)
-        found[role] = each
-    return list(found.values())
+        by_role[role] = each
+    return list(by_role.values())
 
 
 def _rivals(table: Table, text: str, several: Sequence[ColumnSpec]) -> Unclear:

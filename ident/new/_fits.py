@@ -67,18 +67,18 @@ def suggestions(observation: Observation) -> list[Suggestion]:
 
     An axis has one compensation of each kind: of several plain ones the first is.
     """
-    found: dict[tuple[object, ...], Suggestion] = {}
+    fits: dict[tuple[object, ...], Suggestion] = {}
     for number, name in enumerate(observation.names):
         rows = observation.data.source == number
-        for one in _of_one(observation.data, rows, name):
-            key = (one.compensation, one.axis, one.over, str(one.keys))
-            if key in found:
-                sources = (*found[key].sources, name)
-                one = dataclasses.replace(found[key], sources=sources)
-            elif any(one.compensation == k[0] and one.axis == k[1] for k in found):
-                one = dataclasses.replace(one, plain=False)
-            found[key] = one
-    return list(found.values())
+        for fit in _of_one(observation.data, rows, name):
+            key = (fit.compensation, fit.axis, fit.over, str(fit.keys))
+            if key in fits:
+                sources = (*fits[key].sources, name)
+                fit = dataclasses.replace(fits[key], sources=sources)
+            elif any(fit.compensation == k[0] and fit.axis == k[1] for k in fits):
+                fit = dataclasses.replace(fit, plain=False)
+            fits[key] = fit
+    return list(fits.values())
 
 
 def _of_one(
@@ -116,17 +116,17 @@ def _of_error(
         keys: dict[str, Any] = {"bilateral": True} if bilateral else {}
         plain = not (few and warm)
         yield Suggestion("leadscrew", axis, (axis,), keys, (name,), plain, why)
-    alone = axis not in moved and not (few and warm)
+    others_plain = axis not in moved and not (few and warm)
     # A surface holds what a line over one of its axes would.
     for master in others if axis in moved or len(others) == 1 else ():
         why = f"the error of {axis} was measured while {master} moved"
         keys = {"master": master}
-        yield Suggestion("cross", axis, (master,), keys, (name,), alone, why)
+        yield Suggestion("cross", axis, (master,), keys, (name,), others_plain, why)
     if len(others) >= 2:
         pair = others[:2]
         why = f"the error of {axis} was measured while {' and '.join(pair)} moved"
         keys = {"masters": list(pair)}
-        yield Suggestion("plane", axis, pair, keys, (name,), alone, why)
+        yield Suggestion("plane", axis, pair, keys, (name,), others_plain, why)
     if not few:
         yield from heat
 

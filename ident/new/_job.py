@@ -80,28 +80,28 @@ def new_job(
     known = _axes(sources, given, lists)
     job = _provisional(path, sources, known)
     observation = observe(job)
-    found = [
+    suggested = [
         dataclasses.replace(
-            one,
-            nodes=nodes_for(job, observation, one.axis, one.over, one.sources),
+            fit,
+            nodes=nodes_for(job, observation, fit.axis, fit.over, fit.sources),
         )
-        for one in suggestions(observation)
+        for fit in suggestions(observation)
     ]
     page = page_of(
-        Contents(job, observation, sources, _with_spans(known, observation), found)
+        Contents(job, observation, sources, _with_spans(known, observation), suggested)
     )
     names = ", ".join(each.name for each in files)
-    fits = tuple(f"{one.compensation} of {one.axis}" for one in found if one.plain)
+    fits = tuple(f"{fit.compensation} of {fit.axis}" for fit in suggested if fit.plain)
     return NewJob(page.text(_head(names, page)), tuple(page.questions), fits)
 
 
 def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
-    found: list[Source] = []
+    sources: list[Source] = []
     for file in files:
         name = (
             re.sub(r"[^a-z0-9_-]+", "_", file.stem.casefold()).strip("_") or "readings"
         )
-        taken = {each.name for each in found}
+        taken = {each.name for each in sources}
         free = name
         for k in range(2, len(files) + 2):
             if free not in taken:
@@ -116,8 +116,8 @@ def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
                 f" the job to say in columns: {advice(source.table)}"
             )
             raise MeasurementError(str(file), reason)
-        found.append(source)
-    return found
+        sources.append(source)
+    return sources
 
 
 def _source(name: str, file: Path, axes: Sequence[str]) -> Source:
@@ -190,32 +190,32 @@ def _axes(
     Raises:
         UsageError: If it is not clear whose a list is.
     """
-    found: dict[str, Axis] = {}
+    axes: dict[str, Axis] = {}
     for source in sources:
         for text, unit in _roles(source):
             role = find_role(text)
             axis = role.axis if role is not None else source.meaning.axis
             if axis is None:
                 continue
-            before = found.get(axis, Axis(given.get(axis), {}))
+            before = axes.get(axis, Axis(given.get(axis), {}))
             known = find_unit(unit or "")
             turns = known is not None and known.dimension.startswith("ang")
-            found[axis] = dataclasses.replace(
+            axes[axis] = dataclasses.replace(
                 before,
                 rotary=before.rotary or turns,
                 assumed=before.assumed or source.meaning.assumed.get(axis),
             )
     for name, number in given.items():
-        found.setdefault(name, Axis(number, {}))
+        axes.setdefault(name, Axis(number, {}))
     for path in lists:
         listing = ListFile.read(path)
-        number, name = axis_number(listing), _owner(found, listing)
+        number, name = axis_number(listing), _owner(axes, listing)
         key = "machine_data" if listing.kind == "axis" else "list"
-        own = found[name]
-        found[name] = dataclasses.replace(
+        own = axes[name]
+        axes[name] = dataclasses.replace(
             own, number=number, lists=dict(own.lists) | {key: (path, listing)}
         )
-    return found
+    return axes
 
 
 def _roles(source: Source) -> list[tuple[str, str | None]]:
@@ -280,15 +280,15 @@ def _provisional(
 
 
 def _with_spans(axes: Mapping[str, Axis], observation: Observation) -> dict[str, Axis]:
-    found = dict(axes)
+    spanned = dict(axes)
     for name, place in observation.data.position.items():
         ends = (float(np.nanmin(place)), float(np.nanmax(place)))
-        found[name] = dataclasses.replace(axes[name], span=ends)
-    return found
+        spanned[name] = dataclasses.replace(axes[name], span=ends)
+    return spanned
 
 
 def _head(names: str, page: JobPage) -> list[str]:
-    count = sum(one.needed for one in page.questions)
+    count = sum(question.needed for question in page.questions)
     lines = [
         f"# Job for `axcomp fit`, written by `axcomp new` from {names}.",
         "# Lengths are in mm, angles in °, times in s; a column may state its own unit.",

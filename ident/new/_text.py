@@ -62,8 +62,8 @@ class JobPage:
     def text(self, head: Sequence[str]) -> str:
         """Return the job below a head, whose lines the questions then count."""
         self.questions = [
-            dataclasses.replace(one, line=one.line + len(head))
-            for one in self.questions
+            dataclasses.replace(question, line=question.line + len(head))
+            for question in self.questions
         ]
         return "\n".join([*head, *self.lines]) + "\n"
 

@@ -93,11 +93,11 @@ def page_of(contents: Contents) -> JobPage:
         _write_axis(page, contents.job.path, name, axis)
     for source in contents.sources:
         _write_measurement(page, contents, source)
-    for one in contents.fits:
-        _write_fit(page, contents, one)
-    if not any(one.plain for one in contents.fits):
+    for fit in contents.fits:
+        _write_fit(page, contents, fit)
+    if not any(fit.plain for fit in contents.fits):
         page.note("No compensation suits what was measured: see the columns above.", "")
-    if any(not one.plain for one in contents.fits):
+    if any(not fit.plain for fit in contents.fits):
         page.note("What the readings ask for, in place of the fits above, is found by:")
         page.add(
             f"#     axcomp discover {contents.job.path.name} --write fits.toml", ""
@@ -144,7 +144,7 @@ def _write_axis(page: JobPage, job: Path, name: str, axis: Axis) -> None:
 
 def _write_measurement(page: JobPage, contents: Contents, source: Source) -> None:
     table, meaning = source.table, source.meaning
-    mine = [one for one in contents.fits if source.name in one.sources and one.plain]
+    mine = [fit for fit in contents.fits if source.name in fit.sources and fit.plain]
     page.add(f"[measurements.{source.name}]")
     count = len(table.skipped)
     page.key(
@@ -237,13 +237,13 @@ def _unclear_words(each: Unclear) -> str:
 def _write_active(
     page: JobPage, name: str, axes: Mapping[str, Axis], fits: Sequence[Suggestion]
 ) -> None:
-    held = [(one, holder) for one in fits if (holder := _holder(axes, one)) is not None]
-    for one, holder in held[:1]:
+    held = [(fit, holder) for fit in fits if (holder := _holder(axes, fit)) is not None]
+    for fit, holder in held[:1]:
         page.ask(
             f"measurements.{name}.active",
-            f"{holder} holds {one.compensation} of {one.axis} already. Was it on while"
+            f"{holder} holds {fit.compensation} of {fit.axis} already. Was it on while"
             " measuring (the new values are old + measured), or off (they replace the old)?",
-            [job_line("active", [one.compensation]), job_line("active", [])],
+            [job_line("active", [fit.compensation]), job_line("active", [])],
         )
     if not held:
         page.key(job_line("active", []), "what was on while measuring; [] = all off")
@@ -269,19 +269,19 @@ def _write_zero(
     asked, and in one with a list that is there already: any zero is arbitrary.
     """
     quiet = []
-    for one in fits:
+    for fit in fits:
         trends = {
-            source: trend_in(contents.job, contents.observation, one, source)
-            for source in one.sources
+            source: trend_in(contents.job, contents.observation, fit, source)
+            for source in fit.sources
         }
         if (own := trends[name]) is None:
             continue
-        words = _trend_words(contents, one, own)
+        words = _trend_words(contents, fit, own)
         needed = asks_for_owner(contents.job, own)
         beside = any(t and asks_for_owner(contents.job, t) for t in trends.values())
-        held = _holder(contents.axes, one) is not None
+        held = _holder(contents.axes, fit) is not None
         if beside or held or not is_negligible(contents.job, own):
-            _ask_for_owner(page, contents, name, one, words, needed=needed)
+            _ask_for_owner(page, contents, name, fit, words, needed=needed)
             return
         quiet.append(words)
     if quiet:

@@ -65,7 +65,7 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
         markup=False,
     )
     rows = {
-        _WHAT[fit.compensation]: [one.rms for one in _figures(fit).values()]
+        _WHAT[fit.compensation]: [figures.rms for figures in _figures(fit).values()]
         for fit in result.job.tables
     }
     rows["X  friction: mark on a circle, largest"] = [*result.spikes.values()]
@@ -76,12 +76,12 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
         "took its log, in motion, apart; the reference was late against the encoders.\n",
         markup=False,
     )
-    found = {
+    compensations = {
         axis: [fit.compensation for fit in result.work.fits if fit.axis == axis]
         for axis in result.work_rms
     }
     rows = {
-        f"{axis}  {', '.join(found[axis])}": list(sizes.values())
+        f"{axis}  {', '.join(compensations[axis])}": list(sizes.values())
         for axis, sizes in result.work_rms.items()
     }
     _print_stages(console, "everything at once", rows)
@@ -131,8 +131,8 @@ def _as_dict(result: "DemoResult") -> dict[str, Any]:
             {
                 "compensation": fit.compensation,
                 "axis": fit.axis,
-                "rms": {stage: one.rms for stage, one in _figures(fit).items()},
-                "max": {stage: one.max for stage, one in _figures(fit).items()},
+                "rms": {stage: figures.rms for stage, figures in _figures(fit).items()},
+                "max": {stage: figures.max for stage, figures in _figures(fit).items()},
                 "list": str(fit.files[0]),
             }
             for fit in result.job.tables

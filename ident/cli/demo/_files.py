@@ -96,12 +96,12 @@ def write_measurements(folder: Path, machine: VirtualMachine, seed: int) -> None
     beam = measure(machine, "Y", ("X",), lengths, STRAIGHTEDGE, seed + 2, runs=3)
     surface = measure(machine, "Z", ("X", "Y"), points, PROBE, seed + 3)
     folder.mkdir(parents=True, exist_ok=True)
-    for name, header, found in (
+    for name, header, reading in (
         ("laser_x", "run,direction,target [mm],error [um]", laser),
         ("straightness_y", "run,x [mm],deviation [um]", beam),
         ("surface_z", "x [mm],y [mm],dz [um]", surface),
     ):
-        write_reading(folder / f"{name}.csv", header, found)
+        write_reading(folder / f"{name}.csv", header, reading)
 
 
 def _probe_points(

@@ -199,7 +199,7 @@ def _loaded(mill: WorkingMachine, job: JobResult, folder: Path) -> WorkingMachin
         table = next(name for name in fit.files if name.suffix == ".csv")
         sensor = next(iter(fit.sensors))
         own = next(
-            one for one in lists if one.source.endswith(f"achsmds{number}.add.lis")
+            file for file in lists if file.source.endswith(f"achsmds{number}.add.lis")
         )
         lines[number] = read_temperature_table(
             folder / table, mill.sensors, sensor, Conventions(), own
@@ -214,9 +214,9 @@ def _loaded(mill: WorkingMachine, job: JobResult, folder: Path) -> WorkingMachin
 
 def _rms_errors(path: Path) -> dict[str, float]:
     """Return the error of each axis that a log shows, in mm rms, wild readings aside."""
-    found = without_motion(measurement(read_table(path)), _AXES)
+    measured = without_motion(measurement(read_table(path)), _AXES)
     return {
-        axis: _rms(with_error(found, axis).values[f"{axis}.error"]) for axis in _AXES
+        axis: _rms(with_error(measured, axis).values[f"{axis}.error"]) for axis in _AXES
     }
 
 

@@ -61,9 +61,9 @@ def declared(states: Iterable[CompState]) -> list[str]:
 
 def numbered(lines: Iterable[str]) -> str:
     """Return a program; a line that begins with N and a blank gets its block number."""
-    found, number = [], _STEP
+    program, number = [], _STEP
     for line in lines:
         is_block = line.startswith("N ")
-        found.append(f"N{number}{line[1:]}" if is_block else line)
+        program.append(f"N{number}{line[1:]}" if is_block else line)
         number += _STEP * is_block
-    return "\n".join([*found, ""])
+    return "\n".join([*program, ""])

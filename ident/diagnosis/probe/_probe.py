@@ -157,7 +157,7 @@ def probed_in(lists: Sequence[ListFile], conventions: Conventions) -> list[Probe
     machine = machine_lists(lists)
     tables = dataclasses.replace(machine, machine={}).in_use(conventions)
     lines = dataclasses.replace(machine, compensation={}).in_use(conventions)
-    return [one.kind.probe.probed(one) for one in (*tables, *lines)]
+    return [use.kind.probe.probed(use) for use in (*tables, *lines)]
 
 
 def travel_in(
@@ -169,15 +169,15 @@ def travel_in(
         ExchangeError: If a list makes no table.
     """
     machine = dataclasses.replace(machine_lists(lists), machine={})
-    found: dict[int, list[float]] = {}
-    for one in machine.in_use(conventions):
-        if not one.kind.table:
+    ends: dict[int, list[float]] = {}
+    for use in machine.in_use(conventions):
+        if not use.kind.table:
             continue
-        ways = model_of(one, Reading(conventions, increment)).ways
-        for axis, nodes in zip(one.masters, ways, strict=True):
+        ways = model_of(use, Reading(conventions, increment)).ways
+        for axis, nodes in zip(use.masters, ways, strict=True):
             places = np.asarray(nodes.positions, dtype=float)
-            found.setdefault(axis, []).extend((places[0], places[-1]))
-    return {axis: (float(min(p)), float(max(p))) for axis, p in found.items()}
+            ends.setdefault(axis, []).extend((places[0], places[-1]))
+    return {axis: (float(min(p)), float(max(p))) for axis, p in ends.items()}
 
 
 def make_probe(
@@ -206,11 +206,11 @@ def make_probe(
     expected = "a list that holds a compensation, or a job with [[fits]]"
     expect(tables, "probe", nothing, expected)
     known = ", ".join(map(str, sorted(axes)))
-    for one in tables:
-        for axis in (one.axis, *one.masters):
+    for table in tables:
+        for axis in (table.axis, *table.masters):
             expect(
                 axis in axes,
-                f"{one.name} of axis {one.axis}",
+                f"{table.name} of axis {table.axis}",
                 f"axis {axis}, whose travel is not known",
                 (f"one of {known}, or " if known else "")
                 + f"its limits in the job, or --travel A{axis}=0:500",
@@ -218,24 +218,24 @@ def make_probe(
     # A word belongs to its channel; the axes of one step are told apart by it.
     channels = {axis.channel for axis in axes.values()}
     sets = [[a for a in axes.values() if a.channel == c] for c in channels]
-    sets += [[axes[k] for k in {one.axis, *one.masters}] for one in tables]
+    sets += [[axes[k] for k in {table.axis, *table.masters}] for table in tables]
     for each in sets:
         names = [axis.name.upper() for axis in each]
         twice = sorted({name for name in names if names.count(name) > 1})
         expected = "a word of its own for each (nc_name in the job)"
         expect(not twice, "names of axes", f"{', '.join(twice)} twice", expected)
-    used = {axes[k].name for one in tables for k in (one.axis, *one.masters)}
+    used = {axes[k].name for table in tables for k in (table.axis, *table.masters)}
     for word in sorted(used):
         expected = f"a word of NC programs, {WORD_SHAPE} (nc_name in the job)"
         expect(re.fullmatch(AXIS_WORD, word), "names of axes", repr(word), expected)
     lists, additions = {}, {}
-    for number in sorted({one.axis for one in tables}):
-        mine = [one for one in tables if one.axis == number]
+    for number in sorted({table.axis for table in tables}):
+        mine = [table for table in tables if table.axis == number]
         old = (existing or {}).get(number)
         entries: dict[str, Value] = {}
-        for one in mine:
-            facts = kind(one.name)
-            entries |= facts.probe.entries(one, axes, conventions)
+        for table in mine:
+            facts = kind(table.name)
+            entries |= facts.probe.entries(table, axes, conventions)
             size = f"{facts.prefix}.max_points"
             if old is not None and facts.probe.plateaus and old.integer(size):
                 entries[size] = old.integer(size) or 0
@@ -245,8 +245,8 @@ def make_probe(
             made = with_tables(None, number, entries, (), title, name=name).listing
             lists[number] = dataclasses.replace(made, source=compensation_file(number))
         added: dict[str, Value] = {"kopf.achs_nr": number}
-        for one in mine:
-            found = kind(one.name)
+        for table in mine:
+            found = kind(table.name)
             own = found.probe.additions(axes[number])
             added |= own or found.entries.activation()
         additions[number] = to_add(number, added)

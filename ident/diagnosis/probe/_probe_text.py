@@ -71,32 +71,32 @@ class ProbeStep:
 
 def probe_steps(probe: Probe) -> tuple[ProbeStep, ...]:
     """Return what to read, compensation by compensation."""
-    return tuple(_step(one, probe.axes) for one in probe.tables)
+    return tuple(_step(table, probe.axes) for table in probe.tables)
 
 
 def _step(one: Probed, axes: Mapping[int, ProbeAxis]) -> ProbeStep:
-    axis, found = axes[one.axis], kind(one.name)
+    axis, facts = axes[one.axis], kind(one.name)
     masters = [axes[master] for master in one.masters]
-    start, end = found.probe.places(axis, masters)
-    shown = (f"{found.variable}.{axis.name}", found.channel)
+    start, end = facts.probe.places(axis, masters)
+    shown = (f"{facts.variable}.{axis.name}", facts.channel)
     unit = f"the unit is not {'0.0001°' if axis.rotary else '0.1 µm'}"
-    if found.probe.plateaus:
+    if facts.probe.plateaus:
         unit += ": look at kw.*.unit and at the increments of the axis"
     return ProbeStep(
         axis=axis.name,
         compensation=one.name,
         start=start,
         end=end,
-        keyword=found.keyword,
-        moving=found.probe.moving,
-        steady=found.probe.steady,
-        checks=found.probe.checks,
+        keyword=facts.keyword,
+        moving=facts.probe.moving,
+        steady=facts.probe.steady,
+        checks=facts.probe.checks,
         readings=tuple(name for name in shown if name is not None),
         outcomes=(
-            *found.probe.outcomes(one, axis, masters),
+            *facts.probe.outcomes(one, axis, masters),
             *(
                 [Outcome("ten times as much, or a tenth of it", unit)]
-                * found.probe.lengths
+                * facts.probe.lengths
             ),
             Outcome(
                 "nothing at all",
@@ -121,7 +121,7 @@ def probe_text(probe: Probe) -> str:
     ]
     for k, step in enumerate(probe_steps(probe), start=1):
         lines.append(f"{k}. {step.sentence}")
-        lines += [f"   {one.seen}: {one.means}." for one in step.outcomes]
+        lines += [f"   {outcome.seen}: {outcome.means}." for outcome in step.outcomes]
         lines.append("")
     lines += [*probe.remarks, *[""] * bool(probe.remarks)]
     lines += [
@@ -164,7 +164,7 @@ def _program(steps: Sequence[ProbeStep]) -> str:
             blocks += [on, rest]
         blocks += [*_way(way, step, step.start), rest]
     words = dict.fromkeys(step.axis for step in steps)
-    states = [CompState(word, one.keyword) for word in words for one in kinds()]
+    states = [CompState(word, facts.keyword) for word in words for facts in kinds()]
     after = ["; As it was", *(f"{word}[COMP OFF_ALL]" for word in words)]
     for state in states:
         on = f"{state.word}[COMP ON {state.keyword}]"

@@ -135,7 +135,7 @@ def _columns_of_runs(
     if files is not None:
         yield where, "found columns per run beside several files, expected one file"
     for name in ("run", "direction"):
-        given = sum(getattr(one, name) is not None for one in columns)
+        given = sum(getattr(column, name) is not None for column in columns)
         if 0 < given < len(columns):
             reason = f"found {name} in {given} of {len(columns)} columns"
             yield where, f"{reason}, expected it in all of them or in none"

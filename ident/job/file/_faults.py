@@ -88,14 +88,14 @@ def first_fault(
     text: str,
 ) -> JobError:
     """Return the first thing that pydantic found, in our words."""
-    found = error.errors(include_url=False)
+    errors = error.errors(include_url=False)
     # A column may be a name or a table: pydantic reports both attempts. The one that
     # went further into the value is the one that was meant.
-    first = max(found, key=lambda item: (item["type"] == "extra_forbidden", 0))
+    first = max(errors, key=lambda item: (item["type"] == "extra_forbidden", 0))
     if first["type"] != "extra_forbidden":
-        top = _clean(found[0]["loc"], values)
+        top = _clean(errors[0]["loc"], values)
         below = [
-            item for item in found if _clean(item["loc"], values)[: len(top)] == top
+            item for item in errors if _clean(item["loc"], values)[: len(top)] == top
         ]
         first = max(below, key=lambda item: len(_clean(item["loc"], values)))
     where = _clean(first["loc"], values)
@@ -127,7 +127,7 @@ def first_fault(
         reason = f"found {given}, {first['msg'].removeprefix('Value error, ')}"
     elif (
         kind == "literal_error"
-        and sum(_clean(item["loc"], values) == where for item in found) == 1
+        and sum(_clean(item["loc"], values) == where for item in errors) == 1
     ):
         reason = f"found {given}, expected {context['expected']}"
         choices = re.findall(r"'([^']*)'", str(context["expected"]))
@@ -139,7 +139,9 @@ def first_fault(
     else:
         # A union reports every branch that it tried.
         wishes = [
-            _wish(item["msg"]) for item in found if _clean(item["loc"], values) == where
+            _wish(item["msg"])
+            for item in errors
+            if _clean(item["loc"], values) == where
         ]
         reason = f"found {given}, expected {' or '.join(dict.fromkeys(wishes))}"
     return error_at(path, text, where, reason)

@@ -24,9 +24,9 @@ def job_with_fits(job: Job, observation: Observation, found: Discovery) -> str:
         found: What they ask for.
     """
     fits = [
-        _keys_of(job, observation, one, sources)
-        for one in found.found
-        if (sources := _sources(observation, found, one))
+        _keys_of(job, observation, fit, sources)
+        for fit in found.found
+        if (sources := _sources(observation, found, fit))
     ]
     return edited_job(job.text, found_keys(job, observation, found), fits)
 
@@ -50,9 +50,9 @@ def found_keys(
         spec, keys = job.spec.measurements[name], dict[str, Any]()
         stated = spec.model_fields_set
         axes = {
-            one.axis
-            for one in found.found
-            if one.group is not None and name in _sources(observation, found, one)
+            fit.axis
+            for fit in found.found
+            if fit.group is not None and name in _sources(observation, found, fit)
         }
         pieces = [
             each.pieces

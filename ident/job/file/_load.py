@@ -82,11 +82,11 @@ class Job:
         """
         axes = self.spec.axes
         numbers = {name: axis.number for name, axis in axes.items()}
-        found: dict[str, Any] = {
+        tables: dict[str, Any] = {
             key: {numbers.get(name, name): values for name, values in table.items()}
             for key, table in columns.items()
         }
-        return Motion(**found, time=None)
+        return Motion(**tables, time=None)
 
     @property
     def increments(self) -> dict[int, float]:
@@ -153,9 +153,9 @@ def load_job(path: Path, *, needs_fits: bool = True) -> Job:
         raise first_fault(path, error, values, text) from None
     job = Job(path, spec, _ASSUMED, frozenset(), text, ())
     if needs_fits and not spec.fits:
-        found = "found 0 values, expected 1"
+        empty = "found 0 values, expected 1"
         missing = "found nothing, expected this key"
-        raise job.error(("fits",), found if "fits" in values else missing)
+        raise job.error(("fits",), empty if "fits" in values else missing)
     if (fault := find_fault(spec)) is not None:
         raise job.error(*fault)
     inputs: list[Path] = []
@@ -205,7 +205,7 @@ def _existing_lists(job: Job) -> dict[str, AxisLists]:
     Raises:
         JobError: If a file is another kind of list, or that of another axis.
     """
-    found = {}
+    lists = {}
     for name, axis in job.spec.axes.items():
         read: dict[str, ListFile] = {}
         for key, file in axis.files.items():
@@ -213,8 +213,8 @@ def _existing_lists(job: Job) -> dict[str, AxisLists]:
             _refuse_other_kind(job, name, key, read[key])
             _refuse_other_axis(job, name, key, read[key])
         both = read.get("list"), read.get("machine_data")
-        found[name] = AxisLists(axis.number, *both, job.reading)
-    return found
+        lists[name] = AxisLists(axis.number, *both, job.reading)
+    return lists
 
 
 def _refuse_other_kind(job: Job, name: str, key: str, listing: ListFile) -> None:
@@ -230,7 +230,7 @@ def _refuse_other_kind(job: Job, name: str, key: str, listing: ListFile) -> None
     if expected == "axis" and listing.entries and kind != "startup":
         # Its header alone counts as that of a compensation list, and most of its
         # entries are none that the manuals name.
-        if not any(one.key.startswith(_TABLES) for one in listing.entries):
+        if not any(entry.key.startswith(_TABLES) for entry in listing.entries):
             return
     words = f"a{'n' if kind == 'axis' else ''} {kind} list"
     if kind == "unknown":

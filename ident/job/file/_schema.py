@@ -227,7 +227,7 @@ class MeasurementSpec(JobPart, frozen=True):
     @property
     def column_specs(self) -> dict[str, ColumnSpec]:
         """Where the values of each role are; empty: as the file says."""
-        return {role: _column_spec(one) for role, one in self.columns.items()}
+        return {role: _column_spec(choice) for role, choice in self.columns.items()}
 
     @property
     def lines(self) -> Lines | None:
@@ -248,7 +248,9 @@ def _column_spec(choice: str | ColumnChoice | list[ColumnOfRun]) -> ColumnSpec:
         return ColumnSpec(
             choice.column or "", **choice.model_dump(exclude={"column", "file"})
         )
-    return ColumnSpec("", parts=tuple(ColumnSpec(**one.model_dump()) for one in choice))
+    return ColumnSpec(
+        "", parts=tuple(ColumnSpec(**column.model_dump()) for column in choice)
+    )
 
 
 Limit = Annotated[float, Field(gt=0)]
@@ -331,15 +333,15 @@ class JobFile(JobPart, frozen=True):
         A group of one is that fit alone, unless its measurement drifts: that is allowed
         for in groups.
         """
-        found: dict[str, tuple[int, ...]] = {}
+        groups: dict[str, tuple[int, ...]] = {}
         for k, fit in enumerate(self.fits):
             if fit.group is not None:
-                found[fit.group] = (*found.get(fit.group, ()), k)
+                groups[fit.group] = (*groups.get(fit.group, ()), k)
         known = self.measurements
         drifting = {name for name, measured in known.items() if measured.drift > 0}
         return {
             name: own
-            for name, own in found.items()
+            for name, own in groups.items()
             if len(own) > 1
             or any(drifting.intersection(self.fits[k].sources) for k in own)
         }

@@ -77,7 +77,7 @@ class IdentifiedGroup:
     def written(self) -> tuple[bool, ...]:
         """Whether each member's part may be written."""
         pairs = zip(self.members, self.parts, strict=True)
-        return tuple(one.may_be_written(part, self.fit) for one, part in pairs)
+        return tuple(member.may_be_written(part, self.fit) for member, part in pairs)
 
     @functools.cached_property
     def datum(self) -> tuple[tuple[float, ...], dict[str, float]]:
@@ -112,31 +112,35 @@ def fit_group(
         JobError: If the readings cannot carry the fit, or a result fits no list.
     """
     recording = read_group(tables, every)
-    unfit = {one.index: why for one in every if (why := _unfit(one, every, recording))}
-    members = tuple(one for one in every if one.index not in unfit)
+    unfit = {
+        plan.index: why for plan in every if (why := _unfit(plan, every, recording))
+    }
+    members = tuple(plan for plan in every if plan.index not in unfit)
     try:
         if not members:
             raise FitError(
-                "; ".join(f"{one.name}: {unfit[one.index]}" for one in every)
+                "; ".join(f"{plan.name}: {unfit[plan.index]}" for plan in every)
             )
-        found = _identified(name, members, recording)
+        group = _identified(name, members, recording)
     except FitError as error:
         words = f"group {name!r} from {', '.join(every[0].fit.sources)}: {error}"
         raise every[0].refusal(words) from None
     drafts = {
-        one.index: one.left_out(unfit[one.index]) for one in every if one.index in unfit
+        plan.index: plan.left_out(unfit[plan.index])
+        for plan in every
+        if plan.index in unfit
     }
-    for k, one in enumerate(members):
-        share = Share(found, k)
-        if not found.written[k]:
-            drafts[one.index] = one.left_out("", share)
+    for k, plan in enumerate(members):
+        share = Share(group, k)
+        if not group.written[k]:
+            drafts[plan.index] = plan.left_out("", share)
             continue
         try:
-            with one.job.blaming(("fits", one.index), f"{one.name}: "):
-                drafts[one.index] = one.draft(share)
+            with plan.job.blaming(("fits", plan.index), f"{plan.name}: "):
+                drafts[plan.index] = plan.draft(share)
         except FitError as error:
-            drafts[one.index] = one.left_out(str(error), share)
-    return found, drafts
+            drafts[plan.index] = plan.left_out(str(error), share)
+    return group, drafts
 
 
 def fit_group_of_one(one: AbstractPlan, recording: GroupRecording) -> Share:
@@ -178,16 +182,16 @@ def _effects(
     helpers: Sequence[AbstractEffect],
 ) -> list[AbstractEffect]:
     """Return the effect of each member; some show their form behind the others."""
-    found = [one.effect(recording, None) for one in members]
-    errors = {one.axis: recording.data.error[one.axis] for one in members}
-    known = [*(effect for effect in found if effect is not None), *helpers]
-    if None in found and known:
+    effects = [member.effect(recording, None) for member in members]
+    errors = {member.axis: recording.data.error[member.axis] for member in members}
+    known = [*(effect for effect in effects if effect is not None), *helpers]
+    if None in effects and known:
         first = _fit(members, recording, known)
         fitted = first.predict(recording.data)
         errors |= {axis: errors[axis] - fitted[axis] for axis in first.axes}
     return [
-        effect or _effect(one, recording, errors[one.axis])
-        for one, effect in zip(members, found, strict=True)
+        effect or _effect(member, recording, errors[member.axis])
+        for member, effect in zip(members, effects, strict=True)
     ]
 
 
@@ -200,12 +204,12 @@ def _effect(
         FitError: If it does not, naming the member.
     """
     try:
-        found = one.effect(recording, left)
+        effect = one.effect(recording, left)
     except FitError as error:
         msg = f"{one.name}: {error}"
         raise FitError(msg) from None
-    assert found is not None  # what the others leave is known now
-    return found
+    assert effect is not None  # what the others leave is known now
+    return effect
 
 
 def _helpers(
@@ -216,16 +220,18 @@ def _helpers(
     A curve over the position that no temperature moves belongs to the leadscrew of its
     axis; where the group has none, it is fitted and left where it is.
     """
-    screws = {one.axis for one in members if one.takes_line}
+    screws = {member.axis for member in members if member.takes_line}
     curves: dict[str, Float[np.ndarray, " n"]] = {}
-    for one in members:
-        nodes = one.nodes_beside(recording.data)
-        if len(nodes) > max(len(curves.get(one.axis, ())), 1):
-            curves[one.axis] = nodes
+    for member in members:
+        nodes = member.nodes_beside(recording.data)
+        if len(nodes) > max(len(curves.get(member.axis, ())), 1):
+            curves[member.axis] = nodes
     yield from (Leadscrew(axis, n) for axis, n in curves.items() if axis not in screws)
     if recording.timed:
         # What is left of the delay of the instrument, and of the rate of its clock.
-        own = dict.fromkeys(one.axis for one in members if one.axis in recording.moving)
+        own = dict.fromkeys(
+            member.axis for member in members if member.axis in recording.moving
+        )
         yield from (Delay(axis) for axis in own)
 
 
@@ -234,7 +240,7 @@ def _fit(
     recording: GroupRecording,
     effects: Sequence[AbstractEffect],
 ) -> JointFit:
-    tables = [one.fit for one in members if one.takes_constant]
+    tables = [member.fit for member in members if member.takes_constant]
     return fit_joint(
         recording.data,
         effects,
@@ -256,11 +262,11 @@ def confounded(tables: Tables, plans: Mapping[int, AbstractPlan]) -> dict[int, s
         plans: Fits of no group, by index.
     """
     known: dict[tuple[str, tuple[str, ...]], list[AbstractPlan]] = {}
-    for one in plans.values():
-        if not one.kind.adds_current:  # friction has its own
-            sources = tuple(sorted(one.fit.sources))
-            known.setdefault((one.axis, sources), []).append(one)
-    found: dict[int, str] = {}
+    for plan in plans.values():
+        if not plan.kind.adds_current:  # friction has its own
+            sources = tuple(sorted(plan.fit.sources))
+            known.setdefault((plan.axis, sources), []).append(plan)
+    reasons: dict[int, str] = {}
     for members in known.values():
         # A table alone on a log that is read in pieces stays aside: whatever shares the
         # log has it read into memory.
@@ -268,10 +274,10 @@ def confounded(tables: Tables, plans: Mapping[int, AbstractPlan]) -> dict[int, s
             if len(members) > 1 or not (
                 members[0].kind.table and _is_large(tables, members[0].fit)
             ):
-                found |= _confused(members, read_group(tables, members))
+                reasons |= _confused(members, read_group(tables, members))
         except AxcompError:
             continue  # What is wrong each fit says in its own words.
-    return found
+    return reasons
 
 
 def _is_large(tables: Tables, fit: FitSpec) -> bool:
@@ -286,27 +292,29 @@ def _confused(
     members: Sequence[AbstractPlan], recording: GroupRecording
 ) -> dict[int, str]:
     """Return which members these readings do not tell from another, or at all, and why."""
-    data, found = few(recording.data), dict[int, str]()
-    for one in members:
-        why = one.undetermined(data) or one.confused(members, recording)
+    data, reasons = few(recording.data), dict[int, str]()
+    for member in members:
+        why = member.undetermined(data) or member.confused(members, recording)
         if why:
-            found[one.index] = why
-    if len(members) < 2 or found:
-        return found
+            reasons[member.index] = why
+    if len(members) < 2 or reasons:
+        return reasons
     error, effects = recording.data.error, dict[int, AbstractEffect]()
-    for one in members:
+    for member in members:
         # One whose form is open has that of a fit to the whole error.
-        effect = one.effect(recording, None) or one.effect(recording, error[one.axis])
+        effect = member.effect(recording, None) or member.effect(
+            recording, error[member.axis]
+        )
         if effect is not None:
-            effects[one.index] = at_once(effect)
+            effects[member.index] = at_once(effect)
     if len(effects) < 2:
-        return found
+        return reasons
     for pair in examine_design(data, [*effects.values()]).confusions:
         pair_names = set(pair.effects)
         for index, effect in effects.items():
             if len(pair_names) > 1 and effect.name in pair_names:
-                found.setdefault(index, pair.sentence)
-    return found
+                reasons.setdefault(index, pair.sentence)
+    return reasons
 
 
 def at_once(effect: AbstractEffect) -> AbstractEffect:

@@ -122,16 +122,16 @@ class GroupResult:
             "gauges": self.freedoms,
             "confusions": self.confusions,
             "axes": {
-                one.axis: {
-                    "unit": one.unit,
-                    "noise": one.noise,
-                    "datum": one.datum,
-                    "readings": len(one.rows),
-                    "wild": int(np.sum(one.wild)),
-                    "error": {key: each.as_tree() for key, each in one.error.items()},
-                    "runs": one.runs,
+                axis.axis: {
+                    "unit": axis.unit,
+                    "noise": axis.noise,
+                    "datum": axis.datum,
+                    "readings": len(axis.rows),
+                    "wild": int(np.sum(axis.wild)),
+                    "error": {key: each.as_tree() for key, each in axis.error.items()},
+                    "runs": axis.runs,
                 }
-                for one in self.axes
+                for axis in self.axes
             },
             "held_out": self.held_out,
             "converged": self.converged,
@@ -227,7 +227,7 @@ def _sum(
 ) -> AxisSum:
     axis, fit, recording = files.axis, found.fit, found.recording
     data = recording.data
-    mine = [k for k, one in enumerate(found.members) if one.axis == axis]
+    mine = [k for k, member in enumerate(found.members) if member.axis == axis]
     own = {k: drafts[found.members[k].index] for k in mine}
     rows = np.flatnonzero(Share(found, mine[0]).rows)
     error = data.error[axis][rows]
@@ -278,8 +278,8 @@ def _remarks(
     fine = {part.name for part in found.parts if not undetermined_values(part, fit)}
     left_out = {
         part.name
-        for part, one in zip(found.parts, found.members, strict=True)
-        if isinstance(drafts[one.index], LeftOutDraft)
+        for part, member in zip(found.parts, found.members, strict=True)
+        if isinstance(drafts[member.index], LeftOutDraft)
     }
     for each in fit.confusions:
         own = names & set(each.effects)

@@ -129,11 +129,11 @@ def read_group(
         JobError: If a measurement does not suit.
     """
     parts, remarks, every = list[JointData](), list[Remark](), dict[str, Rows]()
-    lead = max((one.fit for one in members), key=lambda fit: len(fit.over))
+    lead = max((member.fit for member in members), key=lambda fit: len(fit.over))
     masters = lead.over
     if len(masters) < 2:
-        masters = _unique(one.positions for one in members) or (lead.axis,)
-    axes = _unique((one.axis,) for one in members)
+        masters = _unique(member.positions for member in members) or (lead.axis,)
+    axes = _unique((member.axis,) for member in members)
     for name in lead.sources:
         measured = tables.measured(name, lead.axis, masters)
         rows = Rows(tables.job, name, measured, axes, gaps=not alone)
@@ -152,7 +152,7 @@ def read_group(
     slices = rows_of(lead.sources, counts)
     fold, by_run = folds(_held_out_together(run, parts), order)
     # Runs without an offset: it is what tells the temperature.
-    heated = _unique((one.axis,) for one in members if one.sensors)
+    heated = _unique((member.axis,) for member in members if member.sensors)
     specs = [tables.job.spec.measurements[name] for name in lead.sources]
     # Only where the zero of each measurement is arbitrary, each has an offset of its own.
     beside = None
@@ -200,7 +200,7 @@ def _columns(
     rows: Rows, members: Sequence["AbstractPlan"], axes: Sequence[str], alone: bool
 ) -> JointData:
     """Return every column of a measurement that the effects of a group need."""
-    fits = [one.fit for one in members]
+    fits = [member.fit for member in members]
     why = f"for the {fits[0].compensation} fit of {fits[0].axis}"
     if fits[0].group is not None:
         why = f"for group {fits[0].group!r}"
@@ -208,11 +208,11 @@ def _columns(
     if not asked:
         derive_error(rows.measured, axes[0])  # says what is missing
     kinds = ("position", "encoder") if rows.moving else ("position",)
-    placed = _unique(one.positions for one in members)
-    hint = why + "".join(dict.fromkeys(one.without_position for one in members))
+    placed = _unique(member.positions for member in members)
+    hint = why + "".join(dict.fromkeys(member.without_position for member in members))
     # A crosstalk has its own rule from which positions the controller computes it.
     order = POSITION_ORDER[rows.job.conventions.crosstalk_input]
-    adapted = _unique(one.positions for one in members if one.accelerating)
+    adapted = _unique(member.positions for member in members if member.accelerating)
     position = {
         axis: rows.position(axis, hint, order if axis in adapted else kinds)
         for axis in placed
@@ -221,12 +221,12 @@ def _columns(
     for axis in asked:
         lengths = any(fit.lengths for fit in fits if fit.axis == axis)
         # What the drive gives way while another axis accelerates is no crosstalk.
-        pushed = any(one.accelerating for one in members if one.axis == axis)
+        pushed = any(member.accelerating for member in members if member.axis == axis)
         against = ("encoder", "position") if pushed else ("position",)
         error[axis] = rows.error(axis, position, lengths=lengths, against=against)
         change = rows.change.get(axis)
         rows.remarks += reference_words(rows.name, rows.spec, axis, lengths, change)
-    driven = _unique(one.accelerating for one in members)
+    driven = _unique(member.accelerating for member in members)
     velocity = {axis: rows.motion(axis, "velocity") for axis in driven}
     for axis in rows.moving:
         if f"{axis}.velocity" in rows.measured.values:
@@ -239,7 +239,7 @@ def _columns(
         acceleration={axis: rows.motion(axis, "acceleration") for axis in driven},
         temperature={
             sensor: _without_glitches(rows.temperature(sensor, why))
-            for sensor in _unique(one.sensors for one in members)
+            for sensor in _unique(member.sensors for member in members)
         },
         time=rows.time,
         run=rows.run,
@@ -270,7 +270,7 @@ def _ways(
     rows: Rows, members: Sequence["AbstractPlan"], alone: bool
 ) -> dict[str, Float[np.ndarray, " t"]]:
     """Return the directions of motion by axis."""
-    turning, fit = _unique(one.turning for one in members), members[0].fit
+    turning, fit = _unique(member.turning for member in members), members[0].fit
     if not alone:
         return {axis: _way(rows, axis, fit) for axis in turning}
     asked = turning or ((fit.axis,) if fit.lengths else ())
@@ -284,20 +284,20 @@ def _way(rows: Rows, axis: str, fit: FitSpec) -> Float[np.ndarray, " t"]:
     In motion neither does what follows a reversal, as long as the play is taken up.
     """
     try:
-        found = rows.way(axis, needed=True)
+        way = rows.way(axis, needed=True)
     except DirectionUnknown:
         if len(fit.sources) == 1:
             raise
         return np.full(len(rows), np.nan)
-    assert found is not None  # else it has raised
+    assert way is not None  # else it has raised
     if axis not in rows.moving:
-        return found
+        return way
     place = rows.position(axis)
     turned = np.maximum.accumulate(
-        np.where(np.diff(found, prepend=0.0), np.arange(len(found)), 0)
+        np.where(np.diff(way, prepend=0.0), np.arange(len(way)), 0)
     )
     least = min(_TAKEN_UP * float(np.ptp(place[np.isfinite(place)])), _LONGEST)
-    return np.where(np.abs(place - place[turned]) < least, np.nan, found)
+    return np.where(np.abs(place - place[turned]) < least, np.nan, way)
 
 
 def followed(time: Float[np.ndarray, " t"], slices: Mapping[str, slice]) -> bool:

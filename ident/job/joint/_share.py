@@ -216,8 +216,8 @@ class LeftOutResult(AbstractResult):
         if part is None:
             parameters: dict[str, Any] = {"labels": [], "error": []}
         else:
-            told = np.where(part.determined, part.values, np.nan)
-            parameters = {"labels": list(part.labels), "error": told}
+            values = np.where(part.determined, part.values, np.nan)
+            parameters = {"labels": list(part.labels), "error": values}
         return {
             "masters": [] if part is None else list(part.effect.masters),
             "sensors": [] if part is None else list(part.effect.sensor_names),

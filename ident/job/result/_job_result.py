@@ -121,7 +121,7 @@ class JobResult:
             "passed": self.passed,
             "verdict": str(self.verdict),
             "fits": [_fit(fit) for fit in self.fits],
-            "whole": {one.axis: one.as_tree() for one in self.whole},
+            "whole": {axis.axis: axis.as_tree() for axis in self.whole},
             "groups": [group.as_tree() for group in self.groups],
             "remarks": self.remarks,
             "load_sheet": self.load_sheet,
@@ -145,8 +145,8 @@ class JobResult:
     def verdict(self) -> Verdict:
         """The worst verdict of its fits."""
         order = list(Verdict)
-        found = [fit.judgement.verdict for fit in self.fits]
-        return max(found, key=order.index, default=Verdict.GOOD)
+        verdicts = [fit.judgement.verdict for fit in self.fits]
+        return max(verdicts, key=order.index, default=Verdict.GOOD)
 
     @property
     def confirmed(self) -> bool:

@@ -202,5 +202,5 @@ class MeasuredAgain:
     @property
     def acts(self) -> bool:
         """Whether the list surely does what it says."""
-        found = self.diagnosis
-        return self.shown or (found is not None and found.verdict == "right")
+        diagnosis = self.diagnosis
+        return self.shown or (diagnosis is not None and diagnosis.verdict == "right")

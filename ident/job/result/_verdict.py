@@ -90,8 +90,8 @@ def judgement_of(fit: "AbstractResult") -> Judgement:
         return Judgement(Verdict.REJECTED, (Reason(Code.GATE, {"checks": failed}),))
     loud = [remark.message for remark in fit.remarks if remark.level == "error"]
     if loud:
-        lost = fit.left_out or not fit.files
-        verdict = Verdict.UNDETERMINED if lost else Verdict.REJECTED
+        unwritten = fit.left_out or not fit.files
+        verdict = Verdict.UNDETERMINED if unwritten else Verdict.REJECTED
         return Judgement(verdict, (Reason(Code.ERROR, {"message": loud[0]}),))
     if not fit.files:
         return Judgement(Verdict.GOOD, (Reason(Code.NOTHING_WRITTEN),))
@@ -111,8 +111,8 @@ def judgement_of(fit: "AbstractResult") -> Judgement:
     # Without figures of its own only a diagnosis can verify.
     unseen = fit.again is not None and fit.again.rms is None and not acts
     if fit.again is not None and (assumed or unseen):
-        found = None if fit.again.diagnosis is None else fit.again.diagnosis.verdict
-        reasons.append(Reason(Code.DIAGNOSED, {"verdict": found, "value": None}))
+        diagnosed = None if fit.again.diagnosis is None else fit.again.diagnosis.verdict
+        reasons.append(Reason(Code.DIAGNOSED, {"verdict": diagnosed, "value": None}))
     if reasons:
         return Judgement(Verdict.UNPROVEN, tuple(reasons))
     if fit.again is None:
@@ -126,9 +126,11 @@ def _fault_measured(fit: "AbstractResult") -> Reason | None:
     if again is None:
         return None
     excused = bool(again.beside) or (again.trend is not None and not again.trend.owned)
-    found = again.diagnosis
-    if again.is_wrong and found is not None:
-        return Reason(Code.DIAGNOSED, {"verdict": found.verdict, "value": found.value})
+    diagnosis = again.diagnosis
+    if again.is_wrong and diagnosis is not None:
+        return Reason(
+            Code.DIAGNOSED, {"verdict": diagnosis.verdict, "value": diagnosis.value}
+        )
     # Where no gain was promised only what is plainly worse speaks against the list.
     least = NO_GAIN if again.predicted < NO_GAIN * again.before else LESS
     if not excused and again.rms is not None and again.rms >= least * again.before:

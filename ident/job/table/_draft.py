@@ -88,13 +88,13 @@ class TableDraft(AbstractDraft):
         return f"Works once {whose} referenced"
 
     def entries(self) -> dict[str, Value]:
-        found: dict[str, Value] = dict(
+        values: dict[str, Value] = dict(
             self.plan.table.entries(self.integers, self.target)
         )
-        sizes = {key: value for key, value in found.items() if "[" not in key}
+        sizes = {key: value for key, value in values.items() if "[" not in key}
         if self.spread[0] is not None:
             sizes[f"{self.kind.prefix}.n_cycles"] = self.spread[0]
-        return sizes | self.manual_entry | {k: v for k, v in found.items() if "[" in k}
+        return sizes | self.manual_entry | {k: v for k, v in values.items() if "[" in k}
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
         values: dict[str, Value] = super().machine_entries(cycles)
@@ -183,26 +183,26 @@ class TableDraft(AbstractDraft):
         assert isinstance(fit, TableSpec)
         plan, table = self.plan, self.plan.table
         again = dataclasses.replace(plan, job=tables.job, fit=fit)
-        found, _ = read_fit(tables, again, {})
+        readings, _ = read_fit(tables, again, {})
         datum = datum_of(tables.job, self.index, fit)
         own = table.masters == (table.axis,)
-        branch = plan.branch(found.direction)
-        added = table.offset(table.model(self.integers), found.positions, branch)
-        added = added - plan.acted(found.positions, branch)
+        branch = plan.branch(readings.direction)
+        added = table.offset(table.model(self.integers), readings.positions, branch)
+        added = added - plan.acted(readings.positions, branch)
         removed = {tables.job.spec.measurements[name].remove for name in fit.sources}
         if "line" in removed:  # a slope that no reading shows
-            added = without_zero(added, [*found.positions.T], "line")
-        error = found.error - zero_at(found, datum, table)
+            added = without_zero(added, [*readings.positions.T], "line")
+        error = readings.error - zero_at(readings, datum, table)
         turn = None if table.modulo is None else float(np.diff(table.modulo)[0])
         return SecondMeasurement(
             ", ".join(fit.sources),
-            found.positions,
+            readings.positions,
             error,
-            found.direction if own else None,
-            found.run if run_table(found, table) is not None else None,
+            readings.direction if own else None,
+            readings.run if run_table(readings, table) is not None else None,
             added=float(np.std(added)),
-            trend=trend_left(again, plan, found.positions, error),
-            part=part_of(fit.over, self.readings.positions, found.positions, turn),
+            trend=trend_left(again, plan, readings.positions, error),
+            part=part_of(fit.over, self.readings.positions, readings.positions, turn),
         )
 
     @property

@@ -50,12 +50,12 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
                 "found beside a log that is read in pieces, expected stream = false"
             )
             raise plan.job.error(("fits", plan.index, "constraints"), reason)
-        found = fit_log(log)
+        draft = fit_log(log)
     else:
         readings, more = read_fit(tables, plan, left)
-        found = fit_plan(plan, readings, (*words, *more))
-    refuse_unowned_trend(plan, found.estimate)
-    return found
+        draft = fit_plan(plan, readings, (*words, *more))
+    refuse_unowned_trend(plan, draft.estimate)
+    return draft
 
 
 def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> TableDraft:
@@ -201,7 +201,7 @@ def _patterns(
     changed by that moment times the speed. By the runs: a table keeps the mean of their
     offsets and drifts, and a few runs do not tell what the mean of many would be.
     """
-    found = [] if readings.late is None else [readings.late]
+    patterns = [] if readings.late is None else [readings.late]
     # Least squares takes a run that contradicts the others into the mean as well.
     apart = () if fit.loss == "gauss" else fit.suspect_runs
     runs = [run for run in fit.runs if run.run not in apart]
@@ -215,8 +215,8 @@ def _patterns(
             kind = plan.job.spec.measurements[name].remove
             places = [*samples.positions[own].T]
             pattern[own] = without_zero(pattern[own], places, kind)
-        found.append(pattern)
-    return found
+        patterns.append(pattern)
+    return patterns
 
 
 def _doubt(

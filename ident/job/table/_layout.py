@@ -245,8 +245,8 @@ def grid_keys(
 
 def grid_words(places: Sequence[Float[np.ndarray, " t"]]) -> str:
     """Return `grid_keys` as they stand in a job."""
-    found = {key: np.atleast_1d(value) for key, value in grid_keys(places).items()}
-    words = {key: ", ".join(f"{each:g}" for each in own) for key, own in found.items()}
+    values = {key: np.atleast_1d(value) for key, value in grid_keys(places).items()}
+    words = {key: ", ".join(f"{each:g}" for each in own) for key, own in values.items()}
     if len(places) == 2:
         words = {key: f"[{text}]" for key, text in words.items()}
     return ", ".join(f"{key} = {text}" for key, text in words.items())

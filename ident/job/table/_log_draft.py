@@ -108,21 +108,21 @@ def fit_log(readings: LogReadings) -> TableDraft:
     plan = readings.plan
     spec, table = plan.fit, plan.table
     grouping = partial(blocks_of, table.layout)
-    found = fit_streamed(
+    streamed = fit_streamed(
         table.layout,
         readings.parts,
         grouping,
         smoothness=spec.smoothness,
         loss=spec.loss,
     )
-    zero, estimate = plan.zeroed(found.fit)
-    log = FittedLog(readings, found, grouping, zero)
+    zero, estimate = plan.zeroed(streamed.fit)
+    log = FittedLog(readings, streamed, grouping, zero)
     samples, row = log.shown()
     at, before = (samples.positions, samples.branch), samples.error - zero
-    wild, share = found.judged(samples)
-    residual = samples.error - predict(found.fit, *at)[0]
+    wild, share = streamed.judged(samples)
+    residual = samples.error - predict(streamed.fit, *at)[0]
     left = residual_of_folds(
-        table, samples, found.folds, grouping(samples), plan.integers, before,
+        table, samples, streamed.folds, grouping(samples), plan.integers, before,
         plan.acted(*at),
     )  # fmt: skip
     return TableDraft(
@@ -148,12 +148,12 @@ def fit_log(readings: LogReadings) -> TableDraft:
 
 
 def _of_the_route(log: FittedLog) -> Iterator[Remark]:
-    readings, found, every = log.readings, log.found, log.every
+    readings, streamed, every = log.readings, log.found, log.every
     names, shown = ", ".join(map(repr, readings.plan.fit.sources)), ""
     if every > 1:
         shown = f"; plots and tables of readings show one reading in {every}"
     yield Remark.info(
-        f"{names}: {found.count} readings were read in pieces and not into memory{shown}."
+        f"{names}: {streamed.count} readings were read in pieces and not into memory{shown}."
     )
     if readings.has_runs:
         yield Remark.warning(
@@ -162,9 +162,9 @@ def _of_the_route(log: FittedLog) -> Iterator[Remark]:
             " run to run counts as noise. stream = false reads it into memory, which does"
             " all three."
         )
-    if found.crowded:
+    if streamed.crowded:
         yield Remark.warning(
-            f"At {found.crowded} nodes wild readings stand side by side: they may"
+            f"At {streamed.crowded} nodes wild readings stand side by side: they may"
             " be right and the table too smooth there. Readings in memory would be"
             " given a second thought; a log that is read in pieces is not. Fit every"
             " n-th row of it to have them judged."

@@ -61,8 +61,8 @@ class LogSource:
             ColumnError: If one does not exist.
         """
         head = self.file.head
-        found = [head.column(one.column) for one in self.columns.values()]
-        return tuple(dict.fromkeys(one.header or one.name for one in found))
+        columns = [head.column(column.column) for column in self.columns.values()]
+        return tuple(dict.fromkeys(column.header or column.name for column in columns))
 
 
 def _source_of(tables: Tables, name: str, file: LargeFile, plan: Plan) -> LogSource:
@@ -106,7 +106,7 @@ class LogReadings:
     @property
     def has_runs(self) -> bool:
         """Whether some readings belong to another run than others, as far as is known."""
-        return len(self.sources) > 1 or any("run" in one.roles for one in self.sources)
+        return len(self.sources) > 1 or any("run" in log.roles for log in self.sources)
 
     @cached_property
     def parts(self) -> list[Ahead]:
@@ -125,27 +125,27 @@ class LogReadings:
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """What was taken for granted, once the log has been read."""
-        found = list(self._said)
+        texts = list(self._said)
         for name in (source.name for source in self.sources):
-            found += reference_words(
+            texts += reference_words(
                 name,
                 self.tables.job.spec.measurements[name],
                 self.plan.axis,
                 self.plan.fit.lengths,
                 self._changes.get(name),
             )
-        return tuple(Remark.info(words) for words in found)
+        return tuple(Remark.info(words) for words in texts)
 
     def _parts_of(self, source: LogSource) -> list[TablePart]:
         return source.file.parts(source.headers, _PARTS, _ROWS)
 
     def _samples(self, number: int, table: Table) -> Samples:
         """Return the readings of a piece."""
-        found = self._rows(self.sources[number], table)
+        samples = self._rows(self.sources[number], table)
         if (zero := self._zeros.get(number)) is None:
-            return found
-        error = zero.off(found.error, found.positions)
-        return dataclasses.replace(found, error=error)
+            return samples
+        error = zero.off(samples.error, samples.positions)
+        return dataclasses.replace(samples, error=error)
 
     def _rows(self, source: LogSource, table: Table) -> Samples:
         """Return the readings of a piece, of which nothing is removed yet."""
@@ -171,12 +171,12 @@ class LogReadings:
     @cached_property
     def _zeros(self) -> dict[int, Zero]:
         """What is to be removed from each log, judged by every n-th reading of it."""
-        found = {}
+        zeros = {}
         for number, source in enumerate(self.sources):
             kind = self.tables.job.spec.measurements[source.name].remove
             if kind == "none":
                 continue
-            count = sum(len(one.error) for one in self._all_rows(source))
+            count = sum(len(piece.error) for piece in self._all_rows(source))
             step, row = step_of(count), 0
             errors: list[Float[np.ndarray, " t"]] = []
             places: list[Float[np.ndarray, "t d"]] = []
@@ -185,10 +185,10 @@ class LogReadings:
                 errors.append(part.error[every])
                 places.append(part.positions[every])
                 row += len(part.error)
-            found[number] = zero_of(
+            zeros[number] = zero_of(
                 np.concatenate(errors), np.concatenate(places), kind
             )
-        return found
+        return zeros
 
     def _all_rows(self, source: LogSource) -> Iterator[Samples]:
         for part in self._parts_of(source):
@@ -232,10 +232,10 @@ def in_pieces(
             named = spec.file or spec.files
             words = f"{named} cannot be read in pieces, expected a Parquet or CSV file"
             raise refusal(words)
-    cells = sum(one.file.rows * len(one.headers) for one in sources)
+    cells = sum(source.file.rows * len(source.headers) for source in sources)
     if len(sources) < len(specs) or not (asked or cells > LARGE):
         return None, ()
-    if sum(one.file.rows for one in sources) <= _SHORT:
+    if sum(source.file.rows for source in sources) <= _SHORT:
         return None, (Remark.info(f"{names} is so short that it was read at once."),)
     readings = LogReadings(tables, plan, tuple(sources))
     for reason, possible in _obstacles(readings, left):
@@ -259,16 +259,16 @@ def _obstacles(readings: LogReadings, left: Leftovers) -> Iterator[tuple[str, bo
             continue
         if set(other.sources) & set(fit.sources):
             yield f"the {other.compensation} fit of {fit.axis} shares it", False
-    for one in readings.sources:
-        if f"{fit.axis}.error" not in one.roles and "time" in one.roles:
+    for source in readings.sources:
+        if f"{fit.axis}.error" not in source.roles and "time" in source.roles:
             words = (
-                f"the error of {fit.axis} in {one.name!r} is not a column but rests on"
+                f"the error of {fit.axis} in {source.name!r} is not a column but rests on"
                 " what its instrument lags behind, which the whole log tells"
             )
             yield words, False
-        if plan.turning and f"{fit.axis}.direction" not in one.roles:
+        if plan.turning and f"{fit.axis}.direction" not in source.roles:
             words = (
-                f"{one.name!r} has no column for '{fit.axis}.direction', so that the"
+                f"{source.name!r} has no column for '{fit.axis}.direction', so that the"
                 " whole log tells it"
             )
             yield words, False

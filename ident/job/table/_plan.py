@@ -147,7 +147,7 @@ class Plan(AbstractPlan):
 
         What one extrapolates beyond the type of an entry stays at its end.
         """
-        wanted = [self.offset(one.values - self.zero_of(one)) for one in estimates]
+        wanted = [self.offset(fit.values - self.zero_of(fit)) for fit in estimates]
         ends = self.table.to_offsets(np.array(self.table.value_bounds))
         inside = np.clip(np.stack(wanted), min(ends), max(ends))
         return np.stack([self.to_integers(each) for each in inside])

@@ -33,26 +33,28 @@ def read_fit(
         MeasurementError: If a role is missing or a value cannot be used.
         JobError: If the measurement does not suit the fit.
     """
-    found, axis = read_group(tables, [plan], alone=True), plan.axis
-    error, remarks = found.data.error[axis].copy(), [*found.remarks]
-    for name, rows in found.rows.items():
-        own = found.slices[name]
-        for one in left.get((plan.index, name), ()):
-            added = one.at(rows)
-            if not one.shared:
+    recording, axis = read_group(tables, [plan], alone=True), plan.axis
+    error, remarks = recording.data.error[axis].copy(), [*recording.remarks]
+    for name, rows in recording.rows.items():
+        own = recording.slices[name]
+        for beside in left.get((plan.index, name), ()):
+            added = beside.at(rows)
+            if not beside.shared:
                 # Of it, too, the readings tell no constant or slope of their own.
-                places = [found.data.position[other][own] for other in plan.positions]
+                places = [
+                    recording.data.position[other][own] for other in plan.positions
+                ]
                 added = without_zero(added, places, rows.spec.remove)
             error[own] += added
             remarks.append(
                 Remark.info(
-                    f"Beside this table acts {one.words}, which was off while {name!r} was"
+                    f"Beside this table acts {beside.words}, which was off while {name!r} was"
                     " measured: this table corrects what it leaves."
                 )
             )
-    late = joined([rows.measured.late.get(axis) for rows in found.rows.values()])
+    late = joined([rows.measured.late.get(axis) for rows in recording.rows.values()])
     every = np.ones(len(error), dtype=bool)
-    readings = found.readings(plan.positions, axis, error, every)
+    readings = recording.readings(plan.positions, axis, error, every)
     return dataclasses.replace(readings, late=late), remarks
 
 
@@ -98,9 +100,9 @@ def datum_of(job: Job, index: int, fit: FitSpec) -> tuple[float, ...] | None:
     """
     datums = {name: job.spec.measurements[name].datum for name in fit.sources}
     places = {
-        name: tuple(map(float, one.at if isinstance(one.at, list) else [one.at]))
-        for name, one in datums.items()
-        if one is not None
+        name: tuple(map(float, datum.at if isinstance(datum.at, list) else [datum.at]))
+        for name, datum in datums.items()
+        if datum is not None
     }
     if not places:
         return None

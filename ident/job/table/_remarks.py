@@ -109,23 +109,23 @@ def outside(
     table: AbstractTable, positions: Float[np.ndarray, "t d"]
 ) -> Bool[np.ndarray, " t"]:
     """Tell which readings lie outside the nodes."""
-    found = np.zeros(len(positions), dtype=bool)
+    beyond = np.zeros(len(positions), dtype=bool)
     if table.periodic:
-        return found
+        return beyond
     for k, nodes in enumerate(table.nodes):
         ends = nodes.positions[[0, -1]]
         column = positions[:, k]
         # A node lies at a whole list unit, the reading meant for it perhaps beside it.
         edge = 1e-3 * float(np.diff(nodes.positions).min())
-        found |= (column < ends[0] - edge) | (column > ends[1] + edge)
-    return found
+        beyond |= (column < ends[0] - edge) | (column > ends[1] + edge)
+    return beyond
 
 
 def places_of(
     readings: SampleView, which: Bool[np.ndarray, " t"], masters: Sequence[str]
 ) -> tuple[str, ...]:
     """Return where some of the readings lie: positions, direction and run, in words."""
-    found = []
+    places = []
     for k in np.flatnonzero(which):
         words = [
             f"{name} = {place:.6g}"
@@ -135,8 +135,8 @@ def places_of(
             words.append("positive" if readings.direction[k] > 0 else "negative")
         if readings.run is not None:
             words.append(f"run {readings.run[k]}")
-        found.append(", ".join(words))
-    return tuple(found)
+        places.append(", ".join(words))
+    return tuple(places)
 
 
 def _node(one: "TableDraft", index: int) -> str:

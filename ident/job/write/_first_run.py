@@ -33,25 +33,27 @@ def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
     Axes whose lists failed have no part in them, nor have axes without a word that an NC
     program understands (`nameless`).
     """
-    wordless = nameless(job, [one.axis for one in files])
+    wordless = nameless(job, [axis.axis for axis in files])
     let_out = [
-        one for one in files if one.lists and not (one.failed or one.axis in wordless)
+        axis
+        for axis in files
+        if axis.lists and not (axis.failed or axis.axis in wordless)
     ]
-    drafts = [draft for one in let_out for draft in one.drafts if draft.written]
+    drafts = [draft for axis in let_out for draft in axis.drafts if draft.written]
     steps: dict[tuple[int, str, frozenset[str]], dict[str, Any]] = {}
     for draft in sorted(drafts, key=lambda draft: draft.index):
-        found, channel = draft.kind, job.spec.axes[draft.axis].channel
+        kind, channel = draft.kind, job.spec.axes[draft.axis].channel
         # Both axes of a gantry at once: one of them alone would twist it.
         step = steps.setdefault(
-            (channel, found.name, _together(job, draft.axis)),
+            (channel, kind.name, _together(job, draft.axis)),
             {
-                "name": found.name,
-                "keyword": found.keyword,
-                "init": found.shows_init,
+                "name": kind.name,
+                "keyword": kind.keyword,
+                "init": kind.shows_init,
                 "states": [],
             },
         )
-        state = CompState(job.spec.nc_word(draft.axis), found.keyword)
+        state = CompState(job.spec.nc_word(draft.axis), kind.keyword)
         step["states"].append(state)
     channels: dict[int, list[dict[str, Any]]] = {}
     for (channel, *_), step in steps.items():

@@ -88,7 +88,7 @@ class AxisFiles:
             (self.compensation_name, self.compensation),
             (self.machine_name, self.machine),
         )
-        return tuple((name, one) for name, one in pairs if one is not None)
+        return tuple((name, listing) for name, listing in pairs if listing is not None)
 
     @functools.cached_property
     def after(self) -> AxisLists:
@@ -127,7 +127,7 @@ class AxisFiles:
         A list is let out with all that acts on its axis, or not at all: every fit that is
         written has the lines of its axis.
         """
-        drafts = {one.index: one for one in self.drafts}
+        drafts = {draft.index: draft for draft in self.drafts}
         gates = {
             k: (*own, *whole.gate) if drafts[k].written else own
             for k, own in self.gates.items()
@@ -148,8 +148,8 @@ class AxisFiles:
 
     def path(self, name: str) -> Path | None:
         """Return where a written file lies, or None."""
-        found = next((one for one in self.written if one.name == name), None)
-        return None if found is None else self.root / found
+        path = next((file for file in self.written if file.name == name), None)
+        return None if path is None else self.root / path
 
     @property
     def written_lists(self) -> tuple[Path, ...]:
@@ -168,9 +168,9 @@ def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]
     Raises:
         JobError: If a table does not fit into a list of the controller's build.
     """
-    axes = dict.fromkeys(one.axis for one in drafts)
+    axes = dict.fromkeys(draft.axis for draft in drafts)
     return tuple(
-        _axis_files(job, tuple(one for one in drafts if one.axis == axis))
+        _axis_files(job, tuple(draft for draft in drafts if draft.axis == axis))
         for axis in axes
     )
 
@@ -233,7 +233,7 @@ def _listing(
         existing,
         spec.number,
         entries,
-        [prefix for one in drafts for prefix in one.replaces],
+        [prefix for draft in drafts for prefix in draft.replaces],
         f"Compensation list of axis {name}, written by axcomp",
         f"Job: {job.spec.title or job.path.name}",
         name=name,
@@ -272,13 +272,13 @@ def _machine_list(
 
 def startup_fragment(files: Sequence[AxisFiles]) -> ListFile | None:
     """Return the start-up entries of new lists that are let out, or None."""
-    fresh = [one for one in files if one.is_new and not one.failed]
+    fresh = [axis for axis in files if axis.is_new and not axis.failed]
     if not fresh:
         return None
     values: dict[str, Value] = {"zahl_kw": len(fresh)}
-    for k, one in enumerate(fresh):
-        values[f"achs_kw_log_ax_nr[{k}]"] = one.number
-        values[f"achs_kw[{k}]"] = one.compensation_name
+    for k, axis in enumerate(fresh):
+        values[f"achs_kw_log_ax_nr[{k}]"] = axis.number
+        values[f"achs_kw[{k}]"] = axis.compensation_name
     fragment = new_list(
         values,
         comment=(

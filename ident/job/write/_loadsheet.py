@@ -123,9 +123,9 @@ def load_sheet(
 
 def _is_refuted(result: AbstractResult) -> bool:
     """Return whether a second measurement speaks against a list."""
-    found = result.judgement
-    shown = found.has(Code.DIAGNOSED) or found.has(Code.NO_BETTER)
-    return shown and found.verdict is Verdict.REJECTED
+    judgement = result.judgement
+    shown = judgement.has(Code.DIAGNOSED) or judgement.has(Code.NO_BETTER)
+    return shown and judgement.verdict is Verdict.REJECTED
 
 
 def _place(axis: str, expected: Expectation) -> str:

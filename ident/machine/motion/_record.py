@@ -53,8 +53,8 @@ class AxisLoop:
         below = np.array([self.settling, 1.0, self.gain])
         for lag in lags:
             below = np.convolve(below, [lag, 1.0])
-        found = bilinear(above, below, fs=1.0 / CYCLE)
-        b, a = (np.asarray(part, dtype=float) for part in found)
+        coefficients = bilinear(above, below, fs=1.0 / CYCLE)
+        b, a = (np.asarray(part, dtype=float) for part in coefficients)
         start = given[0]
         level = start * np.sum(b) / np.sum(a)
         return np.asarray(lfilter(b, a, given - start) + level)
