@@ -19,7 +19,7 @@ def check_options(remove: Any, solver: Any, smoothness: Any, drift: Any) -> None
     """Check options of `axcomp.fit`.
 
     Raises:
-        ValueError: If one is none that it knows.
+        FitError: If one is none that it knows.
     """
     for option, word, words in (
         ("remove", remove, ("none", "offset", "line")),
@@ -28,13 +28,13 @@ def check_options(remove: Any, solver: Any, smoothness: Any, drift: Any) -> None
         if word not in words:
             known = ", ".join(repr(each) for each in words if each)
             msg = f"{option}: found {word!r}, expected one of {known}."
-            raise ValueError(msg)
+            raise FitError(msg)
     if smoothness is None:
         msg = "smoothness: found None, expected 'auto' or a number >= 0"
-        raise ValueError(msg)
+        raise FitError(msg)
     if not isinstance(drift, int | np.integer) or drift < 0:
         msg = f"drift: found {drift!r}, expected a whole number of 0 or more"
-        raise ValueError(msg)
+        raise FitError(msg)
 
 
 def stack_of(effects: Any) -> tuple[AbstractEffect | Friction, ...]:
@@ -91,15 +91,14 @@ def check_names(
     """Check that what was active, or keeps inequalities, is one of the effects.
 
     Raises:
-        ValueError: If a name is none of theirs.
-        FitError: If it is that of a friction.
+        FitError: If a name is none of theirs, or that of a friction.
     """
     unknown = [name for name in (*active, *constraints) if name not in names]
     if unknown:
         msg = (
             f"found {', '.join(unknown)} among active and constraints, expected {names}"
         )
-        raise ValueError(msg)
+        raise FitError(msg)
     for name, one in zip(names, effects, strict=True):
         if isinstance(one, Friction) and name in {*active, *constraints}:
             msg = f"{name}: found active or constraints of it, which a job takes only"

@@ -95,13 +95,12 @@ def fit_linear(
     Raises:
         FitError: If the readings and the penalty do not determine the model, a prediction
             is no number or not linear, or a reading of a large table touches more than one
-            of its cells.
-        ValueError: If shapes do not fit together, or `smoothness` names no table or is below
-            zero.
+            of its cells, shapes do not fit together, or `smoothness` names no table or is
+            below zero.
     """
     if solver is not None and not isinstance(solver, lx.AbstractLinearSolver):
         msg = f"solver: found {solver!r}, expected one of lineax, made"
-        raise ValueError(msg)
+        raise FitError(msg)
     params, rest = eqx.partition(model, fitted_arrays(model, None))
     form, readings = Form.of(params), as_float(measured)
     smooth = _weights_by_table(model, smoothness)
@@ -145,15 +144,16 @@ def _weights_by_table(
     wrong = [name for name in named if name not in names]
     if wrong:
         msg = f"smoothness: found {', '.join(wrong)}, expected tables {names}"
-        raise ValueError(msg)
+        raise FitError(msg)
     every = 0.0 if isinstance(smoothness, Mapping) else smoothness
     found = [named.get(name, every) for name in names]
     pairs = [each if isinstance(each, tuple | list) else (each,) for each in found]
     result = tuple(tuple(as_float(weight) for weight in pair) for pair in pairs)
     for weight in (weight for pair in result for weight in pair):
-        if jnp.ndim(weight) or not (isinstance(weight, Tracer) or weight >= 0):
+        known = not isinstance(weight, Tracer)
+        if jnp.ndim(weight) or (known and not 0 <= weight < np.inf):
             msg = f"smoothness: found {weight}, expected a number of 0 or more"
-            raise ValueError(msg)
+            raise FitError(msg)
     return result
 
 
@@ -362,7 +362,7 @@ def _effect(table: Any) -> TableEffect:
             "fit_linear: found nodes that are traced, expected known ones: make the model "
             "outside of the function that jax.jit or vmap transforms"
         )
-        raise ValueError(msg)
+        raise FitError(msg)
     with jax.ensure_compile_time_eval():  # constants under jit, too
         nodes = tuple(np.asarray(each.positions) for each in ways)
     ring = isinstance(ways[0], ModuloNodes)

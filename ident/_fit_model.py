@@ -105,19 +105,18 @@ def fit_model(
         throw: Raise where the solve fails; else read `ModelFit.result`.
 
     Raises:
-        ValueError: If names, shapes or options do not fit together.
-        FitError: If a reading is no number, there is none, or the solve fails and `throw`
-            is true.
+        FitError: If names, shapes or options do not fit together, a reading is no number,
+            there is none, or the solve fails and `throw` is true.
     """
     if solver is None:
         solver = "ipopt" if constraints is not None else LEVENBERG_MARQUARDT
     if constraints is not None and solver != "ipopt":
         msg = "constraints need solver='ipopt': optimistix knows no inequalities."
-        raise ValueError(msg)
+        raise FitError(msg)
     made = isinstance(solver, (optx.AbstractLeastSquaresSolver, optx.AbstractMinimiser))
     if solver != "ipopt" and not made:
         msg = f"solver: found {solver!r}, expected one of optimistix, made, or 'ipopt'"
-        raise ValueError(msg)
+        raise FitError(msg)
     params, rest = eqx.partition(model, fitted_arrays(model, fitted))
     form = Form.of(params)
     readings = as_float(measured)
@@ -135,17 +134,21 @@ def fit_model(
     form.check(problem.limits, np.less_equal, "bounds, the least one first")
     form.check(problem.prior, lambda _, s: s > 0, "a prior's deviation above 0")
     start, known = form.flat(params), None if noise is None else as_float(noise)
-    if known is not None and not isinstance(known, Tracer) and not known > 0:
+    if (
+        known is not None
+        and not isinstance(known, Tracer)
+        and (jnp.ndim(known) or not 0 < known < np.inf)
+    ):
         msg = f"noise: found {known}, expected one number above 0"
-        raise ValueError(msg)
+        raise FitError(msg)
     leaves = jax.tree.leaves((problem, start, known))
     traced = any(isinstance(leaf, Tracer) for leaf in leaves)
     if traced and solver == "ipopt":
         msg = "solver='ipopt' works on the host: outside of jax.jit, grad and vmap."
-        raise ValueError(msg)
+        raise FitError(msg)
     if traced and known is None and priors is not None:
         msg = "give noise where a fit with priors is traced: else fits are repeated."
-        raise ValueError(msg)
+        raise FitError(msg)
 
     sigma, steps = jnp.ones(()) if known is None else known, jnp.zeros((), jnp.int64)
     blocks, count = _blocks(groups, readings.size)
@@ -159,7 +162,12 @@ def fit_model(
                 start, code, more = _by_ipopt(problem, start, sigma, max_steps)
             else:
                 start, code, more = _by_optimistix(
-                    problem, start, sigma, solver, max_steps, _RESTARTS if bounds else 1
+                    problem,
+                    start,
+                    sigma,
+                    solver,
+                    max_steps,
+                    _RESTARTS if bounds is not None else 1,
                 )
             before = sigma
             found = _report(problem, start, sigma, known, blocks, count)
@@ -383,5 +391,5 @@ def _blocks(groups: ArrayLike | None, size: int) -> tuple[Int[Array, " t"], int]
     names, blocks = np.unique(np.ravel(np.asarray(groups)), return_inverse=True)
     if blocks.shape != (size,):
         msg = f"groups: found {blocks.size} of them, expected one per reading, {size}"
-        raise ValueError(msg)
+        raise FitError(msg)
     return jnp.asarray(blocks), len(names)

@@ -18,6 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float
 
+from .core import FitError
+
 VectorFunction = Callable[[Float[Array, " x"], Any], Float[Array, " r"]]
 """``function(values, args)``, traced by JAX: a residual, or inequalities."""
 
@@ -80,15 +82,16 @@ def one_vector(inequalities: Any) -> Float[Array, " g"]:
     """Return what is kept at or above zero, an array or a tree of them, as one vector.
 
     Raises:
-        ValueError: If it holds truth values, which are never below zero.
+        FitError: If it holds truth values, which are never below zero, or no numbers.
     """
     leaves = [jnp.asarray(each) for each in jax.tree.leaves(inequalities)]
-    if any(each.dtype == bool for each in leaves):
+    if wrong := [each.dtype for each in leaves if each.dtype.kind not in "iuf"]:
+        found = "truth values" if wrong[0].kind == "b" else str(wrong[0])
         msg = (
-            "constraints: found truth values, expected numbers that are kept at or above "
+            f"constraints: found {found}, expected numbers that are kept at or above "
             "zero: 1.5 - m.slope for m.slope <= 1.5"
         )
-        raise ValueError(msg)
+        raise FitError(msg)
     return jnp.concatenate([jnp.zeros(0), *map(jnp.ravel, leaves)])
 
 
@@ -216,7 +219,7 @@ def least_squares_ipopt(
         max_steps: Iterations at most.
 
     Raises:
-        ValueError: If a lower limit lies above its upper one.
+        FitError: If a lower limit lies above its upper one.
         Exception: Whatever residual or inequality raise. A failed solve is a value:
             `IpoptSolution.status`.
     """
@@ -226,7 +229,7 @@ def least_squares_ipopt(
     if np.any(lower > upper):
         at = int(np.argmax(lower > upper))
         msg = f"the lower limit {lower[at]} of value {at} lies above its upper one {upper[at]}"
-        raise ValueError(msg)
+        raise FitError(msg)
     start = np.clip(np.asarray(start, np.float64), lower, upper)
     margins = inequality or _no_margins
     problem = partial(_evaluated, residual, margins, args)

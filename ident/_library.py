@@ -262,16 +262,15 @@ def fit(
 
     Raises:
         MissingRole: If an effect needs a role that the measurement lacks.
-        FitError: If arrays do not fit together, do not determine the effects, no reading
-            lies in a table, or nothing keeps the constraints.
-        ValueError: If options do not fit together.
+        FitError: If arrays or options do not fit together, do not determine the effects, no
+            reading lies in a table, or nothing keeps the constraints.
     """
     check_options(remove, solver, smoothness, drift)
     effects = stack_of(effects)
     constraints = by_name(constraints)
     if constraints and solver == "factor":
         msg = "constraints need solver='ipopt': the factor knows no inequalities."
-        raise ValueError(msg)
+        raise FitError(msg)
     given = arrays_of(effects, data)
     stack = [one for one in effects if isinstance(one, AbstractEffect)]
     names = names_of(effects)

@@ -36,7 +36,7 @@ def fitted_arrays(model: Any, fitted: Sequence[str] | None) -> Any:
     for name in fitted:
         if not any((own + ".").startswith(name + ".") for own in known):
             msg = f"fitted: found {name}, expected some of {', '.join(known)}"
-            raise ValueError(msg)
+            raise FitError(msg)
     return jtu.tree_map_with_path(
         lambda path, leaf: (
             eqx.is_inexact_array(leaf)
@@ -65,7 +65,7 @@ class Form:
         """Return the form of arrays.
 
         Raises:
-            ValueError: If there is none.
+            FitError: If there is none.
         """
         leaves = jtu.tree_leaves_with_path(params)
         if not leaves:
@@ -73,7 +73,7 @@ class Form:
                 "found no array to fit in the model, expected one of floats: "
                 "jnp.asarray(1.0), as the number 1.0 counts as known"
             )
-            raise ValueError(msg)
+            raise FitError(msg)
         shapes = tuple(jnp.shape(leaf) for _, leaf in leaves)
         paths = tuple(path_name(path) for path, _ in leaves)
         return cls(jax.tree.structure(params), shapes, paths)
@@ -109,7 +109,7 @@ class Form:
         """Return the first and the second number of all pairs, as two vectors.
 
         Raises:
-            ValueError: If a name is unknown, or a pair is none or of another shape.
+            FitError: If a name is unknown, or a pair is none or of another shape.
         """
         if given is None or isinstance(given, Mapping):
             named = dict(given or {})
@@ -118,17 +118,21 @@ class Form:
             named = {path_name(path): pair for path, pair in leaves}
             # What is not fitted may have a place in the tree.
             named = {path: named[path] for path in self.paths if path in named}
+            if not named:
+                expected = f"pairs by name: {{{self.paths[0]!r}: (0.0, 1.0)}}"
+                msg = f"{what}: found {given!r}, expected {expected}"
+                raise FitError(msg)
         unknown = [name for name in named if name not in self.paths]
         if unknown:
             known = ", ".join(self.paths)
             msg = f"{what}: found {', '.join(unknown)}, expected some of {known}"
-            raise ValueError(msg)
+            raise FitError(msg)
         sides: tuple[list[Array], list[Array]] = ([], [])
         for path, shape in zip(self.paths, self.shapes, strict=True):
             pair = named.get(path)
             if not _is_pair(pair):
                 msg = f"{what} of {path}: found {pair!r}, expected a pair or None"
-                raise ValueError(msg)
+                raise FitError(msg)
             for side, one, other in zip(sides, pair or default, default, strict=True):
                 value = other if one is None else one
                 side.append(jnp.ravel(broadcast(value, shape, f"{what} of {path}")))
@@ -143,7 +147,7 @@ class Form:
         """Check the pairs of all numbers; where they are traced, nothing is known of them.
 
         Raises:
-            ValueError: If a pair does not keep the rule; NaN keeps none.
+            FitError: If a pair does not keep the rule; NaN keeps none.
         """
         if any(isinstance(side, Tracer) for side in pairs):
             return
@@ -153,7 +157,7 @@ class Form:
             at = wrong[0]
             found = f"{self.names[at]}: found {first[at]:g} and {second[at]:g}"
             msg = f"{found}, expected {words}"
-            raise ValueError(msg)
+            raise FitError(msg)
 
 
 def _is_pair(node: Any) -> bool:
@@ -236,27 +240,27 @@ def broadcast(value: Any, shape: tuple[int, ...], what: str) -> Array:
     """Return numbers in a shape that they have, or can be repeated to.
 
     Raises:
-        ValueError: If they cannot.
+        FitError: If they cannot.
     """
     try:
         return jnp.broadcast_to(as_float(value), shape)
     except ValueError:
         msg = f"{what}: found shape {np.shape(value)}, expected {shape}"
-        raise ValueError(msg) from None
+        raise FitError(msg) from None
 
 
 def as_measured(predicted: Any, shape: tuple[int, ...]) -> Array:
     """Return predictions, which have the shape of the readings.
 
     Raises:
-        ValueError: If they do not.
+        FitError: If they do not.
     """
-    if jnp.shape(predicted) != shape:
+    if np.shape(predicted) != shape:
         msg = (
-            f"predict: found shape {jnp.shape(predicted)}, expected that of the "
+            f"predict: found shape {np.shape(predicted)}, expected that of the "
             f"readings, {shape}"
         )
-        raise ValueError(msg)
+        raise FitError(msg)
     return jnp.asarray(predicted)
 
 
@@ -264,14 +268,14 @@ def weights_of(measured: Float[Array, "..."], given: ArrayLike | None) -> Array:
     """Return the weight of each reading.
 
     Raises:
-        ValueError: If they are of another shape, or one is below 0.
-        FitError: If a reading that counts is no number, or none counts.
+        FitError: If they are of another shape, one is below 0, a reading that counts is no
+            number, or none counts.
     """
     weights = broadcast(1.0 if given is None else given, measured.shape, "weights")
     if not isinstance(weights, Tracer):
-        if not np.all(np.asarray(weights) >= 0):
-            msg = "weights: found one below 0 or NaN, expected 0 or more"
-            raise ValueError(msg)
+        if not np.all((np.asarray(weights) >= 0) & np.isfinite(weights)):
+            msg = "weights: found one below 0 or not finite, expected 0 or more"
+            raise FitError(msg)
         if not np.any(np.asarray(weights) > 0):
             msg = "measured: found no reading of a weight above 0, expected some"
             raise FitError(msg)

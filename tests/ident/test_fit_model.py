@@ -263,6 +263,7 @@ def test_a_failed_solve_is_a_value_or_an_error() -> None:
         ({"bounds": {"rate": (2.0, 1.0)}}, "rate: found 2 and 1, expected bounds"),
         ({"bounds": {"rate": (np.nan, 1.0)}}, "rate: found nan and 1"),
         ({"priors": {"rate": (0.9, 0.0)}}, "rate: found 0.9 and 0, expected a prior"),
+        ({"bounds": (0.0, 2.0)}, r"bounds: found \(0.0, 2.0\), expected pairs by name"),
         ({"noise": -1.0}, "noise: found -1.0"),
         ({"solver": "casadi"}, "solver: found 'casadi', expected one of optimistix"),
         ({"solver": optx.LevenbergMarquardt}, "expected one of optimistix, made"),

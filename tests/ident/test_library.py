@@ -539,6 +539,22 @@ def test_a_lag_has_the_words_of_a_job(word: str, lag: float | str) -> None:
         axcomp.Temperature("X", sensor="scale", lag="non")
 
 
+def test_temperatures_of_a_law_may_be_a_list() -> None:
+    warm = np.linspace(18.0, 30.0, 60)
+    law: Any = {"offset": np.array([18.0, 20.0, 30.0])}
+    effect = axcomp.Temperature("X", sensors={"offset": "a"}, law=law)
+    law["offset"] = law["offset"].tolist()
+    listed = axcomp.Temperature("X", sensors={"offset": "a"}, law=law)
+    data = {"X.error": 1e-3 * np.minimum(warm, 20.0), "temperature.a": warm}
+    one, other = (
+        axcomp.fit([each], data)["temperature"].model.entry(0.0 * warm, warm[:, None])
+        for each in (effect, listed)
+    )
+    np.testing.assert_array_equal(one, other)
+    with pytest.raises(FitError, match="or temperatures in ascending order"):
+        axcomp.Temperature("X", sensor="a", law={"offset": np.array([25.0, 20.0])})
+
+
 def test_lags_of_several_sensors_are_no_job(tmp_path: Path) -> None:
     warm, position = np.repeat([20.0, 22.0, 25.0], 5), np.tile(np.arange(5.0), 3)
     data = {

@@ -25,7 +25,7 @@ from ._effect import (
     every,
 )
 
-Nodes = str | int | Float[np.ndarray, " _n"]
+Nodes = str | int | Sequence[Number] | Float[np.ndarray, " _n"]
 """``"constant"``, ``"linear"``, a number of nodes over the measured range, or °C."""
 
 LAWS = ("offset", "coefficient")
@@ -121,13 +121,22 @@ class Temperature(AbstractEffect):
                     " or seconds."
                 )
                 raise FitError(msg)
-        for nodes in self.law.values():
-            if isinstance(nodes, str) and nodes not in _COUNTS:
+        law: dict[str, Nodes] = {}
+        for name, own in self.law.items():
+            nodes: str | int | Float[np.ndarray, " _n"]
+            nodes = own if isinstance(own, str | int) else np.asarray(own, float)
+            if isinstance(nodes, np.ndarray):
+                known = len(nodes) > 0 and bool((np.diff(nodes) > 0).all())
+            else:
+                known = nodes in _COUNTS if isinstance(nodes, str) else nodes > 0
+            if not known:
                 msg = (
-                    f"{self.name}: found law {nodes!r}, expected 'constant', 'linear' or "
-                    "a number of temperatures."
+                    f"{self.name}: found law {own!r}, expected 'constant', 'linear', "
+                    "a number of temperatures or temperatures in ascending order."
                 )
                 raise FitError(msg)
+            law[name] = nodes
+        object.__setattr__(self, "law", law)
 
     @cached_property
     def masters(self) -> tuple[str, ...]:

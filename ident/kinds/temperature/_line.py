@@ -10,7 +10,7 @@ law is then the one given that nothing is left.
 import dataclasses
 import functools
 import math
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -232,7 +232,8 @@ def bent_to_meet(line: Temperature) -> Temperature:
     sensor, law = line.sensors.get("coefficient"), line.law
     if sensor is None or line.sensors.get("offset", sensor) != sensor:
         return line
-    if int(law.get("offset", 1)) >= int(law["coefficient"]):
+    offset, coefficient = (cast("int", law.get(name, 1)) for name in LAWS)
+    if offset >= coefficient:
         return line
     law = dict.fromkeys(LAWS, law["coefficient"])
     return dataclasses.replace(line, sensors=dict.fromkeys(LAWS, sensor), law=law)
