@@ -23,6 +23,9 @@ FREE_BAND = 0.02
 FAULT = 2.0 * math.log(100.0)
 """Cost of a fault: one compensation in a hundred has it, so one in 10 000 has two."""
 
+SHIFTS = 240
+"""Most places of a table that are tried along one master."""
+
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
             "nine", "ten")  # fmt: skip
 
@@ -111,7 +114,9 @@ class Hypothesis:
         """
         number = math.log(max(samples, 2.0))
         cost = FAULT * len(self.faults(channel))
-        cost += number * sum(1 for shift in self.change.shift if shift)
+        # The best of many places gains by chance what it takes to name it, however few rows.
+        shifted = sum(1 for shift in self.change.shift if shift)
+        cost += max(number, 2.0 * math.log(SHIFTS)) * shifted
         cost += 2.0 * math.log(20.0) * (self.lag != 0)
         if self.change.cycles is not None:
             cost += 2.0 * math.log(40.0)

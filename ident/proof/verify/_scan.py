@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._channel import EDGES, AbstractChannel, Change
-from ._hypothesis import FREE_BAND, SCALES, Hypothesis
+from ._hypothesis import FREE_BAND, SCALES, SHIFTS, Hypothesis
 from ._log import Target
 
 FILTERS = (*range(1, 21), 22, 25, 28, 30, 35, 40, 50, 60, 80, 100)
@@ -26,8 +26,6 @@ _TIMED = 8
 _SIZES = sorted(SCALES)
 _CLOSER = np.linspace(-1.0, 1.0, 17)
 """Places that are tried around the best one, in units of the last distance."""
-_SHIFTS = 240
-"""Most places of a table that are tried along one master."""
 
 
 def scaled(
@@ -157,7 +155,7 @@ def _along(
 ) -> list[float]:
     """Return the best shift along one master, the others staying where they are."""
     reach = 0.75 * length
-    spacing = max(0.5 * step, 2.0 * reach / _SHIFTS)
+    spacing = max(0.5 * step, 2.0 * reach / SHIFTS)
     grid = np.arange(-reach, reach + spacing, spacing)
 
     def moved(values: Float[np.ndarray, " s"]) -> Float[np.ndarray, "s k"]:
