@@ -131,24 +131,26 @@ def regress(
     lacking = (np.abs(unseen) > SINGULAR**0.5).any(axis=1)
     # The likelihood needs as many columns as the readings see.
     own = kept @ seen
+    free = float(rows.sum() - own.shape[1])
     if noise is None:
         drifting = find_drift(clock, own, pseudo, weights)
     else:
-        # Known beforehand: counts as a few readings.
-        square = float((weights * pseudo**2).sum()) + _BELIEF * noise**2
-        free = float(rows.sum() - own.shape[1]) + _BELIEF
-        drifting = DriftNoise(float(np.sqrt(square / max(free, 1.0))))
+        square = float((weights * pseudo**2).sum()) / max(free, 1.0)
+        if square < noise**2:
+            # Known beforehand: counts as a few readings. A larger scatter has other reasons.
+            square = (free * square + _BELIEF * noise**2) / (free + _BELIEF)
+            free += _BELIEF
+        drifting = DriftNoise(float(np.sqrt(square)))
     inverse = seen @ seen.T
     scatter = scatter_of_sums(drifting, clock, kept, weights)
     covariance = inverse @ scatter @ inverse / np.outer(scale, scale)
     plain = (drifting.white**2 + drifting.drift**2) * np.diag(inverse) / scale**2
     swell = np.diag(covariance) / np.maximum(plain, 1e-300)
     independent = float(rows.sum()) / np.maximum(swell, 1.0)
-    if drifting.drift > 0:
-        # The variances themselves rest on as many readings: the variance of Student's t.
-        free_each = np.maximum(independent, _LEAST_FREE)
-        heavy = np.sqrt(free_each / (free_each - 2.0))
-        covariance = covariance * np.outer(heavy, heavy)
+    # The variances themselves rest on as many readings: the variance of Student's t.
+    free_each = np.maximum(independent if drifting.drift > 0 else free, _LEAST_FREE)
+    heavy = np.sqrt(free_each / (free_each - 2.0)) * np.ones(len(scale))
+    covariance = covariance * np.outer(heavy, heavy)
     covariance[lacking, :] = covariance[:, lacking] = 0.0
     covariance[lacking, lacking] = np.inf
     return Regression(

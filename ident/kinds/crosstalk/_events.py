@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
-from ...core import FitError, filled
+from ...core import FitError, filled, regress
 from ...fit.joint import Crosstalk
 from . import BRANCHES
 
@@ -32,6 +32,8 @@ _FARTHEST = 0.02
 """s: a delay beyond this is another event."""
 _MOST_ROWS, _MOST_EVENTS = 25, 60
 """Rows of a delay, and about how many events are looked at for it."""
+_FAR = 6.0
+"""Residual, in the median one, up to which no reading of a window is suspected to be wild."""
 _GAIN = 0.05
 """Relative fall of the residual's standard deviation below which there is no delay."""
 
@@ -183,7 +185,8 @@ def cut_events(data: JointData, form: Crosstalk, over: Sequence[str] = ()) -> Ev
         raise FitError(msg)
     cut, error = [], data.error[form.axis]
     for one in _windows(data, form):
-        found = _amplitude(one.design, error[one.rows])
+        sound = _sound(one.design, error[one.rows])
+        found = _amplitude(one.design[sound], error[one.rows][sound])
         if found is None:
             continue
         rows, weight = slice(one.start, one.stop), one.push**2
@@ -269,6 +272,16 @@ def _stretches(*labels: np.ndarray) -> list[tuple[int, int]]:
     changed = np.any([np.diff(label) != 0 for label in labels], axis=0)
     edges = (np.flatnonzero(changed) + 1).tolist()
     return list(zip([0, *edges], [*edges, len(labels[0])], strict=True))
+
+
+def _sound(
+    design: Float[np.ndarray, "w c"], error: Float[np.ndarray, " w"]
+) -> Bool[np.ndarray, " w"]:
+    """Return which readings of a window are not wild; one of them would spoil its event."""
+    left = np.abs(error - design @ np.linalg.lstsq(design, error, rcond=None)[0])
+    if left.max(initial=0.0) <= _FAR * float(np.median(left)):
+        return np.ones(len(left), bool)
+    return ~regress(design, error, noise=0.0).wild
 
 
 def _amplitude(

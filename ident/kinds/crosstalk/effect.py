@@ -21,7 +21,7 @@ from . import BRANCHES, SAFE_TESTS
 from ._events import Events
 from ._tests import TOUCHED, choose_tests, fitted, held_out
 
-_CHANCE = 0.01
+_CHANCE = 0.05
 """Probability under equal directions below which they differ."""
 _SURE = 0.0027
 """Probability of three standard deviations, shared by all values that are looked at."""

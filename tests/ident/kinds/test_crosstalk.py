@@ -366,6 +366,18 @@ def test_a_wild_event_is_named_and_moves_nothing() -> None:
     np.testing.assert_allclose(fit.values[:, 0], BY_QUADRANT, atol=3e-4)
 
 
+def test_single_wild_readings_do_not_spoil_the_events_that_they_lie_in() -> None:
+    readings, rng = over(log(8, mode_1, moves=20)), np.random.default_rng(0)
+    error = readings.error["Z"].copy()
+    wild = rng.random(len(error)) < 0.01
+    error[wild] += rng.uniform(-1.0, 1.0, wild.sum())
+    fit = fitted(dataclasses.replace(readings, error={"Z": error}))
+    sound = fitted(readings)
+    # 1 % of the readings fewer: a tenth of σ; spoiled events were off by 1 µm.
+    assert np.abs(fit.values - sound.values).max() < 5e-5
+    assert np.max(fit.standard_deviation / sound.standard_deviation) < 1.5
+
+
 def test_missed_readings_of_the_slave_are_left_out() -> None:
     readings = over(log(9, mode_1))
     error = readings.error["Z"].copy()
