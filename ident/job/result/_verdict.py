@@ -154,6 +154,6 @@ def _doubts(fit: "AbstractResult") -> list[Reason]:
             return [Reason(Code.LESS_THAN_PREDICTED)]
     readings = None if again is None else again.readings
     if readings is not None and readings.part is not None:
-        seen = dict(zip(("axis", "low", "high"), readings.part, strict=True))
-        return [Reason(Code.IN_PART, seen)]
+        axis, low, high = readings.part
+        return [Reason(Code.IN_PART, {"axis": axis, "low": low, "high": high})]
     return []

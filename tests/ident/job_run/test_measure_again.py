@@ -87,10 +87,8 @@ def fit(job: Path, *options: str) -> int:
     return main(["fit", str(job), "--out", str(job.parent / "out"), *options])
 
 
-def result(job: Path) -> dict[str, object]:
-    found: dict[str, object] = json.loads(
-        (job.parent / "out" / "result.json").read_text()
-    )
+def result(job: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((job.parent / "out" / "result.json").read_text())
     return found
 
 
