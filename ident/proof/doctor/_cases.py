@@ -151,6 +151,9 @@ def cases_of(use: InUse, scene: Scene) -> tuple[list[Case], float, float | None]
         # One that changes less than another factor may counts as none.
         if any(shift) and not _matters(channel, np.array([shift]), _BAND)[0]:
             continue
+        # What adds no more than may drift between measurements adds nothing.
+        if one.hypothesis.is_free and abs(one.hypothesis.scale) <= _BAND:
+            continue
         if change.turned and one is not found.rivals[0] and not _turn_matters(channel):
             continue
         cases.append((one.criterion, _named(one.hypothesis, channel)))

@@ -6,13 +6,13 @@ from collections.abc import Collection, Sequence
 
 from ._channel import AbstractChannel, Change
 
+_UNITS = (10.0, 0.1, 1000.0)
+"""Factors between the units that lists have and had."""
+
 SCALES: dict[float, tuple[str, ...]] = {
     sign * size * times: (*first, *second, *third)
     for sign, first in ((1.0, ()), (-1.0, ("sign",)))
-    for size, second in (
-        *((1.0, ()), (10.0, ("unit",)), (0.1, ("unit",))),
-        (1000.0, ("unit",)),
-    )
+    for size, second in ((1.0, ()), *((unit, ("unit",)) for unit in _UNITS))
     for times, third in ((1.0, ()), (2.0, ("twice",)))
 }
 """Factors of the offset that a fault explains, with the words for it."""
@@ -113,7 +113,8 @@ class Hypothesis:
             samples: Number of independent rows.
         """
         number = math.log(max(samples, 2.0))
-        cost = FAULT * len(self.faults(channel))
+        faults = self.faults(channel)
+        cost = FAULT * len(faults) + 2.0 * math.log(len(_UNITS)) * ("unit" in faults)
         # The best of many places gains by chance what it takes to name it, however few rows.
         shifted = sum(1 for shift in self.change.shift if shift)
         cost += max(number, 2.0 * math.log(SHIFTS)) * shifted
