@@ -169,6 +169,10 @@ def clocked(time: Float[np.ndarray, " t"], values: Float[np.ndarray, " t"]) -> C
     return Clocked(known, clock, back, mean, count)
 
 
+_HOT = 200.0
+"""Temperature in °C of no machine tool: it is in kelvin."""
+
+
 @dataclasses.dataclass(frozen=True)
 class JointData:
     """Readings of one or several axes; NaN = not measured in this row.
@@ -213,6 +217,14 @@ class JointData:
                 msg = (
                     f"{name}: found shape {np.shape(values)}, expected one number per "
                     f"row, ({count},)."
+                )
+                raise FitError(msg)
+        for sensor, warm in self.temperature.items():
+            known = warm[np.isfinite(warm)]
+            if known.size and np.median(known) > _HOT:
+                msg = (
+                    f"temperature.{sensor}: found {np.median(known):.4g} °C, expected °C:"
+                    ' of kelvin state unit = "K" in a job, or take 273.15 off'
                 )
                 raise FitError(msg)
 

@@ -7,6 +7,7 @@ from ._check_lists import (
     AXIS_DIFFERS,
     ListSet,
     axis_number,
+    base_name,
     file_number,
     in_force,
     is_fragment,
@@ -90,18 +91,14 @@ def _check_two_masters(view: ListView, other: ListView) -> None:
 
 
 def _check_numbers(view: ListView, lists: ListSet) -> None:
-    """Report a list whose axis has another number in the axis list of the same name."""
-    number = axis_number(view)
-    if number is None or not lists.axis or lists.axis_of(number):
+    """Report an ``achskw3.lis`` whose axis has another number in ``achsmds3.lis``."""
+    number, named = axis_number(view), file_number(view)
+    # A number in a name of the user's own, such as y2.lis, need not be that of an axis.
+    own = base_name(view.file.source).startswith("achskw")
+    if number is None or named is None or not own or lists.axis_of(number):
         return
     row = registry().by_key["kopf.achs_nr"]
-    same_file = [
-        other
-        for other in lists.axis
-        if file_number(view) is not None and file_number(other) == file_number(view)
-    ]
-    if same_file:
-        other = same_file[0]
+    for other in [one for one in lists.axis if file_number(one) == named][:1]:
         view.add(
             "error",
             f"the list says axis {number}, {other.file.source} says axis "

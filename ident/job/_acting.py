@@ -43,7 +43,8 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
             for source in fit.sources:
                 if name in job.spec.measurements[source].active:
                     continue
-                clear = before.machine is not None and _is_stated(job, source)
+                is_stated = job.spec.measurements[source].stated_active is not None
+                clear = before.machine is not None and is_stated
                 if not clear or index in grouped:
                     raise _unclear(job, source, fit, name, before)
                 words = f"the {name} of {used[name].listing.source}"
@@ -166,7 +167,8 @@ def _refuse_taken_over(job: Job, fit: FitSpec, before: AxisLists) -> None:
     """Raise where a table takes over what may have acted while it was measured."""
     for name in set(fit.switches_off) & before.used.keys():
         for source in fit.sources:
-            if _is_stated(job, source) or not before.acts(name):
+            stated = job.spec.measurements[source].stated_active
+            if stated is not None or not before.acts(name):
                 continue
             raise job.error(
                 ("measurements", source),
@@ -200,11 +202,6 @@ def _refuse_switched_off(job: Job, fit: FitSpec, before: AxisLists) -> None:
                 )
 
 
-def _is_stated(job: Job, source: str) -> bool:
-    """Return whether the job says what was on while measuring."""
-    return "active" in job.spec.measurements[source].model_fields_set
-
-
 def _unclear(
     job: Job, source: str, fit: FitSpec, name: str, before: AxisLists
 ) -> Exception:
@@ -215,7 +212,7 @@ def _unclear(
             f"machine_data = the axis list, in [axes.{fit.axis}], whose {entry} says"
             f" whether it acts, or {on} with a measurement while it was on"
         )
-    elif not _is_stated(job, source):
+    elif job.spec.measurements[source].stated_active is None:
         expected = (
             f"{on} if it was on, [] if it was off: the {fit.compensation} is then"
             " fitted to what it leaves"

@@ -156,6 +156,15 @@ def measure_again(
         readings = None
         names = [name for name, axes in measured.items() if fit.axis in axes]
         names = [name for name in draft.fit.sources if name in names] or names
+        off = [name for name in names if _is_off(second.job, name, fit.compensation)]
+        if fit.files and off:
+            words = (
+                f"{second.name} says that the {fit.compensation} was off while"
+                f" {', '.join(off)} was measured (active), which tells nothing of it: expected"
+                f' active = ["{fit.compensation}"] and its list loaded.'
+            )
+            remarks.append(Remark.warning(words))
+            names = [name for name in names if name not in off]
         if fit.files and names:
             update = {"measurement": None, "measurements": names}
             try:
@@ -181,6 +190,12 @@ def measure_again(
         remarks=(*result.remarks, *remarks, *more),
         second=second.record,
     )
+
+
+def _is_off(job: Job, name: str, compensation: str) -> bool:
+    """Return whether a job says that a compensation was off in a measurement."""
+    stated = job.spec.measurements[name].stated_active
+    return stated is not None and compensation not in stated
 
 
 def _beside(fit: AbstractResult, found: Sequence[AbstractResult]) -> AbstractResult:

@@ -1,11 +1,14 @@
 """Run a job: measurements → fits → lists → gate → written files → proof."""
 
+import contextlib
 import dataclasses
 import functools
 import importlib.metadata
 import platform
+import signal
+import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,45 +80,68 @@ def run_job(
     files, remarks = judge_files(job, files_of(job, drafts))
     files, whole = judge_whole(tables, files)
     second, outdated = plan_second(job, after, out, files)
-    files, moved = _write(job, folder, files)
-    by_axis = {one.axis: one for one in files}
-    sums: list[GroupResult] = []
-    if groups:
-        from .joint import prove_group
+    with _uninterrupted():
+        files, moved = _write(job, folder, files)
+        by_axis = {one.axis: one for one in files}
+        sums: list[GroupResult] = []
+        if groups:
+            from .joint import prove_group
 
-        sums = [prove_group(group, drafts, by_axis) for group in groups]
-    together = {index: one.name for one in sums for index in one.fits}
-    results = []
-    for draft in drafts:
-        proved, group = draft.prove(by_axis[draft.axis]), together.get(draft.index)
-        own_remarks = (*proved.remarks, *draft.stays_on())
-        results.append(dataclasses.replace(proved, group=group, remarks=own_remarks))
-    result = JobResult(
-        title=job.spec.title or job.path.stem,
-        machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
-        fits=tuple(results),
-        inputs=job.hashes(),
-        versions=_versions(),
-        load_sheet=(),
-        remarks=(*remarks, *moved, *outdated),
-        files=(*map(Path, folder.digests), Path(RESULT)),
-        digests=folder.digests,
-        wall_time=0.0,
-        job=job.spec.resolved() | {"gate": dict(vars(job.limits))},
-        clocks=tables.clocks,
-        groups=tuple(sums),
-        whole=whole,
-    )
-    if second is not None:
-        result = measure_again(job, second, drafts, result, out)
-    programs = [name for name in program_names(job) if name in folder.digests]
-    result = dataclasses.replace(
-        result,
-        load_sheet=load_sheet(job, files, result.fits, programs),
-        wall_time=time.perf_counter() - start,
-    )
-    folder.write(RESULT, tree_json(result.tree).encode())
+            sums = [prove_group(group, drafts, by_axis) for group in groups]
+        together = {index: one.name for one in sums for index in one.fits}
+        results = []
+        for draft in drafts:
+            proved, group = draft.prove(by_axis[draft.axis]), together.get(draft.index)
+            own_remarks = (*proved.remarks, *draft.stays_on())
+            results.append(
+                dataclasses.replace(proved, group=group, remarks=own_remarks)
+            )
+        result = JobResult(
+            title=job.spec.title or job.path.stem,
+            machine=job.spec.machine.model_dump(mode="json", exclude_none=True),
+            fits=tuple(results),
+            inputs=job.hashes(),
+            versions=_versions(),
+            load_sheet=(),
+            remarks=(*remarks, *moved, *outdated),
+            files=(*map(Path, folder.digests), Path(RESULT)),
+            digests=folder.digests,
+            wall_time=0.0,
+            job=job.spec.resolved() | {"gate": dict(vars(job.limits))},
+            clocks=tables.clocks,
+            groups=tuple(sums),
+            whole=whole,
+        )
+        if second is not None:
+            result = measure_again(job, second, drafts, result, out)
+        programs = [name for name in program_names(job) if name in folder.digests]
+        result = dataclasses.replace(
+            result,
+            load_sheet=load_sheet(job, files, result.fits, programs),
+            wall_time=time.perf_counter() - start,
+        )
+        folder.write(RESULT, tree_json(result.tree).encode())
     return result
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Put off an interrupt or termination until lists and result are written."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals reach the main thread only
+        return
+    held: list[int] = []
+    asked = signal.SIGINT, signal.SIGTERM
+    before = {
+        one: signal.signal(one, lambda number, _: held.append(number)) for one in asked
+    }
+    try:
+        yield
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)
+        for number in held:
+            signal.raise_signal(number)
 
 
 def _names(job: Job) -> list[str]:

@@ -161,7 +161,7 @@ def read_error(tables: Tables, name: str, axis: str) -> "tuple[Measured, Motion]
         positions={axes[key].number: place for key, place in places.items()},
         error=rows.error(axis, places),
         direction=rows.direction(axis),
-        active=frozenset(rows.spec.active),
+        active=rows.spec.stated_active,
         line=rows.spec.remove == "line",
     )
     return measured, rows.standing(axis)

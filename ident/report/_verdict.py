@@ -173,13 +173,16 @@ def _unowned(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 
 def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
-    seen, unit = reason.fields, "°" if fit.unit == "deg" else "mm"
-    low, high = (f"{seen[name]:.4g}" for name in ("low", "high"))
-    where = f"at {low}" if low == high else f"from {low} to {high}"
+    seen, unit, where = reason.fields, "°" if fit.unit == "deg" else "mm", []
+    if "axis" in seen:
+        low, high = (f"{seen[name]:.4g}" for name in ("low", "high"))
+        place = f"at {low}" if low == high else f"from {low} to {high}"
+        where.append(f"{seen['axis']} {place} {unit}")
+    if "direction" in seen:
+        where.append(f"motion in {'+' if seen['direction'] > 0 else '−'} direction")
     return (
         f"Verified in part: {_fall(fit, scale)}; {_again(fit, scale)}, which saw"
-        f" {seen['axis']} {where} {unit} only:"
-        " measure the rest of its travel again."
+        f" {' and '.join(where)} only: measure the rest of its travel again."
     )
 
 

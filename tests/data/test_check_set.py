@@ -209,6 +209,11 @@ def test_axis_numbers_of_list_and_axis_list_must_agree() -> None:
     assert serious(files) == [("achskw3.lis", "error", "P-COMP-00001", 110229)]
 
 
+def test_number_in_a_name_of_the_users_own_is_no_axis() -> None:
+    files = {"y2.lis": cross(4), "achsmds2.lis": axis(2, crosscomp=0)}
+    assert serious(files) == []
+
+
 def test_list_that_the_start_up_list_does_not_name_is_doubted() -> None:
     files = {"achskw3.lis": cross(3), "hochlauf.lis": startup(1)}
     assert serious(files) == [("hochlauf.lis", "warning", None, None)]

@@ -9,7 +9,7 @@ import pytest
 from axcomp.data.lists import ListFile
 from axcomp.ident.cli import main
 from axcomp.ident.friction import place_knots
-from axcomp.ident.job import BacklashResult, JobResult, run_job
+from axcomp.ident.job import BacklashResult, JobError, JobResult, run_job
 from axcomp.ident.report import scale_of
 
 from .thermal_line import fitted, readings
@@ -133,7 +133,7 @@ def test_every_kind_of_fit_has_the_keys_that_the_interface_promises(
     assert set(found["error"]) == {"before", "predicted", "from_file"}
 
 
-def test_temperature_in_kelvin_without_its_unit_is_asked_about(tmp_path: Path) -> None:
+def test_temperature_in_kelvin_without_its_unit_is_refused(tmp_path: Path) -> None:
     warm = np.linspace(293.0, 308.0, 60)
     noise = 1e-4 * np.random.default_rng(6).normal(size=60)
     table = np.column_stack([0.002 * (warm - 293.0) + noise, warm])
@@ -144,8 +144,8 @@ def test_temperature_in_kelvin_without_its_unit_is_asked_about(tmp_path: Path) -
         "[[fits]]\ncompensation = 'temperature'\naxis = 'X'\nmeasurement = 'w'\n"
         "sensors = { offset = 'f' }\nlaw = { offset = 'linear' }\nlag = 'none'\n"
     )
-    found = run_job(tmp_path / "job.toml", tmp_path / "out").fits[0]
-    assert any('unit = "K"' in remark.message for remark in found.remarks)
+    with pytest.raises(JobError, match=r"temperature.f: found 300.5 .*unit = .K."):
+        run_job(tmp_path / "job.toml", tmp_path / "out")
 
 
 def test_lines_that_are_flat_at_zero_meet_nowhere() -> None:

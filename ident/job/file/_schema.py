@@ -235,6 +235,11 @@ class MeasurementSpec(JobPart, frozen=True):
         rows = None if self.rows is None else (self.rows[0], self.rows[1])
         return Lines.of(self.skip, self.header, rows)
 
+    @property
+    def stated_active(self) -> frozenset[str] | None:
+        """Compensations that were on, or None where the job does not say which."""
+        return frozenset(self.active) if "active" in self.model_fields_set else None
+
     def file_of(self, role: str) -> str | None:
         """Return the file that holds a role, where the job names it."""
         choice = self.columns[role]

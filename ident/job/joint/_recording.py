@@ -333,7 +333,7 @@ def _held_out_together(
     stretches of it.
     """
     if run is None or all(part.run is None for part in parts):
-        return run
+        return None
     label, first = run.copy(), 0
     for part in parts:
         if part.run is None:

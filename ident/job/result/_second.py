@@ -96,6 +96,8 @@ class SecondMeasurement:
         part: An axis, and the first and last position in mm or ° that these readings
             have of it, where the list was made from far more of it; None: they reach
             as far as those of the first measurement.
+        way: ±1 of the only direction of motion that they have, where the list has two;
+            None: they have all that it has.
         trend: Constant and slopes of these readings, where they are large; else None.
         factor: How many times it acts, and its standard deviation, where these readings
             show that by themselves; None likewise.
@@ -109,6 +111,7 @@ class SecondMeasurement:
     wild: Bool[np.ndarray, " t"] | None = None
     added: float | None = None
     part: tuple[str, float, float] | None = None
+    way: int | None = None
     trend: LeftTrend | None = None
     factor: tuple[float, float] | None = None
 

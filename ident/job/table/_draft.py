@@ -194,6 +194,7 @@ class TableDraft(AbstractDraft):
             added = without_zero(added, [*readings.positions.T], "line")
         error = readings.error - zero_at(readings, datum, table)
         turn = None if table.modulo is None else float(np.diff(table.modulo)[0])
+        ways = set() if readings.direction is None else set(readings.direction.tolist())
         return SecondMeasurement(
             ", ".join(fit.sources),
             readings.positions,
@@ -203,6 +204,7 @@ class TableDraft(AbstractDraft):
             added=float(np.std(added)),
             trend=trend_left(again, plan, readings.positions, error),
             part=part_of(fit.over, self.readings.positions, readings.positions, turn),
+            way=ways.pop() if self._bilateral and len(ways) == 1 else None,
         )
 
     @property

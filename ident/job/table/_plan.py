@@ -339,7 +339,8 @@ def refuse_unstated(job: Job, fit: FitSpec, holder: str | None, on: str) -> None
         JobError: Naming the measurement and the answers.
     """
     for name in fit.sources:
-        if holder is None or "active" in job.spec.measurements[name].model_fields_set:
+        stated = job.spec.measurements[name].stated_active
+        if holder is None or stated is not None:
             continue
         kind = fit.compensation
         raise job.error(

@@ -20,7 +20,7 @@ from ...core import DriftNoise, node_shares, variances_of_sums
 from ...fit.joint import LAWS, Temperature
 
 Meeting = Literal[
-    "met", "given", "parallel", "two sensors", "not one point", "uncertain"
+    "met", "given", "parallel", "two sensors", "not one point", "uncertain", "no offset"
 ]
 """Whether the lines of all temperatures meet at the reference, or why it was not taken."""
 _SURE = 3.0

@@ -19,16 +19,16 @@ _ONE_WAY = 0.95
 _SAME_COURSE = 0.999
 """Correlation of two sensors from which on either does for the other."""
 _FEW = 8.0
-_HOT = 200.0
-"""°C that no structure of a machine tool reaches."""
 _MEETINGS: Mapping[Meeting, str] = {
     "met": "The lines meet at {at:.5g} mm ± {sure:.2g} mm",
     "parallel": "The lines hardly change their slope, so they meet nowhere",
     "two sensors": "Two sensors move offset and slope, so the lines do not meet",
     "not one point": "The lines of the temperatures do not meet in one point",
     "uncertain": "Where the lines meet is uncertain, and far from what was measured",
+    "no offset": "No offset is fitted, and no reference is stated where the axis stays at all"
+    " temperatures (reference = … in mm, or a sensor of the offset, too)",
 }
-_UNSURE: tuple[Meeting, ...] = ("not one point", "uncertain")
+_UNSURE: tuple[Meeting, ...] = ("not one point", "uncertain", "no offset")
 """What a person should know before the line is used."""
 _SIGN = Remark.warning(
     "Whether the controller adds the line or takes it off is the least certain sign of"
@@ -166,12 +166,6 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
     if fit.missed:
         yield Remark.info(f"{fit.missed} readings were missed or incomplete.")
     yield from _undetermined(draft)
-    hottest = max(float(fit.data.temperature[name].max()) for name in fit.sensors)
-    if hottest > _HOT:
-        yield Remark.warning(
-            f"A sensor reads {hottest:.4g} °C: where the column is in kelvin, state"
-            ' unit = "K".',
-        )
     if draft.written:
         yield from _state(draft)
         if "temperature_sign" not in draft.job.verified:

@@ -248,4 +248,6 @@ class TemperaturePlan(AbstractPlan):
         )
         if self.meets and len(fit.laws) > 1:
             fit = about_meeting(fit)
+        elif self.meets and self.datum is None and fit.coefficient is not None:
+            fit = dataclasses.replace(fit, meeting="no offset")
         return TemperatureDraft(self.job, self.index, self.fit, self, fit, share)

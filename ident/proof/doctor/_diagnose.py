@@ -100,8 +100,8 @@ def not_judged(
 
 def _state(use: InUse, measured: Sequence[Measured], loaded: bool) -> int:
     """Return whether a compensation was on: as stated, else as lists are loaded."""
-    stated = frozenset[str]().union(*(one.active for one in measured))
-    return int(use.name in stated if stated or not loaded else True)
+    stated = [one.active for one in measured if one.active is not None]
+    return int(any(use.name in active for active in stated) if stated else loaded)
 
 
 def _judged(use: InUse, scene: Scene, blurred: bool) -> Diagnosis:

@@ -25,7 +25,7 @@ class Measured:
         positions: Commanded, by logical axis number, in mm or °.
         error: Actual − commanded in mm or °.
         direction: ±1 of the axis, where it is known.
-        active: Compensations that were on.
+        active: Compensations that were on; None where nobody said so.
         line: A straight line was removed from the error: its slope is unknown.
     """
 
@@ -33,7 +33,7 @@ class Measured:
     positions: Mapping[int, Float[np.ndarray, " t"]]
     error: Float[np.ndarray, " t"]
     direction: Int[np.ndarray, " t"] | None
-    active: frozenset[str] = frozenset()
+    active: frozenset[str] | None = None
     line: bool = False
 
 

@@ -1,7 +1,9 @@
 """What a job says and leaves behind beside its tables."""
 
 import json
+import signal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from axcomp.data.lists import ListFile, check
 from axcomp.data.toml import TomlError
 from axcomp.ident.job import TableResult, run_job
+from axcomp.ident.job.write._output import OutFolder
 
 from .screw import (
     LIST_UNIT,
@@ -293,3 +296,26 @@ def test_a_few_runs_leave_doubt_of_their_mean_unless_a_datum_takes_it_off(
     expected = 1e-3 * runs.std(ddof=1) / np.sqrt(5) * 2.869 / 2
     np.testing.assert_allclose(deviation[0], expected, rtol=0.03)
     assert deviation[1].max() < 0.1 * expected
+
+
+def test_termination_while_lists_are_written_waits_for_their_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    def renew(self: OutFolder, *names: Any, **how: Any) -> tuple[Path, ...]:
+        signal.raise_signal(signal.SIGTERM)
+        return plain(self, *names, **how)
+
+    plain = OutFolder.renew
+    monkeypatch.setattr(OutFolder, "renew", renew)
+    laser(tmp_path / "laser.csv")
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run_job(screw_job(tmp_path), tmp_path / "out")
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    written = json.loads((tmp_path / "out" / "result.json").read_text())["digests"]
+    assert "achskw1.lis" in written

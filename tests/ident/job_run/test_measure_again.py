@@ -197,6 +197,32 @@ def test_second_measurement_of_a_part_verifies_that_part_only(
     assert "X from 200 to 400 mm only" in " ".join(capsys.readouterr().out.split())
 
 
+def test_second_measurement_that_says_the_list_was_off_verifies_nothing(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = after_job(job.parent, 1.0)
+    again.write_text(again.read_text().replace('["leadscrew"]', "[]"))
+    assert fit(job, "--after", str(again)) == 1
+    assert fitted(job)["verdict"] == "unproven"
+    assert "the leadscrew was off while laser was measured (active)" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    assert not (job.parent / "out" / "conventions.toml").exists()
+
+
+def test_second_measurement_in_one_direction_verifies_that_one_only(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = after_job(job.parent, 1.0)
+    head, *rows = (job.parent / "after.csv").read_text().splitlines()
+    up = [row for row in rows if row.endswith(",1")]
+    (job.parent / "after.csv").write_text("\n".join([head, *up]) + "\n")
+    assert fit(job, "--after", str(again)) == 0
+    assert fitted(job)["reasons"] == [{"code": "in_part", "direction": 1}]
+    said = " ".join(capsys.readouterr().out.split())
+    assert "which saw motion in + direction only" in said
+
+
 @pytest.mark.parametrize(
     ("low", "high", "said"),
     [(-90.0, 90.0, ("C", 270.0, 90.0)), (0.0, 345.0, None), (-180.0, 165.0, None)],

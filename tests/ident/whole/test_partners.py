@@ -381,3 +381,40 @@ def test_measurement_without_runs_is_held_out_in_stretches_beside_one_with_runs(
     fits = json.loads((tmp_path / "out" / "result.json").read_text())["fits"]
     # Held out as a whole, the warming would leave nothing that tells the temperature.
     assert all(one["error"]["predicted"]["rms"] < 2 * NOISE for one in fits)
+
+
+def rooms(folder: Path, reference: str) -> str:
+    """Measure the screw in three rooms, once each; it grows from X = 0. Returns a job."""
+    rng, names = np.random.default_rng(3), ["cool", "mild", "warm"]
+    x = np.tile(np.arange(0.0, 401.0, 25.0), 2)
+    job = "[axes.X]\nnumber = 1\n"
+    for name, level in zip(names, (18.0, 24.0, 31.0), strict=True):
+        warm = level + 0.3 * rng.standard_normal(len(x))
+        error = np.interp(x, PLACES, SCREW) + 11e-6 * (warm - 20.0) * x
+        error = error + NOISE * rng.standard_normal(len(x))
+        table(folder / f"{name}.csv", "x,e,t", x, error, warm)
+        job += f'[measurements.{name}]\nfile = "{name}.csv"\nremove = "none"\n'
+        job += (
+            'columns = { "X.position" = "x", "X.error" = "e", "temperature.s" = "t" }\n'
+        )
+    both = f'axis = "X"\nmeasurements = {json.dumps(names)}\ngroup = "X"\n'
+    job += f'[[fits]]\ncompensation = "leadscrew"\nsmoothness = 0\n{both}'
+    job += "start = 0.0\ninterval = 100.0\npoints = 5\n"
+    job += f'[[fits]]\ncompensation = "temperature"\nlag = "none"\n{both}{reference}'
+    return job + 'sensors = { coefficient = "s" }\n'
+
+
+def test_measurements_without_runs_are_held_out_in_stretches(tmp_path: Path) -> None:
+    assert fit(tmp_path, rooms(tmp_path, "reference = 0.0\n")) == 0
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert found["groups"][0]["held_out"] == "block"
+    assert all(one["error"]["predicted"]["rms"] < 2 * NOISE for one in found["fits"])
+
+
+def test_coefficient_alone_without_a_reference_says_where_it_turns(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # It grows from 0 and not from the middle: the gate stops it.
+    assert fit(tmp_path, rooms(tmp_path, "")) == 1
+    said = " ".join(capsys.readouterr())
+    assert "no reference is stated where the axis stays" in " ".join(said.split())
