@@ -240,7 +240,8 @@ def fit(
         data: A measurement (`read`), or arrays by role in mm, °, s, °C; they count as they
             stand. ``run`` may hold numbers or names, directions are 1 and −1. NaN is a
             reading that was missed.
-        loss: ``"student"`` and ``"huber"`` resist wild readings, ``"gauss"`` does not.
+        loss: ``"student"`` and ``"huber"`` resist wild readings, ``"gauss"`` does not, nor
+            any where a stated smoothness leaves few readings beside the values.
         smoothness: ``"auto"``: by evidence; or the weight of the squared second differences
             of all tables, relative to 1/noise²; 0 = no prior.
         drift: Pieces of the drift of each run; 0 = an offset per run. It needs ``time``.

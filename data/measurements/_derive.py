@@ -56,8 +56,9 @@ def derive_motion(
     """Return velocity and acceleration of an axis in mm or °, per s and s².
 
     From the first position of the order that is recorded: the encoder, else the external
-    reference, else the command. Equal steps of time pass a zero-phase Butterworth filter,
-    unequal ones a smoothing spline; `Motion.bandwidth` states what is left.
+    reference, else the command; without any, from the integral of the velocity. Equal steps
+    of time pass a zero-phase Butterworth filter, unequal ones a smoothing spline;
+    `Motion.bandwidth` states what is left.
 
     Args:
         measurement: With `time` and a position of the axis.
@@ -67,7 +68,7 @@ def derive_motion(
         order: Which positions to take, the best first.
 
     Raises:
-        MissingRole: If there is no time or no position.
+        MissingRole: If there is no time, or neither a position nor a velocity.
         MeasurementError: If the record is too short, or the cutoff does not fit it.
     """
     why = f"to derive the motion of {axis}"
@@ -76,7 +77,13 @@ def derive_motion(
     role = next(
         (role for role in roles if role in measurement.values), f"{axis}.position"
     )
-    position = measurement.require(role, why)
+    speed = measurement.get(f"{axis}.velocity")
+    if role in measurement.values or speed is None:
+        position = measurement.require(role, why)
+    else:
+        from scipy.integrate import cumulative_trapezoid
+
+        position = cumulative_trapezoid(speed, time, initial=0.0)
     try:
         clock = read_clock(time)
         cutoff = min(0.1 / clock.sample_time, 100.0) if cutoff is None else cutoff

@@ -44,6 +44,8 @@ _FEWEST = 3.0
 """Degrees of freedom of the noise at least, that Student's t has a variance."""
 _SPARE = 0.02
 """Share of the readings that must be left beside the unknowns to judge the noise by."""
+_CROWDED = 0.6
+"""Unknowns per reading from which on residuals do not say which readings are wild."""
 _FOLLOWS = (
     "The table follows every reading; the noise was judged by the smoothness that the "
     "readings suggest."
@@ -185,7 +187,8 @@ def estimate(
     Args:
         stack: Effects.
         over: Pass over the readings.
-        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+        loss: ``"student"``, ``"huber"`` or ``"gauss"``; stated weights that leave too few
+            readings beside the unknowns to tell wild ones make it least squares.
         weights: Weights of the prior for a problem; None: by evidence.
         floor: Smallest scale of residuals to believe in, in mm or °.
         start: Unknowns to begin with, as a constant; None: zero.
@@ -214,7 +217,7 @@ class _Passes:
 
     def run(self, start: Vector | None, near: Estimate | None) -> Estimate:
         """Alternate passes and searches until neither moves the values."""
-        if near is not None and self.loss != "gauss":
+        if near is not None and near.loss != Loss():
             matrix = self.over(near.values, near.loss, None)
             problem = self._problem(matrix, near.values)
             weights = (
@@ -224,12 +227,11 @@ class _Passes:
             return self._robust(begun, float(matrix.tally[0]), searches=1)
         theta = np.zeros(self.stack.size) if start is None else start
         matrix = self.over(theta, Loss(), None)
-        if self.loss == "gauss":
-            problem = self._problem(matrix, theta)
-            # About the values themselves the sums keep all their digits.
-            problem = self._solved(problem, self._light(problem)).about()
-            post = self._weighed(problem)
-            return Estimate(post, Loss(), theta, True, self.fixed is not None)
+        crowded = self.stack.size > _CROWDED * float(matrix.tally[0])
+        if self.loss == "gauss" or (self.fixed is not None and crowded):
+            post = self._least_squares(matrix, theta)
+            if self.loss == "gauss" or post.used > _CROWDED * post.problem.count:
+                return Estimate(post, Loss(), theta, True, self.fixed is not None)
         # Far from the table every residual is large: believe all, the hopeless ones less.
         size, count = matrix.sizes
         scale = choose_loss("gauss", size, 1.0, self.floor, count).scale
@@ -244,10 +246,8 @@ class _Passes:
             if self.fixed is not None or self.rough or (found.converged and few):
                 return found
         # A first table too smooth takes a bend for wild readings: least squares bends.
-        problem = self._problem(matrix, theta)
-        plain = self._solved(problem, self._light(problem)).about()
         try:
-            other = self._robust(self._weighed(plain), total)
+            other = self._robust(self._least_squares(matrix, theta), total)
         except FitError:
             if found is None:
                 raise
@@ -256,6 +256,11 @@ class _Passes:
             return other
         kept = other.posterior.problem.count > found.posterior.problem.count
         return other if kept and other.noise < 0.5 * found.noise else found
+
+    def _least_squares(self, matrix: Sums, theta: Vector) -> Posterior:
+        problem = self._problem(matrix, theta)
+        # About the values themselves the sums keep all their digits.
+        return self._weighed(self._solved(problem, self._light(problem)).about())
 
     def _problem(self, sums: Sums, theta: Vector, gain: float = 1.0) -> Problem:
         return Problem.of(sums, theta, gain, self.pins)

@@ -1,6 +1,7 @@
 """The library's face: the recipes of docs/library.md, and its effects."""
 
 import doctest
+import json
 import re
 import subprocess
 import sys
@@ -636,3 +637,44 @@ def test_a_plane_that_holds_a_cross_says_which_to_leave_out() -> None:
     (said,) = found.undetermined
     assert "the plane of W over U and V holds all that goes over V alone" in str(said)
     assert "leave the cross of W over V out" in str(said)
+
+
+def test_what_no_reading_shows_of_a_law_has_no_deviation() -> None:
+    rng = np.random.default_rng(1)
+    acceleration = rng.choice([-900.0, 0.0, 900.0], 200)
+    # Nobody slowed down on the way back.
+    velocity = np.where(acceleration < 0, 50.0, rng.choice([-50.0, 50.0], 200))
+    talk = axcomp.Crosstalk(
+        "Z", "X", acceleration=900, deceleration=-900, velocity_dependent=True
+    )
+    fit = axcomp.fit(
+        [talk, axcomp.Backlash("Y")],
+        {
+            "X.acceleration": acceleration, "X.velocity": velocity,
+            "Z.error": 3e-4 * rng.normal(size=200),
+            "Y.direction": np.ones(200), "Y.error": 3e-4 * rng.normal(size=200),
+        },
+    )  # fmt: skip
+    support = fit["crosstalk"].support
+    deviation = np.ravel(fit["crosstalk"].standard_deviation.values)
+    assert list(support == 0) == list(np.isinf(deviation)) == [False] * 3 + [True]
+    assert np.isinf(fit["backlash"].standard_deviation.width)
+
+
+def test_friction_is_written_of_a_recording_without_positions(tmp_path: Path) -> None:
+    time = np.arange(0.0, 40.0, 0.01)
+    velocity = 60.0 * np.sin(2 * np.pi * time / 7.0) + 20.0 * np.sin(time)
+    current = 1.2 * np.sign(velocity) + 0.01 * velocity
+    current += np.random.default_rng(5).normal(scale=0.02, size=len(time))
+    recording = {
+        "time": time, "X.velocity": velocity, "X.current": current,
+        "X.acceleration": np.gradient(velocity, time),
+    }  # fmt: skip
+    fit = axcomp.fit([axcomp.Friction("X")], recording)
+    fit.write(tmp_path, axes={"X": 1})
+    (written,) = json.loads((tmp_path / "result.json").read_text())["fits"]
+    curve = written["parameters"]["curve"]
+    # One reading scatters by 0.02 A; hundreds of them stand behind each speed.
+    assert np.interp(40.0, curve["velocity"], curve["current"]) == pytest.approx(
+        float(fit["friction"].model(np.array([40.0]))[0]), abs=0.01
+    )

@@ -93,7 +93,7 @@ class Identified:
 
     @cached_property
     def confounded(self) -> Bool[np.ndarray, " n"]:
-        """Unknowns that readings reach and confuse."""
+        """Unknowns that readings confuse, and those of laws that none tells."""
         design = self.design
         result = np.zeros(design.size, bool)
         for shared in self.confused:
@@ -104,7 +104,7 @@ class Identified:
             own = part.places
             if part.prior is None:
                 # In a table neighbours bridge what no reading tells; a law has none.
-                result[own] |= (self.hidden & design.reached)[own]
+                result[own] |= (self.hidden | ~design.reached)[own]
             if part.reference is not None and result[own].any():
                 # What the rule put to zero is no more known than the rest of the law.
                 result[own] = True
