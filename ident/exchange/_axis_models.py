@@ -73,13 +73,17 @@ class AxisModels(Mapping[str, Any]):
         compensation: dict[str, Value] = {}
         machine: dict[str, Value] = {}
         self._refuse_unknown()
-        every = {each.name: each for each in kinds() if each.name in self.models}
-        tables = [n for n in self.models if every[n].holder == "compensation"]
+        kinds_by_name = {
+            record.name: record for record in kinds() if record.name in self.models
+        }
+        tables = [n for n in self.models if kinds_by_name[n].holder == "compensation"]
         machine |= entries_of_activation(tables)
         for name in tables:
-            machine |= every[name].entries.beside(self.models[name], self.models.keys())
+            machine |= kinds_by_name[name].entries.beside(
+                self.models[name], self.models.keys()
+            )
         for name in sorted(self.models):
-            entries = every[name].entries.to_list(
+            entries = kinds_by_name[name].entries.to_list(
                 self._in_list_units(name, rules),
                 self.masters.get(name, ()),
                 rules,
@@ -99,25 +103,27 @@ class AxisModels(Mapping[str, Any]):
                 expected=f"sign {sign:+g}, as the controller applies entries"
                 f" (conventions.{name}_sign)",
             )
-        given = self.units.get(name)
-        unit = ModelUnit(given) if isinstance(given, str) else given
+        stated = self.units.get(name)
+        unit = ModelUnit(stated) if isinstance(stated, str) else stated
         return entries.in_list_units(model, unit)
 
     def _refuse_unknown(self) -> None:
         """Raise at a model that is none of the compensation that it stands for."""
-        known = {each.name: each.entries.models for each in kinds()}
+        models_of = {record.name: record.entries.models for record in kinds()}
         for name in sorted(self.models):
-            if not isinstance(self.models[name], known.get(name, ())):
-                each = ", ".join(f"{k} ({v[0].__name__})" for k, v in known.items())
+            if not isinstance(self.models[name], models_of.get(name, ())):
+                listing = ", ".join(
+                    f"{k} ({v[0].__name__})" for k, v in models_of.items()
+                )
                 raise ExchangeError(
                     where=f"axis {self.axis}",
                     found=f"a {type(self.models[name]).__name__} as {name}",
-                    expected=f"one of {each}",
+                    expected=f"one of {listing}",
                 )
         for field in ("masters", "units"):
-            beside = ", ".join(sorted({*getattr(self, field)} - {*self.models}))
+            surplus = ", ".join(sorted({*getattr(self, field)} - {*self.models}))
             expected = f"some of its models, {', '.join(self.models)}"
-            expect(not beside, f"{field} of axis {self.axis}", beside, expected)
+            expect(not surplus, f"{field} of axis {self.axis}", surplus, expected)
 
 
 def load_model(
@@ -141,30 +147,31 @@ def load_model(
         ExchangeError: If a list makes no table, or the lists are those of several axes.
     """
     rules = conventions or Conventions()
-    read = [
-        one if isinstance(one, ListFile) else ListFile.read(Path(one)) for one in lists
+    listings = [
+        listing if isinstance(listing, ListFile) else ListFile.read(Path(listing))
+        for listing in lists
     ]
-    machine = machine_lists(read)
+    machine = machine_lists(listings)
     numbers = sorted({*machine.compensation, *machine.machine})
     expect(
         len(numbers) == 1,
-        ", ".join(one.source for one in read) or "no list",
+        ", ".join(listing.source for listing in listings) or "no list",
         f"lists of the axes {numbers}",
         "compensation list and axis list of one axis",
     )
     reading = Reading(rules, increment, modulo or {})
-    used = {one.name: one for one in machine.in_use(rules)}
+    uses = {use.name: use for use in machine.in_use(rules)}
     masters = {
-        name: one.kind.entries.named_masters(one.listing) for name, one in used.items()
+        name: use.kind.entries.named_masters(use.listing) for name, use in uses.items()
     }
     return AxisModels(
         axis=numbers[0],
-        models={name: model_of(one, reading) for name, one in used.items()},
-        masters={name: named for name, named in masters.items() if named},
+        models={name: model_of(use, reading) for name, use in uses.items()},
+        masters={name: axes for name, axes in masters.items() if axes},
         units={
-            name: one.kind.entries.units[0]
-            for name, one in used.items()
-            if one.kind.adds_current
+            name: use.kind.entries.units[0]
+            for name, use in uses.items()
+            if use.kind.adds_current
         },
     )
 
@@ -196,38 +203,43 @@ def write_lists(
         ExchangeError: As `AxisModels.to_entries`; nothing is written then.
     """
     drafts: dict[str, ListFile] = {}
-    every = list(models) if isinstance(models, Sequence) else [models]
-    for one in every:
-        name = type(one).__name__
+    given_models = list(models) if isinstance(models, Sequence) else [models]
+    for axis_models in given_models:
+        name = type(axis_models).__name__
         expect(
-            isinstance(one, AxisModels), "models", name, "AxisModels(1, {'cross': …})"
+            isinstance(axis_models, AxisModels),
+            "models",
+            name,
+            "AxisModels(1, {'cross': …})",
         )
-    numbers = [one.axis for one in every]
-    beside = {*(lists or {})} - {*numbers}
-    expect(not beside, "lists", f"axes {sorted(beside)}", f"some of {numbers}")
-    known: set[Path] = set()
-    for one in every:
-        given = (lists or {}).get(one.axis, ())
-        files = [given] if isinstance(given, str | Path) else given
-        known |= {Path(file).resolve() for file in files}
-        old = machine_lists([ListFile.read(Path(file)) for file in files])
-        existing = old.compensation.get(one.axis)
-        entries, machine = one.to_entries(
+    numbers = [axis_models.axis for axis_models in given_models]
+    surplus = {*(lists or {})} - {*numbers}
+    expect(not surplus, "lists", f"axes {sorted(surplus)}", f"some of {numbers}")
+    given_files: set[Path] = set()
+    for axis_models in given_models:
+        stated = (lists or {}).get(axis_models.axis, ())
+        files = [stated] if isinstance(stated, str | Path) else stated
+        given_files |= {Path(file).resolve() for file in files}
+        existing_lists = machine_lists([ListFile.read(Path(file)) for file in files])
+        existing = existing_lists.compensation.get(axis_models.axis)
+        entries, axis_entries = axis_models.to_entries(
             conventions=conventions, existing=existing, build=build
         )
         if entries:
-            name = compensation_file(one.axis)
-            drafts[name] = _with_entries(existing, one.axis, entries)
-        if machine and one.axis in old.machine:
-            drafts[axis_file(one.axis)] = old.machine[one.axis].merge(machine)
-        elif machine:
-            draft = to_add(one.axis, machine)
+            name = compensation_file(axis_models.axis)
+            drafts[name] = _with_entries(existing, axis_models.axis, entries)
+        if axis_entries and axis_models.axis in existing_lists.machine:
+            drafts[axis_file(axis_models.axis)] = existing_lists.machine[
+                axis_models.axis
+            ].merge(axis_entries)
+        elif axis_entries:
+            draft = to_add(axis_models.axis, axis_entries)
             drafts[draft.source] = draft
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     for name, draft in drafts.items():
         target, content = folder / name, draft.dumps()
-        strange = target.is_file() and target.resolve() not in known
+        strange = target.is_file() and target.resolve() not in given_files
         if (
             strange
             and _WRITTEN.encode() not in (lies := target.read_bytes())
@@ -243,10 +255,10 @@ def _with_entries(
 ) -> ListFile:
     """Return a new list, or the existing one whose tables are replaced."""
     begin = [
-        f"{each.prefix}.{part}"
-        for each in kinds()
-        if any(name.startswith(f"{each.prefix}.") for name in entries)
-        for part in each.entries.stale
+        f"{record.prefix}.{part}"
+        for record in kinds()
+        if any(name.startswith(f"{record.prefix}.") for name in entries)
+        for part in record.entries.stale
     ]
-    what = f"Compensation list of axis {axis}, {_WRITTEN}"
-    return with_tables(existing, axis, entries, begin, what).listing
+    title = f"Compensation list of axis {axis}, {_WRITTEN}"
+    return with_tables(existing, axis, entries, begin, title).listing

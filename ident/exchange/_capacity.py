@@ -38,16 +38,16 @@ class ListTarget:
             ExchangeError: If the build lacks the parameter but the table needs it, or the
                 user asks for less than the table needs.
         """
-        name, wanted, build = f"{prefix}.max_points", self.max_points, self.build
+        name, size, build = f"{prefix}.max_points", self.max_points, self.build
         enough = f"at least {needed} for this table"
-        expect(wanted is None or wanted >= needed, name, wanted, enough)
+        expect(size is None or size >= needed, name, size, enough)
         stated = None if self.existing is None else self.existing.integer(name)
-        if wanted is None:
+        if size is None:
             if stated:
-                wanted = None if stated >= needed else needed
+                size = None if stated >= needed else needed
             elif not fits_default:
-                wanted = needed
-        if wanted is None or wanted == stated:
+                size = needed
+        if size is None or size == stated:
             return {}
         expect(
             build_has(registry().by_key[name], build),
@@ -55,7 +55,7 @@ class ListTarget:
             f"a table that needs {needed} on build {build}",
             "a table within the fixed size (max_points: V3.1.3079.06 on)",
         )
-        return {name: wanted}
+        return {name: size}
 
 
 ANY_LIST = ListTarget()

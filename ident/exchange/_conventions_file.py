@@ -48,9 +48,9 @@ class StoredConventions:
         Raises:
             ConventionError: If a name is unknown or a value cannot be taken.
         """
-        taken = Conventions.from_dict({**self.conventions.to_dict(), **values})
+        rules = Conventions.from_dict({**self.conventions.to_dict(), **values})
         return StoredConventions(
-            taken,
+            rules,
             self.verified | set(values),
             machine or self.machine,
             saved_at or self.saved_at,
@@ -58,8 +58,10 @@ class StoredConventions:
 
     def contradicted(self, values: Mapping[str, int | str]) -> tuple[str, ...]:
         """Return the settled rules that these values would turn."""
-        old = self.conventions.to_dict()
-        return tuple(n for n in values if n in self.verified and old[n] != values[n])
+        current = self.conventions.to_dict()
+        return tuple(
+            n for n in values if n in self.verified and current[n] != values[n]
+        )
 
     def dumps(self) -> bytes:
         """Return the file: settled rules, then those assumed against the defaults."""
@@ -94,28 +96,28 @@ def read_conventions(path: Path, machine: str | None = None) -> StoredConvention
     """
     text, values = read_toml(path)
     identity = {name: values.pop(name) for name in _IDENTITY if name in values}
-    settled = {k: v for k, v in values.items() if k not in _TABLES}
+    verified = {k: v for k, v in values.items() if k not in _TABLES}
     assumed: dict[str, Any] = {}
     for name in _TABLES:
         table = values.get(name, {})
         if not isinstance(table, dict):
             reason = f"{name}: found {table!r}, expected a table [{name}]"
             raise TomlError(str(path), line_of(text, [name]), reason)
-        (settled if name == "verified" else assumed).update(table)
+        (verified if name == "verified" else assumed).update(table)
     try:
-        found = Conventions.from_dict({**assumed, **settled})
+        conventions = Conventions.from_dict({**assumed, **verified})
     except ConventionError as error:
         tables = [[name] for name in _TABLES if error.name in values.get(name, ())]
         line = line_of(text, [*next(iter(tables), []), error.name])
         raise TomlError(str(path), line, str(error)) from None
-    own = identity.get("machine")
-    if own is not None and not isinstance(own, str):
-        reason = f"machine: found {own!r}, expected the id of a machine in quotes"
+    owner = identity.get("machine")
+    if owner is not None and not isinstance(owner, str):
+        reason = f"machine: found {owner!r}, expected the id of a machine in quotes"
         raise TomlError(str(path), line_of(text, ["machine"]), reason)
-    if machine is not None and own not in (None, machine):
-        reason = f"found the conventions of machine {own!r}, expected {machine!r}"
+    if machine is not None and owner not in (None, machine):
+        reason = f"found the conventions of machine {owner!r}, expected {machine!r}"
         raise TomlError(str(path), line_of(text, ["machine"]), reason)
     saved = identity.get("saved_at")
     return StoredConventions(
-        found, frozenset(settled), own, None if saved is None else str(saved)
+        conventions, frozenset(verified), owner, None if saved is None else str(saved)
     )

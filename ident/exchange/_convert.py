@@ -60,12 +60,16 @@ class ExchangedTable:
         Raises:
             ExchangeError: If the format says something else.
         """
-        given = {"compensation": compensation, "axis": axis, "masters": tuple(masters)}
-        changes = {key: value for key, value in given.items() if value}
+        statement = {
+            "compensation": compensation,
+            "axis": axis,
+            "masters": tuple(masters),
+        }
+        changes = {key: value for key, value in statement.items() if value}
         for key, value in changes.items():
-            found = getattr(self, key)
-            if found and found != value:
-                raise ExchangeError(key, str(found), f"{value}, as stated")
+            held = getattr(self, key)
+            if held and held != value:
+                raise ExchangeError(key, str(held), f"{value}, as stated")
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
 
 
@@ -79,25 +83,25 @@ def table_in(listing: ListFile, compensation: str | None = None) -> ExchangedTab
     Raises:
         ExchangeError: If there is none, or several and none is named.
     """
-    held = load_model(listing)
-    names = [name for name in MASTERS if name in held]
+    axis_models = load_model(listing)
+    names = [name for name in MASTERS if name in axis_models]
     if compensation is not None:
         names = [name for name in names if name == compensation]
-    found = f"tables {', '.join(names)}" if names else "no such table"
-    choice = "|".join(MASTERS)
+    description = f"tables {', '.join(names)}" if names else "no such table"
+    alternatives = "|".join(MASTERS)
     expect(
         len(names) == 1,
         listing.source,
-        found,
-        f"one to convert: --compensation {choice}",
+        description,
+        f"one to convert: --compensation {alternatives}",
     )
-    model = held[names[0]]
-    nodes = tuple(np.asarray(way.positions) for way in model.ways)
+    model = axis_models[names[0]]
+    nodes = tuple(np.asarray(master.positions) for master in model.ways)
     rows = np.stack([np.asarray(values) for values in model.tables])
     return ExchangedTable(
         compensation=names[0],
-        axis=held.axis,
-        masters=held.masters.get(names[0], ()),
+        axis=axis_models.axis,
+        masters=axis_models.masters.get(names[0], ()),
         nodes=nodes,
         entries=rows[0] if len(nodes) == 2 else rows,
         modulo=bool(getattr(model, "modulo", None)),
@@ -113,15 +117,15 @@ def list_with(table: ExchangedTable) -> tuple[ListFile, dict[str, int]]:
     """
     name, count = table.compensation, len(table.masters)
     expect(name in MASTERS, "compensation", repr(name), " or ".join(MASTERS))
-    which = "--axis: the one that is compensated (kopf.achs_nr)"
-    expect(table.axis is not None, "axis", "no number", which)
+    expected_axis = "--axis: the one that is compensated (kopf.achs_nr)"
+    expect(table.axis is not None, "axis", "no number", expected_axis)
     axis = table.axis or 0
-    wanted = f"{MASTERS[name]}: --master and the number of each axis"
-    found = f"{count} masters of a {name} table"
-    expect(count == MASTERS[name], "masters", found, wanted)
+    expected = f"{MASTERS[name]}: --master and the number of each axis"
+    description = f"{count} masters of a {name} table"
+    expect(count == MASTERS[name], "masters", description, expected)
     rows = [table.entries] if len(table.nodes) == 2 else table.entries
     turning = {"modulo": True} if table.modulo else {}
-    nodes = [_nodes(each) for each in table.nodes]
+    nodes = [_nodes(places) for places in table.nodes]
     model = kind(name).entries.models[0](*nodes, *rows, **turning)
     models = AxisModels(axis, {name: model}, {name: table.masters})
     entries, machine = models.to_entries()
@@ -168,12 +172,12 @@ def format_of(path: Path) -> str:
     Raises:
         ExchangeError: If it stands for none.
     """
-    found = _ENDINGS.get(path.suffix.casefold())
-    if found is None:
+    form = _ENDINGS.get(path.suffix.casefold())
+    if form is None:
         endings = ", ".join(f"{end} ({name})" for end, name in _ENDINGS.items())
         expected = f"one of {endings}, or --to {'|'.join(FORMATS)}"
         raise ExchangeError(str(path), f"the ending {path.suffix!r}", expected)
-    return found
+    return form
 
 
 def text_of(table: ExchangedTable, form: str, *, trim: bool = False) -> str:
@@ -191,10 +195,10 @@ def text_of(table: ExchangedTable, form: str, *, trim: bool = False) -> str:
         return _csv(table)
     if form == "linuxcnc":
         return _linuxcnc(table, trim)
-    kind_of = f"a {table.compensation} table"
-    expect(MASTERS.get(table.compensation) == 2, form, kind_of, "a plane")
-    steps = [np.diff(each) for each in table.nodes]
-    even = not any(each.size and np.ptp(each) > _UNEVEN for each in steps)
+    description = f"a {table.compensation} table"
+    expect(MASTERS.get(table.compensation) == 2, form, description, "a plane")
+    steps = [np.diff(places) for places in table.nodes]
+    even = not any(places.size and np.ptp(places) > _UNEVEN for places in steps)
     expect(even, form, "nodes at uneven distances", "evenly spaced ones")
     return _bed_mesh(table) if form == "bed-mesh" else _height_map(table)
 
@@ -230,8 +234,8 @@ def _csv(table: ExchangedTable) -> str:
     names, entries = ["position"], list(table.entries)
     if len(table.nodes) == 2:
         names, entries = ["master 1", "master 2"], [table.entries.ravel()]
-    known = kind(table.compensation).entries.columns if table.compensation else ()
-    names += (known or ("correction",))[: len(entries)]
+    labels = kind(table.compensation).entries.columns if table.compensation else ()
+    names += (labels or ("correction",))[: len(entries)]
     columns = [*(place.ravel() for place in np.meshgrid(*table.nodes)), *entries]
     return _lines(
         head,
@@ -245,8 +249,11 @@ def _of_csv(table: Table) -> ExchangedTable:
     with table.path.open(encoding="utf-8", errors="replace") as file:
         head = _HEAD.match(file.readline())
     columns = [_lengths(table, k) for k in range(len(table.columns))]
-    found, expected = f"{len(columns)} columns", "positions, then one or two of entries"
-    expect(len(columns) in (2, 3), str(table.path), found, expected)
+    description, expected = (
+        f"{len(columns)} columns",
+        "positions, then one or two of entries",
+    )
+    expect(len(columns) in (2, 3), str(table.path), description, expected)
     name = head["name"] if head else ""
     axis = int(head["axis"]) if head else None
     over = head["masters"] if head else None
@@ -274,12 +281,12 @@ def _lengths(table: Table, number: int) -> Float[np.ndarray, " t"]:
 
 def _linuxcnc(table: ExchangedTable, trim: bool) -> str:
     suits = MASTERS.get(table.compensation) == 0 and not table.modulo
-    found = f"a {table.compensation} table" + " that goes round" * table.modulo
-    expect(suits, "linuxcnc", found, "a leadscrew table of a linear axis")
+    description = f"a {table.compensation} table" + " that goes round" * table.modulo
+    expect(suits, "linuxcnc", description, "a leadscrew table of a linear axis")
     (nodes,) = table.nodes
-    found = f"{len(nodes)} points"
-    expect(len(nodes) <= _MOST, "linuxcnc", found, f"at most {_MOST}")
-    values = [-each if trim else nodes + each for each in table.entries]
+    description = f"{len(nodes)} points"
+    expect(len(nodes) <= _MOST, "linuxcnc", description, f"at most {_MOST}")
+    values = [-errors if trim else nodes + errors for errors in table.entries]
     columns = [nodes, values[0], values[-1]]
     return _lines(*(" ".join(map(_number, row)) for row in zip(*columns, strict=True)))
 
@@ -292,22 +299,24 @@ def _of_triplets(path: Path, trim: bool) -> ExchangedTable:
         except ValueError:
             row = [math.nan]
         # LinuxCNC itself stops reading here without a word.
-        where, expected = f"{path}:{number}", "three numbers: nominal, forward, reverse"
-        expect(len(row) in (0, 3), where, repr(line.strip()), expected)
+        place, expected = f"{path}:{number}", "three numbers: nominal, forward, reverse"
+        expect(len(row) in (0, 3), place, repr(line.strip()), expected)
         rows += [row] if row else []
     nodes, *values = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-    found = f"{len(nodes)} points" if len(nodes) < 2 else "points that do not ascend"
+    description = (
+        f"{len(nodes)} points" if len(nodes) < 2 else "points that do not ascend"
+    )
     ascend = len(nodes) > 1 and bool(np.all(np.diff(nodes) > 0))
-    expect(ascend, str(path), found, "two or more, ascending")
-    entries = np.stack([-each if trim else each - nodes for each in values])
+    expect(ascend, str(path), description, "two or more, ascending")
+    entries = np.stack([-column if trim else column - nodes for column in values])
     if np.allclose(entries[0], entries[1], 0.0, 1e-9):
         entries = entries[:1]
     return ExchangedTable("leadscrew", None, (), (nodes,), entries)
 
 
 def _of_mesh(table: Table) -> ExchangedTable:
-    found = _of_grid(table, [_lengths(table, k) for k in range(3)])
-    return dataclasses.replace(found, entries=-found.entries)
+    plane = _of_grid(table, [_lengths(table, k) for k in range(3)])
+    return dataclasses.replace(plane, entries=-plane.entries)
 
 
 def _of_grid(
@@ -319,9 +328,9 @@ def _of_grid(
     values = np.full((len(second), len(first)), np.nan)
     values[j, i] = columns[2]
     holes = int(np.isnan(values).sum())
-    found = f"{holes} of {values.size} places without a value"
+    description = f"{holes} of {values.size} places without a value"
     expected = f"a full grid; a fit fills it: axcomp new {table.path.name}"
-    expect(not holes, str(table.path), found, expected)
+    expect(not holes, str(table.path), description, expected)
     return ExchangedTable("plane", None, (), (first, second), values)
 
 
@@ -348,7 +357,7 @@ def _bed_mesh(table: ExchangedTable) -> str:
 def _height_map(table: ExchangedTable) -> str:
     (x, y), z = table.nodes, -table.entries
     spacing = [
-        float(np.mean(np.diff(each))) if len(each) > 1 else 1.0 for each in (x, y)
+        float(np.mean(np.diff(places))) if len(places) > 1 else 1.0 for places in (x, y)
     ]
     ends = [x[0], x[-1], y[0], y[-1], -1.0, *spacing]
     return _lines(

@@ -63,24 +63,24 @@ def with_tables(
         head: dict[str, Value] = {"kopf.achs_nr": number}
         head |= {} if name is None else {"kopf.log_achs_name": name}
         return Edited(new_list(head | dict(entries), comment=comment), [], [])
-    there = _names(existing)
+    present = _names(existing)
     begin = tuple(prefixes)
-    stale = [name for name in there if name.startswith(begin) and name not in entries]
-    wanted = dict(entries)
-    if "kopf.achs_nr" not in there:
-        wanted = {"kopf.achs_nr": number} | wanted
-    added = [name for name in wanted if name not in there]
-    return Edited(existing.remove(stale).merge(wanted), added, stale)
+    stale = [name for name in present if name.startswith(begin) and name not in entries]
+    values = dict(entries)
+    if "kopf.achs_nr" not in present:
+        values = {"kopf.achs_nr": number} | values
+    added = [name for name in values if name not in present]
+    return Edited(existing.remove(stale).merge(values), added, stale)
 
 
 def _names(listing: ListFile) -> dict[str, None]:
     """Return the canonical names of all entries, in order of their keys."""
-    found: dict[str, None] = {}
+    names: dict[str, None] = {}
     for key, rows in listing.columns.items():
         parts = key.split("[]")
         for indices in rows.last:
             name = parts[0]
             for index, part in zip(indices, parts[1:], strict=True):
                 name += f"[{index}]{part}"
-            found[name] = None
-    return found
+            names[name] = None
+    return names

@@ -45,8 +45,8 @@ def axis_number(listing: ListFile) -> int:
 def _unreadable(listing: ListFile, name: str, expected: str) -> ExchangeError:
     entry = listing.get(name)
     line = "" if entry is None else f":{entry.line}"
-    found = "no entry" if entry is None else repr(entry.value[:_LONGEST])
-    return ExchangeError(f"{listing.source}{line}: {name}", found, expected)
+    description = "no entry" if entry is None else repr(entry.value[:_LONGEST])
+    return ExchangeError(f"{listing.source}{line}: {name}", description, expected)
 
 
 def required(listing: ListFile, name: str) -> int:
@@ -90,8 +90,8 @@ def refuse_many(cycles: int, name: str) -> None:
     Raises:
         ExchangeError: Naming the entry.
     """
-    most = f"at most {MOST_REVERSAL_CYCLES} cycles"
-    expect(cycles <= MOST_REVERSAL_CYCLES, name, cycles, most)
+    limit = f"at most {MOST_REVERSAL_CYCLES} cycles"
+    expect(cycles <= MOST_REVERSAL_CYCLES, name, cycles, limit)
 
 
 def flag(listing: ListFile, name: str) -> bool:
@@ -148,8 +148,8 @@ def column(
     Raises:
         ExchangeError: If an entry is unreadable.
     """
-    given: dict[Any, int] = dict(values_of(listing, prefix, field))
-    return np.array([given.get(k, 0) for k in range(count)], dtype=np.int64)
+    integers: dict[Any, int] = dict(values_of(listing, prefix, field))
+    return np.array([integers.get(k, 0) for k in range(count)], dtype=np.int64)
 
 
 def unit_size(
@@ -171,12 +171,12 @@ def unit_size(
     size = increments.get(axis) if isinstance(increments, Mapping) else increments
     if size is None:
         by_job = isinstance(increments, Mapping)
-        way = "" if by_job else "--increment, or "
+        option = "" if by_job else "--increment, or "
         raise ExchangeError(
             where=f"{listing.source}: {prefix}.unit",
             found="0 or nothing (encoder increments)",
             expected=f"1 (0.1 µm), or the worth of an increment of axis {axis}"
-            f" ({way}increment = … of the axis in the job)",
+            f" ({option}increment = … of the axis in the job)",
         )
     return size
 

@@ -86,36 +86,42 @@ class MachineLists:
             ExchangeError: If an entry that decides it is unreadable, or the cross
                 tables of two lists act on one axis.
         """
-        found: dict[tuple[int, str], InUse] = {}
-        for number, each, listing in self._held(heated):
-            axis, masters = each.entries.axes(listing, number, conventions)
-            manual = each.entries.is_manual(listing)
-            one = InUse(axis, each.name, masters, listing, manual)
-            key, own = (axis, each.name), self.machine.get(axis)
-            is_table = each.holder == "compensation"
-            if is_table and own is not None and not each.entries.is_activated(own):
+        uses: dict[tuple[int, str], InUse] = {}
+        for number, record, listing in self._held(heated):
+            axis, masters = record.entries.axes(listing, number, conventions)
+            manual = record.entries.is_manual(listing)
+            use = InUse(axis, record.name, masters, listing, manual)
+            key, axis_list = (axis, record.name), self.machine.get(axis)
+            is_table = record.holder == "compensation"
+            if (
+                is_table
+                and axis_list is not None
+                and not record.entries.is_activated(axis_list)
+            ):
                 continue
-            if key in found:
+            if key in uses:
                 raise ExchangeError(
                     where=listing.source,
-                    found=f"a second {one.name} table for axis {one.axis} beside"
-                    f" {found[key].listing.source}",
+                    found=f"a second {use.name} table for axis {use.axis} beside"
+                    f" {uses[key].listing.source}",
                     expected="one per axis",
                 )
-            found[key] = one
-        return tuple(found[key] for key in sorted(found))
+            uses[key] = use
+        return tuple(uses[key] for key in sorted(uses))
 
     def _held(self, heated: Iterable[int]) -> Iterator[tuple[int, Kind, ListFile]]:
         """Yield what the lists hold, switched on or not, and what a PLC does beside them."""
-        for each in kinds():
-            lists = self.compensation if each.holder == "compensation" else self.machine
+        for record in kinds():
+            lists = (
+                self.compensation if record.holder == "compensation" else self.machine
+            )
             for number, listing in lists.items():
-                if each.entries.is_in(listing):
-                    yield number, each, listing
-            if each.by_plc:
+                if record.entries.is_in(listing):
+                    yield number, record, listing
+            if record.by_plc:
                 for number in set(heated) - set(self.machine):
-                    words = f"{each.name} line of axis {number}"
-                    yield number, each, ListFile.parse(b"", words)
+                    words = f"{record.name} line of axis {number}"
+                    yield number, record, ListFile.parse(b"", words)
 
 
 def machine_lists(lists: Sequence[ListFile]) -> MachineLists:
@@ -124,7 +130,7 @@ def machine_lists(lists: Sequence[ListFile]) -> MachineLists:
     Raises:
         ExchangeError: If a file is no such list, or an axis has two of a kind.
     """
-    found: dict[str, dict[int, ListFile]] = {"compensation": {}, "axis": {}}
+    by_holder: dict[str, dict[int, ListFile]] = {"compensation": {}, "axis": {}}
     for listing in lists:
         expect(
             listing.kind != "unknown",
@@ -135,21 +141,21 @@ def machine_lists(lists: Sequence[ListFile]) -> MachineLists:
         if listing.kind == "startup":
             continue
         number, holder = axis_number(listing), listing.kind
-        if number in found[holder]:
+        if number in by_holder[holder]:
             raise ExchangeError(
                 where=listing.source,
                 found=f"a second {holder} list of axis {number} beside"
-                f" {found[holder][number].source}",
+                f" {by_holder[holder][number].source}",
                 expected="one per axis",
             )
-        found[holder][number] = listing
-    return MachineLists(found["compensation"], found["axis"])
+        by_holder[holder][number] = listing
+    return MachineLists(by_holder["compensation"], by_holder["axis"])
 
 
 def axes_in_use(used: Sequence[InUse], lists: MachineLists) -> tuple[int, ...]:
     """Return the logical numbers of all axes that lists and compensations name."""
-    named = {axis for one in used for axis in (one.axis, *one.masters)}
-    return tuple(sorted(named | set(lists.compensation) | set(lists.machine)))
+    numbers = {axis for use in used for axis in (use.axis, *use.masters)}
+    return tuple(sorted(numbers | set(lists.compensation) | set(lists.machine)))
 
 
 def entries_of_activation(compensations: Iterable[str]) -> dict[str, int | str]:

@@ -82,8 +82,8 @@ class AbstractTable(abc.ABC):
         """Return the model of the table that a list holds."""
         ranges = {} if self.modulo is None else {self.masters[0]: self.modulo}
         reading = Reading(self.conventions, increments, ranges)
-        found: Model = self.kind.entries.model(listing, self.axis, reading)
-        return found
+        model: Model = self.kind.entries.model(listing, self.axis, reading)
+        return model
 
     def refuse_other_form(self, old: Model, source: str) -> None:
         """Raise where the table cannot continue one of another form.
@@ -178,8 +178,8 @@ class AbstractTable(abc.ABC):
             # and a held table would answer with its own end.
             points[-1] = points[0]
         branch = np.repeat(np.arange(self.branches), len(points))
-        found = self.offset(model, np.tile(points, (self.branches, 1)), branch)
-        return found.reshape(self.layout.shape)
+        offset = self.offset(model, np.tile(points, (self.branches, 1)), branch)
+        return offset.reshape(self.layout.shape)
 
 
 def offset_at(
@@ -207,8 +207,8 @@ def _touched(
 ) -> tuple[Int[np.ndarray, "t s"], Float[np.ndarray, "t s"]]:
     """Return the entries that each position touches, and their weights."""
     # Further columns are other axes.
-    own = np.asarray(positions[:, : len(model.ways)], dtype=np.float64)
-    return touched(model, own, direction)
+    masters = np.asarray(positions[:, : len(model.ways)], dtype=np.float64)
+    return touched(model, masters, direction)
 
 
 def nodes_in(model: Model, name: str) -> tuple[ListNodes, ...]:
@@ -240,13 +240,13 @@ def refuse_lost_nodes(table: AbstractTable, old: Model, source: str) -> None:
     table.refuse_other_form(old, source)
     for master, mine, theirs in zip(table.masters, table.nodes, old.ways, strict=True):
         had = np.rint(np.asarray(theirs.positions, dtype=float) * LIST_UNITS)
-        lost = sorted(set(had.astype(np.int64).tolist()) - set(mine.integers))
-        if lost:
-            shown = ", ".join(f"{k / LIST_UNITS:g}" for k in lost[:5])
-            more = f" and {len(lost) - 5} more" if len(lost) > 5 else ""
+        missing = sorted(set(had.astype(np.int64).tolist()) - set(mine.integers))
+        if missing:
+            listing = ", ".join(f"{k / LIST_UNITS:g}" for k in missing[:5])
+            ending = f" and {len(missing) - 5} more" if len(missing) > 5 else ""
             raise ExchangeError(
                 where=f"{source}: {table.kind.prefix}",
-                found=f"nodes of axis {master} at {shown}{more} in the table that was"
+                found=f"nodes of axis {master} at {listing}{ending} in the table that was"
                 " active while measuring, but not in the new one",
                 expected="the old nodes or more of them",
             )

@@ -77,11 +77,11 @@ def circular_test(
         out_unit: Current that one unit of the list is.
         cycle: Of the controller in s.
     """
-    phase, places, given = _course(cycle)
+    phase, places, course = _course(cycle)
     numbers = jnp.asarray(inertia), jnp.asarray(out_unit)
-    found = _follow(law, _filled_up(compensation), numbers, *given)
+    driven = _follow(law, _filled_up(compensation), numbers, *course)
     place = np.empty((len(phase), 2))
-    place[places] = np.asarray(found)[-len(places) :]
+    place[places] = np.asarray(driven)[-len(places) :]
     # The other axis does not err: this one's share of the radius is cos of the angle.
     radial = (place.T - CircularTest.radius * np.cos(phase)) * np.cos(phase)
     return CircularTest(
@@ -103,16 +103,16 @@ def _course(
     speed = CircularTest.feed / radius
     turn = round(2 * np.pi / (speed * cycle))
     # By then the loop has forgotten how it began; the turn that is shown is a later one.
-    before = min(math.ceil(_FORGOTTEN / (min(_GAINS) * cycle)), 2 * turn)
+    lead = min(math.ceil(_FORGOTTEN / (min(_GAINS) * cycle)), 2 * turn)
     # Half a cycle on: the axis does not stand at a sample, as it would not in truth.
-    phase = speed * cycle * (np.arange(-before, turn) + 2 * turn + 0.5)
+    phase = speed * cycle * (np.arange(-lead, turn) + 2 * turn + 0.5)
     position, velocity = radius * np.cos(phase), -radius * speed * np.sin(phase)
     length = -(-turn // _ARCS)
     begins = np.minimum(length * np.arange(_ARCS), turn - length)
-    arcs = begins + np.arange(before + length)[:, None]
+    arcs = begins + np.arange(lead + length)[:, None]
     motion = np.stack([position, velocity, -speed * speed * position])
-    given = tuple(map(jnp.asarray, (motion, np.array([*_GAINS, cycle]), arcs)))
-    return phase[before:], arcs[before:] - before, given
+    arrays = tuple(map(jnp.asarray, (motion, np.array([*_GAINS, cycle]), arcs)))
+    return phase[lead:], arcs[lead:] - lead, arrays
 
 
 def _filled_up(compensation: FrictionCompensation) -> FrictionCompensation:
@@ -124,10 +124,12 @@ def _filled_up(compensation: FrictionCompensation) -> FrictionCompensation:
     points, values = np.asarray(table.nodes.points), np.asarray(table.values)
     beyond = points[-1] + max(points[-1], 1.0) * np.arange(1.0, lack + 1.0)
     longer = np.append(points, beyond), np.pad(values, (0, lack), "edge")
-    found: FrictionCompensation = eqx.tree_at(
-        lambda one: (one.law.nodes.points, one.law.values), compensation, longer
+    filled: FrictionCompensation = eqx.tree_at(
+        lambda friction: (friction.law.nodes.points, friction.law.values),
+        compensation,
+        longer,
     )
-    return found
+    return filled
 
 
 @eqx.filter_jit
@@ -154,45 +156,51 @@ def _follow(
     motion = jnp.moveaxis(motion[:, jnp.concatenate([arcs, arcs], axis=1)], 1, 0)
     kv, kp, per_time, cycle = gains
 
-    def slowing(speed: Array, way: Array) -> Array:
-        found: Array = law.level(speed, way) / inertia
-        return found
+    def slowing(speed: Array, direction: Array) -> Array:
+        friction: Array = law.level(speed, direction) / inertia
+        return friction
 
-    rest = jnp.zeros(added.shape[1])
-    held = slowing(rest, rest + 1.0), slowing(rest, rest - 1.0)
+    zeros = jnp.zeros(added.shape[1])
+    breakaway = slowing(zeros, zeros + 1.0), slowing(zeros, zeros - 1.0)
 
     def cycle_of(
-        state: tuple[Array, Array, Array, Array], now: tuple[Array, Array]
+        state: tuple[Array, Array, Array, Array], inputs: tuple[Array, Array]
     ) -> tuple[tuple[Array, Array, Array, Array], Array]:
-        place, speed, integral, taken = state
-        (wanted, fast, push), extra = now
-        lag = fast + kv * (wanted - place) - speed
+        place, speed, integral, friction = state
+        (target, fast, push), extra = inputs
+        lag = fast + kv * (target - place) - speed
         integral = integral + kp * per_time * lag * cycle
-        free = push + kp * lag + integral + extra / inertia
+        drive = push + kp * lag + integral + extra / inertia
         rests = speed == 0.0
-        way = jnp.where(jnp.where(rests, free, speed) < 0.0, -1.0, 1.0)
-        taken = jnp.where(rests, jnp.where(way < 0.0, held[1], held[0]), taken)
-        half = jnp.maximum(way * (speed + 0.5 * cycle * (free - way * taken)), 0.0)
-        taken = slowing(half, way)
-        after = speed + cycle * (free - way * taken)
-        onward = place + 0.5 * cycle * (speed + after)
+        direction = jnp.where(jnp.where(rests, drive, speed) < 0.0, -1.0, 1.0)
+        friction = jnp.where(
+            rests, jnp.where(direction < 0.0, breakaway[1], breakaway[0]), friction
+        )
+        half_speed = jnp.maximum(
+            direction * (speed + 0.5 * cycle * (drive - direction * friction)), 0.0
+        )
+        friction = slowing(half_speed, direction)
+        end_speed = speed + cycle * (drive - direction * friction)
+        onward = place + 0.5 * cycle * (speed + end_speed)
         # At rest on the way: friction takes what it can get, and the axis sticks, or
         # goes the other way for what is left of the cycle.
-        begun = jnp.abs(speed) + jnp.abs(after)
+        begun = jnp.abs(speed) + jnp.abs(end_speed)
         until = cycle * jnp.abs(speed) / jnp.where(begun > 0.0, begun, 1.0)
         stop = place + 0.5 * until * speed
-        holds = jnp.where(free < 0.0, held[1], held[0])
-        over = jnp.maximum(jnp.abs(free) - holds, 0.0)
-        back = jnp.sign(free) * over * (cycle - until)
-        goes_on = way * after > 0.0
-        speed_after = jnp.where(goes_on, after, back)
-        place_after = jnp.where(goes_on, onward, stop + 0.5 * (cycle - until) * back)
-        taken = jnp.where(goes_on, taken, holds)
-        return (place_after, speed_after, integral, taken), place
+        holds = jnp.where(drive < 0.0, breakaway[1], breakaway[0])
+        excess = jnp.maximum(jnp.abs(drive) - holds, 0.0)
+        return_speed = jnp.sign(drive) * excess * (cycle - until)
+        keeps_direction = direction * end_speed > 0.0
+        speed_after = jnp.where(keeps_direction, end_speed, return_speed)
+        place_after = jnp.where(
+            keeps_direction, onward, stop + 0.5 * (cycle - until) * return_speed
+        )
+        friction = jnp.where(keeps_direction, friction, holds)
+        return (place_after, speed_after, integral, friction), place
 
     place, speed, _ = motion[0]
-    taken = slowing(jnp.abs(speed), jnp.where(speed < 0.0, -1.0, 1.0))
-    state = place, speed, rest, taken
+    friction = slowing(jnp.abs(speed), jnp.where(speed < 0.0, -1.0, 1.0))
+    state = place, speed, zeros, friction
     # Two steps at a time: a step of so few arcs costs little more than to begin it.
     places = jax.lax.scan(cycle_of, state, (motion, added), unroll=2)[1]
     return jnp.stack(jnp.split(places, 2, axis=1), axis=2)

@@ -116,8 +116,8 @@ class _Lines:
         names, nodes = self.table.names, self.nodes
         words = f"between {names[self.way]} = {nodes[k]:g} and {nodes[k + 1]:g}"
         if len(names) == 2:
-            other = 1 - self.way
-            words += f" at {names[other]} = {self.table.nodes[other][row]:g}"
+            crossing = 1 - self.way
+            words += f" at {names[crossing]} = {self.table.nodes[crossing][row]:g}"
         return words
 
 
@@ -125,16 +125,16 @@ _Tried = tuple[Float[np.ndarray, "_b _r _m"], Callable[[int, int], str]]
 """Values along lines, and what says in words where one of them is."""
 
 
-def _largest(tried: Iterable[_Tried]) -> tuple[float, str]:
+def _largest(candidates: Iterable[_Tried]) -> tuple[float, str]:
     """Return the largest value, and where it is first in a branch."""
-    found: list[tuple[float, Callable[[], str]]] = []
-    for values, words in tried:
+    peaks: list[tuple[float, Callable[[], str]]] = []
+    for values, words in candidates:
         for branch in values.reshape(len(values), -1):
             k = int(branch.argmax())
-            where = functools.partial(words, *divmod(k, values.shape[2]))
-            found.append((float(branch[k]), where))
-    top = max(value for value, _ in found)
-    return top, max(where() for value, where in found if value == top)
+            place = functools.partial(words, *divmod(k, values.shape[2]))
+            peaks.append((float(branch[k]), place))
+    top = max(value for value, _ in peaks)
+    return top, max(place() for value, place in peaks if value == top)
 
 
 def step(table: GateTable) -> tuple[float, str]:
@@ -179,18 +179,18 @@ def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
     Returns:
         mm/s² or °/s², and where.
     """
-    made = feed * SMOOTHING
-    tried: list[_Tried] = []
+    reach = feed * SMOOTHING
+    candidates: list[_Tried] = []
     for lines in table.lines:
         nodes, slopes = lines.course
         # The slope is constant between nodes: its change over a fixed way is largest
         # where one end of the way has just passed a node.
-        passed = np.arange(1, len(nodes) + 1)
-        ahead = np.searchsorted(nodes, nodes + made, side="right")
-        behind = np.searchsorted(nodes, nodes - made, side="right")
-        for start, end in ((passed, ahead), (behind, passed)):
+        beginning = np.arange(1, len(nodes) + 1)
+        ahead = np.searchsorted(nodes, nodes + reach, side="right")
+        behind = np.searchsorted(nodes, nodes - reach, side="right")
+        for start, end in ((beginning, ahead), (behind, beginning)):
             change = np.abs(slopes[..., end] - slopes[..., start])
-            tried.append((change * feed / SMOOTHING, lines.node))
+            candidates.append((change * feed / SMOOTHING, lines.node))
     if len(table.nodes) == 2:
         area = np.outer(np.diff(table.nodes[1]), np.diff(table.nodes[0]))
         across = table.lines[1].steps.swapaxes(1, 2)
@@ -200,5 +200,5 @@ def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
             return f"in the cell from {place_of(table, [row, k])}"
 
         # Along the diagonal each master moves with feed/√2: 2 · v₁ · v₂ = feed².
-        tried.append((twist * feed**2, cell))
-    return _largest(tried)
+        candidates.append((twist * feed**2, cell))
+    return _largest(candidates)

@@ -91,26 +91,28 @@ class ErrorTally:
         """Return that of some readings; arguments as `error_figures`."""
         sound = error if wild is None else error[~wild]
         sizes = [
-            [len(own), np.square(own).sum(), np.abs(own).max(initial=0.0)]
-            for own in (error, sound)
+            [len(errors), np.square(errors).sum(), np.abs(errors).max(initial=0.0)]
+            for errors in (error, sound)
         ]
         return cls(np.array(sizes, dtype=float))
 
     def __add__(self, other: "ErrorTally") -> "ErrorTally":
-        both = self.sizes + other.sizes
-        both[:, 2] = np.maximum(self.sizes[:, 2], other.sizes[:, 2])
-        return ErrorTally(both)
+        total = self.sizes + other.sizes
+        total[:, 2] = np.maximum(self.sizes[:, 2], other.sizes[:, 2])
+        return ErrorTally(total)
 
     @property
     def figures(self) -> ErrorFigures:
         """What they come to."""
-        (every, square, largest), (sound, least, most) = self.sizes.tolist()
-        found = ErrorFigures(math.sqrt(square / max(every, 1)), largest)
-        if sound in (0, every):
-            return found
-        without = math.sqrt(least / sound)
+        (count, square, largest), (sound, sound_square, sound_largest) = (
+            self.sizes.tolist()
+        )
+        figures = ErrorFigures(math.sqrt(square / max(count, 1)), largest)
+        if sound in (0, count):
+            return figures
+        sound_rms = math.sqrt(sound_square / sound)
         return dataclasses.replace(
-            found, rms_without_wild=without, max_without_wild=most
+            figures, rms_without_wild=sound_rms, max_without_wild=sound_largest
         )
 
 
@@ -130,8 +132,8 @@ def error_figures(
     figures = ErrorTally.of(error, wild).figures
     if runs is None:
         return figures
-    found = iso230_figures(runs.target, error, runs.run, runs.direction)
-    iso = {key: value for key, value in found.items() if value is not None}
+    standard = iso230_figures(runs.target, error, runs.run, runs.direction)
+    iso = {key: value for key, value in standard.items() if value is not None}
     return dataclasses.replace(figures, iso230=iso)
 
 
@@ -146,5 +148,5 @@ def wild_readings(
         error: One value per reading.
         least: Distance beyond that which is still none, in the unit of the error.
     """
-    away = np.abs(error - np.median(error))
-    return np.asarray(away > _WILD * 1.4826 * np.median(away) + least)
+    distance = np.abs(error - np.median(error))
+    return np.asarray(distance > _WILD * 1.4826 * np.median(distance) + least)

@@ -85,7 +85,7 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
     steepest, at_slope = slope(table)
     sharpest, at_kink = kink(table)
     per = f"{small_unit(table.unit)}/{unit}"
-    found: dict[str, tuple[str, tuple[float, str]]] = {
+    measures: dict[str, tuple[str, tuple[float, str]]] = {
         "max_correction": (unit, _largest(table, table.offset)),
         "max_slope": (per, (1e3 * steepest, at_slope)),
         "max_step": (unit, step(table)),
@@ -94,18 +94,18 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
         "max_acceleration": (f"{unit}/s²", acceleration(table, feed)),
     }
     lines = [
-        limits.check(name, value, shown, where)
-        for name, (shown, (value, where)) in found.items()
+        limits.check(name, value, shown_unit, place)
+        for name, (shown_unit, (value, place)) in measures.items()
     ]
     if len(table.offset) == 2:
-        jump, where = _largest(table, [table.offset[0] - table.offset[1]])
-        words = where, f"{where}, spread over {table.cycles} cycles"
+        jump, place = _largest(table, [table.offset[0] - table.offset[1]])
+        words = place, f"{place}, spread over {table.cycles} cycles"
         lines += reversal_checks(
             jump, table.cycles, table.cycle_time, limits, unit, words
         )
     if table.change is not None and limits.max_change is not None:
-        worst, where = _largest(table, table.change)
-        lines.append(limits.check("max_change", worst, unit, where))
+        worst, place = _largest(table, table.change)
+        lines.append(limits.check("max_change", worst, unit, place))
     return tuple(lines)
 
 
@@ -141,8 +141,8 @@ def gate_check(
 ) -> GateCheck:
     """Return one line of the gate, passed where the value stays within the limit."""
     # The noise of floating point must not fail a table that lies on the limit.
-    passed = bool(value <= limit * (1 + 1e-9))
-    return GateCheck(name, float(value), float(limit), unit, passed, where)
+    within_limit = bool(value <= limit * (1 + 1e-9))
+    return GateCheck(name, float(value), float(limit), unit, within_limit, where)
 
 
 def check_switching(
@@ -163,10 +163,10 @@ def check_switching(
         entry: What spreads it in the list, for the words.
         moments: At which it comes or goes, for the words.
     """
-    how = f"{entry} {cycles}" if cycles > 1 else f"{entry} {cycles}: abrupt"
+    spreading = f"{entry} {cycles}" if cycles > 1 else f"{entry} {cycles}: abrupt"
     step = largest_step(jump, cycles)
-    where = f"at {moments}, {how}"
-    return limits.check("max_switching", step, unit, where)
+    place = f"at {moments}, {spreading}"
+    return limits.check("max_switching", step, unit, place)
 
 
 def _largest(table: GateTable, branches: Sequence[np.ndarray]) -> tuple[float, str]:
@@ -220,14 +220,14 @@ def choose_cycles(
         existing: Value in the axis list, or None.
     """
 
-    def inside(cycles: int) -> bool:
+    def within_limits(cycles: int) -> bool:
         velocity, acceleration = reversal_dynamics(jump, cycles, cycle_time)
         return velocity <= max_velocity and acceleration <= max_acceleration
 
     longest = MOST_REVERSAL_CYCLES
-    if existing is not None and 2 <= existing <= longest and inside(existing):
+    if existing is not None and 2 <= existing <= longest and within_limits(existing):
         return existing
-    return _fewest(inside, longest)
+    return _fewest(within_limits, longest)
 
 
 def largest_step(jump: float, cycles: int) -> float:
@@ -256,12 +256,12 @@ def switching_cycles(
         most: Largest number that the parameter may have.
     """
 
-    def inside(cycles: int) -> bool:
+    def within_limit(cycles: int) -> bool:
         return largest_step(jump, cycles) <= max_step
 
-    return None if inside(existing or 0) else _fewest(inside, most)
+    return None if within_limit(existing or 0) else _fewest(within_limit, most)
 
 
-def _fewest(inside: Callable[[int], bool], most: int) -> int:
+def _fewest(within_limit: Callable[[int], bool], most: int) -> int:
     """Return the smallest number of cycles that stays inside the limits, else the largest."""
-    return next((n for n in range(2, most) if inside(n)), most)
+    return next((n for n in range(2, most) if within_limit(n)), most)

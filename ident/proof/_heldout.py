@@ -66,9 +66,9 @@ def held_out(
     by_run = groups is not None
     if groups is None:
         groups = blocks_of(fit.layout, samples)
-    left = dict(leave_out(fit, samples, groups))
+    folds = dict(leave_out(fit, samples, groups))
     return residual_of_folds(
-        table, samples, left, groups, to_integers, before, active, by_run=by_run
+        table, samples, folds, groups, to_integers, before, active, by_run=by_run
     )
 
 
@@ -97,18 +97,18 @@ def residual_of_folds(
     """
     weight = np.ones(len(before)) if samples.weight is None else samples.weight
     folds = [left[label] for label in sorted(left)]
-    which = np.array(sorted(left)).searchsorted(groups)
+    fold_of_reading = np.array(sorted(left)).searchsorted(groups)
     offsets = table.offsets(to_integers(folds), samples.positions, samples.branch)
-    own = offsets[which, np.arange(len(before))]
-    spread = deviations(folds, which, samples)
+    offset = offsets[fold_of_reading, np.arange(len(before))]
+    spread = deviations(folds, fold_of_reading, samples)
     noise = np.array([fold.noise**2 for fold in folds])
     deviation = np.sqrt(
         spread**2
-        + noise[which] / weight
-        + _run_variance(folds, which, samples)
+        + noise[fold_of_reading] / weight
+        + _run_variance(folds, fold_of_reading, samples)
         + 1 / (12 * LIST_UNITS**2)
     )
-    return HeldOut(before + own - active, deviation, np.asarray(groups), by_run)
+    return HeldOut(before + offset - active, deviation, np.asarray(groups), by_run)
 
 
 def blocks_of(layout: TableLayout, samples: Samples) -> Int[np.ndarray, " t"]:
@@ -131,18 +131,20 @@ def _by_run(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"] | None:
 
 
 def _run_variance(
-    folds: Sequence[TableFit], which: Int[np.ndarray, " t"], samples: Samples
+    folds: Sequence[TableFit], fold_of_reading: Int[np.ndarray, " t"], samples: Samples
 ) -> Float[np.ndarray, " t"]:
     """Return what a run that was not measured yet adds by its own offset and drift."""
     several = [fold.runs if len(fold.runs) > 1 else () for fold in folds]
     offset, drift = np.array(
         [
-            np.sum([(one.offset**2, one.drift**2) for one in runs] or [(0.0, 0.0)], 0)
+            np.sum([(run.offset**2, run.drift**2) for run in runs] or [(0.0, 0.0)], 0)
             / max(len(runs) - 1, 1)
             for runs in several
         ]
     ).T
     if samples.order is None:
-        return np.asarray(offset[which])
-    late = samples.order - 0.5
-    return np.asarray(offset[which] + drift[which] * np.square(late))
+        return np.asarray(offset[fold_of_reading])
+    progress = samples.order - 0.5
+    return np.asarray(
+        offset[fold_of_reading] + drift[fold_of_reading] * np.square(progress)
+    )

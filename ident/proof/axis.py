@@ -79,18 +79,18 @@ def judge_workspace(
     unit = "mm" if travel.unit == "mm" else "°"
     low, high = (sum(part.bounds[k] for part in parts) for k in (0, 1))
     total = max(abs(low), abs(high))
-    where = f"{' + '.join(loaded.used)} together"
-    together = []
+    names = f"{' + '.join(loaded.used)} together"
+    checks = []
     for name, top in _worst(c for part in parts for c in part.lines.values()).items():
         value, place = top.value, top.where
         if name == "max_correction":
-            value, place = total, where
+            value, place = total, names
         elif name == "max_velocity":
             value = math.hypot(*(part.lines[name].value for part in parts))
         line = gate_check(f"axis {name}", value, top.limit, top.unit, place)
-        together.append(line)
-    jump = limits.check("max_jump", total, unit, f"{where}, at once")
-    return (*together, jump), {k: v for part in parts for k, v in part.jumps.items()}
+        checks.append(line)
+    jump = limits.check("max_jump", total, unit, f"{names}, at once")
+    return (*checks, jump), {k: v for part in parts for k, v in part.jumps.items()}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,27 +107,30 @@ class _Part:
 
 def _worst(checks: Iterable[GateCheck]) -> dict[str, GateCheck]:
     """Return the line with the largest value of each name."""
-    found = dict[str, GateCheck]()
+    worst = dict[str, GateCheck]()
     for check in checks:
-        if check.name not in found or check.value > found[check.name].value:
-            found[check.name] = check
-    return found
+        if check.name not in worst or check.value > worst[check.name].value:
+            worst[check.name] = check
+    return worst
 
 
 def _parts(loaded: AxisLists) -> list[tuple[tuple[int, ...], tuple[str, ...]]]:
     """Return which compensations look at the same axes, and at which."""
-    found: list[tuple[tuple[int, ...], tuple[str, ...]]] = []
+    parts: list[tuple[tuple[int, ...], tuple[str, ...]]] = []
     for name in loaded.used:
         if loaded.used[name].kind.unseen:
             continue  # 0 where no axis accelerates
         axes = loaded.inputs(name) or (loaded.axis,)
         names: tuple[str, ...] = (name,)
-        for other in [one for one in found if set(one[0]) & set(axes)]:
-            found.remove(other)
-            axes = (*other[0], *(axis for axis in axes if axis not in other[0]))
-            names = (*other[1], *names)
-        found.append((axes, names))
-    return found
+        for overlapping in [part for part in parts if set(part[0]) & set(axes)]:
+            parts.remove(overlapping)
+            axes = (
+                *overlapping[0],
+                *(axis for axis in axes if axis not in overlapping[0]),
+            )
+            names = (*overlapping[1], *names)
+        parts.append((axes, names))
+    return parts
 
 
 def _judged(
@@ -141,21 +144,26 @@ def _judged(
     nodes = [_nodes(loaded, travel, names, axis) for axis in axes]
     # `[j, i]`, as the gate takes a plane: master 1 runs fastest.
     grid = np.meshgrid(*reversed(nodes), indexing="ij")
-    places = dict(zip(reversed(axes), (each.ravel() for each in grid), strict=True))
-    others = {axis for name in loaded.used for axis in loaded.inputs(name)} - set(axes)
+    places = dict(
+        zip(reversed(axes), (coordinates.ravel() for coordinates in grid), strict=True)
+    )
+    still = {axis for name in loaded.used for axis in loaded.inputs(name)} - set(axes)
     count = len(places[axes[0]])
     places |= {
-        axis: np.full(count, np.mean(travel.spans.get(axis, 0.0))) for axis in others
+        axis: np.full(count, np.mean(travel.spans.get(axis, 0.0))) for axis in still
     }
     turns = (
         loaded.used[name].kind.entries.turns(loaded.models[name]) for name in names
     )
-    ways = (1, -1) if any(turns) else (1,)
+    signs = (1, -1) if any(turns) else (1,)
     # Every state of the sensors in both directions, in one run of the controller.
-    states = list(itertools.product(travel.warmth, ways))
+    states = list(itertools.product(travel.warmth, signs))
     motion = Motion(
-        positions={axis: np.tile(each, len(states)) for axis, each in places.items()},
-        directions={loaded.axis: np.repeat([way for _, way in states], count)},
+        positions={
+            axis: np.tile(coordinates, len(states))
+            for axis, coordinates in places.items()
+        },
+        directions={loaded.axis: np.repeat([sign for _, sign in states], count)},
         time=None,
         temperatures={
             sensor: np.repeat([warm[sensor] for warm, _ in states], count)
@@ -164,7 +172,7 @@ def _judged(
     )
     added = loaded.parts(motion)
     total = np.sum([added[name] for name in names], axis=0)
-    sizes = [len(each) for each in reversed(nodes)]
+    sizes = [len(coordinates) for coordinates in reversed(nodes)]
     tables = [
         GateTable(
             names=tuple(travel.names.get(axis, f"axis {axis}") for axis in axes),
@@ -177,7 +185,7 @@ def _judged(
             cycles=reversal_cycles(loaded.machine),
             cycle_time=travel.cycle_time,
         )
-        for branches in total.reshape(len(travel.warmth), len(ways), *sizes)
+        for branches in total.reshape(len(travel.warmth), len(signs), *sizes)
     ]
     return _Part(
         bounds=(min(0.0, float(total.min())), max(0.0, float(total.max()))),
@@ -190,16 +198,16 @@ def _nodes(
     loaded: AxisLists, travel: Travel, names: Sequence[str], axis: int
 ) -> Float[np.ndarray, " n"]:
     """Return the nodes of all tables over one axis, and the ends of its travel."""
-    found = [np.asarray(travel.spans.get(axis, ()), dtype=float)]
+    places = [np.asarray(travel.spans.get(axis, ()), dtype=float)]
     for name in names:
         model = loaded.models[name]
         if isinstance(model, AbstractLookup):
-            found += [
-                np.asarray(own.positions)
-                for master, own in zip(loaded.inputs(name), model.ways, strict=True)
+            places += [
+                np.asarray(nodes.positions)
+                for master, nodes in zip(loaded.inputs(name), model.ways, strict=True)
                 if master == axis
             ]
-    rows = np.unique(np.concatenate(found))
+    rows = np.unique(np.concatenate(places))
     if axis in travel.closed:
         low, high = travel.spans[axis]
         rows = rows[(rows >= low) & (rows <= high)]
@@ -217,8 +225,8 @@ def warm_states(
     Args:
         curves: Temperatures in °C by sensor at which its laws have their nodes.
     """
-    every = itertools.product(*curves.values())
-    return tuple(dict(zip(curves, state, strict=True)) for state in every)
+    states = itertools.product(*curves.values())
+    return tuple(dict(zip(curves, state, strict=True)) for state in states)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -250,8 +258,8 @@ class Together:
 
     def check(self, unit: str) -> GateCheck:
         """Return the line of the gate."""
-        where = f"rms of measurement {self.measurement}, all that acts together"
-        return gate_check("axis error", self.together, self.limit, unit, where)
+        place = f"rms of measurement {self.measurement}, all that acts together"
+        return gate_check("axis error", self.together, self.limit, unit, place)
 
 
 def added_beyond(
@@ -302,19 +310,19 @@ def judge_together(
         middle = 0.0 if about_zero else float(np.median(values[sound]))
         return float(np.sqrt(np.mean(np.square(values[sound] - middle))))
 
-    alone = error + added.get(compensation, 0.0)
-    together = error + np.sum(list(added.values()), axis=0)
-    sound = ~wild_readings(alone, least=1.0 / LIST_UNITS)
-    count, left = int(sound.sum()), rms(alone)
-    sure = _SLACK + _SURE / np.sqrt(2.0 * max(count, 1))
+    error_alone = error + added.get(compensation, 0.0)
+    error_together = error + np.sum(list(added.values()), axis=0)
+    sound = ~wild_readings(error_alone, least=1.0 / LIST_UNITS)
+    count, rms_alone = int(sound.sum()), rms(error_alone)
+    tolerance = _SLACK + _SURE / np.sqrt(2.0 * max(count, 1))
     return Together(
         measurement=name,
         compensation=compensation,
         readings=count,
         before=rms(error),
-        alone=left,
-        together=rms(together),
-        limit=float(max(left, predicted or 0.0) * sure) + 1.0 / LIST_UNITS,
+        alone=rms_alone,
+        together=rms(error_together),
+        limit=float(max(rms_alone, predicted or 0.0) * tolerance) + 1.0 / LIST_UNITS,
     )
 
 
@@ -329,26 +337,27 @@ def acts_against(partner: AxisLists, own: AxisLists, name: str) -> tuple[bool, f
         ExchangeError: If a list makes no table.
     """
     model, axes = own.models[name], own.inputs(name) or (own.axis,)
-    ways = [np.array([0.0, 1000.0])] * len(axes)
+    nodes = [np.array([0.0, 1000.0])] * len(axes)
     if isinstance(model, AbstractLookup):
-        ways = [np.asarray(one.positions) for one in model.ways]
-    grid = np.meshgrid(*ways)
+        nodes = [np.asarray(line.positions) for line in model.ways]
+    grid = np.meshgrid(*nodes)
     places = {
-        axis: np.tile(one.ravel(), 2) for axis, one in zip(axes, grid, strict=True)
+        axis: np.tile(coordinates.ravel(), 2)
+        for axis, coordinates in zip(axes, grid, strict=True)
     }
     direction = np.repeat([1, -1], grid[0].size)
     places |= dict.fromkeys(
         (own.axis, partner.axis), places.get(own.axis, np.zeros(len(direction)))
     )
     added = [
-        one.parts(
-            Motion(positions=places, directions={one.axis: direction}, time=None)
+        lists.parts(
+            Motion(positions=places, directions={lists.axis: direction}, time=None)
         ).get(name)
-        for one in (own, partner)
+        for lists in (own, partner)
     ]
     if added[0] is None or added[1] is None:
         return False, 0.0
-    both, apart = added[0] + added[1], added[0] - added[1]
-    turned = np.linalg.norm(both) < _TURNED * np.linalg.norm(apart)
-    twist = float(np.abs(apart).max())
+    total, difference = added[0] + added[1], added[0] - added[1]
+    turned = np.linalg.norm(total) < _TURNED * np.linalg.norm(difference)
+    twist = float(np.abs(difference).max())
     return bool(turned), twist if twist > np.abs(added[0]).max() else 0.0

@@ -100,35 +100,37 @@ def find_offset(
     else:
         base = 0.5 * float(time[0] + time[-1] - other_time[0] - other_time[-1])
         search = _OVERLAP * span
-    told = np.isfinite(other)
-    other_time, other = other_time[told], other[told]
+    is_number = np.isfinite(other)
+    other_time, other = other_time[is_number], other[is_number]
     rows = np.isfinite(signal) & np.isfinite(time)
     time, signal = time[rows], signal[rows]
-    away = None if position is None else position[rows] - float(np.mean(position[rows]))
+    centred = (
+        None if position is None else position[rows] - float(np.mean(position[rows]))
+    )
 
-    def inside(offset: float) -> Bool[np.ndarray, " t"]:
-        there = time - offset
-        return np.asarray((there >= other_time[0]) & (there <= other_time[-1]))
+    def in_common(offset: float) -> Bool[np.ndarray, " t"]:
+        instants = time - offset
+        return np.asarray((instants >= other_time[0]) & (instants <= other_time[-1]))
 
     def columns(
-        offset: float, keep: Bool[np.ndarray, " t"]
+        offset: float, common: Bool[np.ndarray, " t"]
     ) -> Float[np.ndarray, "k c"]:
-        seen = np.interp(time[keep] - offset, other_time, other) - other.mean()
-        parts = [np.ones(len(seen)), seen]
-        if away is not None:
-            parts += [away[keep], away[keep] * seen]
+        reference = np.interp(time[common] - offset, other_time, other) - other.mean()
+        parts = [np.ones(len(reference)), reference]
+        if centred is not None:
+            parts += [centred[common], centred[common] * reference]
         return np.column_stack(parts)
 
-    def cost(offset: float, keep: Bool[np.ndarray, " t"]) -> float:
-        design = columns(offset, keep)
-        value = np.linalg.lstsq(design, signal[keep], rcond=None)[0]
-        size = np.abs(signal[keep] - design @ value)
+    def cost(offset: float, common: Bool[np.ndarray, " t"]) -> float:
+        design = columns(offset, common)
+        value = np.linalg.lstsq(design, signal[common], rcond=None)[0]
+        size = np.abs(signal[common] - design @ value)
         return float(np.minimum(size, 5.0 * np.median(size) + 1e-300).mean())
 
     def overlapping(offset: float) -> float:
-        keep = inside(offset)
-        few = keep.sum() < _LEAST or np.ptp(time[keep]) < _OVERLAP * span
-        return np.inf if few else cost(offset, keep)
+        common = in_common(offset)
+        too_few = common.sum() < _LEAST or np.ptp(time[common]) < _OVERLAP * span
+        return np.inf if too_few else cost(offset, common)
 
     grid = base + np.linspace(-search, search, _GRID)
     costs = np.array([overlapping(offset) for offset in grid])
@@ -140,43 +142,45 @@ def find_offset(
     width = 0.5 * max(float(np.median(np.diff(np.unique(time)))), 0.2 * step)
     # The same readings for all offsets that are near.
     reach = 1.5 * step
-    keep = inside(start - reach - width) & inside(start + reach + width)
-    near = start - reach, start + reach
-    best = float(minimize_scalar(cost, bounds=near, args=(keep,), method="bounded").x)
+    common = in_common(start - reach - width) & in_common(start + reach + width)
+    bounds = start - reach, start + reach
+    optimum = float(
+        minimize_scalar(cost, bounds=bounds, args=(common,), method="bounded").x
+    )
 
-    def beside(
+    def refined(
         offset: float, factors: Float[np.ndarray, " c"]
     ) -> tuple[float, Regression]:
         """Return a better offset, and the regression with the slope over it as a column."""
-        change = columns(offset + width, keep) - columns(offset - width, keep)
+        change = columns(offset + width, common) - columns(offset - width, common)
         slope = change @ factors / (2.0 * width)
-        design = np.column_stack([columns(offset, keep), slope])
-        found = regress(design, signal[keep], time=time[keep])
-        return float(np.clip(offset + found.coefficients[-1], *near)), found
+        design = np.column_stack([columns(offset, common), slope])
+        regression = regress(design, signal[common], time=time[common])
+        return float(np.clip(offset + regression.coefficients[-1], *bounds)), regression
 
     try:
-        factors = regress(columns(best, keep), signal[keep]).coefficients
-        best, found = beside(best, factors)
+        factors = regress(columns(optimum, common), signal[common]).coefficients
+        optimum, regression = refined(optimum, factors)
         # The slope is another one there.
-        best, found = beside(best, found.coefficients[:-1])
+        optimum, regression = refined(optimum, regression.coefficients[:-1])
     except FitError as error:
         raise FitError(_SAME) from error
-    deviation = float(found.standard_deviation[-1])
+    deviation = float(regression.standard_deviation[-1])
     if not deviation < search:
         msg = (
             f"the offset between the clocks is uncertain by {deviation:.3g} s, expected "
             "signals that change sharply enough to tell it."
         )
         raise FitError(msg)
-    spread = max(float(np.var(signal[keep])), 1e-300)
-    explained = 1.0 - float(np.var(found.residual[~found.wild])) / spread
+    spread = max(float(np.var(signal[common])), 1e-300)
+    explained = 1.0 - float(np.var(regression.residual[~regression.wild])) / spread
     if explained < _ALIKE:
         msg = (
             f"at the best offset one explains {100 * max(explained, 0.0):.0f} % of the"
             f" scatter of the other, expected {100 * _ALIKE:.0f} % at least."
         )
         raise FitError(msg)
-    return Offset(best, deviation, explained)
+    return Offset(optimum, deviation, explained)
 
 
 def _coarse(
@@ -190,7 +194,7 @@ def _coarse(
     if min(len(time), len(other_time)) < _LEAST or min(spans) <= 0.0:
         msg = f"a file has fewer than {_LEAST} instants."
         raise FitError(msg)
-    steps = [float(np.median(np.diff(each))) for each in (time, other_time)]
+    steps = [float(np.median(np.diff(instants))) for instants in (time, other_time)]
     step = max(*steps, max(spans) / _MOST)
     first = _evenly(time, signal, step)
     second = _evenly(other_time, other, step)
@@ -198,30 +202,30 @@ def _coarse(
         msg = "one of them does not change."
         raise FitError(msg)
     lags, score = _correlations(first, second)
-    best = int(np.argmax(score))
-    near = score >= _NEAR * score[best]
-    low, high = best, best
-    while low > 0 and near[low - 1]:
+    peak = int(np.argmax(score))
+    is_high = score >= _NEAR * score[peak]
+    low, high = peak, peak
+    while low > 0 and is_high[low - 1]:
         low -= 1
-    while high < len(score) - 1 and near[high + 1]:
+    while high < len(score) - 1 and is_high[high + 1]:
         high += 1
-    beside = np.concatenate([score[:low], score[high + 1 :]])
-    if beside.size and float(beside.max()) > _AGAIN * score[best]:
+    elsewhere = np.concatenate([score[:low], score[high + 1 :]])
+    if elsewhere.size and float(elsewhere.max()) > _AGAIN * score[peak]:
         msg = "it repeats itself, so that another offset fits as well."
         raise FitError(msg)
-    offset = float(time[0] - other_time[0]) + step * float(lags[best])
-    return offset, step * max(min(best - low, high - best), 4)
+    offset = float(time[0] - other_time[0]) + step * float(lags[peak])
+    return offset, step * max(min(peak - low, high - peak), 4)
 
 
 def _evenly(
     time: Float[np.ndarray, " t"], values: Float[np.ndarray, " t"], step: float
 ) -> Float[np.ndarray, " n"]:
-    known = np.isfinite(values)
-    if int(known.sum()) < _LEAST:
+    finite = np.isfinite(values)
+    if int(finite.sum()) < _LEAST:
         msg = f"fewer than {_LEAST} readings of it are numbers."
         raise FitError(msg)
     clock = np.arange(time[0], time[-1] + 0.5 * step, step)
-    return np.asarray(np.interp(clock, time[known], values[known]))
+    return np.asarray(np.interp(clock, time[finite], values[finite]))
 
 
 def _correlations(
@@ -230,8 +234,8 @@ def _correlations(
     """Return shifts of the second signal in steps, and how alike both are there."""
     from scipy.signal import correlate
 
-    def over(one: np.ndarray, two: np.ndarray) -> np.ndarray:
-        return np.asarray(correlate(one, two, mode="full", method="fft"))
+    def over(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        return np.asarray(correlate(left, right, mode="full", method="fft"))
 
     first = first - first.mean()
     second = second - second.mean()

@@ -67,7 +67,7 @@ def join_files(
         JobError: If a column is in none of them, or the offset cannot be told.
         MeasurementError: If a file has no time that ascends.
     """
-    where = ("measurements", name, "files")
+    key = ("measurements", name, "files")
     assert spec.files is not None  # asked for only then
     files = [
         _file(label, table, spec)
@@ -75,21 +75,23 @@ def join_files(
     ]
     _refuse_missing(files, spec)
     shifts, clocks = [0.0], list[ClockState]()
-    for k, other in enumerate(files[1:]):
+    for k, further in enumerate(files[1:]):
         if spec.offsets is not None:
-            found = ClockState(name, other.name, spec.offsets[k], None, "the job", None)
+            clock = ClockState(
+                name, further.name, spec.offsets[k], None, "the job", None
+            )
         else:
             try:
-                found = _offset(name, files[0], other)
+                clock = _offset(name, files[0], further)
             except FitError as error:
                 reason = (
-                    f"{other.name} beside {files[0].name}: {error} Expected a signal"
+                    f"{further.name} beside {files[0].name}: {error} Expected a signal"
                     f" that tells how far their clocks are apart, {_OFFSET_WORDS}"
                 )
-                raise job.error(where, reason) from None
-        _refuse_apart(job, name, files[0], other, found)
-        shifts.append(found.offset)
-        clocks.append(found)
+                raise job.error(key, reason) from None
+        _refuse_apart(job, name, files[0], further, clock)
+        shifts.append(clock.offset)
+        clocks.append(clock)
     table, columns = _side_by_side(files, shifts)
     remarks = (*table.remarks, *map(_words, clocks))
     return dataclasses.replace(table, remarks=remarks), columns, tuple(clocks)
@@ -115,7 +117,7 @@ def _side_by_side(
     roles = {"time": ColumnSpec(_CLOCK)}
     ends = np.cumsum([table.rows for table in tables])
     for file, end in zip(files, ends, strict=True):
-        own = slice(end - file.table.rows, end)
+        rows = slice(end - file.table.rows, end)
         for role, spec in file.roles.items():
             column = file.table.column(spec.column)
             if role in roles or column.text is not None:
@@ -124,11 +126,11 @@ def _side_by_side(
             if names.count(name) > 1 or name == _CLOCK:
                 name = f"{name} ({file.table.path.name})"
             roles[role] = dataclasses.replace(spec, column=name)
-            if any(name == each.name for each in columns):
+            if any(name == joined_column.name for joined_column in columns):
                 continue  # two roles of one column
             values, present = np.full(len(time), np.nan), np.zeros(len(time), bool)
-            values[own] = column.values
-            present[own] = True if column.present is None else column.present
+            values[rows] = column.values
+            present[rows] = True if column.present is None else column.present
             columns.append(
                 dataclasses.replace(
                     column,
@@ -145,8 +147,8 @@ def _side_by_side(
         columns=tuple(columns),
         rows=len(time),
         lines=np.concatenate([table.lines for table in tables])[order],
-        skipped=tuple(each for table in tables for each in table.skipped),
-        remarks=tuple(each for table in tables for each in table.remarks),
+        skipped=tuple(row for table in tables for row in table.skipped),
+        remarks=tuple(remark for table in tables for remark in table.remarks),
     )
     return joined, roles
 

@@ -39,7 +39,7 @@ class GroupSection:
     @property
     def scales(self) -> dict[str, Scale]:
         """Display units by axis."""
-        return {one.axis: scale_of(one.unit) for one in self.group.axes}
+        return {axis_sum.axis: scale_of(axis_sum.unit) for axis_sum in self.group.axes}
 
 
 def group_section(
@@ -52,17 +52,19 @@ def group_section(
         place: Of the group.
         sections: Of all fits, in the order of the job.
     """
-    missing = [each for each in group.effects if each.index is not None and each.why]
-    own = [sections[index] for index in group.fits]
-    proven = all(section.verdict.level == "good" for section in own)
-    assumed = any(one.fit.judgement.has(Code.ASSUMED) for one in own)
+    unidentified = [
+        effect for effect in group.effects if effect.index is not None and effect.why
+    ]
+    members = [sections[index] for index in group.fits]
+    proven = all(section.verdict.level == "good" for section in members)
+    assumed = any(section.fit.judgement.has(Code.ASSUMED) for section in members)
     opening = "Computed; signs unproven. " if assumed else ""
-    level = "warn" if missing or group.confusions or not proven else "good"
+    level = "warn" if unidentified or group.confusions or not proven else "good"
     return GroupSection(
         name=f"group-{place}",
         heading=f"Identified together: group {group.name}",
         level=level,
-        sentence=opening + _sentence(group, len(missing)),
+        sentence=opening + _sentence(group, len(unidentified)),
         remarks=by_level(group.remarks),
         plots=(sum_plot(group),),
         facts=tuple(_facts(group)),
@@ -72,15 +74,18 @@ def group_section(
 
 def _sentence(group: "GroupResult", missing: int) -> str:
     parts = []
-    for one in group.axes:
-        scale = scale_of(one.unit)
-        before, after = one.error["before"].sound.rms, one.error["predicted"].sound.rms
+    for axis_sum in group.axes:
+        scale = scale_of(axis_sum.unit)
+        before, after = (
+            axis_sum.error["before"].sound.rms,
+            axis_sum.error["predicted"].sound.rms,
+        )
         words = (
-            f"the error of {one.axis} falls from {scale.figure(before)} to"
+            f"the error of {axis_sum.axis} falls from {scale.figure(before)} to"
             f" {scale.figure(after)} {scale.error} rms"
         )
         if after >= before:
-            words = f"the error of {one.axis} stays at {scale.shown(before)} rms"
+            words = f"the error of {axis_sum.axis} stays at {scale.shown(before)} rms"
         parts.append(words)
     text = f"On readings that the fit did not see, {'; '.join(parts)}."
     fits = count(len(group.fits), "fit")
@@ -92,18 +97,18 @@ def _sentence(group: "GroupResult", missing: int) -> str:
 
 
 def _facts(group: "GroupResult") -> Iterator[tuple[str, str]]:
-    for one in group.axes:
-        scale = scale_of(one.unit)
-        words = f"{count(int(one.rows.size), 'reading')}"
-        if one.wild.any():
-            words += f", {int(one.wild.sum())} of them wild"
-        if one.runs:
-            largest = max(abs(run.offset) for run in one.runs)
+    for axis_sum in group.axes:
+        scale = scale_of(axis_sum.unit)
+        words = f"{count(int(axis_sum.rows.size), 'reading')}"
+        if axis_sum.wild.any():
+            words += f", {int(axis_sum.wild.sum())} of them wild"
+        if axis_sum.runs:
+            largest = max(abs(run.offset) for run in axis_sum.runs)
             words += (
-                f"; offsets of {count(len(one.runs), 'run')} up to"
+                f"; offsets of {count(len(axis_sum.runs), 'run')} up to"
                 f" {scale.shown(largest)}"
             )
-        yield (f"Readings of {one.axis}", f"{words}.")
+        yield (f"Readings of {axis_sum.axis}", f"{words}.")
     yield ("The fit itself", group.message)
 
 
@@ -111,18 +116,20 @@ def sum_plot(group: "GroupResult") -> Plot:
     """Draw the error before and what the sum leaves, over time or order, axis by axis."""
     rows = len(group.axes)
     figure, panels = style.new_figure(2.2 * rows + 0.4, rows)
-    said = []
-    for k, (panel, one) in enumerate(zip(panels, group.axes, strict=True)):
-        scale = scale_of(one.unit)
-        _over_order(panel, group, one, scale, last=k == rows - 1)
-        said.append(_say(one, scale))
+    sentences = []
+    for k, (panel, axis_sum) in enumerate(zip(panels, group.axes, strict=True)):
+        scale = scale_of(axis_sum.unit)
+        _over_order(panel, group, axis_sum, scale, last=k == rows - 1)
+        sentences.append(_axis_sentence(axis_sum, scale))
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=2, markerscale=2.5)
-    what = "run" if group.held_out == "run" else "stretch of the recording"
-    drawn = say_drawn(style.DRAWN_POINTS, max(one.rows.size for one in group.axes))
+    left_out = "run" if group.held_out == "run" else "stretch of the recording"
+    remark = say_drawn(
+        style.DRAWN_POINTS, max(axis_sum.rows.size for axis_sum in group.axes)
+    )
     caption = (
-        f"{' '.join(said)} Each reading is predicted by lists that were fitted without"
-        f" its {what}.{drawn}"
+        f"{' '.join(sentences)} Each reading is predicted by lists that were fitted without"
+        f" its {left_out}.{remark}"
     )
     over = "time" if group.timed else "the order of measuring"
     return Plot(
@@ -131,43 +138,46 @@ def sum_plot(group: "GroupResult") -> Plot:
 
 
 def _over_order(
-    panel: Axes, group: "GroupResult", one: "AxisSum", scale: Scale, last: bool
+    panel: Axes, group: "GroupResult", axis_sum: "AxisSum", scale: Scale, last: bool
 ) -> None:
-    where = group.order[one.rows]
-    sound = np.flatnonzero(~one.wild)
+    place = group.order[axis_sum.rows]
+    sound = np.flatnonzero(~axis_sum.wild)
     drawn = min(sound.size, style.DRAWN_POINTS)
     size = float(np.clip(90 / np.sqrt(max(drawn, 1)), 0.8, 3))
     for values, color, name in (
-        (one.before, style.GREY, "before"),
-        (one.predicted, style.BLUE, "predicted: left by the whole sum"),
+        (axis_sum.before, style.GREY, "before"),
+        (axis_sum.predicted, style.BLUE, "predicted: left by the whole sum"),
     ):
         style.marks(
-            panel, where[sound], values[sound] * scale.factor, size=size, alpha=0.5,
+            panel, place[sound], values[sound] * scale.factor, size=size, alpha=0.5,
             color=color, label=name, most=style.DRAWN_POINTS,
         )  # fmt: skip
-    bins = bin_means(where[sound], one.predicted[sound] * scale.factor, _SLICES)
+    bins = bin_means(place[sound], axis_sum.predicted[sound] * scale.factor, _SLICES)
     panel.plot(
         bins.centre, bins.mean, color=style.INK, linewidth=1.1, marker="s",
         markersize=2.4, label="mean of a slice",
     )  # fmt: skip
     panel.axhline(0, color=style.INK, linewidth=0.6)
-    both = np.concatenate([one.before[sound], one.predicted[sound]]) * scale.factor
-    low, high = np.quantile(both, [0.002, 0.998])
+    errors = (
+        np.concatenate([axis_sum.before[sound], axis_sum.predicted[sound]])
+        * scale.factor
+    )
+    low, high = np.quantile(errors, [0.002, 0.998])
     edge = 0.12 * max(high - low, 1e-9)
     panel.set_ylim(low - edge, high + edge)
-    panel.set_ylabel(f"error of {one.axis} in {scale.error}")
+    panel.set_ylabel(f"error of {axis_sum.axis} in {scale.error}")
     if last:
         panel.set_xlabel(
             "time in s" if group.timed else "row, in the order of measuring"
         )
 
 
-def _say(one: "AxisSum", scale: Scale) -> str:
-    before = number(one.error["before"].sound.rms * scale.factor)
-    after = one.error["predicted"].sound.rms
-    ratio = after / one.noise if one.noise > 0 else float("nan")
+def _axis_sentence(axis_sum: "AxisSum", scale: Scale) -> str:
+    before = number(axis_sum.error["before"].sound.rms * scale.factor)
+    after = axis_sum.error["predicted"].sound.rms
+    ratio = after / axis_sum.noise if axis_sum.noise > 0 else float("nan")
     return (
-        f"{one.axis}: {before} {scale.error} rms before,"
+        f"{axis_sum.axis}: {before} {scale.error} rms before,"
         f" {scale.shown(after)} predicted,"
         f" {ratio:.2f} times the scatter of a reading."
     )

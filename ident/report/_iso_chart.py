@@ -56,8 +56,8 @@ def draw_iso_chart(
         small, long = small_unit(unit), "°" if unit == "deg" else "mm"
         single = len(tests) == 1
         low, high = _extent(tests.values())
-        room = 0.08 * (high - low or 1.0)
-        axes.set_ylim(low - room, high + room)
+        margin = 0.08 * (high - low or 1.0)
+        axes.set_ylim(low - margin, high + margin)
         for at, (name, test) in enumerate(tests.items()):
             colours = style.DIRECTION_COLOR
             if not single:
@@ -116,10 +116,10 @@ def _title(tests: Mapping[str, Iso230], axis: str) -> str:
         if min(counts) == max(counts)
         else f"{min(counts)}–{max(counts)}"
     )
-    named = f"Axis {axis}: p" if axis else "P"
+    opening = f"Axis {axis}: p" if axis else "P"
     sides = "both directions" if test.bidirectional else "one direction"
     return (
-        f"{named}ositioning by {EDITION} — {len(test.positions)} targets, {runs} "
+        f"{opening}ositioning by {EDITION} — {len(test.positions)} targets, {runs} "
         f"run{'s' if runs != '1' else ''}, {sides}"
     )
 
@@ -138,7 +138,7 @@ def _draw_test(
             linestyle=_DASHES[run.direction],
             zorder=2 + at,
         )
-    for way, side, arrow in ((1, "up", "↑"), (-1, "down", "↓")):
+    for direction, side, arrow in ((1, "up", "↑"), (-1, "down", "↓")):
         rows = [
             (p.target, getattr(p, f"mean_{side}"), getattr(p, f"s_{side}") or 0.0)
             for p in test.positions
@@ -148,19 +148,19 @@ def _draw_test(
             continue
         targets, means, spread = np.array(rows).T * [[1.0], [1e3], [2e3]]
         band = means - spread, means + spread
-        look: dict[str, Any] = {"color": colours[way], "zorder": 4 + at}
-        axes.fill_between(targets, *band, alpha=0.13, linewidth=0, **look)
+        properties: dict[str, Any] = {"color": colours[direction], "zorder": 4 + at}
+        axes.fill_between(targets, *band, alpha=0.13, linewidth=0, **properties)
         axes.plot(
             targets,
             means,
             linewidth=1.8,
-            marker="^" if way > 0 else "v",
+            marker="^" if direction > 0 else "v",
             markersize=5.5,
             markeredgecolor="white",
             markeredgewidth=0.7,
-            linestyle=_DASHES[way],
+            linestyle=_DASHES[direction],
             label=f"{prefix or 'mean '}{arrow}",
-            **look,
+            **properties,
         )
 
 
@@ -187,17 +187,17 @@ def _draw_brackets(axes: Axes, test: Iso230, colour: str, at: int, name: str) ->
         if ends is None:
             continue
         # In inches from the edge: a share of the width would change while it is laid out.
-        away = 0.1 + 0.29 * step + 0.6 * at
-        beyond = height + ScaledTranslation(away, 0.0, inches)
+        distance = 0.1 + 0.29 * step + 0.6 * at
+        transform = height + ScaledTranslation(distance, 0.0, inches)
         low, high = ends[0] * 1e3, ends[1] * 1e3
         _draw_height(
-            axes, 1.0, (low, high), "|-|,widthA=0.25,widthB=0.25", colour, beyond
+            axes, 1.0, (low, high), "|-|,widthA=0.25,widthB=0.25", colour, transform
         )
         axes.text(
             1.0,
             (low + high) / 2,
             f"{label} {name}{' ' if name else ''}= {high - low:.1f}",
-            transform=beyond + ScaledTranslation(0.06, 0.0, inches),
+            transform=transform + ScaledTranslation(0.06, 0.0, inches),
             rotation=90,
             va="center",
             fontsize=9.5,
@@ -225,11 +225,15 @@ def _draw_height(
 ) -> None:
     """Draw a measured height as an arrow or a bracket."""
     ends_at = (x, ends[0]), (x, ends[1])
-    look: dict[str, Any] = {"color": colour, "linewidth": 1.2, "mutation_scale": 10.0}
+    properties: dict[str, Any] = {
+        "color": colour,
+        "linewidth": 1.2,
+        "mutation_scale": 10.0,
+    }
     axes.add_patch(
         FancyArrowPatch(
             *ends_at, arrowstyle=arrow, shrinkA=0.0, shrinkB=0.0, transform=place,
-            clip_on=False, zorder=8, **look,
+            clip_on=False, zorder=8, **properties,
         )
     )  # fmt: skip
 

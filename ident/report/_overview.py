@@ -26,17 +26,17 @@ _Cloud = tuple[
 
 def overview_plot(fits: Sequence[AbstractResult]) -> Plot | None:
     """Draw every table before and after: verified where it was, else predicted."""
-    shown = [fit for fit in fits if isinstance(fit, TableResult)][:_MOST]
-    if not shown:
+    tables = [fit for fit in fits if isinstance(fit, TableResult)][:_MOST]
+    if not tables:
         return None
-    heights = [2.0 if len(fit.masters) == 1 else 2.3 for fit in shown]
+    heights = [2.0 if len(fit.masters) == 1 else 2.3 for fit in tables]
     figure = Figure(figsize=(7.2, sum(heights) + 0.2), layout="constrained")
-    panels = figure.subplots(len(shown), 2, squeeze=False, height_ratios=heights)
+    panels = figure.subplots(len(tables), 2, squeeze=False, height_ratios=heights)
     sentences = [
         _draw_fit(figure, list(row), fit)
-        for row, fit in zip(panels, shown, strict=True)
+        for row, fit in zip(panels, tables, strict=True)
     ]
-    for row, fit in zip(panels, shown, strict=True):
+    for row, fit in zip(panels, tables, strict=True):
         if fit.fit.layout.branches == 2:
             keys = row[0].get_legend_handles_labels()
             figure.legend(*keys, loc="outside upper right", ncols=2, markerscale=2)
@@ -88,18 +88,20 @@ def _draw_fit(
 
 def _clouds(fit: TableResult, scale: Scale) -> tuple[_Cloud, _Cloud]:
     """Return the errors before, and those with the list: verified, else predicted."""
-    seen = readings_of(fit, scale)
+    readings = readings_of(fit, scale)
 
-    def cloud(error: Float[np.ndarray, " t"], keep: Bool[np.ndarray, " t"]) -> _Cloud:
-        return seen.positions[keep], error[keep], seen.direction[keep]
+    def cloud(error: Float[np.ndarray, " t"], rows: Bool[np.ndarray, " t"]) -> _Cloud:
+        return readings.positions[rows], error[rows], readings.direction[rows]
 
-    before = cloud(seen.before, ~seen.wild)
+    before = cloud(readings.before, ~readings.wild)
     if (second := fit.measured) is None:
-        return before, cloud(seen.predicted, seen.sound)
-    keep, ways = second.sound, second.direction
-    ways = np.zeros(len(keep), dtype=np.int64) if ways is None else ways
-    error = second.error[keep] * scale.factor
-    return before, (second.positions[keep], error, ways[keep])
+        return before, cloud(readings.predicted, readings.sound)
+    sound, directions = second.sound, second.direction
+    directions = (
+        np.zeros(len(sound), dtype=np.int64) if directions is None else directions
+    )
+    error = second.error[sound] * scale.factor
+    return before, (second.positions[sound], error, directions[sound])
 
 
 def _draw_clouds(

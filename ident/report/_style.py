@@ -78,10 +78,10 @@ def new_figure(
     """Return an empty figure 7.2 inches wide and its axes, row by row."""
     figure = Figure(figsize=(7.2, height), layout="constrained")
     axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
-    for each in axes:
+    for panel in axes:
         # More are not read on a phone; placing their labels is half of the drawing.
-        if each.name == "rectilinear":
-            each.locator_params(nbins=_TICKS)
+        if panel.name == "rectilinear":
+            panel.locator_params(nbins=_TICKS)
     return figure, axes
 
 
@@ -133,13 +133,13 @@ def draw_cloud(
         alpha: Opacity.
         most: Readings of one direction that are drawn.
     """
-    for way in (1, -1, 0):
-        rows = np.flatnonzero(direction == way)
+    for sign in (1, -1, 0):
+        rows = np.flatnonzero(direction == sign)
         if rows.size:
             fitting = float(np.clip(90 / np.sqrt(rows.size), 1.2, 3))
             marks(
-                axes, where[rows], value[rows], color=DIRECTION_COLOR[way], alpha=alpha,
-                marker=DIRECTION_MARKER[way], label=names[way], most=most,
+                axes, where[rows], value[rows], color=DIRECTION_COLOR[sign], alpha=alpha,
+                marker=DIRECTION_MARKER[sign], label=names[sign], most=most,
                 size=fitting if size is None else size,
             )  # fmt: skip
 

@@ -39,19 +39,19 @@ _LOOK = {
 
 def headline_of(fit: AbstractResult, scale: Scale) -> Headline:
     """Return the headline that stands at the top of a fit's section."""
-    judged = fit.judgement
-    level, word, _ = _LOOK[judged.verdict]
-    if not judged.reasons:
+    judgement = fit.judgement
+    level, word, _ = _LOOK[judgement.verdict]
+    if not judgement.reasons:
         return Headline(level, word, f"Ready to load: {_fall(fit, scale)}.")
-    reason = judged.reasons[0]
-    made = _SENTENCES[reason.code]
-    if not isinstance(made, str):
-        return Headline(level, word, made(fit, scale, reason))
-    again, found = "", ""
+    reason = judgement.reasons[0]
+    template = _SENTENCES[reason.code]
+    if not isinstance(template, str):
+        return Headline(level, word, template(fit, scale, reason))
+    second, diagnosis_words = "", ""
     if fit.again is not None:
-        again, diagnosis = _again(fit, scale), fit.again.diagnosis
-        found = "" if diagnosis is None else f" ({diagnosis.sentence})"
-    words = made.format(fall=_fall(fit, scale), again=again, found=found)
+        second, diagnosis = _again(fit, scale), fit.again.diagnosis
+        diagnosis_words = "" if diagnosis is None else f" ({diagnosis.sentence})"
+    words = template.format(fall=_fall(fit, scale), again=second, found=diagnosis_words)
     return Headline(level, word, words)
 
 
@@ -84,19 +84,19 @@ def front_of(fits: Sequence[tuple[str, AbstractResult]], worst: Verdict) -> Fron
     unproven: dict[str, None] = {}
     order = list(Verdict)
     for heading, fit in sorted(
-        fits, key=lambda one: -order.index(one[1].judgement.verdict)
+        fits, key=lambda headed: -order.index(headed[1].judgement.verdict)
     ):
-        judged = fit.judgement
-        words = short_verdict(judged.verdict, assumed=judged.has(Code.ASSUMED))
-        if judged.has(Code.VERIFIED):
+        judgement = fit.judgement
+        words = short_verdict(judgement.verdict, assumed=judgement.has(Code.ASSUMED))
+        if judgement.has(Code.VERIFIED):
             words = "verified"
         verdicts.setdefault(words.capitalize(), []).append(heading)
-        for reason in judged.reasons:
+        for reason in judgement.reasons:
             if reason.code is Code.ASSUMED:
                 unproven |= dict.fromkeys(reason.fields["conventions"])
     level = _LOOK[worst][0]
-    found = tuple((words, "; ".join(names)) for words, names in verdicts.items())
-    return Front(level, found, ", ".join(name.replace("_", " ") for name in unproven))
+    summary = tuple((words, "; ".join(names)) for words, names in verdicts.items())
+    return Front(level, summary, ", ".join(name.replace("_", " ") for name in unproven))
 
 
 _NO_GAIN = {
@@ -125,19 +125,19 @@ def _error(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 
 def _no_gain(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
-    seen = "" if fit.again is None else f"; {_again(fit, scale)}"
-    why = _NO_GAIN.get(fit.held_out, "") if isinstance(fit, TableResult) else ""
-    return f"This list would not help, do not load it: {_fall(fit, scale)}{seen}.{why}"
+    second = "" if fit.again is None else f"; {_again(fit, scale)}"
+    explanation = _NO_GAIN.get(fit.held_out, "") if isinstance(fit, TableResult) else ""
+    return f"This list would not help, do not load it: {_fall(fit, scale)}{second}.{explanation}"
 
 
 def _assumed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     names = ", ".join(reason.fields["conventions"])
     if fit.again is not None:
-        found = fit.again.diagnosis
-        why = "it was not judged" if found is None else found.sentence
+        diagnosis = fit.again.diagnosis
+        explanation = "it was not judged" if diagnosis is None else diagnosis.sentence
         return (
             f"Computed; sign unproven: {_again(fit, scale)}, yet {names} stays assumed:"
-            f" {why}."
+            f" {explanation}."
         )
     return (
         f"Computed; sign unproven: {_fall(fit, scale)}. No measurement has settled {names}:"
@@ -147,8 +147,8 @@ def _assumed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     assert fit.again is not None  # it made the diagnosis
-    found = fit.again.diagnosis
-    words = "" if found is None else f" ({found.sentence})"
+    diagnosis = fit.again.diagnosis
+    words = "" if diagnosis is None else f" ({diagnosis.sentence})"
     if fit.judgement.verdict is not Verdict.REJECTED:
         file, date = fit.again.source["file"], fit.again.source["date"]
         return f"Not verified by a second measurement ({file}, {date}){words}."
@@ -157,10 +157,10 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 
 def _beside(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
-    others = " and ".join(reason.fields["compensations"])
+    compensations = " and ".join(reason.fields["compensations"])
     return (
         f"Right by itself, as a part of what moves {fit.axis}: {_again(fit, scale)}, since"
-        f" the {others} of {fit.axis} is wrong. Mend that, and measure again."
+        f" the {compensations} of {fit.axis} is wrong. Mend that, and measure again."
     )
 
 
@@ -205,14 +205,14 @@ measurement found."""
 
 
 def _again(fit: AbstractResult, scale: Scale) -> str:
-    again = fit.again
-    assert again is not None  # the reasons that ask for it come from it
-    source = f"{again.source['file']}, {again.source['date']}"
+    second = fit.again
+    assert second is not None  # the reasons that ask for it come from it
+    source = f"{second.source['file']}, {second.source['date']}"
     text = f"a second measurement with the list active ({source})"
-    if again.rms is None:
+    if second.rms is None:
         return f"{text} shows what it does"
-    mostly = "" if again.trend is None else f", nearly all of it {again.trend.words}"
-    return f"{text} found {scale.figure(again.rms)} {scale.error} rms{mostly}"
+    mostly = "" if second.trend is None else f", nearly all of it {second.trend.words}"
+    return f"{text} found {scale.figure(second.rms)} {scale.error} rms{mostly}"
 
 
 def _fall(fit: AbstractResult, scale: Scale) -> str:

@@ -68,7 +68,9 @@ def _render(
     page = templates(__package__ or "", html=True).get_template("report.html.jinja")
     return page.render(
         job=result,
-        front=front_of([(one.heading, one.fit) for one in sections], result.verdict),
+        front=front_of(
+            [(section.heading, section.fit) for section in sections], result.verdict
+        ),
         overview=overview,
         groups=groups,
         sections=sections,

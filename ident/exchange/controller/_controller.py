@@ -33,9 +33,9 @@ def controller_from_lists(
             an axis that the machine lacks.
     """
     machine = machine_lists(lists)
-    used = machine.in_use(reading.conventions, reading.lines)
-    numbers = axes_in_use(used, machine) if axes is None else tuple(axes)
-    return controller_of(used, machine, numbers, reading)
+    uses = machine.in_use(reading.conventions, reading.lines)
+    numbers = axes_in_use(uses, machine) if axes is None else tuple(axes)
+    return controller_of(uses, machine, numbers, reading)
 
 
 def controller_of(
@@ -50,7 +50,7 @@ def controller_of(
     return PositionController(
         axes=tuple(
             _axis(
-                [one for one in used if one.axis == number],
+                [use for use in used if use.axis == number],
                 columns,
                 lists.machine.get(number),
                 reading,
@@ -67,15 +67,15 @@ def columns_of(used: Sequence[InUse], numbers: Sequence[int]) -> dict[int, int]:
     Raises:
         ExchangeError: If a compensation names an axis that has none.
     """
-    for one in used:
-        for axis in (one.axis, *one.masters):
+    for use in used:
+        for axis in (use.axis, *use.masters):
             if axis not in numbers:
-                role = "axis" if axis == one.axis else "master axis"
-                known = ", ".join(map(str, numbers))
+                role = "axis" if axis == use.axis else "master axis"
+                listing = ", ".join(map(str, numbers))
                 raise ExchangeError(
-                    where=f"{one.listing.source}: {one.name}",
+                    where=f"{use.listing.source}: {use.name}",
                     found=f"{role} {axis}, which the machine lacks",
-                    expected=f"one of its axes, {known}",
+                    expected=f"one of its axes, {listing}",
                 )
     return {number: k for k, number in enumerate(numbers)}
 
@@ -90,20 +90,20 @@ def model_of(one: InUse, reading: Reading) -> Any:
 
 
 def _axis(
-    used: Sequence[InUse],
+    uses: Sequence[InUse],
     columns: Mapping[int, int],
     machine: ListFile | None,
     reading: Reading,
 ) -> AxisCompensations:
     """Return the compensations of one axis, masters by their columns."""
     parts: dict[str, Any] = {}
-    for one in used:
-        masters = tuple(columns[master] for master in one.masters)
-        model = model_of(one, reading)
-        parts |= one.kind.entries.installed(model, masters, one.listing)
-    own = {field.name for field in dataclasses.fields(AxisCompensations)}
-    further = {name: parts.pop(name) for name in parts.keys() - own}
-    manual = () if reading.commanded else tuple(o.name for o in used if o.manual)
+    for use in uses:
+        masters = tuple(columns[master] for master in use.masters)
+        model = model_of(use, reading)
+        parts |= use.kind.entries.installed(model, masters, use.listing)
+    fields = {field.name for field in dataclasses.fields(AxisCompensations)}
+    further = {name: parts.pop(name) for name in parts.keys() - fields}
+    manual = () if reading.commanded else tuple(o.name for o in uses if o.manual)
     return AxisCompensations(
         **parts,
         further=further,

@@ -120,12 +120,12 @@ class Scene:
 
         The zero of the instrument and what other compensations of the axis did are free.
         """
-        change, own = self.changes[axis], (use.axis, use.name)
-        others = [v for k, v in self.columns.items() if k[0] == axis and k != own]
-        free = np.column_stack([change.free, *others])
-        values = self.switched[own] * change.change
-        found = Target.of(values, free, weight=1.0 / change.variance)
-        return dataclasses.replace(found, band=_BAND)
+        change, key = self.changes[axis], (use.axis, use.name)
+        columns = [v for k, v in self.columns.items() if k[0] == axis and k != key]
+        nuisance = np.column_stack([change.free, *columns])
+        values = self.switched[key] * change.change
+        target = Target.of(values, nuisance, weight=1.0 / change.variance)
+        return dataclasses.replace(target, band=_BAND)
 
 
 Case = tuple[float, Diagnosis]
@@ -143,55 +143,61 @@ def cases_of(use: InUse, scene: Scene) -> tuple[list[Case], float, float | None]
     factor, _, power = target.fitted(channel.column(channel.plain)[None])
     if not power[0]:
         return [(0.0, Diagnosis(use.axis, use.name, "cannot tell"))], math.nan, None
-    found = search(channel, target)
+    search_result = search(channel, target)
     cases = []
-    for one in found.rivals:
-        change = one.hypothesis.change
+    for rival in search_result.rivals:
+        change = rival.hypothesis.change
         shift = change.shift
         # One that changes less than another factor may counts as none.
         if any(shift) and not _matters(channel, np.array([shift]), _BAND)[0]:
             continue
         # What adds no more than may drift between measurements adds nothing.
-        if one.hypothesis.is_free and abs(one.hypothesis.scale) <= _BAND:
+        if rival.hypothesis.is_free and abs(rival.hypothesis.scale) <= _BAND:
             continue
-        if change.turned and one is not found.rivals[0] and not _turn_matters(channel):
+        if (
+            change.turned
+            and rival is not search_result.rivals[0]
+            and not _turn_matters(channel)
+        ):
             continue
-        cases.append((one.criterion, _named(one.hypothesis, channel)))
-    cases += _elsewhere(use, scene, found)
-    return cases, float(factor[0]), _blind(channel, target, found)
+        cases.append((rival.criterion, _named(rival.hypothesis, channel)))
+    cases += _elsewhere(use, scene, search_result)
+    return cases, float(factor[0]), _blind(channel, target, search_result)
 
 
-def _named(one: Hypothesis, channel: AbstractChannel) -> Diagnosis:
+def _named(hypothesis: Hypothesis, channel: AbstractChannel) -> Diagnosis:
     """Return what a hypothesis is called: several faults at once are no explanation."""
-    found, own = one.faults(channel), (channel.axis, channel.compensation)
-    words = [word for word in found if word in _WORDS]
-    sign = 1 if one.scale > 0 else -1
+    faults, identity = hypothesis.faults(channel), (channel.axis, channel.compensation)
+    words = [word for word in faults if word in _WORDS]
+    sign = 1 if hypothesis.scale > 0 else -1
     if not words:
-        return Diagnosis(*own, "right", 1.0, sentence=_RIGHT, sign=1)
+        return Diagnosis(*identity, "right", 1.0, sentence=_RIGHT, sign=1)
     if words[0] == "sign":  # whatever its size and directions
-        lesser = ("unit", "twice", *(["swapped"] if one.change.turned else []))
+        lesser = ("unit", "twice", *(["swapped"] if hypothesis.change.turned else []))
         words = [word for word in words if word not in lesser]
-    if one.is_free or len(words) > 1:
-        return Diagnosis(*own, "cannot tell")
-    text = fault_words(one, channel, _WORDS)
+    if hypothesis.is_free or len(words) > 1:
+        return Diagnosis(*identity, "cannot tell")
+    text = fault_words(hypothesis, channel, _WORDS)
     if words == ["swapped"]:
-        word = "swapped" if one.change.turned else "wrong axis"
+        word = "swapped" if hypothesis.change.turned else "wrong axis"
         return Diagnosis(
-            *own, word, sentence=text, sign=sign if one.change.turned else 0
+            *identity, word, sentence=text, sign=sign if hypothesis.change.turned else 0
         )
-    value = found["shift"] if words == ["shift"] else one.scale
-    return Diagnosis(*own, words[0], value, sentence=text, sign=sign)
+    value = faults["shift"] if words == ["shift"] else hypothesis.scale
+    return Diagnosis(*identity, words[0], value, sentence=text, sign=sign)
 
 
 def _matters(
     channel: AbstractChannel, shifts: Float[np.ndarray, "s k"], share: float
 ) -> Bool[np.ndarray, " s"]:
     """Return which shifts change as much as a share of what a list adds, or more."""
-    none, rows = np.zeros((1, shifts.shape[1])), np.arange(channel.motion.rows)
-    moved = channel.columns_at(channel.plain, np.concatenate([none, shifts]), rows)
-    effect = np.linalg.norm(moved[0] - moved[0].mean())
-    apart = np.linalg.norm(moved[1:] - moved[0], axis=1)
-    return np.asarray(apart >= share * effect)
+    unshifted, rows = np.zeros((1, shifts.shape[1])), np.arange(channel.motion.rows)
+    columns = channel.columns_at(
+        channel.plain, np.concatenate([unshifted, shifts]), rows
+    )
+    effect = np.linalg.norm(columns[0] - columns[0].mean())
+    distance = np.linalg.norm(columns[1:] - columns[0], axis=1)
+    return np.asarray(distance >= share * effect)
 
 
 def _turn_matters(channel: AbstractChannel) -> bool:
@@ -202,51 +208,57 @@ def _turn_matters(channel: AbstractChannel) -> bool:
     return bool(np.linalg.norm(turned - plain) >= _MATTERS * effect)
 
 
-def _blind(channel: AbstractChannel, target: Target, found: Found) -> float | None:
+def _blind(
+    channel: AbstractChannel, target: Target, search_result: Found
+) -> float | None:
     """Return the largest shift that readings cannot exclude and that would matter."""
-    none, shifts = np.zeros((1, len(channel.ways))), _shifts(channel)
+    unshifted, shifts = np.zeros((1, len(channel.ways))), _shifts(channel)
     shifts = shifts[_matters(channel, shifts, _MATTERS)]
-    tried = np.concatenate([none, shifts])
-    part = target.at(found.rows)
-    columns = channel.columns_at(channel.plain, tried, found.rows)
-    misfit = part.criterion(part.residual_squares(columns), found.samples)
-    near = misfit[1:] < misfit[0] + _EXCLUDED
-    return float(np.abs(shifts[near]).max()) if near.any() else None
+    places = np.concatenate([unshifted, shifts])
+    part = target.at(search_result.rows)
+    columns = channel.columns_at(channel.plain, places, search_result.rows)
+    misfit = part.criterion(part.residual_squares(columns), search_result.samples)
+    undistinguished = misfit[1:] < misfit[0] + _EXCLUDED
+    return (
+        float(np.abs(shifts[undistinguished]).max()) if undistinguished.any() else None
+    )
 
 
 def _shifts(channel: AbstractChannel) -> Float[np.ndarray, "s k"]:
     """Return every other place of the table that is worth telling from its own."""
-    found = [np.zeros((0, len(channel.ways)))]
-    for k, way in enumerate(channel.ways):
-        length = way.high - way.low
-        spacing = max(0.1 * way.step, length / _MOST_SHIFTS)
+    shifts = [np.zeros((0, len(channel.ways)))]
+    for k, master in enumerate(channel.ways):
+        length = master.high - master.low
+        spacing = max(0.1 * master.step, length / _MOST_SHIFTS)
         count = int(0.5 * length / spacing)
         steps = np.array([*range(-count, 0), *range(1, count + 1)], dtype=float)
         shift = np.zeros((len(steps), len(channel.ways)))
         shift[:, k] = steps * spacing
-        found.append(shift)
-    return np.concatenate(found)
+        shifts.append(shift)
+    return np.concatenate(shifts)
 
 
-def _elsewhere(use: InUse, scene: Scene, found: Found) -> list[Case]:
+def _elsewhere(use: InUse, scene: Scene, search_result: Found) -> list[Case]:
     """Return the cases in which nothing is added here: on another axis, or nowhere."""
     cases: list[Case] = []
-    own, here = (use.axis, use.name), scene.name(use.axis)
+    identity, axis_name = (use.axis, use.name), scene.name(use.axis)
     for axis, change in scene.changes.items():
-        if axis == use.axis or any(one not in change.positions for one in use.masters):
+        if axis == use.axis or any(
+            master not in change.positions for master in use.masters
+        ):
             continue
         channel = scene.channel(use, axis)
         if np.ptp(channel.column(channel.plain)) > 0.0:
-            there = search(channel, scene.target(use, axis))
-            gain = there.rivals[0].criterion + FAULT - there.nothing
-            words = f"acts on {scene.name(axis)} instead of {here}"
-            told = Diagnosis(*own, "wrong axis", float(axis), sentence=words)
-            cases.append((found.nothing + gain, told))
+            fitted = search(channel, scene.target(use, axis))
+            gain = fitted.rivals[0].criterion + FAULT - fitted.nothing
+            words = f"acts on {scene.name(axis)} instead of {axis_name}"
+            diagnosis = Diagnosis(*identity, "wrong axis", float(axis), sentence=words)
+            cases.append((search_result.nothing + gain, diagnosis))
     if cases:
         # Not where it was measured: not active, or on an axis that nobody looked at.
-        return [*cases, (found.nothing, Diagnosis(*own, "cannot tell"))]
+        return [*cases, (search_result.nothing, Diagnosis(*identity, "cannot tell"))]
     words = (
-        f"does nothing to {here}: it acts on another axis, follows another master, or is"
+        f"does nothing to {axis_name}: it acts on another axis, follows another master, or is"
         " not active"
     )
-    return [(found.nothing, Diagnosis(*own, "wrong axis", sentence=words))]
+    return [(search_result.nothing, Diagnosis(*identity, "wrong axis", sentence=words))]

@@ -43,16 +43,19 @@ def diagnose(
             was measured both times.
     """
     loaded = machine_lists(lists).in_use(reading.conventions)
-    used = [one for one in loaded if not one.kind.unseen]
+    active = [use for use in loaded if not use.kind.unseen]
     changes: dict[int, Difference] = {}
     switched: dict[tuple[int, str], int] = {}
-    for axis in sorted({one.axis for one in before} & {one.axis for one in after}):
-        old = [one for one in before if one.axis == axis]
-        new = [one for one in after if one.axis == axis]
-        changes[axis] = difference(old, new)
-        for use in used:
+    for axis in sorted(
+        {measurement.axis for measurement in before}
+        & {measurement.axis for measurement in after}
+    ):
+        earlier = [measurement for measurement in before if measurement.axis == axis]
+        later = [measurement for measurement in after if measurement.axis == axis]
+        changes[axis] = difference(earlier, later)
+        for use in active:
             if use.axis == axis:
-                on = _state(use, new, True) - _state(use, old, False)
+                on = _state(use, later, True) - _state(use, earlier, False)
                 switched[axis, use.name] = on
         if len(changes[axis].change) < _FEWEST:
             raise ExchangeError(
@@ -61,9 +64,9 @@ def diagnose(
                 " measurements have",
                 expected=f"at least {_FEWEST}",
             )
-    judged = [use for use in used if switched.get((use.axis, use.name))]
-    if not judged:
-        axes = ", ".join(f"A{one.axis}" for one in used) or "no axis"
+    switched_uses = [use for use in active if switched.get((use.axis, use.name))]
+    if not switched_uses:
+        axes = ", ".join(f"A{use.axis}" for use in active) or "no axis"
         measured = ", ".join(f"A{axis}" for axis in changes) or "no axis"
         raise ExchangeError(
             where="doctor",
@@ -74,14 +77,14 @@ def diagnose(
     # What a list says is the same everywhere, such as a temperature line that a PLC
     # moves, hides in the zero of the instrument; what the PLC adds looks like a fault.
     blurred = set()
-    for use in judged:
+    for use in switched_uses:
         channel = scene.channel(use, use.axis)
         column = channel.column(channel.plain)
         if np.ptp(column) > 0:
             scene.columns[use.axis, use.name] = column
         else:
             blurred.add(use.axis)
-    return tuple(_judged(use, scene, use.axis in blurred) for use in judged)
+    return tuple(_judged(use, scene, use.axis in blurred) for use in switched_uses)
 
 
 def not_judged(
@@ -90,11 +93,11 @@ def not_judged(
     names: Mapping[int, str] | None = None,
 ) -> tuple[str, ...]:
     """Return a line for each list whose effect no such measurement shows, and why."""
-    known = names or {}
+    axis_names = names or {}
     return tuple(
-        f"{known.get(one.axis, f'A{one.axis}')} {one.name}: not judged: {one.kind.unseen}"
-        for one in machine_lists(lists).in_use(conventions)
-        if one.kind.unseen
+        f"{axis_names.get(use.axis, f'A{use.axis}')} {use.name}: not judged: {use.kind.unseen}"
+        for use in machine_lists(lists).in_use(conventions)
+        if use.kind.unseen
     )
 
 
@@ -109,12 +112,14 @@ def _judged(use: InUse, scene: Scene, blurred: bool) -> Diagnosis:
     # Of each word the best case, less likely beforehand where it is a fault.
     best_of: dict[str, Diagnosis] = {}
     likely: dict[str, float] = {}
-    for criterion, one in sorted(cases, key=operator.itemgetter(0)):
-        if best_of.setdefault(one.verdict, one) is one:
-            cost = criterion - (FAULT - SUSPECTED) * (one.verdict != "right")
-            likely[one.verdict] = -0.5 * cost
+    for criterion, diagnosis in sorted(cases, key=operator.itemgetter(0)):
+        if best_of.setdefault(diagnosis.verdict, diagnosis) is diagnosis:
+            cost = criterion - (FAULT - SUSPECTED) * (diagnosis.verdict != "right")
+            likely[diagnosis.verdict] = -0.5 * cost
     total = np.logaddexp.reduce(list(likely.values()))
-    by_word = {word: float(np.exp(one - total)) for word, one in likely.items()}
+    by_word = {
+        word: float(np.exp(likelihood - total)) for word, likelihood in likely.items()
+    }
     word = max(by_word, key=lambda name: by_word[name])
     best = dataclasses.replace(best_of[word], probability=by_word[word])
     sure = by_word[word] >= SURE and (word == "right" or not blurred)
@@ -159,9 +164,11 @@ def _doubt(
             f"what it does is {factor:.2g} times what the list says, which"
             " no single fault explains"
         )
-    named = [
+    candidates = [
         f"{word} {100 * shares[word]:.0f} %"
         for word in likely[:3]
         if shares[word] > 0.005 and word != "cannot tell"
     ]
-    return f"{', '.join(named)}; measure again with more readings, or with less noise"
+    return (
+        f"{', '.join(candidates)}; measure again with more readings, or with less noise"
+    )

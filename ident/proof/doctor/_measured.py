@@ -62,31 +62,33 @@ def difference(before: Sequence[Measured], after: Sequence[Measured]) -> Differe
     Readings of one place and direction are averaged. Where the second measurement has
     places of its own, the first is interpolated between its own, never beyond.
     """
-    every = [*before, *after]
+    measurements = [*before, *after]
     # Only axes whose positions every measurement has.
-    moved = sorted(set.intersection(*(set(one.positions) for one in every)))
-    directed = all(one.direction is not None for one in every)
-    old, new = _places(before, moved, directed), _places(after, moved, directed)
-    number = {tuple(key): k for k, key in enumerate(old.keys.tolist())}
-    same = np.array([number.get(tuple(key), -1) for key in new.keys.tolist()])
-    if np.sum(same >= 0) >= _MATCHED * len(same):
-        early = np.where(same >= 0, old.level[same], np.nan)
-        counts = old.count[same]
+    axes = sorted(
+        set.intersection(*(set(measurement.positions) for measurement in measurements))
+    )
+    directed = all(measurement.direction is not None for measurement in measurements)
+    earlier, later = _places(before, axes, directed), _places(after, axes, directed)
+    number = {tuple(key): k for k, key in enumerate(earlier.keys.tolist())}
+    match = np.array([number.get(tuple(key), -1) for key in later.keys.tolist()])
+    if np.sum(match >= 0) >= _MATCHED * len(match):
+        early = np.where(match >= 0, earlier.level[match], np.nan)
+        counts = earlier.count[match]
     else:
-        early = _interpolated(old, new.keys)
-        counts = np.full(len(same), float(np.mean(old.count)))
-    told = np.isfinite(early)
-    keys = new.keys[told]
-    positions = {axis: keys[:, k] * _PLACE for k, axis in enumerate(moved)}
-    free = [np.ones(len(keys))]
-    if any(one.line for one in every):
-        free += list(positions.values())
+        early = _interpolated(earlier, later.keys)
+        counts = np.full(len(match), float(np.mean(earlier.count)))
+    known = np.isfinite(early)
+    keys = later.keys[known]
+    positions = {axis: keys[:, k] * _PLACE for k, axis in enumerate(axes)}
+    nuisance = [np.ones(len(keys))]
+    if any(measurement.line for measurement in measurements):
+        nuisance += list(positions.values())
     return Difference(
         positions=positions,
         direction=keys[:, -1] if directed else None,
-        change=new.level[told] - early[told],
-        variance=1.0 / counts[told] + 1.0 / new.count[told],
-        free=np.stack(free, axis=1),
+        change=later.level[known] - early[known],
+        variance=1.0 / counts[known] + 1.0 / later.count[known],
+        free=np.stack(nuisance, axis=1),
     )
 
 
@@ -105,12 +107,17 @@ def _places(
     from scipy.ndimage import median
 
     rows = []
-    for one in measured:
-        columns = [np.rint(one.positions[axis] / _PLACE) for axis in axes]
-        ways = one.direction if directed else None
-        columns.append(np.zeros(len(one.error)) if ways is None else ways)
+    for measurement in measured:
+        columns = [np.rint(measurement.positions[axis] / _PLACE) for axis in axes]
+        directions = measurement.direction if directed else None
+        columns.append(
+            np.zeros(len(measurement.error)) if directions is None else directions
+        )
         rows.append(np.stack(columns, axis=1).astype(np.int64))
-    keys, values = np.concatenate(rows), np.concatenate([one.error for one in measured])
+    keys, values = (
+        np.concatenate(rows),
+        np.concatenate([measurement.error for measurement in measured]),
+    )
     places, at, counts = np.unique(
         keys, axis=0, return_inverse=True, return_counts=True
     )
@@ -121,22 +128,25 @@ def _places(
 
 
 def _interpolated(
-    known: _Places, asked: Int[np.ndarray, "g k"]
+    source: _Places, keys: Int[np.ndarray, "g k"]
 ) -> Float[np.ndarray, " g"]:
     """Return the error at places between those that are known; NaN beyond them."""
-    found = np.full(len(asked), np.nan)
-    for way in np.unique(known.keys[:, -1]):
-        own, rows = known.keys[:, -1] == way, asked[:, -1] == way
-        places, level = known.keys[own, :-1].astype(float), known.level[own]
+    error = np.full(len(keys), np.nan)
+    for direction in np.unique(source.keys[:, -1]):
+        in_direction, rows = source.keys[:, -1] == direction, keys[:, -1] == direction
+        places, level = (
+            source.keys[in_direction, :-1].astype(float),
+            source.level[in_direction],
+        )
         varied = np.flatnonzero(np.ptp(places, axis=0) > 0)
-        at, ask = places[:, varied], asked[rows][:, varied].astype(float)
+        at, targets = places[:, varied], keys[rows][:, varied].astype(float)
         if varied.size == 1:
             rank = np.argsort(at[:, 0])
-            found[rows] = np.interp(
-                ask[:, 0], at[rank, 0], level[rank], left=np.nan, right=np.nan
+            error[rows] = np.interp(
+                targets[:, 0], at[rank, 0], level[rank], left=np.nan, right=np.nan
             )
         elif varied.size > 1 and rows.any():
             from scipy.interpolate import LinearNDInterpolator
 
-            found[rows] = LinearNDInterpolator(at, level)(ask)
-    return found
+            error[rows] = LinearNDInterpolator(at, level)(targets)
+    return error

@@ -77,9 +77,9 @@ class Way:
     @classmethod
     def of(cls, places: Float[np.ndarray, " n"], ends: bool = True) -> "Way":
         """Return the extent of nodes in any order."""
-        every = np.unique(places)
-        step = float(np.min(np.diff(every))) if len(every) > 1 else 1.0
-        return cls(float(every[0]), float(every[-1]), step, ends)
+        distinct = np.unique(places)
+        step = float(np.min(np.diff(distinct))) if len(distinct) > 1 else 1.0
+        return cls(float(distinct[0]), float(distinct[-1]), step, ends)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,24 +179,24 @@ class AbstractChannel(abc.ABC):
     def share(self, change: Change) -> Column:
         """Return the share of the negative direction, 0 or 1 per row."""
         start = change.conventions.start_direction
-        why = f"for the {self.compensation} of A{self.axis}"
+        purpose = f"for the {self.compensation} of A{self.axis}"
         actual = change.conventions.direction_source == "actual"
-        ways = self.motion.direction(self.axis, why, start, actual)
-        return (ways < 0).astype(float)
+        directions = self.motion.direction(self.axis, purpose, start, actual)
+        return (directions < 0).astype(float)
 
     def distinguishes_actual(self) -> bool:
         """Return whether a log can tell directions of the command from actual ones."""
-        own = self.motion.has_actual(self.axis) and self.motion.cycle is not None
-        return own and self.axis not in self.motion.directions
+        has_actual = self.motion.has_actual(self.axis) and self.motion.cycle is not None
+        return has_actual and self.axis not in self.motion.directions
 
     def rules(self, conventions: Conventions) -> list[Conventions]:
         """Return conventions with another choice each of those that matter."""
         return [
-            conventions.from_dict({**conventions.to_dict(), one.name: choice})
-            for one in conventions.listing()
-            if one.name in self.relevant
-            for choice in one.choices
-            if choice != one.value
+            conventions.from_dict({**conventions.to_dict(), convention.name: choice})
+            for convention in conventions.listing()
+            if convention.name in self.relevant
+            for choice in convention.choices
+            if choice != convention.value
         ]
 
     @property
@@ -231,45 +231,45 @@ class AbstractChannel(abc.ABC):
         All in one evaluation: a table takes longer to call than to look up.
         """
         share = None
-        found = []
-        every = max(1, _AT_ONCE // max(len(rows), 1))
-        for start in range(0, len(shifts), every):
-            some = shifts[start : start + every]
-            tiled = np.tile(rows, len(some))
-            moved = np.repeat(some, len(rows), axis=0)
-            parts = self.parts(dataclasses.replace(change, shift=moved), tiled)
-            ahead = parts.ahead.reshape(len(some), len(rows))
+        pieces = []
+        batch = max(1, _AT_ONCE // max(len(rows), 1))
+        for start in range(0, len(shifts), batch):
+            batch_shifts = shifts[start : start + batch]
+            tiled = np.tile(rows, len(batch_shifts))
+            row_shifts = np.repeat(batch_shifts, len(rows), axis=0)
+            parts = self.parts(dataclasses.replace(change, shift=row_shifts), tiled)
+            ahead = parts.ahead.reshape(len(batch_shifts), len(rows))
             if parts.change is not None:
                 share = self.share(change)[rows] if share is None else share
                 ahead = ahead + share * parts.change.reshape(ahead.shape)
             if self.acting is not None:
                 ahead = ahead * self.acting[rows]
-            found.append(ahead)
-        return np.concatenate(found)
+            pieces.append(ahead)
+        return np.concatenate(pieces)
 
     def over_cycles(self, parts: Parts, change: Change) -> Column:
         """Return what is added per cycle in mm or °, filter included."""
         cycles = self.cycles_of(change)
-        late = change.conventions.filter_delay
+        delay = change.conventions.filter_delay
         timed = self.motion.cycle is not None and cycles > 1
         if parts.change is None:
-            found = smoothed(parts.ahead, cycles, late) if timed else parts.ahead
+            offset = smoothed(parts.ahead, cycles, delay) if timed else parts.ahead
         else:
             share = self.share(change)
             if timed:
-                share = smoothed(share, cycles, late)
-            found = np.asarray(parts.ahead + share * parts.change)
+                share = smoothed(share, cycles, delay)
+            offset = np.asarray(parts.ahead + share * parts.change)
         if self.acting is not None:
-            found = found * self.acting
-        return delayed(found, self.motion.clock)
+            offset = offset * self.acting
+        return delayed(offset, self.motion.clock)
 
 
 def smoothed(values: Column, cycles: int, late: int = 0) -> Column:
     """Return values with each change distributed over cycles by sin² (S-06)."""
     taps = np.diff(step_response(cycles, late), prepend=0.0)
     before = np.full(len(taps) - 1, values[0])
-    found = np.convolve(np.concatenate([before, values]), taps, mode="valid")
-    return np.asarray(found)
+    filtered = np.convolve(np.concatenate([before, values]), taps, mode="valid")
+    return np.asarray(filtered)
 
 
 def delayed(values: Column, cycles: float) -> Column:

@@ -74,32 +74,34 @@ class Hypothesis:
 
         A factor; mm or °; cycles; None where a fault has no size.
         """
-        found: dict[str, float | None] = {}
+        faults: dict[str, float | None] = {}
         words, size = () if self.is_free else SCALES[self.scale], abs(self.scale)
         if self.scale < 0:
-            found["sign"] = -1.0
+            faults["sign"] = -1.0
         if "twice" in words:
-            found["twice"] = 2.0
+            faults["twice"] = 2.0
             size /= 2.0
         if self.is_free or "unit" in words:
-            found["unit"] = size
+            faults["unit"] = size
         change, plain = self.change, channel.plain
         if change.is_shifted:
-            found["shift"] = max(change.shift, key=abs)
+            faults["shift"] = max(change.shift, key=abs)
         rules = {RULES[name] for name in other_rules(change, plain) if name in RULES}
         if change.masters is not None or change.turned or "swapped" in rules:
-            found["swapped"] = None
+            faults["swapped"] = None
         if self.lag:
-            found["lag"] = float(self.lag)
+            faults["lag"] = float(self.lag)
         if change.cycles is not None or "filter" in rules:
-            found["filter"] = float(channel.cycles_of(change))
+            faults["filter"] = float(channel.cycles_of(change))
         if change.edge is not None or "edge" in rules:
-            found["edge"] = None
-        return found
+            faults["edge"] = None
+        return faults
 
     def apart(self, other: "Hypothesis") -> set[str]:
         """Return the names of the attributes, and of the change's, that differ."""
-        mine, theirs = (vars(one) | vars(one.change) for one in (self, other))
+        mine, theirs = (
+            vars(hypothesis) | vars(hypothesis.change) for hypothesis in (self, other)
+        )
         return {k for k in mine if k != "change" and mine[k] != theirs[k]}
 
     def cost(self, channel: AbstractChannel, samples: float) -> float:
@@ -122,9 +124,9 @@ class Hypothesis:
         if self.change.cycles is not None:
             cost += 2.0 * math.log(40.0)
             # Where the manuals know of no filter, a delay is the simpler story.
-            own = channel.cycles_under(self.change.conventions)
+            listed_cycles = channel.cycles_under(self.change.conventions)
             cost += FAULT * (
-                own <= 1
+                listed_cycles <= 1
                 or self.change.conventions.table_filter
                 != (channel.conventions.table_filter)
             )
@@ -179,8 +181,8 @@ def _text(word: str, value: float, change: Change, channel: AbstractChannel) -> 
 def _lag(cycles: int) -> str:
     size = abs(cycles)
     count = _NUMBERS[size] if size < len(_NUMBERS) else str(size)
-    way = "later" if cycles > 0 else "earlier"
-    return f"{count} {'cycle' if size == 1 else 'cycles'} {way}"
+    direction = "later" if cycles > 0 else "earlier"
+    return f"{count} {'cycle' if size == 1 else 'cycles'} {direction}"
 
 
 def _filter(change: Change, channel: AbstractChannel) -> str:
@@ -197,8 +199,8 @@ def _filter(change: Change, channel: AbstractChannel) -> str:
 def _edge(change: Change, channel: AbstractChannel) -> str:
     if change.edge is None:
         rules = other_rules(change, channel.plain)
-        named = ", ".join(f"{name} = {value}" for name, value in rules.items())
-        return f"another edge rule ({named})"
+        listing = ", ".join(f"{name} = {value}" for name, value in rules.items())
+        return f"another edge rule ({listing})"
     return {
         "zero": "edge not held: no offset beyond the table",
         "line": "edge not held: goes on as a straight line beyond the table",
@@ -226,19 +228,19 @@ def _shift(change: Change, channel: AbstractChannel) -> str:
                 f" along {channel.motion.name(master)}" if len(change.shift) > 1 else ""
             )
             unit = "°" if master in channel.motion.ranges else "mm"
-            way = "further" if value > 0 else "back"
-            parts.append(f"{abs(value):.1f} {unit} {way}{along}")
+            direction = "further" if value > 0 else "back"
+            parts.append(f"{abs(value):.1f} {unit} {direction}{along}")
     return f"table applied {' and '.join(parts)}"
 
 
 def _swapped(masters: tuple[int, ...] | None, channel: AbstractChannel) -> str:
     if masters is None:
         return "the other order of the indices"
-    names, own = (
-        " and ".join(channel.motion.name(number) for number in every)
-        for every in (masters, channel.masters)
+    names, listed = (
+        " and ".join(channel.motion.name(number) for number in axes)
+        for axes in (masters, channel.masters)
     )
-    return f"{'it follows ' * (len(masters) == 1)}{names} instead of {own}"
+    return f"{'it follows ' * (len(masters) == 1)}{names} instead of {listed}"
 
 
 def joined(texts: Sequence[str]) -> str:

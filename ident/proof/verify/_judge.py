@@ -71,8 +71,8 @@ def judge_channel(channel: AbstractChannel, found: Found) -> Verdict:
     def silent(sentence: str) -> Verdict:
         return Verdict(axis, name, (), (), sentence, {})
 
-    judged = channel.motion.judged
-    if float(np.max(np.abs(channel.column(channel.plain)[judged]))) <= 1e-6:
+    rows = channel.motion.judged
+    if float(np.max(np.abs(channel.column(channel.plain)[rows]))) <= 1e-6:
         return silent(
             "the log cannot tell: on this motion the list adds nothing that changes"
         )
@@ -80,19 +80,19 @@ def judge_channel(channel: AbstractChannel, found: Found) -> Verdict:
         return silent("nothing is added: not active, or not logged")
     if found.nothing < best.criterion + EQUAL:
         return silent("the log cannot tell: what is added is lost in its noise")
-    left = systematic(found.residual)
+    unexplained = systematic(found.residual)
     if channel.motion.time is None:
         # Rows stand in any order: neighbours say nothing of noise.
-        left = float(np.sqrt(np.mean(np.square(found.residual))))
-    size = float(np.sqrt(np.mean(np.square(found.column[judged]))))
+        unexplained = float(np.sqrt(np.mean(np.square(found.residual))))
+    size = float(np.sqrt(np.mean(np.square(found.column[rows]))))
     faults = best.hypothesis.faults(channel)
     whole_text = fault_words(best.hypothesis, channel)
-    if left > max(_ROUGH * size, 1e-4):
-        rest, whole = _size_of(channel, left), _size_of(channel, size)
-        text = f"not explained: {rest} of {whole} follow no rule that was tried"
+    if unexplained > max(_ROUGH * size, 1e-4):
+        left_over, effect = _size_of(channel, unexplained), _size_of(channel, size)
+        text = f"not explained: {left_over} of {effect} follow no rule that was tried"
         if faults:
             text += f" (nearest: {whole_text})"
-        idle = np.abs(found.residual + found.column[judged]) < RESOLUTION / 100.0
+        idle = np.abs(found.residual + found.column[rows]) < RESOLUTION / 100.0
         if idle.mean() > _IDLE and channel.acting is None:
             text += (
                 f"; {100.0 * idle.mean():.0f} % of the rows hold exactly 0: where it was"
@@ -105,57 +105,62 @@ def judge_channel(channel: AbstractChannel, found: Found) -> Verdict:
         if name not in RULES
     ]
     rules = f" with {joined(named_rules)}" if named_rules else ""
-    others = _equals(channel, found)
+    equals = _equals(channel, found)
     unseen = _unseen(channel, found)
     tail = f"; this log does not show {joined(unseen)}" if unseen else ""
     if not faults:
-        within = max(1e-4, math.ceil(left * 1e4 - 1e-6) / 1e4)
-        text = f"agrees within {_size_of(channel, within)}{rules}"
+        tolerance = max(1e-4, math.ceil(unexplained * 1e4 - 1e-6) / 1e4)
+        text = f"agrees within {_size_of(channel, tolerance)}{rules}"
         text += "".join(
-            f"; as well explained: {fault_words(one, channel)}" for one in others
+            f"; as well explained: {fault_words(hypothesis, channel)}"
+            for hypothesis in equals
         )
-        words = [word for one in others for word in one.faults(channel)]
-        sizes = (within, *[None] * len(words))
-        return verdict(("agrees", *words), sizes, text if others else text + tail)
+        words = [word for hypothesis in equals for word in hypothesis.faults(channel)]
+        sizes = (tolerance, *[None] * len(words))
+        return verdict(("agrees", *words), sizes, text if equals else text + tail)
     text = whole_text + rules
-    text += "".join(f", or as well {fault_words(one, channel)}" for one in others)
-    named: dict[str, float | None] = {}
-    for one in (best.hypothesis, *others):
-        for word, value in one.faults(channel).items():
-            named.setdefault(word, value)
-    alike = _looks_alike(channel, found, set(named))
-    return verdict(tuple(named), tuple(named.values()), text + alike + tail)
+    text += "".join(
+        f", or as well {fault_words(hypothesis, channel)}" for hypothesis in equals
+    )
+    faults_of_all: dict[str, float | None] = {}
+    for hypothesis in (best.hypothesis, *equals):
+        for word, value in hypothesis.faults(channel).items():
+            faults_of_all.setdefault(word, value)
+    alike = _looks_alike(channel, found, set(faults_of_all))
+    return verdict(
+        tuple(faults_of_all), tuple(faults_of_all.values()), text + alike + tail
+    )
 
 
 def _equals(channel: AbstractChannel, found: Found) -> list[Hypothesis]:
     """Return hypotheses of other faults that explain the log as well as the best one."""
     best = found.rivals[0]
-    seen = [set(best.hypothesis.faults(channel))]
+    known_faults = [set(best.hypothesis.faults(channel))]
     result = []
-    for one in found.rivals[1:]:
-        words = set(one.hypothesis.faults(channel))
-        if one.criterion > best.criterion + EQUAL or not words:
+    for rival in found.rivals[1:]:
+        words = set(rival.hypothesis.faults(channel))
+        if rival.criterion > best.criterion + EQUAL or not words:
             continue
-        if not any(words >= known for known in seen):
-            seen.append(words)
-            result.append(one.hypothesis)
+        if not any(words >= fewer for fewer in known_faults):
+            known_faults.append(words)
+            result.append(rival.hypothesis)
     return result
 
 
-def _looks_alike(channel: AbstractChannel, found: Found, told: set[str]) -> str:
+def _looks_alike(channel: AbstractChannel, found: Found, named: set[str]) -> str:
     """Return what would look like a delay, or like a filter, as the end of a sentence.
 
     On a smooth table both do the same, and which of them is the simpler story says
     nothing of the controller.
     """
     best = found.rivals[0]
-    own, either = set(best.hypothesis.faults(channel)), {"lag", "filter"}
-    if not either & own:
+    faults, either = set(best.hypothesis.faults(channel)), {"lag", "filter"}
+    if not either & faults:
         return ""
-    for one in found.rivals[1:]:
-        words = set(one.hypothesis.faults(channel))
-        if words ^ own == either and one.misfit <= best.misfit + EQUAL:
-            text = fault_words(one.hypothesis, channel, either - told)
+    for rival in found.rivals[1:]:
+        words = set(rival.hypothesis.faults(channel))
+        if words ^ faults == either and rival.misfit <= best.misfit + EQUAL:
+            text = fault_words(rival.hypothesis, channel, either - named)
             if text:
                 return f"; on this table it looks the same when {text}"
     return ""
@@ -163,27 +168,29 @@ def _looks_alike(channel: AbstractChannel, found: Found, told: set[str]) -> str:
 
 def _unseen(channel: AbstractChannel, found: Found) -> list[str]:
     """Return what could be otherwise without being seen in this log."""
-    best, *others = found.rivals
-    told = best.hypothesis.faults(channel)
-    near = [
-        best.hypothesis.apart(one.hypothesis)
-        for one in others
-        if one.misfit < best.misfit + EQUAL
+    best, *worse = found.rivals
+    faults = best.hypothesis.faults(channel)
+    differences = [
+        best.hypothesis.apart(rival.hypothesis)
+        for rival in worse
+        if rival.misfit < best.misfit + EQUAL
     ]
     # Whatever factor and lag go with them.
-    changed = [one - {"lag", "scale", "is_free"} for one in near]
+    essential = [names - {"lag", "scale", "is_free"} for names in differences]
     filtered = channel.cycles_under(channel.conventions) > 1
-    asked = {
-        "edge": ("what happens beyond the table", {"edge"} in near),
+    questions = {
+        "edge": ("what happens beyond the table", {"edge"} in differences),
         "swapped": (
             "which master is which",
-            {"masters"} in changed and len(channel.ways) == 2,
+            {"masters"} in essential and len(channel.ways) == 2,
         ),
-        "lag": ("how late it comes", {"lag"} in near),
-        "filter": ("the length of the filter", {"cycles"} in changed and filtered),
+        "lag": ("how late it comes", {"lag"} in differences),
+        "filter": ("the length of the filter", {"cycles"} in essential and filtered),
     }
     return [
-        text for word, (text, is_open) in asked.items() if is_open and word not in told
+        text
+        for word, (text, is_open) in questions.items()
+        if is_open and word not in faults
     ]
 
 
@@ -197,25 +204,27 @@ def settled(
         for name in channel.relevant
     }
     sign = f"{channel.compensation}_sign"
-    if (own := channel.conventions.to_dict().get(sign)) is not None:
-        reads[sign] = lambda one: int(own) if one.scale > 0 else -int(own)
+    if (assumed := channel.conventions.to_dict().get(sign)) is not None:
+        reads[sign] = lambda hypothesis: (
+            int(assumed) if hypothesis.scale > 0 else -int(assumed)
+        )
     if channel.edge_rule:
-        reads[channel.edge_rule] = lambda one: _EDGE_VALUES[
-            one.change.edge or channel.edge(one.change.conventions)
+        reads[channel.edge_rule] = lambda hypothesis: _EDGE_VALUES[
+            hypothesis.change.edge or channel.edge(hypothesis.change.conventions)
         ]
     values: dict[str, int | str] = {}
     doubtful: set[str] = set()
     for name, read in reads.items():
         chosen = read(best.hypothesis)
-        others = [
-            one.criterion
-            for one in found.rivals
-            if read(one.hypothesis) not in (chosen, _NO_VALUE)
+        opposed = [
+            rival.criterion
+            for rival in found.rivals
+            if read(rival.hypothesis) not in (chosen, _NO_VALUE)
         ]
-        if chosen == _NO_VALUE or not others:
+        if chosen == _NO_VALUE or not opposed:
             continue
         values[name] = chosen
-        if min(others) - best.criterion < SETTLED:
+        if min(opposed) - best.criterion < SETTLED:
             doubtful.add(name)
     return values, frozenset(doubtful)
 

@@ -42,39 +42,39 @@ def channels_of(
             the position of a master.
     """
     machine = machine_lists(lists)
-    found: dict[int, dict[str, AbstractChannel]] = {}
-    used = machine.in_use(reading.conventions)
+    channels: dict[int, dict[str, AbstractChannel]] = {}
+    uses = machine.in_use(reading.conventions)
     # What the other offsets enter comes last.
-    for one in sorted(used, key=lambda one: (one.axis, one.kind.entries.comes_last)):
-        parts = found.setdefault(one.axis, {})
-        reversal = reversal_cycles(machine.machine.get(one.axis))
-        channel = one.kind.log_channel
-        parts[one.name] = channel(one, motion, reading, reversal, dict(parts))
-    if not any(found.values()):
-        names = ", ".join(one.source for one in lists)
+    for use in sorted(uses, key=lambda use: (use.axis, use.kind.entries.comes_last)):
+        parts = channels.setdefault(use.axis, {})
+        reversal = reversal_cycles(machine.machine.get(use.axis))
+        channel = use.kind.log_channel
+        parts[use.name] = channel(use, motion, reading, reversal, dict(parts))
+    if not any(channels.values()):
+        names = ", ".join(use.source for use in lists)
         raise ExchangeError(
             where=names or "lists",
             found="no compensation that is active",
             expected="at least one table, or an axis list with a compensation",
         )
-    return {axis: parts for axis, parts in found.items() if parts}
+    return {axis: parts for axis, parts in channels.items() if parts}
 
 
 def changed(channel: AbstractChannel, **fields: object) -> AbstractChannel:
     """Return a channel with other attributes."""
-    other = copy.copy(channel)
-    vars(other).update(fields)
-    return other
+    copied = copy.copy(channel)
+    vars(copied).update(fields)
+    return copied
 
 
 def axis_names(lists: Sequence[ListFile]) -> dict[str, int]:
     """Return the logical numbers of the axes by the names that the lists give them."""
-    found: dict[str, int] = {}
+    numbers: dict[str, int] = {}
     for listing in lists:
         name = listing.text("kopf.log_achs_name")
         if name and listing.kind == "compensation":
-            found[name.strip().casefold()] = axis_number(listing)
-    return found
+            numbers[name.strip().casefold()] = axis_number(listing)
+    return numbers
 
 
 def number_of(text: str, names: Mapping[str, int], source: str) -> int:
@@ -82,12 +82,12 @@ def number_of(text: str, names: Mapping[str, int], source: str) -> int:
     if match:
         return int(match[1])
     if text.casefold() not in names:
-        known = ", ".join(sorted(names)) or "none"
+        listing = ", ".join(sorted(names)) or "none"
         raise ExchangeError(
             where=source,
             found=f"axis {text!r}",
             expected="A1, A2, … after the logical numbers, or a name in a list"
-            f" (kopf.log_achs_name: {known})",
+            f" (kopf.log_achs_name: {listing})",
         )
     return names[text.casefold()]
 
@@ -106,9 +106,9 @@ def motion_of(
         if role.endswith(".drive_position")
     }
     acting = {
-        (number(one.axis), one.compensation): one.acts
-        for one in log.offsets
-        if one.axis is not None and one.acts is not None and one.acts.any()
+        (number(offset.axis), offset.compensation): offset.acts
+        for offset in log.offsets
+        if offset.axis is not None and offset.acts is not None and offset.acts.any()
     }
     path: dict[str, Any] = {**vars(Motion.of(log.motion, number)), "ranges": ranges}
     return LogMotion(**path, cycle=log.cycle, drives=drives, acting=acting)
@@ -118,37 +118,37 @@ def reports_of(
     log: ControllerLog, names: Mapping[str, int], channels: ByAxis
 ) -> tuple[dict[tuple[int, str], LoggedOffset], list[str]]:
     """Return what was reported by axis and compensation, and what is not judged."""
-    found: dict[tuple[int, str], LoggedOffset] = {}
+    reports: dict[tuple[int, str], LoggedOffset] = {}
     ignored = ", ".join(map(repr, log.ignored))
     remarks = [f"Columns that are not used: {ignored}."] if ignored else []
-    for one in log.offsets:
-        if one.compensation == "offset":
+    for offset in log.offsets:
+        if offset.compensation == "offset":
             continue
-        if one.acts is not None and not one.acts.all():
-            off = 100.0 * (1.0 - float(one.acts.mean()))
+        if offset.acts is not None and not offset.acts.all():
+            off = 100.0 * (1.0 - float(offset.acts.mean()))
             words = "its state says so, and nothing is expected there"
-            remarks.append(f"{one.column}: off in {off:.0f} % of the rows; {words}.")
-        if one.axis is None:
+            remarks.append(f"{offset.column}: off in {off:.0f} % of the rows; {words}.")
+        if offset.axis is None:
             having = [
-                axis for axis, parts in channels.items() if one.compensation in parts
+                axis for axis, parts in channels.items() if offset.compensation in parts
             ]
             if len(having) > 1:
                 raise ExchangeError(
                     where=str(log.source),
-                    found=f"column {one.column!r} without an axis",
+                    found=f"column {offset.column!r} without an axis",
                     expected="the axis before it, as in"
-                    f" A{having[0]}.{one.column}: {len(having)} axes have"
-                    f" {one.compensation}",
+                    f" A{having[0]}.{offset.column}: {len(having)} axes have"
+                    f" {offset.compensation}",
                 )
             axis = having[0] if having else 0
         else:
-            axis = number_of(one.axis, names, str(log.source))
-        if one.compensation not in channels.get(axis, {}):
+            axis = number_of(offset.axis, names, str(log.source))
+        if offset.compensation not in channels.get(axis, {}):
             words = "is logged, but no list that is active has it"
-            remarks.append(f"{one.column}: {one.compensation} {words}.")
-        elif (axis, one.compensation) not in found or one.filtered:
-            found[axis, one.compensation] = one
-    return found, remarks
+            remarks.append(f"{offset.column}: {offset.compensation} {words}.")
+        elif (axis, offset.compensation) not in reports or offset.filtered:
+            reports[axis, offset.compensation] = offset
+    return reports, remarks
 
 
 def owners(
@@ -164,39 +164,39 @@ def owners(
     axes of a table is compensated. Where both readings explain the log as well, that
     which is assumed stays. Rules are by compensation.
     """
-    settled: dict[str, str] = {}
-    for each in kinds():
+    owner_rules: dict[str, str] = {}
+    for kind in kinds():
         reported = {
-            number_of(one.axis, names, str(log.source)): one
-            for one in log.offsets
-            if one.compensation == each.name and one.axis is not None
+            number_of(offset.axis, names, str(log.source)): offset
+            for offset in log.offsets
+            if offset.compensation == kind.name and offset.axis is not None
         }
-        held = any(each.entries.is_in(one) for one in lists)
-        if each.owner is None or not reported or not held:
+        listed = any(kind.entries.is_in(listing) for listing in lists)
+        if kind.owner is None or not reported or not listed:
             continue
         scores: dict[str, float] = {}
         for owner in _CHOICES:
-            rules = _with(reading, each.owner, owner)
+            rules = _with(reading, kind.owner, owner)
             try:
                 channels = channels_of(lists, motion, rules)
             except ExchangeError:
                 break  # the log lacks a position, or an axis has two tables
-            parts = {axis: own.get(each.name) for axis, own in channels.items()}
+            parts = {axis: of_axis.get(kind.name) for axis, of_axis in channels.items()}
             scores[owner] = sum(
-                _residual_criterion(parts.get(axis), one, motion)
-                for axis, one in reported.items()
+                _residual_criterion(parts.get(axis), report, motion)
+                for axis, report in reported.items()
             )
         if len(scores) < len(_CHOICES):
             continue
-        best = min(scores, key=lambda owner: scores[owner])
-        if max(scores.values()) - scores[best] >= SETTLED:
-            reading = _with(reading, each.owner, best)
-            settled[each.name] = each.owner
-    return reading, settled
+        likeliest = min(scores, key=lambda owner: scores[owner])
+        if max(scores.values()) - scores[likeliest] >= SETTLED:
+            reading = _with(reading, kind.owner, likeliest)
+            owner_rules[kind.name] = kind.owner
+    return reading, owner_rules
 
 
-def _with(reading: Reading, rule: str, choice: str) -> Reading:
-    rules = {**reading.conventions.to_dict(), rule: choice}
+def _with(reading: Reading, rule: str, value: str) -> Reading:
+    rules = {**reading.conventions.to_dict(), rule: value}
     return dataclasses.replace(reading, conventions=Conventions.from_dict(rules))
 
 
@@ -208,7 +208,7 @@ def _residual_criterion(
     part = Target.of(reported.values, step=reported.step).at(rows)
     squares = np.array([part.power])
     if channel is not None:
-        none = np.zeros((1, len(channel.ways)))
-        column = channel.columns_at(channel.plain, none, rows)
+        unshifted = np.zeros((1, len(channel.ways)))
+        column = channel.columns_at(channel.plain, unshifted, rows)
         squares = least_squares(part, column)
     return float(part.criterion(squares, float(len(rows)))[0])

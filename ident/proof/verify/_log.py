@@ -70,8 +70,8 @@ class LogMotion(Motion):
 
     def actual(self, axis: int, why: str) -> Column:
         """Return the actual position of an axis; one without is where it should be."""
-        found = self.actuals.get(axis)
-        return self.position(axis, why) if found is None else found
+        measured = self.actuals.get(axis)
+        return self.position(axis, why) if measured is None else measured
 
     def direction(
         self, axis: int, why: str, start: int, actual: bool = False
@@ -136,10 +136,10 @@ class Target:
         if nuisance is None or not nuisance.shape[1]:
             weighed = values if root is None else root * values
             return cls(weighed, np.zeros((len(values), 0)), step, root)
-        free = nuisance if root is None else root[:, None] * nuisance
-        scaled = free / np.maximum(np.linalg.norm(free, axis=0), 1e-300)
-        left, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
-        basis = left[:, sizes > 1e-9 * sizes[0]]
+        columns = nuisance if root is None else root[:, None] * nuisance
+        scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        vectors, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
+        basis = vectors[:, sizes > 1e-9 * sizes[0]]
         return cls(values, basis, step, root).but(values)
 
     def but(self, values: Column) -> "Target":
@@ -162,8 +162,8 @@ class Target:
 
     def residual(self, columns: Float[np.ndarray, "*h t"]) -> Float[np.ndarray, "*h t"]:
         """Return what columns leave of the values, in mm or °."""
-        left = self.values - self.free_of(columns)
-        return np.asarray(left if self.root is None else left / self.root)
+        residual = self.values - self.free_of(columns)
+        return np.asarray(residual if self.root is None else residual / self.root)
 
     @functools.cached_property
     def power(self) -> float:
@@ -186,16 +186,16 @@ class Target:
             power = power - np.square(columns @ self.basis).sum(axis=1)
         power = np.where(power > 1e-18 * columns.shape[1], power, 0.0)
         inner = columns @ self.values
-        best = np.where(power > 0.0, inner, 0.0) / np.where(power > 0.0, power, 1.0)
-        return best, self.power - best * inner, power
+        factors = np.where(power > 0.0, inner, 0.0) / np.where(power > 0.0, power, 1.0)
+        return factors, self.power - factors * inner, power
 
     def residual_squares(
         self, columns: Float[np.ndarray, "h t"]
     ) -> Float[np.ndarray, " h"]:
         """Return the squares that columns leave, as they are or by factors in the band."""
-        best, least, power = self.fitted(columns)
-        factor = np.clip(best, 1.0 - self.band, 1.0 + self.band)
-        return np.asarray(least + np.square(factor - best) * power)
+        factors, squares, power = self.fitted(columns)
+        factor = np.clip(factors, 1.0 - self.band, 1.0 + self.band)
+        return np.asarray(squares + np.square(factor - factors) * power)
 
     def criterion(
         self, squares: Float[np.ndarray, " h"], samples: float

@@ -35,54 +35,61 @@ def scaled(
 
     Factors that leave twice as much as the best one cannot win.
     """
-    best, least, power = (float(one[0]) for one in target.fitted(column[None]))
+    factor, least_squares_left, power = (
+        float(one[0]) for one in target.fitted(column[None])
+    )
     if not power:
         return {Hypothesis(change, lag): target.power}
-    away = _away(np.full(1, best), target.band)[0]
-    squares = (least + np.square(away) * power).tolist()
-    near = np.argsort(np.abs(away))[:2]
-    found = {
+    excess = _away(np.full(1, factor), target.band)[0]
+    squares = (least_squares_left + np.square(excess) * power).tolist()
+    nearest = np.argsort(np.abs(excess))[:2]
+    squares_of = {
         Hypothesis(change, lag, scale): left
         for k, (scale, left) in enumerate(zip(_SIZES, squares, strict=True))
-        if left < 2.0 * least or k in near
+        if left < 2.0 * least_squares_left or k in nearest
     }
-    size = _SIZES[near[0]]
-    if abs(best - size) > max(FREE_BAND, target.band) * abs(size):
-        found[Hypothesis(change, lag, best, is_free=True)] = least
-    return found
+    size = _SIZES[nearest[0]]
+    if abs(factor - size) > max(FREE_BAND, target.band) * abs(size):
+        squares_of[Hypothesis(change, lag, factor, is_free=True)] = least_squares_left
+    return squares_of
 
 
-def _away(best: Float[np.ndarray, " s"], band: float) -> Float[np.ndarray, "s k"]:
+def _away(factors: Float[np.ndarray, " s"], band: float) -> Float[np.ndarray, "s k"]:
     """Return how far the best factors are from each of `SCALES`, less what a band allows."""
     sizes = np.array(_SIZES)
-    apart = best[:, None] - sizes
+    difference = factors[:, None] - sizes
     allowed = band * np.abs(sizes)
-    return np.asarray(apart - np.clip(apart, -allowed, allowed))
+    return np.asarray(difference - np.clip(difference, -allowed, allowed))
 
 
 def structures(channel: AbstractChannel) -> list[Change]:
     """Return every choice of masters, edge or rule, without shift, lag or filter."""
     masters, edges, rules = otherwise(channel, channel.plain)
-    edges += [other for one in masters[1:] for other in otherwise(channel, one)[1]]
+    edges += [
+        edge for swapped in masters[1:] for edge in otherwise(channel, swapped)[1]
+    ]
     return list(dict.fromkeys([*masters, *edges, *rules]))
 
 
 def otherwise(channel: AbstractChannel, change: Change) -> tuple[list[Change], ...]:
     """Return a change with every choice of masters, then of edges, and with other rules."""
-    own, rules = channel.edge(change.conventions), channel.rules(change.conventions)
-    edges = EDGES if any(way.ends for way in channel.ways) else ()
+    edge_rule, rules = (
+        channel.edge(change.conventions),
+        channel.rules(change.conventions),
+    )
+    edges = EDGES if any(master.ends for master in channel.ways) else ()
     turns = (False, True) if channel.two_way else (False,)
     return (
         [
-            dataclasses.replace(change, masters=one, turned=turned)
-            for one in (None, *channel.swaps)
+            dataclasses.replace(change, masters=masters, turned=turned)
+            for masters in (None, *channel.swaps)
             for turned in turns
         ],
         [
-            dataclasses.replace(change, edge=None if edge == own else edge)
+            dataclasses.replace(change, edge=None if edge == edge_rule else edge)
             for edge in edges
         ],
-        [dataclasses.replace(change, conventions=one) for one in rules],
+        [dataclasses.replace(change, conventions=rule) for rule in rules],
     )
 
 
@@ -113,37 +120,37 @@ def place(
         return least_squares(target, channel.columns_at(change, shifts, rows))
 
     def tried(*shift: float) -> tuple[Change, float]:
-        moved = dataclasses.replace(change, shift=tuple(shift))
-        return moved, float(left(np.array([shift]))[0])
+        shifted = dataclasses.replace(change, shift=tuple(shift))
+        return shifted, float(left(np.array([shift]))[0])
 
     start = [0.0] * len(channel.ways)
-    found = [(change, tried(*start)[1])]
+    places = [(change, tried(*start)[1])]
     several = change.masters is not None and change.edge is not None
     if several or change.conventions != channel.conventions:
-        return found  # and another place on top of it: too far off
+        return places  # and another place on top of it: too far off
     singles: list[list[float]] = []
-    for k, way in enumerate(channel.ways):
-        best = _along(left, start, k, way.high - way.low, way.step)
-        singles.append(best)
-        found.append(tried(*best))
+    for k, master in enumerate(channel.ways):
+        single = _along(left, start, k, master.high - master.low, master.step)
+        singles.append(single)
+        places.append(tried(*single))
     if len(singles) == 2:
-        both = singles[0] if found[-2][1] < found[-1][1] else singles[1]
+        joint = singles[0] if places[-2][1] < places[-1][1] else singles[1]
         for k in (0, 1, 0, 1):
-            way = channel.ways[k]
-            both = _along(left, both, k, way.high - way.low, way.step)
-        found.append(tried(*both))
-    return found
+            master = channel.ways[k]
+            joint = _along(left, joint, k, master.high - master.low, master.step)
+        places.append(tried(*joint))
+    return places
 
 
 def least_squares(
     target: Target, columns: Float[np.ndarray, "s r"]
 ) -> Float[np.ndarray, " s"]:
     """Return the least that each column leaves, by any factor that `scaled` tries."""
-    best, left, power = target.fitted(columns)
+    factors, squares, power = target.fitted(columns)
     # A factor near one of a fault is that one: what it leaves is what that one leaves.
-    away = np.abs(_away(best, target.band))
-    named = (away <= FREE_BAND * np.abs(_SIZES)).any(axis=1)
-    return left + np.where(named, np.square(away.min(axis=1)) * power, 0.0)
+    excess = np.abs(_away(factors, target.band))
+    is_fault = (excess <= FREE_BAND * np.abs(_SIZES)).any(axis=1)
+    return squares + np.where(is_fault, np.square(excess.min(axis=1)) * power, 0.0)
 
 
 def _along(
@@ -158,18 +165,18 @@ def _along(
     spacing = max(0.5 * step, 2.0 * reach / SHIFTS)
     grid = np.arange(-reach, reach + spacing, spacing)
 
-    def moved(values: Float[np.ndarray, " s"]) -> Float[np.ndarray, "s k"]:
-        shifts = np.tile(np.array(start, dtype=float), (len(values), 1))
-        shifts[:, at] = values
+    def moved(places: Float[np.ndarray, " s"]) -> Float[np.ndarray, "s k"]:
+        shifts = np.tile(np.array(start, dtype=float), (len(places), 1))
+        shifts[:, at] = places
         return shifts
 
-    best = float(grid[int(np.argmin(left(moved(grid))))])
+    optimum = float(grid[int(np.argmin(left(moved(grid))))])
     # Ever closer around the best one, each time with all places at once.
     while spacing > 1e-3 * step:
-        closer = best + spacing * _CLOSER
-        best = float(closer[int(np.argmin(left(moved(closer))))])
+        closer = optimum + spacing * _CLOSER
+        optimum = float(closer[int(np.argmin(left(moved(closer))))])
         spacing *= 2.0 / (len(_CLOSER) - 1)
-    return [float(one) for one in moved(np.array([best]))[0]]
+    return [float(coordinate) for coordinate in moved(np.array([optimum]))[0]]
 
 
 def timed(
@@ -191,27 +198,31 @@ def timed(
     if motion.cycle is None:
         column = channel.over_cycles(parts, change)[rows]
         return scaled(target, change, 0, column)
-    own = max(channel.cycles_under(change.conventions), 1)
-    tried = FILTERS if own > 1 else (*_FEW_FILTERS, max(channel.listed, 1))
-    some = few_of(np.arange(len(rows)), _TIMED_ROWS)
-    part = target.at(some)
+    listed_cycles = max(channel.cycles_under(change.conventions), 1)
+    lengths = FILTERS if listed_cycles > 1 else (*_FEW_FILTERS, max(channel.listed, 1))
+    sample = few_of(np.arange(len(rows)), _TIMED_ROWS)
+    part = target.at(sample)
     lags = np.arange(-motion.reach, motion.reach + 1)
     columns: dict[int, Float[np.ndarray, " t"]] = {}
     guesses: list[tuple[float, int, int]] = []
-    changes = {n: dataclasses.replace(change, cycles=n) for n in tried} | {own: change}
-    for cycles, one in changes.items():
-        columns[cycles] = channel.over_cycles(parts, one)
-        least = least_squares(part, columns[cycles][rows[some] - lags[:, None]])
-        guesses += zip(least.tolist(), itertools.repeat(cycles), lags.tolist())
+    changes = {n: dataclasses.replace(change, cycles=n) for n in lengths} | {
+        listed_cycles: change
+    }
+    for cycles, variant in changes.items():
+        columns[cycles] = channel.over_cycles(parts, variant)
+        squares = least_squares(part, columns[cycles][rows[sample] - lags[:, None]])
+        guesses += zip(squares.tolist(), itertools.repeat(cycles), lags.tolist())
     guesses.sort()
     # The best of all, and of those that keep the length, or the lag.
-    best = [
+    candidates = [
         *guesses[:_TIMED],
-        *[one for one in guesses if one[1] == own][:_TIMED],
-        *[one for one in guesses if one[2] == 0][:_TIMED],
+        *[guess for guess in guesses if guess[1] == listed_cycles][:_TIMED],
+        *[guess for guess in guesses if guess[2] == 0][:_TIMED],
     ]
-    found: dict[Hypothesis, float] = {}
-    for cycles, lag in dict.fromkeys([(own, 0), *(one[1:] for one in best)]):
-        late = columns[cycles][rows - lag]
-        found |= scaled(target, changes[cycles], lag, late)
-    return found
+    hypotheses: dict[Hypothesis, float] = {}
+    for cycles, lag in dict.fromkeys(
+        [(listed_cycles, 0), *(guess[1:] for guess in candidates)]
+    ):
+        delayed = columns[cycles][rows - lag]
+        hypotheses |= scaled(target, changes[cycles], lag, delayed)
+    return hypotheses

@@ -79,33 +79,33 @@ def search(
         target: Values at all rows.
         start: Hypotheses that are looked at in any case.
     """
-    every = _Rows(
+    all_rows = _Rows(
         channel, target, np.arange(channel.motion.rows)[channel.motion.judged]
     )
-    judged, left = every, every.searched(start)
-    best = judged.ranked(left, float(len(every.rows)))[0].hypothesis
-    residual = every.target.residual(every.column(best))
+    sound, squares = all_rows, all_rows.searched(start)
+    best = sound.ranked(squares, float(len(all_rows.rows)))[0].hypothesis
+    residual = all_rows.target.residual(all_rows.column(best))
     wild = wild_readings(residual, max(FLOOR, target.step))
     if 0.0 < wild.mean() <= MOST_WILD:
-        judged = _Rows(channel, target, every.rows[~wild])
-        left = judged.searched(start)
-        best = judged.ranked(left, float(len(judged.rows)))[0].hypothesis
-        residual = judged.target.residual(judged.column(best))
+        sound = _Rows(channel, target, all_rows.rows[~wild])
+        squares = sound.searched(start)
+        best = sound.ranked(squares, float(len(sound.rows)))[0].hypothesis
+        residual = sound.target.residual(sound.column(best))
     samples = independent(residual)
-    best = judged.ranked(left, samples)[0].hypothesis
-    left |= judged.squares(neighbours(channel, best))
-    rivals = judged.ranked(left, samples)
-    first = judged.plainest(rivals)
+    best = sound.ranked(squares, samples)[0].hypothesis
+    squares |= sound.squares(neighbours(channel, best))
+    rivals = sound.ranked(squares, samples)
+    first = sound.plainest(rivals)
     column = channel.column(first.hypothesis.change)
-    late = np.arange(len(column)) - first.hypothesis.lag
-    column = first.hypothesis.scale * column[np.clip(late, 0, len(column) - 1)]
-    nothing = judged.target.criterion(np.array([judged.target.power]), samples)
+    delayed = np.arange(len(column)) - first.hypothesis.lag
+    column = first.hypothesis.scale * column[np.clip(delayed, 0, len(column) - 1)]
+    nothing = sound.target.criterion(np.array([sound.target.power]), samples)
     return Found(
-        rivals=(first, *(one for one in rivals if one is not first)),
+        rivals=(first, *(rival for rival in rivals if rival is not first)),
         nothing=float(nothing[0]) + FAULT,
         column=column,
-        residual=every.target.residual(column[every.rows]),
-        rows=judged.rows,
+        residual=all_rows.target.residual(column[all_rows.rows]),
+        rows=sound.rows,
         samples=samples,
     )
 
@@ -131,89 +131,99 @@ class _Rows:
     def squares(self, hypotheses: Iterable[Hypothesis]) -> dict[Hypothesis, float]:
         """Return the sum of squares that each hypothesis leaves."""
         return {
-            one: float(self.target.residual_squares(self.column(one)[None])[0])
-            for one in hypotheses
+            hypothesis: float(
+                self.target.residual_squares(self.column(hypothesis)[None])[0]
+            )
+            for hypothesis in hypotheses
         }
 
-    def ranked(self, left: Mapping[Hypothesis, float], samples: float) -> list[Rival]:
+    def ranked(
+        self, squares_of: Mapping[Hypothesis, float], samples: float
+    ) -> list[Rival]:
         """Return hypotheses, the best first, by the sum of squares that each leaves."""
-        squares = np.array(list(left.values()))
+        squares = np.array(list(squares_of.values()))
         misfits = self.target.criterion(squares, samples).tolist()
-        found = [
-            Rival(one, misfit, misfit + one.cost(self.channel, samples))
-            for one, misfit in zip(left, misfits, strict=True)
+        rivals = [
+            Rival(hypothesis, misfit, misfit + hypothesis.cost(self.channel, samples))
+            for hypothesis, misfit in zip(squares_of, misfits, strict=True)
         ]
-        return sorted(found, key=lambda one: one.criterion)
+        return sorted(rivals, key=lambda rival: rival.criterion)
 
     def searched(self, start: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
         """Return what promising structures leave, and hypotheses that are given."""
-        left: dict[Hypothesis, float] = {}
+        squares: dict[Hypothesis, float] = {}
         for change in self._promising():
-            left |= self._refined(change)
-        return left | self.squares(start)
+            squares |= self._refined(change)
+        return squares | self.squares(start)
 
     def _promising(self) -> list[Change]:
         """Return masters, edges and shifts that may explain the values, best first."""
-        few, plain = few_of(self.rows), self.channel.plain
-        part = self.whole.at(few)
-        found = {
+        sample, plain = few_of(self.rows), self.channel.plain
+        part = self.whole.at(sample)
+        squares_of = {
             Hypothesis(change): squares
-            for one in structures(self.channel)
-            for change, squares in place(self.channel, one, part, few)
+            for structure in structures(self.channel)
+            for change, squares in place(self.channel, structure, part, sample)
         }
-        best = _Rows(self.channel, self.whole, few).ranked(found, float(len(few)))
-        kept = [one.hypothesis.change for one in best[:_KEPT]]
-        return kept if plain in kept else [*kept, plain]
+        ranking = _Rows(self.channel, self.whole, sample).ranked(
+            squares_of, float(len(sample))
+        )
+        promising = [rival.hypothesis.change for rival in ranking[:_KEPT]]
+        return promising if plain in promising else [*promising, plain]
 
     def _refined(self, change: Change) -> dict[Hypothesis, float]:
         """Return a structure with and without a lag, with and without another filter."""
-        every = timed(self.channel, change, self.target, self.rows)
+        variants = timed(self.channel, change, self.target, self.rows)
         if not change.is_shifted:
-            return every
+            return variants
         # Of a table that lies elsewhere the best of each, its place refined with it.
-        best: dict[tuple[bool, bool], Hypothesis] = {}
-        for one in sorted(every, key=every.__getitem__):
-            best.setdefault((bool(one.lag), one.change.cycles is None), one)
-        found: dict[Hypothesis, float] = {}
-        for one in best.values():
-            found |= self._moved(one.change, one.lag)
-        return found
+        leaders: dict[tuple[bool, bool], Hypothesis] = {}
+        for hypothesis in sorted(variants, key=variants.__getitem__):
+            leaders.setdefault(
+                (bool(hypothesis.lag), hypothesis.change.cycles is None), hypothesis
+            )
+        refined: dict[Hypothesis, float] = {}
+        for hypothesis in leaders.values():
+            refined |= self._moved(hypothesis.change, hypothesis.lag)
+        return refined
 
     def _moved(self, change: Change, lag: int) -> dict[Hypothesis, float]:
         """Return a shifted table with its place refined on all rows, with its factors."""
-        free = np.flatnonzero(change.shift)
-        steps = 0.05 * np.array([self.channel.ways[k].step for k in free])
+        shifted = np.flatnonzero(change.shift)
+        steps = 0.05 * np.array([self.channel.ways[k].step for k in shifted])
 
-        def left(away: Float[np.ndarray, " f"]) -> dict[Hypothesis, float]:
+        def left(displacement: Float[np.ndarray, " f"]) -> dict[Hypothesis, float]:
             shift = np.array(change.shift)
-            shift[free] += steps * away
-            one = dataclasses.replace(change, shift=tuple(shift.tolist()))
-            return scaled(self.target, one, lag, self.column(Hypothesis(one, lag)))
+            shift[shifted] += steps * displacement
+            moved = dataclasses.replace(change, shift=tuple(shift.tolist()))
+            return scaled(self.target, moved, lag, self.column(Hypothesis(moved, lag)))
 
         # Without derivatives: where an edge is a step, nothing is smooth.
-        found = minimize(
-            lambda away: min(left(away).values()),
-            np.zeros(len(free)),
+        optimum = minimize(
+            lambda displacement: min(left(displacement).values()),
+            np.zeros(len(shifted)),
             method="Nelder-Mead",
             options={
-                "initial_simplex": np.eye(len(free) + 1, len(free), -1),
+                "initial_simplex": np.eye(len(shifted) + 1, len(shifted), -1),
                 "xatol": 5e-3,
                 "fatol": np.inf,
-                "maxfev": _MOST_PLACES * len(free),
+                "maxfev": _MOST_PLACES * len(shifted),
             },
         )
-        return left(found.x)
+        return left(optimum.x)
 
     def plainest(self, rivals: Sequence[Rival]) -> Rival:
         """Return the best, or the plain one where nothing tells them apart in a list."""
         plain = Hypothesis(self.channel.plain)
-        same = next((one for one in rivals if one.hypothesis == plain), rivals[0])
+        listed = next(
+            (rival for rival in rivals if rival.hypothesis == plain), rivals[0]
+        )
         first, second = (
-            self.target.residual(self.column(one.hypothesis))
-            for one in (rivals[0], same)
+            self.target.residual(self.column(rival.hypothesis))
+            for rival in (rivals[0], listed)
         )
         enough = max(RESOLUTION, self.target.step)
-        return same if float(np.max(np.abs(first - second))) <= enough else rivals[0]
+        return listed if float(np.max(np.abs(first - second))) <= enough else rivals[0]
 
 
 def independent(residual: Float[np.ndarray, " r"]) -> float:
@@ -228,21 +238,21 @@ def independent(residual: Float[np.ndarray, " r"]) -> float:
     if alike[0] <= 0.0:
         return float(count)
     alike = alike / alike[0]
-    beyond = alike < 2.0 / np.sqrt(count)
-    reach = int(np.argmax(beyond)) if beyond.any() else count
+    uncorrelated = alike < 2.0 / np.sqrt(count)
+    reach = int(np.argmax(uncorrelated)) if uncorrelated.any() else count
     return max(2.0, count / (2.0 * float(alike[:reach].sum()) - 1.0))
 
 
 def neighbours(channel: AbstractChannel, best: Hypothesis) -> list[Hypothesis]:
     """Return hypotheses that differ from the best one in a single respect."""
     change = best.change
-    found = [
+    hypotheses = [
         dataclasses.replace(best, scale=scale, is_free=False)
         for scale in (1.0, -best.scale if not best.is_free else -1.0)
     ]
     changes: list[dict[str, Any]] = []
     if channel.motion.cycle is not None:
-        found += [
+        hypotheses += [
             dataclasses.replace(best, lag=lag)
             for lag in (0, best.lag - 1, best.lag + 1)
             if abs(lag) <= channel.motion.reach
@@ -251,6 +261,8 @@ def neighbours(channel: AbstractChannel, best: Hypothesis) -> list[Hypothesis]:
         changes += [{"cycles": None}]
         changes += [{"cycles": cycles // 2}] * (cycles > 1)
     changes += [{"shift": ()}] * change.is_shifted
-    others = [dataclasses.replace(change, **one) for one in changes]
-    others += itertools.chain.from_iterable(otherwise(channel, change))
-    return found + [dataclasses.replace(best, change=one) for one in others]
+    altered = [dataclasses.replace(change, **fields) for fields in changes]
+    altered += itertools.chain.from_iterable(otherwise(channel, change))
+    return hypotheses + [
+        dataclasses.replace(best, change=variant) for variant in altered
+    ]

@@ -13,8 +13,8 @@ from ._channel import AbstractChannel, Change, Edge, LogRows, Parts, Way
 
 def ways_of(model: Model, ends: bool = True) -> tuple[Way, ...]:
     """Return the extent of a table per master, with or without edges."""
-    places = (np.asarray(one.positions, dtype=float) for one in model.ways)
-    return tuple(Way.of(each, ends) for each in places)
+    places = (np.asarray(line.positions, dtype=float) for line in model.ways)
+    return tuple(Way.of(nodes, ends) for nodes in places)
 
 
 class TableChannel(AbstractChannel):
@@ -23,8 +23,8 @@ class TableChannel(AbstractChannel):
     def prepare(self) -> None:
         law = self.law(self.conventions)
         self.ways, self.two_way = ways_of(law), len(law.tables) > 1
-        entry = self.one.kind.cycles
-        self.listed = self.one.listing.integer(entry[0]) or 0 if entry else 0
+        names = self.one.kind.cycles
+        self.listed = self.one.listing.integer(names[0]) or 0 if names else 0
         self.places(self.masters)  # a log without a master is refused at once
 
     def law(self, conventions: Conventions) -> Any:
@@ -45,47 +45,49 @@ class TableChannel(AbstractChannel):
         ahead = self._beyond(model, places, 1, edge)
         if len(model.tables) == 1:
             return Parts(ahead)
-        back = self._beyond(model, places, -1, edge)
+        behind = self._beyond(model, places, -1, edge)
         return (
-            Parts(back, ahead - back) if change.turned else Parts(ahead, back - ahead)
+            Parts(behind, ahead - behind)
+            if change.turned
+            else Parts(ahead, behind - ahead)
         )
 
     def places(
         self, masters: tuple[int, ...], actual: bool = False
     ) -> Float[np.ndarray, "t d"]:
         """Return positions of the masters, commanded or actual, a column each."""
-        why = f"for the {self.compensation} table of A{self.axis}"
+        purpose = f"for the {self.compensation} table of A{self.axis}"
         place = self.motion.actual if actual else self.motion.position
-        return np.stack([place(axis, why) for axis in masters], axis=1)
+        return np.stack([place(axis, purpose) for axis in masters], axis=1)
 
     def _beyond(
-        self, model: Model, places: Float[np.ndarray, "r d"], way: int, edge: Edge
+        self, model: Model, places: Float[np.ndarray, "r d"], direction: int, edge: Edge
     ) -> Float[np.ndarray, " r"]:
         """Return the offset with another rule for the rows beyond the table."""
-        found = _at(model, places, way)
+        offset = _at(model, places, direction)
         if edge == "held" or not self.ways[0].ends:
-            return found
-        low = np.array([one.low for one in self.ways])
-        high = np.array([one.high for one in self.ways])
-        held = np.clip(places, low, high)
-        out = places - held
-        outside = out.any(axis=1)
+            return offset
+        low = np.array([master.low for master in self.ways])
+        high = np.array([master.high for master in self.ways])
+        clamped = np.clip(places, low, high)
+        excess = places - clamped
+        is_outside = excess.any(axis=1)
         if edge == "zero":
-            return np.where(outside, 0.0, found)
-        for k, one in enumerate(self.ways):
-            rows = np.flatnonzero(out[:, k])
+            return np.where(is_outside, 0.0, offset)
+        for k, master in enumerate(self.ways):
+            rows = np.flatnonzero(excess[:, k])
             if rows.size:
                 # All rows once more and not these alone: another number of rows would
                 # be another program to compile.
-                inner = held.copy()
-                inner[rows, k] -= np.sign(out[rows, k]) * 0.5 * one.step
-                nearby = _at(model, inner, way)[rows]
-                slope = (found[rows] - nearby) / (0.5 * one.step)
-                found[rows] += np.abs(out[rows, k]) * slope
-        return found
+                inner = clamped.copy()
+                inner[rows, k] -= np.sign(excess[rows, k]) * 0.5 * master.step
+                nearby = _at(model, inner, direction)[rows]
+                slope = (offset[rows] - nearby) / (0.5 * master.step)
+                offset[rows] += np.abs(excess[rows, k]) * slope
+        return offset
 
 
 def _at(
-    model: Model, places: Float[np.ndarray, "r d"], way: int
+    model: Model, places: Float[np.ndarray, "r d"], direction: int
 ) -> Float[np.ndarray, " r"]:
-    return np.array(offset_at(model, places, np.full(len(places), way)))
+    return np.array(offset_at(model, places, np.full(len(places), direction)))

@@ -32,22 +32,22 @@ def search_total(
     Starts from the factors that fit all parts jointly, then looks at one part after the
     other until none changes.
     """
-    columns = {name: one.column(one.plain) for name, one in channels.items()}
+    columns = {name: fitted.column(fitted.plain) for name, fitted in channels.items()}
     for name, scale in _factors(columns, channels, target).items():
         columns[name] = scale * columns[name]
-    found: dict[str, Found] = {}
+    parts: dict[str, Found] = {}
     for _ in range(_SWEEPS):
         changed = False
         for name, channel in channels.items():
-            others = [one for key, one in columns.items() if key != name]
-            rest = target.values - sum(others, np.zeros(len(target.values)))
-            start = [found[name].best] if name in found else []
-            one = search(channel, target.but(rest), start)
-            changed |= name not in found or found[name].best != one.best
-            found[name], columns[name] = one, one.column
+            remaining = [fitted for key, fitted in columns.items() if key != name]
+            remainder = target.values - sum(remaining, np.zeros(len(target.values)))
+            start = [parts[name].best] if name in parts else []
+            fitted = search(channel, target.but(remainder), start)
+            changed |= name not in parts or parts[name].best != fitted.best
+            parts[name], columns[name] = fitted, fitted.column
         if not changed or len(channels) == 1:
             break
-    return found
+    return parts
 
 
 def _factors(
@@ -60,8 +60,8 @@ def _factors(
     names = [name for name, column in columns.items() if np.ptp(column[rows]) > 0]
     if not names:
         return {}
-    free = np.stack([target.free_of(columns[name])[rows] for name in names], axis=1)
-    fitted = np.linalg.lstsq(free, target.values[rows], rcond=None)[0]
+    design = np.stack([target.free_of(columns[name])[rows] for name in names], axis=1)
+    fitted = np.linalg.lstsq(design, target.values[rows], rcond=None)[0]
     return {
         name: min(SCALES, key=lambda scale: abs(scale - value))
         for name, value in zip(names, fitted, strict=True)
@@ -89,18 +89,18 @@ def drive_target(
         return Target.of(drive - position, ones), 0, 0.0
     velocity = np.gradient(position)
     shares = np.column_stack([ones, velocity, np.gradient(velocity)])
-    every, inside = np.column_stack([shares, *listed]), slice(_ENDS, -_ENDS)
-    late, part, aligned = 0, 0.0, drive
+    design, interior = np.column_stack([shares, *listed]), slice(_ENDS, -_ENDS)
+    lag, part, aligned = 0, 0.0, drive
     for _ in range(2):  # a delay of several cycles leaves something of it at first
-        apart = (aligned - position)[inside]
-        factors = np.linalg.lstsq(every[inside], apart, rcond=None)[0]
-        moved = aligned - every[:, 3:] @ factors[3:]
-        found = estimate_delay(position, moved, 1.0, longest=float(_REACH))
-        sure = abs(found.seconds) > _SURE * found.standard_deviation
-        delay = found.seconds if found.determined and sure else 0.0
-        late, part = late + round(delay), delay - round(delay)
-        aligned = drive[np.clip(rows + late, 0, rows[-1])]
+        difference = (aligned - position)[interior]
+        factors = np.linalg.lstsq(design[interior], difference, rcond=None)[0]
+        without_lists = aligned - design[:, 3:] @ factors[3:]
+        delay_fit = estimate_delay(position, without_lists, 1.0, longest=float(_REACH))
+        significant = abs(delay_fit.seconds) > _SURE * delay_fit.standard_deviation
+        delay = delay_fit.seconds if delay_fit.determined and significant else 0.0
+        lag, part = lag + round(delay), delay - round(delay)
+        aligned = drive[np.clip(rows + lag, 0, rows[-1])]
     if abs(part) < 0.02:
-        return Target.of(aligned - position, ones), late, 0.0
-    apart = aligned - np.interp(rows - part, rows, position)
-    return Target.of(apart, shares), late, part
+        return Target.of(aligned - position, ones), lag, 0.0
+    difference = aligned - np.interp(rows - part, rows, position)
+    return Target.of(difference, shares), lag, part

@@ -54,7 +54,7 @@ class Verification:
     @property
     def agrees(self) -> bool:
         """Whether there is anything, and all of it agrees."""
-        return bool(self.verdicts) and all(one.agrees for one in self.verdicts)
+        return bool(self.verdicts) and all(verdict.agrees for verdict in self.verdicts)
 
 
 # The products here are too short to share: threads would only wait for each other.
@@ -81,45 +81,47 @@ def verify_log(
     channels = channels_of(lists, motion, reading)
     reports, remarks = reports_of(log, names, channels)
     for name, rule in owned.items():
-        choice = getattr(conventions, rule)
-        if choice != getattr(assumed, rule):
+        owner = getattr(conventions, rule)
+        if owner != getattr(assumed, rule):
             remarks.append(
-                f"{name.capitalize()} tables stand in the list of the {choice} axis"
-                f" ({rule} = {choice})."
+                f"{name.capitalize()} tables stand in the list of the {owner} axis"
+                f" ({rule} = {owner})."
             )
 
     def explained(channels: ByAxis) -> Explained:
-        found: Explained = {}
+        fitted_parts: Explained = {}
         for (axis, name), report in reports.items():
             channel = channels[axis][name]
             if not report.filtered:  # the objects know no filters
                 channel = changed(channel, cycles=0)
             target = Target.of(report.values, step=report.step)
-            found[axis, name] = channel, search(channel, target)
-        return found
+            fitted_parts[axis, name] = channel, search(channel, target)
+        return fitted_parts
 
-    found = explained(channels)
-    clock = _clock_of(found) if motion.cycle else 0.0
+    searches = explained(channels)
+    clock = _clock_of(searches) if motion.cycle else 0.0
     if clock:
         timed = dataclasses.replace(motion, clock=clock)
-        others = channels_of(lists, timed, reading)
-        again = explained(others)
+        timed_channels = channels_of(lists, timed, reading)
+        timed_searches = explained(timed_channels)
         assert motion.cycle is not None
         # The clock is one more thing to explain; it must be worth it.
         cost = FAULT + float(np.log(motion.rows))
-        if _worth(again) + cost < _worth(found):
-            found, channels = again, others
-            way = "later" if clock > 0 else "earlier"
+        if _worth(timed_searches) + cost < _worth(searches):
+            searches, channels = timed_searches, timed_channels
+            direction = "later" if clock > 0 else "earlier"
             remarks.append(
                 "The offsets of this log were recorded"
-                f" {1e3 * abs(clock) * motion.cycle:.1f} ms {way} than its positions;"
+                f" {1e3 * abs(clock) * motion.cycle:.1f} ms {direction} than its positions;"
                 " that is allowed for."
             )
-    verdicts = [judge_channel(*one) for one in found.values()]
+    verdicts = [judge_channel(*fitted) for fitted in searches.values()]
     driven: set[int] = set()
     for axis, parts in channels.items():
-        told, at_drive = _sums(axis, parts, log, names, motion, set(found), remarks)
-        verdicts = _merged(verdicts, told)
+        from_sums, at_drive = _sums(
+            axis, parts, log, names, motion, set(searches), remarks
+        )
+        verdicts = _merged(verdicts, from_sums)
         if at_drive:
             driven.add(axis)
     if not verdicts:
@@ -129,52 +131,54 @@ def verify_log(
             expected="columns such as A3.cross, CROSSC::actual_offset or"
             " A3.drive_position",
         )
-    found_all = _summary(verdicts, channels, driven, conventions, remarks)
-    settled = found_all.settled | set(owned.values())
-    return dataclasses.replace(found_all, settled=settled)
+    summary = _summary(verdicts, channels, driven, conventions, remarks)
+    fixed = summary.settled | set(owned.values())
+    return dataclasses.replace(summary, settled=fixed)
 
 
-def _worth(found: Explained) -> float:
+def _worth(searches: Explained) -> float:
     """Return the criterion of all that was found, the smaller the better."""
-    return sum(one.rivals[0].criterion for _, one in found.values())
+    return sum(fitted.rivals[0].criterion for _, fitted in searches.values())
 
 
-def _clock_of(found: Explained) -> float:
+def _clock_of(searches: Explained) -> float:
     """Return how many cycles later the offsets were recorded; 0 where none are broken.
 
     A controller can only be late by whole cycles. A part of one that all compensations
     share is the clock of the recording, and with it what most of them share.
     """
-    late: list[float] = []
+    lags: list[float] = []
     weights: list[float] = []
-    for channel, one in found.values():
+    for channel, fitted in searches.values():
         # A filter of two cycles is half a cycle late: only unfiltered ones count here.
-        best = next(
-            (r.hypothesis for r in one.rivals if r.hypothesis.change.cycles is None),
-            one.best,
+        hypothesis = next(
+            (r.hypothesis for r in fitted.rivals if r.hypothesis.change.cycles is None),
+            fitted.best,
         )
         rows = channel.motion.judged
-        column = best.scale * channel.column(best.change)
-        slope = np.gradient(column)[rows.start - best.lag : rows.stop - best.lag]
-        base = column[rows.start - best.lag : rows.stop - best.lag]
-        target = one.residual + one.column[rows]
+        column = hypothesis.scale * channel.column(hypothesis.change)
+        slope = np.gradient(column)[
+            rows.start - hypothesis.lag : rows.stop - hypothesis.lag
+        ]
+        base = column[rows.start - hypothesis.lag : rows.stop - hypothesis.lag]
+        target = fitted.residual + fitted.column[rows]
         power = float(slope @ slope)
-        noise = float(np.mean(np.square(one.residual)))
+        noise = float(np.mean(np.square(fitted.residual)))
         if power <= 100.0 * noise:
             continue
-        late.append(best.lag - float((target - base) @ slope) / power)
+        lags.append(hypothesis.lag - float((target - base) @ slope) / power)
         weights.append(power / noise)
-    if not late:
+    if not lags:
         return 0.0
-    turns = 2.0 * np.pi * np.array(late)
+    turns = 2.0 * np.pi * np.array(lags)
     centre = np.average(np.exp(1j * turns), weights=weights)
     part = float(np.angle(centre)) / (2.0 * np.pi)
-    apart = np.angle(np.exp(1j * turns - 2j * np.pi * part)) / (2.0 * np.pi)
+    deviation = np.angle(np.exp(1j * turns - 2j * np.pi * part)) / (2.0 * np.pi)
     allowed = _PART + 4.0 / np.sqrt(np.array(weights))
-    if abs(part) < _PART or np.any(np.abs(apart) > allowed):
+    if abs(part) < _PART or np.any(np.abs(deviation) > allowed):
         return 0.0
-    whole = np.round(np.array(late) - part)
-    votes = {value: np.array(weights)[whole == value].sum() for value in whole}
+    cycles = np.round(np.array(lags) - part)
+    votes = {value: np.array(weights)[cycles == value].sum() for value in cycles}
     return float(max(votes, key=lambda value: votes[value])) + part
 
 
@@ -184,54 +188,67 @@ def _sums(
     log: ControllerLog,
     names: Mapping[str, int],
     motion: LogMotion,
-    known: set[tuple[int, str]],
+    logged: set[tuple[int, str]],
     remarks: list[str],
 ) -> tuple[list[Verdict], bool]:
     """Return verdicts from the drive position or the sum, and whether it was the drive."""
     drive = motion.drives.get(axis)
-    whole = [
-        one
-        for one in log.offsets
-        if one.compensation == "offset"
-        and (one.axis is None or number_of(one.axis, names, str(log.source)) == axis)
+    sums = [
+        offset
+        for offset in log.offsets
+        if offset.compensation == "offset"
+        and (
+            offset.axis is None
+            or number_of(offset.axis, names, str(log.source)) == axis
+        )
     ]
     # A current is no position.
-    parts = {n: one for n, one in parts.items() if not one.one.kind.adds_current}
+    parts = {
+        n: channel for n, channel in parts.items() if not channel.one.kind.adds_current
+    }
     unknown = {
-        name: one for name, one in parts.items() if (axis, name) not in known
+        name: channel for name, channel in parts.items() if (axis, name) not in logged
     }  # fmt: skip
     if drive is None:
-        if whole and unknown:
-            found = search_total(parts, Target.of(whole[0].values, step=whole[0].step))
-            told = [judge_channel(parts[name], found[name]) for name in unknown]
-            return told, False
+        if sums and unknown:
+            fitted_parts = search_total(
+                parts, Target.of(sums[0].values, step=sums[0].step)
+            )
+            verdicts = [
+                judge_channel(parts[name], fitted_parts[name]) for name in unknown
+            ]
+            return verdicts, False
         return [], False
     place = motion.position(axis, "beside its drive_position")
-    listed = [one.column(one.plain) for one in parts.values()]
-    target, late, part = drive_target(place, drive, listed, motion.cycle is not None)
-    after = round(1e3 * (late + part) * (motion.cycle or 0.0), 1)
-    if after:
+    listed = [channel.column(channel.plain) for channel in parts.values()]
+    target, lag, part = drive_target(place, drive, listed, motion.cycle is not None)
+    delay = round(1e3 * (lag + part) * (motion.cycle or 0.0), 1)
+    if delay:
         remarks.append(
-            f"A{axis}.drive_position comes {after:.1f} ms after A{axis}.position; that is"
+            f"A{axis}.drive_position comes {delay:.1f} ms after A{axis}.position; that is"
             " allowed for."
         )
     late_by = dataclasses.replace(motion, clock=part)
-    parts = {name: changed(one, motion=late_by) for name, one in parts.items()}
-    found = search_total(parts, target)
-    return [judge_channel(parts[name], one) for name, one in found.items()], True
+    parts = {name: changed(channel, motion=late_by) for name, channel in parts.items()}
+    fitted_parts = search_total(parts, target)
+    return [
+        judge_channel(parts[name], fitted) for name, fitted in fitted_parts.items()
+    ], True
 
 
 def _merged(logged: Sequence[Verdict], summed: Sequence[Verdict]) -> list[Verdict]:
     """Return verdicts of single values, and of sums where they tell more."""
-    found = {(one.axis, one.compensation): one for one in logged}
-    for one in summed:
-        before = found.get((one.axis, one.compensation))
-        if before is None:
-            found[one.axis, one.compensation] = one
-        elif before.agrees and one.verdict and not one.agrees:
-            text = f"logged as the list says, but at the drive {one.sentence}"
-            found[one.axis, one.compensation] = dataclasses.replace(one, sentence=text)
-    return list(found.values())
+    merged = {(verdict.axis, verdict.compensation): verdict for verdict in logged}
+    for verdict in summed:
+        single = merged.get((verdict.axis, verdict.compensation))
+        if single is None:
+            merged[verdict.axis, verdict.compensation] = verdict
+        elif single.agrees and verdict.verdict and not verdict.agrees:
+            text = f"logged as the list says, but at the drive {verdict.sentence}"
+            merged[verdict.axis, verdict.compensation] = dataclasses.replace(
+                verdict, sentence=text
+            )
+    return list(merged.values())
 
 
 def _summary(
@@ -242,39 +259,39 @@ def _summary(
     remarks: list[str],
 ) -> Verification:
     values = conventions.to_dict()
-    settled: dict[str, bool] = {}
-    for one in verdicts:
-        for name, value in one.settled.items():
-            sure = name not in one.doubtful
+    sure_of: dict[str, bool] = {}
+    for verdict in verdicts:
+        for name, value in verdict.settled.items():
+            sure = name not in verdict.doubtful
             # A job must not run on a sign that this log cannot tell.
-            if name.endswith("_sign") and not (sure and one.axis in driven):
+            if name.endswith("_sign") and not (sure and verdict.axis in driven):
                 continue
-            if sure or name not in settled:
+            if sure or name not in sure_of:
                 values[name] = value
-            settled[name] = settled.get(name, False) or sure
-    seen = {(one.axis, one.compensation) for one in verdicts}
+            sure_of[name] = sure_of.get(name, False) or sure
+    judged = {(verdict.axis, verdict.compensation) for verdict in verdicts}
     missing = [
         f"A{axis}.{name}"
         for axis, parts in channels.items()
         for name in parts
-        if (axis, name) not in seen
+        if (axis, name) not in judged
     ]
     if missing:
         remarks.append(f"Not in this log: {', '.join(missing)}.")
-    blind = sorted({one.axis for one in verdicts} - driven)
+    blind = sorted({verdict.axis for verdict in verdicts} - driven)
     if blind:
-        which = ", ".join(f"A{axis}" for axis in blind)
+        axes = ", ".join(f"A{axis}" for axis in blind)
         remarks.append(
-            f"{which}: a log of offsets cannot tell with which sign they reach the"
+            f"{axes}: a log of offsets cannot tell with which sign they reach the"
             " drive; log drive_position as well, or read a dial gauge."
         )
-    order = (*COMPENSATIONS, *(each.name for each in kinds()))
+    order = (*COMPENSATIONS, *(kind.name for kind in kinds()))
     verdicts = sorted(
-        verdicts, key=lambda one: (one.axis, order.index(one.compensation))
+        verdicts, key=lambda verdict: (verdict.axis, order.index(verdict.compensation))
     )
     return Verification(
         tuple(verdicts),
         tuple(remarks),
         Conventions.from_dict(values),
-        frozenset(name for name, sure in settled.items() if sure),
+        frozenset(name for name, sure in sure_of.items() if sure),
     )
