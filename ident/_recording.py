@@ -36,6 +36,8 @@ _PAUSE = 1e6
 """s between recordings of which each has a clock of its own: every lag has forgotten."""
 _STRAIGHT = 4.0
 """Square of the readings' distance from a line, in their noise, up to which it is one."""
+_HOT = 200.0
+"""Temperature in °C of no machine tool: it is in kelvin."""
 
 _R = TypeVar("_R", bound="JointData")
 
@@ -167,10 +169,6 @@ def clocked(time: Float[np.ndarray, " t"], values: Float[np.ndarray, " t"]) -> C
     count = np.bincount(back, minlength=len(clock))
     mean = np.bincount(back, values[known], len(clock)) / np.maximum(count, 1)
     return Clocked(known, clock, back, mean, count)
-
-
-_HOT = 200.0
-"""Temperature in °C of no machine tool: it is in kelvin."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,6 +17,7 @@ from ...data.errors import AxcompError
 from ...data.files import write_atomically
 from ...data.lists import ListFile
 from ..exchange import ExchangeError, StoredConventions, read_conventions
+from ..kinds import kind
 from ..proof import Diagnosis, diagnose, not_judged
 from ..readings import Tables, errors_in, read_outside
 from ._draft import AbstractDraft
@@ -156,17 +157,17 @@ def measure_again(
         readings = None
         names = [name for name, axes in measured.items() if fit.axis in axes]
         names = [name for name in draft.fit.sources if name in names] or names
-        off = [name for name in names if _is_off(second.job, name, fit.compensation)]
-        if fit.files and off:
+        on = [name for name in names if not _is_off(second.job, name, fit.compensation)]
+        # Of friction, say, readings at standstill tell nothing either way.
+        if fit.files and names and not on and not kind(fit.compensation).unseen:
             words = (
                 f"{second.name} says that the {fit.compensation} was off while"
-                f" {', '.join(off)} was measured (active), which tells nothing of it: expected"
-                f' active = ["{fit.compensation}"] and its list loaded.'
+                f" {', '.join(names)} was measured (active), which tells nothing of it:"
+                f' expected active = ["{fit.compensation}"] and its list loaded.'
             )
             remarks.append(Remark.warning(words))
-            names = [name for name in names if name not in off]
-        if fit.files and names:
-            update = {"measurement": None, "measurements": names}
+        if fit.files and on:
+            update = {"measurement": None, "measurements": on}
             try:
                 readings = draft.second_measurement(
                     tables, draft.fit.model_copy(update=update)

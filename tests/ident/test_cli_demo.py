@@ -63,6 +63,16 @@ def test_second_measurement_confirms_every_prediction(demo: Path) -> None:
 
 
 @pytest.mark.slow
+def test_second_measurement_is_not_asked_for_friction_that_it_cannot_show(
+    demo: Path,
+) -> None:
+    result = json.loads((demo / "result" / "result.json").read_text())
+    words = [one["message"] for one in result["remarks"]]
+    assert any("friction: not judged" in one for one in words)
+    assert not [one for one in words if 'expected active = ["friction"]' in one]
+
+
+@pytest.mark.slow
 def test_second_run_of_the_working_mill_confirms_all_lists_together(demo: Path) -> None:
     found = json.loads((demo.parent / "stdout.json").read_text())["work"]
     assert list(found) == ["X", "Y", "Z"]
