@@ -145,7 +145,7 @@ class Fit(Mapping[str, FittedEffect]):
 
         Each run is left out in turn, or, where there is one run, each of five blocks of
         consecutive readings; its own offset is not taken off. Fitted anew at the smoothness
-        and lags of the fit of all.
+        and lags of the fit of all. Wild readings are left out, as in `noise`.
         """
         if self.joint is None:
             return {}
@@ -153,7 +153,11 @@ class Fit(Mapping[str, FittedEffect]):
         if run is None or len(np.unique(run)) < 2:
             run = np.arange(len(self.data)) * _FOLDS // max(len(self.data), 1)
         left = held_out_errors(self.joint, self.data, run)
-        return {axis: float(np.sqrt(np.nanmean(e**2))) for axis, e in left.items()}
+        believed = {
+            axis: left[axis][own.design.rows][own.active]
+            for axis, own in self.joint.fits.items()
+        }
+        return {axis: float(np.sqrt(np.mean(e**2))) for axis, e in believed.items()}
 
     def covariance(self, name: str) -> Float[np.ndarray, "p p"]:
         """Return the joint covariance of the values of an effect, in the order of the list.

@@ -678,3 +678,15 @@ def test_friction_is_written_of_a_recording_without_positions(tmp_path: Path) ->
     assert np.interp(40.0, curve["velocity"], curve["current"]) == pytest.approx(
         float(fit["friction"].model(np.array([40.0]))[0]), abs=0.01
     )
+
+
+def test_the_held_out_error_leaves_out_what_the_noise_leaves_out() -> None:
+    rng = np.random.default_rng(6)
+    place = np.tile(np.arange(0.0, 401.0, 20.0), 6)
+    error = 4e-3 * np.sin(place / 90.0) + rng.normal(scale=3e-4, size=len(place))
+    error[[17, 60]] += 0.5
+    run = np.repeat(np.arange(6), 21)
+    screw = axcomp.Leadscrew("X", start=0, interval=20, points=21)
+    fit = axcomp.fit([screw], {"X.position": place, "X.error": error, "run": run})
+    # Two readings of 126 that are 0.5 mm off would make 0.06 mm.
+    assert fit.held_out["X"] < 1.3 * fit.noise["X"]

@@ -29,7 +29,7 @@ from ._effect import TABLES, AbstractEffect, Rank
 from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import FoundLag, find_lags, lagging, sensed_variances, sensors_to_fit
-from ._memory import Memory
+from ._memory import Memory, order_of, without_turns
 from ._result import Options, Part, Smoothness
 
 Vector = Float[np.ndarray, " _n"]
@@ -138,9 +138,12 @@ class AxisFit:
         time = self.data.time
         clock = None if time is None else np.asarray(time)[self.design.rows]
         ways = tuple(found.direction for found in self.lags.values())
-        return Memory(
-            self.design, self.known.rules, self.estimate, self.pseudo, clock, ways
-        )
+        masters = {name for one in self.design.effects for name in one.masters}
+        moved = [name for name in sorted(masters) if name in self.data.position]
+        places = [self.data.position[name][self.design.rows] for name in moved]
+        order = order_of(len(self.pseudo), clock)
+        left = without_turns(self.pseudo, places, order)
+        return Memory(self.design, self.known.rules, self.estimate, left, clock, ways)
 
     @property
     def drift(self) -> DriftNoise | None:

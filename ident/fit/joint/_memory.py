@@ -11,6 +11,7 @@ and the unknowns are few enough, the variance is that under the drift (`DriftNoi
 """
 
 import dataclasses
+from collections.abc import Sequence
 from functools import cached_property
 from typing import final
 
@@ -41,6 +42,8 @@ _DRAWS = 4
 """Other orders of the residual."""
 _CHANCE = 1.8
 """Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
+_TURNS = 3
+"""Reversals from which on a drift does not look like the difference of the directions."""
 
 
 @final
@@ -52,7 +55,8 @@ class Memory:
         design: Columns.
         rules: Of the gauge: the values are those under them.
         estimate: Of the stack.
-        pseudo: Pseudo-readings of its last pass, 0 where a reading is not believed.
+        pseudo: Pseudo-readings of its last pass, 0 where a reading is not believed; without
+            what the direction of motion explains.
         time: Of the readings in s; None without a clock.
         directions: Change of the readings per unit of each parameter beside the columns, what
             all unknowns do of it taken off.
@@ -125,9 +129,7 @@ class Memory:
 
         None where the stretches are short.
         """
-        order = np.arange(len(self.pseudo))
-        if self.time is not None:
-            order = np.argsort(self.time, kind="stable")
+        order = order_of(len(self.pseudo), self.time)
         active = order[self.pseudo[order] != 0.0]
         if len(active) < _FEWEST * _STRETCHES:
             return []
@@ -193,6 +195,43 @@ class Memory:
             free = max(len(self._moves) / swell, _LEAST_FREE)
             heavy[part.places] = free / (free - 2.0)
         return heavy
+
+
+def order_of(count: int, time: Float[np.ndarray, " r"] | None) -> Int[np.ndarray, " r"]:
+    """Return the order in which readings were taken: that of their instants, if known."""
+    return np.arange(count) if time is None else np.argsort(time, kind="stable")
+
+
+def without_turns(
+    pseudo: Float[np.ndarray, " r"],
+    positions: Sequence[Float[np.ndarray, " r"]],
+    order: Int[np.ndarray, " r"],
+) -> Float[np.ndarray, " r"]:
+    """Return residuals less what the direction of motion explains where it turns often.
+
+    A table for both directions leaves the backlash in the residual: it remembers no longer than
+    to the next turn, and means over both directions do not wander with it.
+
+    Args:
+        pseudo: Residuals, 0 where a reading is not believed.
+        positions: Of each moving axis.
+        order: In which they were taken.
+    """
+    believed, count = pseudo != 0.0, len(pseudo)
+    columns = [np.ones(count)]
+    for position in positions:
+        steps = np.diff(position[order], prepend=position[order[:1]])
+        moved = np.flatnonzero(steps)
+        ways = np.sign(steps[moved])
+        if np.count_nonzero(np.diff(ways)) < _TURNS:
+            continue
+        # What stands keeps the direction of the last move; the first one, that of the next.
+        last = np.searchsorted(moved, np.arange(count), side="right") - 1
+        columns.append(np.empty(count))
+        columns[-1][order] = ways[np.maximum(last, 0)]
+    design = np.column_stack(columns)
+    share = np.linalg.lstsq(design[believed], pseudo[believed], rcond=None)[0]
+    return np.where(believed, pseudo - design[:, 1:] @ share[1:], 0.0)
 
 
 def _excess(seen: float, white: float) -> float:
