@@ -136,7 +136,8 @@ def _curve_words(curves: Sequence[OffsetCurve]) -> str:
     sentences = [f"{first.compensation.capitalize()} table, {nodes} nodes{masters}."]
     sentences.append(kind(first.compensation).adds)
     if values:
-        unit = "µm" if first.metric else "increments"
+        # A list does not say whether its axis turns.
+        unit = "µm (of a rotary axis 0.001°)" if first.metric else "increments"
         ends = f"{_plain(min(values))} to {_plain(max(values))}"
         sentences.append(f"It adds from {ends} {unit}.")
     if not first.metric:

@@ -156,6 +156,21 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     return f"Take the list out again: {does}{words}; {_again(fit, scale)}."
 
 
+def _no_better(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    assert fit.again is not None  # its figures make the reason
+    diagnosis, trend = fit.again.diagnosis, fit.again.trend
+    words = "" if diagnosis is None else f" ({diagnosis.sentence})"
+    if trend is not None:
+        rest = f"{scale.figure(trend.rest)} {scale.error}"
+        words = (
+            f": without it {rest} would be left, as predicted. Before it goes in again, find"
+            f" what moved {fit.axis} since: its temperature, or the zero of the instrument"
+        )
+    return (
+        f"Take the list out again: {_again(fit, scale)}, no better than before{words}."
+    )
+
+
 def _beside(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     compensations = " and ".join(reason.fields["compensations"])
     return (
@@ -193,7 +208,7 @@ _SENTENCES: dict[Code, str | Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.NO_GAIN: _no_gain,
     Code.ASSUMED: _assumed,
     Code.DIAGNOSED: _diagnosed,
-    Code.NO_BETTER: "Take the list out again: {again}, no better than before{found}.",
+    Code.NO_BETTER: _no_better,
     Code.LESS_THAN_PREDICTED: "Better, but less than predicted: {fall}; {again}{found}.",
     Code.BESIDE: _beside,
     Code.UNOWNED: _unowned,

@@ -181,7 +181,9 @@ def test_show_names_parameters_with_unit_and_meaning(
     assert row.split()[1:4] == ["100000", "10", "mm"]
     assert "P-COMP-00009" in err
     assert "The controller adds the entry" in err
-    assert "It adds from -1.4 to 3 µm." in " ".join(err.split())
+    assert "It adds from -1.4 to 3 µm (of a rotary axis 0.001°)." in " ".join(
+        err.split()
+    )
 
 
 def test_show_of_a_leadscrew_says_that_the_sign_turns(

@@ -296,7 +296,9 @@ def test_show_knows_no_negative_zero(
     path = tmp_path / "x.lis"
     path.write_text(SCREW, encoding="ascii")
     assert main(["show", str(path)]) == 0
-    assert "It adds from -0.7 to 0 µm." in " ".join(capsys.readouterr().out.split())
+    assert "It adds from -0.7 to 0 µm (of a rotary axis 0.001°)." in " ".join(
+        capsys.readouterr().out.split()
+    )
 
 
 @pytest.mark.parametrize("raw", [b"", b"# only a comment\n", CROSS.encode("utf-16")])

@@ -246,6 +246,17 @@ def test_zero_of_a_second_measurement_that_nobody_owns_is_asked_for(
     assert "state in after.toml whose they are (datum or remove" in shown
 
 
+def test_machine_that_moved_since_is_named_beside_a_list_that_acts_as_predicted(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = after_job(job.parent, 1.0, zero=0.03)
+    again.write_text(again.read_text() + 'remove = "none"\n')
+    assert fit(job, "--after", str(again)) == 1
+    verdict = " ".join(capsys.readouterr().out.split()).partition("verdict: ")[2]
+    assert verdict.startswith("Take the list out again")
+    assert "as predicted. Before it goes in again, find what moved X since" in verdict
+
+
 def test_second_measurement_that_shows_nothing_is_no_success(
     job: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
