@@ -18,7 +18,7 @@ from ...models import (
 )
 
 _FORGOTTEN = 30.0
-"""Time constants of the loop after which nothing is left of how it began."""
+"""Time constants of the loop after which its state at the start no longer matters."""
 _GAINS = 50.0, 300.0, 100.0
 """Of a cascade with velocity feed-forward, in 1/s: position gain Kv, bandwidth of the velocity
 loop, and one over its integral time."""

@@ -122,11 +122,11 @@ class _Lines:
 
 
 _Tried = tuple[Float[np.ndarray, "_b _r _m"], Callable[[int, int], str]]
-"""Values along lines, and what says in words where one of them is."""
+"""Values by branch, line and place, and a function to words for the place of one on a line."""
 
 
 def _largest(candidates: Iterable[_Tried]) -> tuple[float, str]:
-    """Return the largest value, and where it is first in a branch."""
+    """Return the largest value, and in words where it is."""
     peaks: list[tuple[float, Callable[[], str]]] = []
     for values, words in candidates:
         for branch in values.reshape(len(values), -1):

@@ -153,7 +153,7 @@ def check_switching(
     entry: str,
     moments: str = "COMP ON/OFF, homing or reload",
 ) -> GateCheck:
-    """Return the line of the gate for the step in one cycle where one comes or goes.
+    """Return the line of the gate for the step per cycle while one is switched on or off.
 
     Args:
         jump: What it adds at most, in mm or °.

@@ -1,7 +1,8 @@
 """All that acts on one axis, judged together: offsets, motion, and what switching does.
 
-First over the whole travel (`judge_workspace`), as one table with its gate; then on the readings
-of a measurement (`judge_together`). One compensation that comes or goes is the gate's.
+`judge_workspace` judges the sum over the whole travel by the lines of the gate, `judge_together`
+what it leaves of the readings of a measurement. `check_switching` judges one compensation that is
+switched on or off, `acts_against` compares the two sides of a gantry.
 """
 
 import dataclasses
@@ -31,11 +32,13 @@ Column = Float[np.ndarray, " t"]
 """A value per reading."""
 
 _SURE = 3.0
-"""Standard deviations of an rms figure, 1/√(2n) each, up to which it is no other."""
+"""Standard deviations of an rms figure of n readings, 1/√(2n) of it each, by which it may differ
+from another that is the same."""
 _TURNED = 0.5
-"""Share of their difference that the sum of two tables stays below where one is turned over."""
+"""Norm of the sum of two tables, relative to that of their difference, below which they have
+opposite signs."""
 _SLACK = 1.1
-"""What other tables add by their own noise: a tenth of the error that is left."""
+"""Ratio of the errors with and without other tables up to which these add their noise only."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -145,9 +145,9 @@ def place(
 def least_squares(
     target: Target, columns: Float[np.ndarray, "s r"]
 ) -> Float[np.ndarray, " s"]:
-    """Return the least that each column leaves, by any factor that `scaled` tries."""
+    """Return the sum of squares that each column leaves at the best factor of `scaled`."""
     factors, squares, power = target.fitted(columns)
-    # A factor near one of a fault is that one: what it leaves is what that one leaves.
+    # A factor near that of a fault counts as it, which leaves the difference of both.
     excess = np.abs(_away(factors, target.band))
     is_fault = (excess <= FREE_BAND * np.abs(_SIZES)).any(axis=1)
     return squares + np.where(is_fault, np.square(excess.min(axis=1)) * power, 0.0)
