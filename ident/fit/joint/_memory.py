@@ -220,7 +220,8 @@ def without_turns(
     believed, count = pseudo != 0.0, len(pseudo)
     columns = [np.ones(count)]
     for position in positions:
-        steps = np.diff(position[order], prepend=position[order[:1]])
+        # Where a position is not known, nothing moves.
+        steps = np.nan_to_num(np.diff(position[order], prepend=position[order[:1]]))
         moved = np.flatnonzero(steps)
         ways = np.sign(steps[moved])
         if np.count_nonzero(np.diff(ways)) < _TURNS:
