@@ -67,8 +67,8 @@ class Chain:
             return second, sp.csr_array((0, len(length)))
         # Row i of the differences stands at node i + 1.
         inner = np.roll(gaps, -1) if self.ring else gaps[1:-1]
-        again, own = _bends(inner, mean, self.ring)
-        weighted = sp.diags_array(np.sqrt(own)) @ again
+        again, spans = _bends(inner, mean, self.ring)
+        weighted = sp.diags_array(np.sqrt(spans)) @ again
         return second, sp.csr_array(weighted @ sp.diags_array(1.0 / np.sqrt(length)))
 
     @cached_property
@@ -88,13 +88,13 @@ class Chain:
         """Least non-zero eigenvalue of both penalties; 0 on a long chain."""
         if self.size > LONG:
             return 0.0, 0.0
-        found = []
+        smallest = []
         for part in self.rows:
             sizes = np.square(np.linalg.svd(part.toarray(), compute_uv=False))
             # All rows are independent but for one on a ring, where they sum to zero.
             sizes = sizes[: len(sizes) - int(self.ring)]
-            found.append(float(sizes[-1]) if len(sizes) else 0.0)
-        return found[0], found[1]
+            smallest.append(float(sizes[-1]) if len(sizes) else 0.0)
+        return smallest[0], smallest[1]
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 2"]:

@@ -121,11 +121,11 @@ def find_drift(
         """
         try:
             # The residuals come last: their own element is what the columns leave.
-            own = np.diag(np.linalg.cholesky(sums))
+            pivots = np.diag(np.linalg.cholesky(sums))
         except np.linalg.LinAlgError:
             return np.inf, np.nan
-        variance = float(own[-1]) ** 2 / free
-        shrink = 2.0 * float(np.log(own[:-1]).sum())
+        variance = float(pivots[-1]) ** 2 / free
+        shrink = 2.0 * float(np.log(pivots[:-1]).sum())
         return spread + shrink + free * float(np.log(variance)), variance
 
     def cost(parameters: Float[np.ndarray, " 2"]) -> tuple[float, float]:
@@ -151,14 +151,14 @@ def find_drift(
         return white_only  # residuals without any scatter
     # A drift longer than the log cannot be separated from a level, which the columns hold.
     bounds = [(np.log(1e-4), np.log(1e6)), (low - 2.0, high + 1.0)]
-    found = minimize(
+    optimum = minimize(
         lambda each: cost(each)[0], start, method="Nelder-Mead", bounds=bounds,
         options={"xatol": 0.02, "fatol": 0.02, "maxiter": 120},
     )  # fmt: skip
-    value, variance = cost(found.x)
+    value, variance = cost(optimum.x)
     if not value < independent - _WORTH:
         return white_only
-    ratio, time_constant = np.exp(found.x)
+    ratio, time_constant = np.exp(optimum.x)
     return DriftNoise(
         float(np.sqrt(variance)),
         float(np.sqrt(variance * ratio)),

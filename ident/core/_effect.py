@@ -92,8 +92,8 @@ def touched(
 def _stencil(
     model: Any, positions: Float[Array, "n d"], direction: Int[Array, " n"]
 ) -> tuple[Array, Array]:
-    found = model.stencil(*model.looked_up(positions, direction))
-    return found.nodes, found.weights
+    stencil = model.stencil(*model.looked_up(positions, direction))
+    return stencil.nodes, stencil.weights
 
 
 def axis_nodes(nodes: Float[np.ndarray, " n"]) -> EquidistantNodes | Setpoints:
@@ -129,7 +129,7 @@ class TableEffect(AbstractEffect):
     @cached_property
     def model(self) -> Plane | Leadscrew:
         """The controller's model of such a table, all values 0."""
-        axes = [axis_nodes(each) for each in self.nodes]
+        axes = [axis_nodes(line) for line in self.nodes]
         if len(axes) == 2:
             first, second = axes
             return Plane(first, second, jnp.zeros((second.count, first.count)))
@@ -206,8 +206,8 @@ class TableEffect(AbstractEffect):
     def design(self, readings: Readings) -> Design:
         """See `AbstractEffect`."""
         columns = [readings.inputs[name] for name in self.inputs]
-        way = None if self.way is None else readings.inputs[self.way]
-        nodes, shares = touched(self.model, np.stack(columns, axis=1), way)
+        direction = None if self.way is None else readings.inputs[self.way]
+        nodes, shares = touched(self.model, np.stack(columns, axis=1), direction)
         return self.place[nodes], shares
 
     def to_values(self, table: np.ndarray) -> np.ndarray:
@@ -234,7 +234,7 @@ def shared_table(
 
     Many jobs share it, with all that it knows of its nodes.
     """
-    kept = tuple(np.asarray(each, np.float64).tobytes() for each in nodes)
+    kept = tuple(np.asarray(line, np.float64).tobytes() for line in nodes)
     return _shared_table(kept, inputs, way, ring)
 
 
@@ -242,7 +242,7 @@ def shared_table(
 def _shared_table(
     nodes: tuple[bytes, ...], inputs: tuple[str, ...], way: str | None, ring: bool
 ) -> TableEffect:
-    arrays = tuple(np.frombuffer(each, np.float64) for each in nodes)
+    arrays = tuple(np.frombuffer(line, np.float64) for line in nodes)
     return TableEffect(arrays, inputs, way, ring)
 
 
@@ -283,13 +283,13 @@ class ColumnsEffect(AbstractEffect):
 
 @functools.lru_cache(maxsize=64)
 def _contrast(counted: bytes, present: bytes) -> Float[np.ndarray, "g c"]:
-    counts, there = (np.frombuffer(each, bool) for each in (counted, present))
-    own = counts[there]
-    if not own.any():
-        own = np.ones(len(own), bool)
-    columns = scipy.linalg.null_space(own[None].astype(float))
+    counts, here = (np.frombuffer(flags, bool) for flags in (counted, present))
+    counts_here = counts[here]
+    if not counts_here.any():
+        counts_here = np.ones(len(counts_here), bool)
+    columns = scipy.linalg.null_space(counts_here[None].astype(float))
     result = np.zeros((len(counts), columns.shape[1]))
-    result[there] = columns
+    result[here] = columns
     return result
 
 
@@ -353,10 +353,10 @@ class GroupEffect(AbstractEffect):
     def variances(self, inverse: Float[np.ndarray, "c c"]) -> Float[np.ndarray, "p g"]:
         """Return the variances of offsets, then trends, for a covariance of the unknowns."""
         width = self.contrast.shape[1]
-        own = [slice(k * width, (k + 1) * width) for k in range(self.parts)]
+        columns = [slice(k * width, (k + 1) * width) for k in range(self.parts)]
         return np.array(
             [
-                np.sum(self.contrast @ inverse[one, one] * self.contrast, axis=1)
-                for one in own
+                np.sum(self.contrast @ inverse[column, column] * self.contrast, axis=1)
+                for column in columns
             ]
         )

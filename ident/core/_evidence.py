@@ -79,8 +79,8 @@ def _likeliest(problem: Problem, near: Posterior | None) -> Posterior | None:
         return _descend(problem, near, gain)
     if _is_large(problem) and _can_be_thinned(problem):
         rough, finer = _thinned(problem)
-        found = _likeliest(rough, None)
-        start = None if found is None else _best_of(problem, [finer(found.weights)])
+        coarse = _likeliest(rough, None)
+        start = None if coarse is None else _best_of(problem, [finer(coarse.weights)])
         if start is not None:
             return _descend(problem, start, gain)
     start = _scanned(problem)
@@ -110,26 +110,26 @@ def _loosened(problem: Problem, best: Posterior) -> Posterior:
         return problem.count * float(np.log(max(square, 1e-300)) - 2.0 * np.log(spare))
 
     fewest = best.used
-    least = cost(best.residual_square, fewest) - _CONTRADICTED
+    lowest = cost(best.residual_square, fewest) - _CONTRADICTED
     together = []
-    for prior, _, own in problem.stack.priors if np.isfinite(least) else ():
+    for prior, _, terms in problem.stack.priors if np.isfinite(lowest) else ():
         if prior.scanned:
             # All axes of a table at once, then each by itself.
-            axes = [slice(k, k + 2) for k in range(own.start, own.stop, 2)]
-            together += [own, *axes] if len(axes) > 1 else [own]
+            axes = [slice(k, k + 2) for k in range(terms.start, terms.stop, 2)]
+            together += [terms, *axes] if len(axes) > 1 else [terms]
     loose = np.where(problem.optional, 0.0, problem.density)
-    for own in together:
+    for terms in together:
         for scale in _LOOSER:
             weights = best.weights.copy()
-            weights[own] = scale * loose[own]
-            found = problem.at(weights)
-            if found is None:
+            weights[terms] = scale * loose[terms]
+            looser = problem.at(weights)
+            if looser is None:
                 continue
-            if cost(found.residual_square, fewest) >= least:
+            if cost(looser.residual_square, fewest) >= lowest:
                 break  # with more smoothness residuals are larger still
-            reached = cost(found.residual_square, found.used)
-            if reached < least:
-                best, least = found, reached
+            reached = cost(looser.residual_square, looser.used)
+            if reached < lowest:
+                best, lowest = looser, reached
     return best
 
 
@@ -160,10 +160,10 @@ def spread_of(post: Posterior, view: View) -> Spread:
             share = float(np.exp(0.5 * gain)) if gain < _CONTRADICTED else 0.0
             if share < _UNLIKELY:
                 break
-            moved, own = view(other)
-            change = moved - values
-            apart = np.square(change) if own.ndim == 1 else np.outer(change, change)
-            sums = sums + share * (other.variance * own + apart)
+            other_values, block = view(other)
+            change = other_values - values
+            apart = np.square(change) if block.ndim == 1 else np.outer(change, change)
+            sums = sums + share * (other.variance * block + apart)
             total += share
     return np.asarray(sums / total)
 
@@ -191,8 +191,8 @@ def _scanned(problem: Problem) -> Posterior | None:
         [[prior.scanned] * len(prior.rows) for prior, _, _ in problem.stack.priors]
     ).astype(bool)
     relative = [np.where(scanned, scale, 1.0) for scale in _SCALES]
-    plain = [np.where(problem.optional, 0.0, one) for one in relative]
-    return _best_of(problem, [one * problem.density for one in plain])
+    plain = [np.where(problem.optional, 0.0, factors) for factors in relative]
+    return _best_of(problem, [factors * problem.density for factors in plain])
 
 
 def _bent(problem: Problem, plain: Posterior) -> Posterior | None:
@@ -204,8 +204,8 @@ def _bent(problem: Problem, plain: Posterior) -> Posterior | None:
     fourth = np.flatnonzero(problem.optional)
     second = fourth - 1
     relative = (plain.weights / problem.density)[second]
-    tried, far = [], _FAR if plain.used > _EVERY * problem.count else ()
-    for stiff, lift in _LIFTS + far:
+    tried, lifts = [], _FAR if plain.used > _EVERY * problem.count else ()
+    for stiff, lift in _LIFTS + lifts:
         weights = plain.weights.copy()
         weights[second] *= _EASED * stiff
         weights[fourth] = lift * (stiff * relative) ** 2 * problem.density[fourth]
@@ -216,8 +216,8 @@ def _bent(problem: Problem, plain: Posterior) -> Posterior | None:
 def _best_of(problem: Problem, tried: Sequence[Vector]) -> Posterior | None:
     low, high = np.exp(problem.bounds.T)
     best = None
-    for each in tried:
-        weights = np.where(each > 0.0, np.minimum(np.maximum(each, low), high), 0.0)
+    for trial in tried:
+        weights = np.where(trial > 0.0, np.minimum(np.maximum(trial, low), high), 0.0)
         post = problem.at(weights)
         if post is not None and post.evidence < (
             np.inf if best is None else best.evidence
@@ -235,24 +235,24 @@ def _descend(problem: Problem, start: Posterior, gain: float) -> Posterior:
     # optimiser's limit is relative to what was gained, where that is more than 1: it sees
     # a small share of it.
     scale = np.sqrt(_SHARE * np.maximum(0.5 * start.carried[alive], 0.25))
-    best, known = start, [start]
+    best, begun = start, [start]
 
     def cost(scaled: Vector) -> tuple[float, Vector]:
         nonlocal best
-        found: Posterior | None
-        if known:
-            found = known.pop()  # the optimiser begins at the start
+        post: Posterior | None
+        if begun:
+            post = begun.pop()  # the optimiser begins at the start
         else:
             weights = np.zeros(len(alive))
             weights[alive] = np.exp(np.minimum(np.maximum(scaled / scale, low), high))
-            found = problem.at(weights)
-        if found is None:
+            post = problem.at(weights)
+        if post is None:
             return _SHARE * 1e6, np.zeros(len(scaled))
-        value, slopes = found.evidence - start.evidence, found.slopes[alive]
+        value, slopes = post.evidence - start.evidence, post.slopes[alive]
         if not np.isfinite([value, *slopes]).all():
             return _SHARE * 1e6, np.zeros(len(scaled))
         if value < best.evidence - start.evidence:
-            best = found
+            best = post
         return _SHARE * value, _SHARE * slopes / scale
 
     fmin_l_bfgs_b(
@@ -264,9 +264,9 @@ def _descend(problem: Problem, start: Posterior, gain: float) -> Posterior:
 
 def _simplified(problem: Problem, best: Posterior, gain: float) -> Posterior:
     """Return the posterior without fourth differences that are not worth their place."""
-    for prior, _, own in problem.stack.priors:
+    for prior, _, terms in problem.stack.priors:
         drop = np.zeros(len(best.weights), bool)
-        drop[own] = prior.optional
+        drop[terms] = prior.optional
         if drop.all() or not best.weights[drop].any():
             continue
         if int((best.weights[problem.optional] > 0).sum()) == int(drop.sum()):
@@ -301,13 +301,13 @@ def _thinned(problem: Problem) -> tuple[Problem, Callable[[Vector], Vector]]:
     # The fine estimate is no coarse table: the sums are taken about zero in its place.
     step = np.concatenate([-problem.theta[:n], np.zeros(stack.size - n)])
     beside = np.eye(stack.size - n)
-    found = sums.moved(step, problem.gain).reduced(slim, beside, spread)
+    thinned = sums.moved(step, problem.gain).reduced(slim, beside, spread)
     theta = np.concatenate([np.zeros(m), problem.theta[n:]])
     names = list(coarse.prior.names)
     order, factor = np.arange(len(problem.density)), np.ones(len(problem.density))
     ratio = [
-        float(np.diff(one).mean() / np.diff(other).mean())
-        for one, other in zip(kept, table.nodes, strict=True)
+        float(np.diff(coarse_nodes).mean() / np.diff(fine_nodes).mean())
+        for coarse_nodes, fine_nodes in zip(kept, table.nodes, strict=True)
     ]
     for k, name in enumerate(table.prior.names):
         order[k] = names.index(name)
@@ -316,6 +316,6 @@ def _thinned(problem: Problem) -> tuple[Problem, Callable[[Vector], Vector]]:
         # axis, ∫f''''² dx times distance⁷, per distance across.
         factor[k] = ratio[axis] ** power / ratio[1 - axis]
     pins = np.concatenate([np.zeros(m), problem.held[n:]])
-    own = Problem.of(found, theta, problem.gain, pins)
-    own = dataclasses.replace(own, pinned=problem.pinned)
-    return own, lambda weights: weights[order] * factor
+    result = Problem.of(thinned, theta, problem.gain, pins)
+    result = dataclasses.replace(result, pinned=problem.pinned)
+    return result, lambda weights: weights[order] * factor

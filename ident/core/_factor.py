@@ -72,7 +72,7 @@ class ArrowFactor:
         if len(columns) and len(border):
             beside = _half_solved(band, np.ascontiguousarray(cross.T))
             border = dsyrk(-1.0, beside.T, 1.0, border, lower=1)
-        schur = _by_block(border, lambda own: dpotrf(own, lower=1, clean=1))
+        schur = _by_block(border, lambda block: dpotrf(block, lower=1, clean=1))
         found = None if schur is None else cls(band, beside, schur)
         return found if found is not None and math.isfinite(found.logdet) else None
 
@@ -97,15 +97,15 @@ class ArrowFactor:
         top = _half_solved(self.band, right[:n])
         if not len(self.schur):
             return _half_solved(self.band, top, back=True)
-        left = right[n:] - self.cross.T @ top
-        rest = np.asarray(dpotrs(self.schur, left, lower=1)[0]).reshape(left.shape)
-        top = _half_solved(self.band, top - self.cross @ rest, back=True)
-        return np.concatenate([top, rest])
+        load = right[n:] - self.cross.T @ top
+        base = np.asarray(dpotrs(self.schur, load, lower=1)[0]).reshape(load.shape)
+        top = _half_solved(self.band, top - self.cross @ base, back=True)
+        return np.concatenate([top, base])
 
     @cached_property
     def border_inverse(self) -> Float[np.ndarray, "m m"]:
         """Inverse over the border."""
-        lower = _by_block(self.schur, lambda own: dpotri(own, lower=1))
+        lower = _by_block(self.schur, lambda block: dpotri(block, lower=1))
         assert lower is not None
         # The factor is clean: above the diagonal stands nothing.
         whole = lower + lower.T
@@ -122,15 +122,15 @@ class ArrowFactor:
             ``[j, s]`` is element ``(j + offsets[s], j)``; 0 beyond the end.
         """
         n = len(self.band)
-        found = band_inverse(self.band, offsets)
+        inverse = band_inverse(self.band, offsets)
         if len(self.schur) and n:
             beside = _half_solved(self.band, self.cross, back=True)
             shaped = dtrsm(1.0, self.schur, beside.T, lower=1)
             for slot, k in enumerate(offsets):
-                found[: n - k, slot] += np.einsum(
+                inverse[: n - k, slot] += np.einsum(
                     "mj,mj->j", shaped[:, k:], shaped[:, : n - k]
                 )
-        return found
+        return inverse
 
 
 def _by_block(
@@ -146,8 +146,8 @@ def _by_block(
     if not size:
         return lower
     if size <= _DENSE:
-        found, info = apply(lower)
-        return found if info == 0 else None
+        result, info = apply(lower)
+        return result if info == 0 else None
     last = size - 1 - np.argmax(lower[::-1] != 0.0, axis=0)
     ends = np.flatnonzero(np.maximum.accumulate(last) <= np.arange(size)) + 1
     whole = np.zeros(lower.shape, order="F")
@@ -165,9 +165,9 @@ def _half_solved(
     if right.ndim > 1 and right.shape[1] > _MANY and band.shape[1] > _BLOCK:
         return _half_solved_in_blocks(band, right, back)
     columns = right.reshape(len(right), -1)
-    found, info = dtbtrs(band.T, columns, uplo="L", trans="T" if back else "N")
+    solution, info = dtbtrs(band.T, columns, uplo="L", trans="T" if back else "N")
     assert info == 0
-    return np.asarray(found).reshape(right.shape)
+    return np.asarray(solution).reshape(right.shape)
 
 
 def _blocks(band: Columns) -> list[tuple[slice, np.ndarray, np.ndarray]]:
@@ -177,7 +177,7 @@ def _blocks(band: Columns) -> list[tuple[slice, np.ndarray, np.ndarray]]:
     flat = np.zeros((n + step, width))
     flat[:n] = band
     size = flat.itemsize
-    found = []
+    blocks = []
     for start in range(0, n, step):
         stop, last = min(start + step, n), min(start + 2 * step, n)
         # Next to it in a column of the matrix is next to it in memory.
@@ -189,8 +189,8 @@ def _blocks(band: Columns) -> list[tuple[slice, np.ndarray, np.ndarray]]:
         # What a column reaches ends with the band.
         rows = np.arange(inside, last - start)[:, None]
         below[rows - np.arange(inside) >= width] = 0.0
-        found.append((slice(start, stop), np.tril(both[:inside]), below))
-    return found
+        blocks.append((slice(start, stop), np.tril(both[:inside]), below))
+    return blocks
 
 
 def _half_solved_in_blocks(
@@ -199,11 +199,11 @@ def _half_solved_in_blocks(
     """Solve for many right-hand sides; LAPACK takes one after the other."""
     blocks = _blocks(band)
     result = np.array(right)
-    for rows, own, below in reversed(blocks) if back else blocks:
+    for rows, triangle, below in reversed(blocks) if back else blocks:
         following = slice(rows.stop, rows.stop + len(below))
         if back:
             result[rows] -= below.T @ result[following]
-        result[rows] = dtrsm(1.0, own, result[rows], lower=1, trans_a=int(back))
+        result[rows] = dtrsm(1.0, triangle, result[rows], lower=1, trans_a=int(back))
         if not back:
             result[following] -= below @ result[rows]
     return result

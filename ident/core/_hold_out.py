@@ -74,13 +74,14 @@ def sums_by_group(
         design: Theirs.
         groups: What is left out together.
     """
-    stack, found = estimate.posterior.problem.stack, {}
+    stack, sums = estimate.posterior.problem.stack, {}
+    about, loss = estimate.about, estimate.loss
     for label in np.unique(groups).tolist():
-        own = groups == label
-        found[label], _ = sums_of(
-            stack, readings.take(own), estimate.about, estimate.loss, design=design[own]
+        mask = groups == label
+        sums[label], _ = sums_of(
+            stack, readings.take(mask), about, loss, design=design[mask]
         )
-    return found
+    return sums
 
 
 def leave_one_out(
@@ -104,21 +105,21 @@ def leave_one_out(
     if len(groups) < 2:
         msg = "leaving out needs at least two groups of readings, found one."
         raise FitError(msg)
-    found = {}
+    posteriors = {}
     for label in groups:
         # What is left out has no say: the others are added up, nothing is taken off.
-        others = [own for other, own in groups.items() if other != label]
-        rest, theta = functools.reduce(operator.add, others), estimate.about
-        gain = max(float(rest.tally[1] / max(rest.tally[0], 1.0)), 0.1)
+        others = [sums for other, sums in groups.items() if other != label]
+        kept, theta = functools.reduce(operator.add, others), estimate.about
+        gain = max(float(kept.tally[1] / max(kept.tally[0], 1.0)), 0.1)
         if label in present:
-            rest, theta = _without_runs(rest, theta, present[label], gain)
-        problem = Problem.of(rest, theta, gain, pins.get(label))
+            kept, theta = _without_runs(kept, theta, present[label], gain)
+        problem = Problem.of(kept, theta, gain, pins.get(label))
         post = problem.at(estimate.posterior.weights)
         if post is None:
             msg = "the readings do not determine the table: the normal matrix is singular."
             raise FitError(msg)
-        found[label] = post
-    return found
+        posteriors[label] = post
+    return posteriors
 
 
 def _without_runs(
@@ -143,10 +144,10 @@ def _with_runs(stack: Stack, present: bytes) -> tuple[Stack, Float[np.ndarray, "
     effect = stack.effects[-1]
     assert isinstance(effect, GroupEffect)
     n, before = stack.band, stack.starts[-2]
-    own = dataclasses.replace(effect, present=np.frombuffer(present, bool))
-    slim = Stack((*stack.effects[:-1], own), stack.banded)
+    fewer = dataclasses.replace(effect, present=np.frombuffer(present, bool))
+    slim = Stack((*stack.effects[:-1], fewer), stack.banded)
     # Effects of all runs per effect of the fewer ones: the same columns in another basis.
-    turn = effect.contrast.T @ own.contrast
+    turn = effect.contrast.T @ fewer.contrast
     kept, (rows, columns) = before - n, turn.shape
     border = np.zeros((stack.size - n, slim.size - n))
     border[:kept, :kept] = np.eye(kept)

@@ -74,22 +74,22 @@ def add_plane(
         node = slow * fast + column
         corners = (node, node + 1, node + fast, node + fast + 1)
         shares = ((1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v)
-        rest = value[t]
+        difference = value[t]
         for p in range(4):
-            rest -= shares[p] * theta[corners[p]]
+            difference -= shares[p] * theta[corners[p]]
         w = weight[t] if len(weight) else 1.0
-        residual[t], push, own = _weighed(rest, w, loss)
-        count, slopes, pushes = count + own[0], slopes + own[1], pushes + own[2]
-        squares, good = squares + own[3], good + own[4]
+        residual[t], push, add = _weighed(difference, w, loss)
+        count, slopes, pushes = count + add[0], slopes + add[1], pushes + add[2]
+        squares, good = squares + add[3], good + add[4]
         for p in range(4):
             right[corners[p]] += shares[p] * push
-        if not (full and own[0]):
+        if not (full and add[0]):
             continue
-        one, place = record[node], 0
+        diagonals, place = record[node], 0
         for p in range(4):
             support[corners[p]] += shares[p] > 0.0
             for q in range(p + 1):
-                one[place] += w * shares[p] * shares[q]
+                diagonals[place] += w * shares[p] * shares[q]
                 place += 1
     # In memory, other stores between, each sum would wait for the one before.
     tally += np.array([count, slopes, pushes, squares, good])

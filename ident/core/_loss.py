@@ -135,11 +135,11 @@ def choose_loss(
     limit = WILD * (1.0 + FEW * inflation**2 / total)
     inner = size <= limit * robust / inflation
     square = np.square(size[inner] * inflation)
-    each = np.ones(len(square)) if count is None else count[inner].astype(float)
+    number = np.ones(len(square)) if count is None else count[inner].astype(float)
     # Too few readings cannot tell the tails: stay with heavy ones.
-    tried = freedoms if each.sum() >= _PLENTY else FREEDOMS[:1]
+    tried = freedoms if number.sum() >= _PLENTY else FREEDOMS[:1]
     fits = [
-        (*_student_fit(square, each, robust, freedom), freedom) for freedom in tried
+        (*_student_fit(square, number, robust, freedom), freedom) for freedom in tried
     ]
     _, scale, freedom = min(fits)
     return Loss(max(scale, floor), freedom, limit=limit, wild_from=limit)

@@ -24,13 +24,13 @@ def node_shares(
 
     Those of all laws of `axcomp.models` over given points: linear between, the ends held.
     """
-    count, size, known = len(places), len(nodes), np.isfinite(places)
+    count, size, finite = len(places), len(nodes), np.isfinite(places)
     # Held here, since further nodes stand behind the last one.
-    held = np.clip(np.where(known, places, nodes[0]), nodes[0], nodes[-1])
+    held = np.clip(np.where(finite, places, nodes[0]), nodes[0], nodes[-1])
     # Many places outweigh a compilation, and their columns the memory.
     room = max(size, _NODES if count <= _PLACES else 0)
-    more = nodes[-1] + max(1.0, abs(nodes[-1])) * np.arange(1, room - size + 1)
-    line = jnp.asarray(np.concatenate([nodes, more]))
+    beyond = nodes[-1] + max(1.0, abs(nodes[-1])) * np.arange(1, room - size + 1)
+    line = jnp.asarray(np.concatenate([nodes, beyond]))
     result = np.array(_shares(line, jnp.asarray(filled(held))))[:count, :size]
-    result[~known] = np.nan
+    result[~finite] = np.nan
     return result

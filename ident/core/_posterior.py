@@ -59,8 +59,8 @@ class Problem:
         stack, diagonal = sums.stack, sums.diagonal
         density, held = [], np.zeros(stack.size)
         for number, (prior, here, _) in enumerate(stack.priors):
-            own = diagonal[here]
-            mean = float(own.sum()) / max(int(np.count_nonzero(own)), 1) or 1.0
+            block = diagonal[here]
+            mean = float(block.sum()) / max(int(np.count_nonzero(block)), 1) or 1.0
             density += [mean] * len(prior.rows)
             held[here] = stack.effects[number].ridge * mean
         pinned = 0
@@ -143,22 +143,22 @@ class Problem:
         if stack.band == stack.size and len(stack.offsets) > 3:
             prior = self.prior(weights)
             matrix = self.sums.band_matrix + prior
-            right = self.right - prior @ self.theta
+            target = self.right - prior @ self.theta
             inverse = sp.diags_array(1.0 / np.maximum(matrix.diagonal(), 1e-300))
-            move, left = cg(matrix, right, rtol=_EXACT, maxiter=_STEPS, M=inverse)
-            if not left:
+            move, failed = cg(matrix, target, rtol=_EXACT, maxiter=_STEPS, M=inverse)
+            if not failed:
                 return np.asarray(self.theta + move)
-        found = self.at(weights)
-        return None if found is None else found.values
+        post = self.at(weights)
+        return None if post is None else post.values
 
     def prior(self, weights: Vector) -> sp.csr_array:
         """Return the precision of the prior for these weights."""
-        found: Any = sp.csr_array(sp.diags_array(self.held))
+        total: Any = sp.csr_array(sp.diags_array(self.held))
         for weight, term in self._terms(weights):
             gram: Any = sp.coo_array(term.penalty.gram)
             places = tuple(at + term.here.start for at in gram.coords)
-            found = found + weight * sp.csr_array((gram.data, places), found.shape)
-        return found
+            total = total + weight * sp.csr_array((gram.data, places), total.shape)
+        return total
 
     def precision(self, weights: Vector) -> sp.csr_array:
         """Return information + prior precision, both triangles."""
@@ -189,12 +189,12 @@ class Problem:
         border = sums.border.copy()
         np.einsum("ii->i", border)[:] += self.held[n:]
         for weight, term in terms:
-            own, shift = term.penalty, term.shift
+            gram, shift = term.penalty, term.shift
             if term.border:
-                border[own.row + shift, own.column + shift] += weight * own.data
+                border[gram.row + shift, gram.column + shift] += weight * gram.data
             else:
-                places = own.column * width + own.row
-                columns.reshape(-1)[places] += weight * own.data
+                places = gram.column * width + gram.row
+                columns.reshape(-1)[places] += weight * gram.data
         return ArrowFactor.of(columns, sums.cross, border)
 
 
@@ -242,8 +242,8 @@ class Posterior:
     @cached_property
     def _prior(self) -> tuple[float, Vector]:
         value, slopes = 0.0, np.zeros(len(self.weights))
-        for prior, _, own in self.problem.stack.priors:
-            part, slopes[own] = prior.logdet(self.weights[own])
+        for prior, _, terms in self.problem.stack.priors:
+            part, slopes[terms] = prior.logdet(self.weights[terms])
             value += part
         return value, slopes
 
@@ -277,20 +277,20 @@ class Posterior:
         stack = self.problem.stack
         if stack.small:
             inverse = self.factor.border_inverse
-            each = stack.grams.reshape(-1, inverse.size) @ inverse.reshape(-1)
-            return np.asarray(self.weights * each)
+            products = stack.grams.reshape(-1, inverse.size) @ inverse.reshape(-1)
+            return np.asarray(self.weights * products)
         result = np.zeros(len(self.weights))
         for k, term in enumerate(stack.terms):
             if self.weights[k] == 0.0:
                 continue
-            own, shift = term.penalty, term.shift
+            penalty, shift = term.penalty, term.shift
             if term.border:
-                places = own.row + shift, own.column + shift
+                places = penalty.row + shift, penalty.column + shift
                 inverse = self.factor.border_inverse[places]
             else:
                 selected, slots = self._selected
-                inverse = selected[own.column, slots[own.row - own.column]]
-            result[k] = self.weights[k] * float(own.doubled @ inverse)
+                inverse = selected[penalty.column, slots[penalty.row - penalty.column]]
+            result[k] = self.weights[k] * float(penalty.doubled @ inverse)
         return result
 
     @property
@@ -333,8 +333,8 @@ class Posterior:
     def about(self) -> Problem:
         """Return the problem of the same sums about these values, so that digits are kept."""
         problem = self.problem
-        moved = problem.sums.moved(self.values - problem.theta, problem.gain)
-        return problem.again(moved, self.values, problem.gain)
+        sums = problem.sums.moved(self.values - problem.theta, problem.gain)
+        return problem.again(sums, self.values, problem.gain)
 
 
 @final
@@ -370,8 +370,8 @@ class CellCovariance:
                 slot = np.where(
                     away < len(slots), slots[np.minimum(away, len(slots) - 1)], -1
                 )
-                own = self.columns[np.minimum(nodes[:, a], nodes[:, b]), slot]
+                element = self.columns[np.minimum(nodes[:, a], nodes[:, b]), slot]
                 twice = 1.0 if a == b else 2.0
                 product = shares[:, a] * shares[:, b]
-                result += np.where(slot < 0, 0.0, twice * product * own)
+                result += np.where(slot < 0, 0.0, twice * product * element)
         return np.maximum(result, 0.0)

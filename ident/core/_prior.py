@@ -49,7 +49,7 @@ class Penalty:
         gram = sp.csr_array(rows.T @ rows)
         lower = sp.coo_array(sp.tril(gram))
         keep = lower.data != 0.0
-        row, column = (each[keep].astype(np.int64) for each in lower.coords)
+        row, column = (index[keep].astype(np.int64) for index in lower.coords)
         data = lower.data[keep]
         doubled = np.where(row == column, data, 2.0 * data)
         distances = frozenset(np.unique(row - column).tolist())
@@ -194,13 +194,13 @@ class Smooth(AbstractPrior):
     @cached_property
     def rows(self) -> tuple[sp.csr_array, ...]:
         """See `AbstractPrior`."""
-        one = 1 if self.fast is None else self.fast.size
-        left, right = sp.eye_array(self.branches), sp.eye_array(one)
-        found = [sp.kron(left, sp.kron(rows, right)) for rows in self.slow.rows]
+        width = 1 if self.fast is None else self.fast.size
+        left, right = sp.eye_array(self.branches), sp.eye_array(width)
+        blocks = [sp.kron(left, sp.kron(rows, right)) for rows in self.slow.rows]
         if self.fast is not None:
             along = sp.eye_array(self.slow.size)
-            found += [sp.kron(along, rows) for rows in self.fast.rows]
-        return tuple(_placed(sp.coo_array(each), self.order) for each in found)
+            blocks += [sp.kron(along, rows) for rows in self.fast.rows]
+        return tuple(_placed(sp.coo_array(block), self.order) for block in blocks)
 
     def logdet(self, weights: Vector) -> tuple[float, Vector]:
         """See `AbstractPrior`."""
@@ -212,9 +212,9 @@ class Smooth(AbstractPrior):
         for k in np.flatnonzero(weights):
             ends = []
             for step in (STEP, -STEP):
-                moved = weights.copy()
-                moved[k] *= np.exp(step)
-                ends.append(self._logdet(moved))
+                shifted = weights.copy()
+                shifted[k] *= np.exp(step)
+                ends.append(self._logdet(shifted))
             slopes[k] = (ends[0] - ends[1]) / (2.0 * STEP)
         return self._logdet(weights), slopes
 
@@ -224,7 +224,7 @@ class Smooth(AbstractPrior):
         if self.slow.size <= LONG:
             both = _eigenvalues(self.slow, *weights[:2].tolist())[:, None] + across
             return float(np.log(both[both > 0.0]).sum())
-        return sum(self.slow.logdet_shifted(weights[:2], each) for each in across)
+        return sum(self.slow.logdet_shifted(weights[:2], value) for value in across)
 
     @property
     def bounds(self) -> Float[np.ndarray, "k 2"]:

@@ -60,8 +60,8 @@ def filled(
         least: Length below which none comes out.
     """
     room = max(least, 1 << max(len(rows) - 1, 0).bit_length())
-    more = np.repeat(rows[-1:], room - len(rows), axis=0)
-    return np.concatenate([rows, more]) if len(more) else rows
+    fill = np.repeat(rows[-1:], room - len(rows), axis=0)
+    return np.concatenate([rows, fill]) if len(fill) else rows
 
 
 def padded(arrays: Mapping[str, np.ndarray], least: int = 64) -> dict[str, np.ndarray]:

@@ -93,8 +93,8 @@ def regress(
         FitError: If the columns cannot be separated or there are too few readings.
     """
     count, size = columns.shape
-    known = np.ones(count) if weight is None else np.asarray(weight, float)
-    root = np.sqrt(known)
+    relative = np.ones(count) if weight is None else np.asarray(weight, float)
+    root = np.sqrt(relative)
     scale = np.sqrt(np.square(columns * root[:, None]).sum(axis=0))
     design = columns / np.where(scale > 0, scale, 1.0)
     scale = np.where(scale > 0, scale, 1.0)
@@ -102,14 +102,14 @@ def regress(
         msg = f"{count} readings for {size} unknowns, expected more than {size}."
         raise FitError(msg)
     # In an orthonormal basis of the columns the information is a unit matrix.
-    basis, lost = _spectrum(design * root[:, None])
-    if noise is None and lost.shape[1]:
+    basis, null = _spectrum(design * root[:, None])
+    if noise is None and null.shape[1]:
         msg = "the readings cannot tell the columns apart."
         raise FitError(msg)
     size = basis.shape[1]
     stack = Stack((ColumnsEffect(NoPrior(size), size, _RIDGE),), banded=False)
     part = design @ basis
-    found = estimate(
+    fit = estimate(
         stack,
         memory(stack, Readings(target, {}, weight), part),
         loss=loss,
@@ -117,23 +117,23 @@ def regress(
         floor=least_scale(target, noise),
         start=_least_magnitudes(part * root[:, None], target * root, loss),
     )
-    left = target - part @ found.centre
-    wild = found.loss.wild(left * root / found.loss.scale)
+    residual = target - part @ fit.centre
+    wild = fit.loss.wild(residual * root / fit.loss.scale)
     rows = ~wild
     if wild.any() and int(rows.sum()) <= size:
         msg = "the readings that agree with each other are too few to fit."
         raise FitError(msg)
-    share = found.loss.share(left * root / found.loss.scale)
-    pseudo = (share * left / found.posterior.problem.gain)[rows]
+    share = fit.loss.share(residual * root / fit.loss.scale)
+    pseudo = (share * residual / fit.posterior.problem.gain)[rows]
     clock = np.arange(count, dtype=float) if time is None else np.asarray(time)
-    clock, weights, kept = clock[rows], known[rows], design[rows]
+    clock, weights, kept = clock[rows], relative[rows], design[rows]
     seen, unseen = _spectrum(np.sqrt(weights)[:, None] * kept)
     lacking = (np.abs(unseen) > SINGULAR**0.5).any(axis=1)
     # The likelihood needs as many columns as the readings see.
-    own = kept @ seen
-    free = float(rows.sum() - own.shape[1])
+    seen_columns = kept @ seen
+    free = float(rows.sum() - seen_columns.shape[1])
     if noise is None:
-        drifting = find_drift(clock, own, pseudo, weights)
+        drifting = find_drift(clock, seen_columns, pseudo, weights)
     else:
         square = float((weights * pseudo**2).sum()) / max(free, 1.0)
         if square < noise**2:
@@ -154,11 +154,11 @@ def regress(
     covariance[lacking, :] = covariance[:, lacking] = 0.0
     covariance[lacking, lacking] = np.inf
     return Regression(
-        coefficients=np.where(lacking, 0.0, basis @ found.values / scale),
+        coefficients=np.where(lacking, 0.0, basis @ fit.values / scale),
         noise=drifting,
-        residual=target - part @ found.values,
+        residual=target - part @ fit.values,
         wild=wild,
-        converged=found.converged,
+        converged=fit.converged,
         covariance=covariance,
         independent=np.where(lacking, 0.0, independent),
         undetermined=lacking,
@@ -189,8 +189,8 @@ def _least_magnitudes(
         return np.asarray(value)
     for _ in range(_MAGNITUDES):
         size = np.abs(target - design @ value)
-        least = max(0.05 * float(np.median(size)), 1e-300)
-        weighted = design / np.maximum(size, least)[:, None]
+        floor = max(0.05 * float(np.median(size)), 1e-300)
+        weighted = design / np.maximum(size, floor)[:, None]
         value = np.linalg.lstsq(weighted.T @ design, weighted.T @ target, rcond=None)[0]
     return np.asarray(value)
 

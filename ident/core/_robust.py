@@ -104,8 +104,8 @@ class Estimate:
     @property
     def _follows(self) -> bool:
         """Whether stated weights let every node follow its own reading."""
-        enough = max(_FEWEST, _SPARE * self.posterior.problem.count)
-        return self.stated and self._spare < enough
+        needed = max(_FEWEST, _SPARE * self.posterior.problem.count)
+        return self.stated and self._spare < needed
 
     @cached_property
     def scatter(self) -> tuple[float, float]:
@@ -148,8 +148,8 @@ class Estimate:
         rejected = f"{wild} wild readings were left out." if wild > 0 else ""
         care = "The iterations did not settle; treat the result with care."
         judged = _FOLLOWS if self._follows else used
-        said = (judged, rejected, "" if self.converged else care)
-        return " ".join(filter(None, said))
+        clauses = (judged, rejected, "" if self.converged else care)
+        return " ".join(filter(None, clauses))
 
 
 def memory(stack: Stack, readings: Readings, columns: Matrix | None = None) -> Pass:
@@ -235,27 +235,27 @@ class _Passes:
         # Far from the table every residual is large: believe all, the hopeless ones less.
         size, count = matrix.sizes
         scale = choose_loss("gauss", size, 1.0, self.floor, count).scale
-        far = self.over(theta, Loss(scale, corner=WILD), matrix)
-        problem, total = self._problem(far, theta), float(matrix.tally[0])
+        tolerant = self.over(theta, Loss(scale, corner=WILD), matrix)
+        problem, total = self._problem(tolerant, theta), float(matrix.tally[0])
         try:
-            found = self._robust(self._solved(problem, self._light(problem)), total)
+            first = self._robust(self._solved(problem, self._light(problem)), total)
         except FitError:
-            found = None  # a run so far off that none of its readings is believed
-        if found is not None:
-            few = total - float(found.posterior.problem.count) <= _UNLIKELY * total
-            if self.fixed is not None or self.rough or (found.converged and few):
-                return found
+            first = None  # a run so far off that none of its readings is believed
+        if first is not None:
+            few = total - float(first.posterior.problem.count) <= _UNLIKELY * total
+            if self.fixed is not None or self.rough or (first.converged and few):
+                return first
         # A first table too smooth takes a bend for wild readings: least squares bends.
         try:
             other = self._robust(self._least_squares(matrix, theta), total)
         except FitError:
-            if found is None:
+            if first is None:
                 raise
-            return found  # so far off that a node lost all of its readings
-        if found is None or (other.converged and not found.converged):
+            return first  # so far off that a node lost all of its readings
+        if first is None or (other.converged and not first.converged):
             return other
-        kept = other.posterior.problem.count > found.posterior.problem.count
-        return other if kept and other.noise < 0.5 * found.noise else found
+        kept = other.posterior.problem.count > first.posterior.problem.count
+        return other if kept and other.noise < 0.5 * first.noise else first
 
     def _least_squares(self, matrix: Sums, theta: Vector) -> Posterior:
         problem = self._problem(matrix, theta)
@@ -300,8 +300,8 @@ class _Passes:
             step = self._step(post)
             moved = self._moved(sums, post.values - about)
             converged = moved <= near * step
-            most = 1 if self.rough else _SEARCHES
-            if converged and self.fixed is None and searches < most:
+            limit = 1 if self.rough else _SEARCHES
+            if converged and self.fixed is None and searches < limit:
                 before = post.values
                 post = self._chosen(problem, post if searches else None)
                 searches += 1
@@ -340,11 +340,11 @@ class _Passes:
     def _solved(
         self, problem: Problem, weights: Vector, factor: object = None
     ) -> Posterior:
-        found = problem.at(weights, factor)  # type: ignore[arg-type]
-        if found is None:
+        post = problem.at(weights, factor)  # type: ignore[arg-type]
+        if post is None:
             msg = "the readings do not determine the table: the normal matrix is singular."
             raise FitError(msg)
-        return found
+        return post
 
     def _weighed(self, problem: Problem) -> Posterior:
         """Return the posterior at the weights that were given, or else by evidence."""
@@ -353,11 +353,11 @@ class _Passes:
         return self._solved(problem, self.fixed(problem))
 
     def _chosen(self, problem: Problem, near: Posterior | None) -> Posterior:
-        found = choose_weights(problem, near)
-        if found is None:
+        post = choose_weights(problem, near)
+        if post is None:
             msg = "no smoothness gives a table: the readings are degenerate."
             raise FitError(msg)
-        return found
+        return post
 
 
 def _ahead(trail: list[tuple[Vector, Vector]], post: Posterior) -> Vector:
@@ -375,13 +375,13 @@ def _ahead(trail: list[tuple[Vector, Vector]], post: Posterior) -> Vector:
     (sooner, first), (later, last) = trail
     change = last - first
     apply = post.problem.sums.apply
-    seen = apply(change)
-    share = float(last @ seen) / max(float(change @ seen), 1e-300)
+    response = apply(change)
+    share = float(last @ response) / max(float(change @ response), 1e-300)
     ahead = min(share, 1.0) * (later - sooner + change)
     # A loss that believes nothing pulls evenly from any distance: its passes have no end.
-    size, most = (
-        float(np.sqrt(max(each @ apply(each), 0.0))) for each in (ahead, last)
+    size, reach = (
+        float(np.sqrt(max(step @ apply(step), 0.0))) for step in (ahead, last)
     )
     return np.asarray(
-        post.values - ahead * min(1.0, _FURTHEST * most / max(size, 1e-300))
+        post.values - ahead * min(1.0, _FURTHEST * reach / max(size, 1e-300))
     )

@@ -72,8 +72,8 @@ class Stack:
         result, first = [], 0
         for number, effect in enumerate(self.effects):
             count = len(effect.prior.rows)
-            own = slice(first, first + count)
-            result.append((effect.prior, self.here(number), own))
+            terms = slice(first, first + count)
+            result.append((effect.prior, self.here(number), terms))
             first += count
         return tuple(result)
 
@@ -95,10 +95,10 @@ class Stack:
     def rows(self) -> Float[np.ndarray, "k r u"]:
         """Rows of each term over all unknowns of a small stack, filled up with zeros."""
         parts = [term.penalty.whole for term in self.terms]
-        most = max((len(part) for part in parts), default=0)
-        result = np.zeros((len(parts), most, self.size))
-        for own, part, term in zip(result, parts, self.terms, strict=True):
-            own[: len(part), term.here] = part
+        widest = max((len(part) for part in parts), default=0)
+        result = np.zeros((len(parts), widest, self.size))
+        for block, part, term in zip(result, parts, self.terms, strict=True):
+            block[: len(part), term.here] = part
         return result
 
     @cached_property
@@ -120,7 +120,8 @@ class Stack:
         """Return the rows of all effects side by side."""
         parts = [design_of(effect, readings) for effect in self.effects]
         nodes = [
-            each + start for (each, _), start in zip(parts, self.starts, strict=False)
+            entries + start
+            for (entries, _), start in zip(parts, self.starts, strict=False)
         ]
         return np.hstack(nodes), np.hstack([shares for _, shares in parts])
 

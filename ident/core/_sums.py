@@ -228,9 +228,9 @@ def sums_of(
     step = -(-len(readings) // min(cores(), len(readings) // MANY))
     shares = [slice(k, k + step) for k in range(0, len(readings), step)]
 
-    def share(own: slice) -> Sums:
-        part = readings.take(own)
-        return _by_loop(stack, part, theta, loss, known is None, axes, residual[own])
+    def share(rows: slice) -> Sums:
+        part = readings.take(rows)
+        return _by_loop(stack, part, theta, loss, known is None, axes, residual[rows])
 
     # The loop lets go of the interpreter.
     with ThreadPoolExecutor(len(shares)) as pool:
@@ -250,12 +250,12 @@ def _by_matrix(
     design: Matrix,
 ) -> tuple[Sums, Float[np.ndarray, " t"]]:
     weight = 1.0 if readings.weight is None else readings.weight
-    rest = readings.value - design @ theta
-    residual = rest * np.sqrt(weight)
+    difference = readings.value - design @ theta
+    residual = difference * np.sqrt(weight)
     ratio = residual / loss.scale
     active, good = ~loss.wild(ratio), np.abs(ratio) <= loss.wild_from
     share, slope = loss.influence(ratio)
-    psi = share * rest
+    psi = share * difference
     weighted = weight * psi
     tally = [
         np.count_nonzero(active),
@@ -272,8 +272,8 @@ def _by_matrix(
         matrix = known.diagonals, known.cross, known.border, known.support
     diagonals, cross, border, support = matrix
     right, sizes = design.T @ weighted, _binned(residual)
-    own = right, np.array(tally, float), sizes, support
-    return Sums(stack, diagonals, cross, border, *own), residual
+    vectors = right, np.array(tally, float), sizes, support
+    return Sums(stack, diagonals, cross, border, *vectors), residual
 
 
 def _products(
@@ -349,13 +349,13 @@ def loop_axes(stack: Stack, readings: Readings) -> Axes | None:
         return None
     if not isinstance(table.model, Plane):
         return None
-    found = []
+    axes = []
     for axis in (table.model.nodes1, table.model.nodes2):
         if not isinstance(axis, EquidistantNodes) or axis.count < 2:
             return None
         start, interval = float(axis.start), float(axis.interval)
         slack = _ROUNDING * (abs(start / interval) + axis.count)
-        found.append((start, 1.0 / interval, slack, float(axis.count - 1)))
+        axes.append((start, 1.0 / interval, slack, float(axis.count - 1)))
     if len(table.nodes[0]) <= len(table.nodes[1]):
-        found.reverse()
-    return tuple(found)
+        axes.reverse()
+    return tuple(axes)

@@ -77,14 +77,14 @@ class Extent:
                     f"{axis + 1}, expected positions spread over {len(nodes)} nodes."
                 )
                 raise FitError(msg)
-        least = layout.effect.size // layout.branches
+        needed = layout.effect.size // layout.branches
         names = ("positive", "negative") if layout.branches == 2 else ("",)
         for name, number in zip(names, self.counts, strict=True):
-            if number < least and not allow_gaps:
+            if number < needed and not allow_gaps:
                 way = f" in {name} direction" if name else ""
                 msg = (
-                    f"{number} readings{way} for {least} nodes, "
-                    f"expected at least {least}."
+                    f"{number} readings{way} for {needed} nodes, "
+                    f"expected at least {needed}."
                 )
                 raise FitError(msg)
         if self.counts.sum() <= free:

@@ -40,8 +40,8 @@ def pivoted(
     matrix: Float[np.ndarray, "m n"],
 ) -> tuple[Float[np.ndarray, "m k"], Float[np.ndarray, " k"], Int[np.ndarray, " n"]]:
     """Return an orthonormal basis, sizes in descending order, and the columns' order."""
-    found = scipy.linalg.qr(matrix, mode="economic", pivoting=True)
-    basis, upper, order = (np.asarray(part) for part in found)
+    factors = scipy.linalg.qr(matrix, mode="economic", pivoting=True)
+    basis, upper, order = (np.asarray(part) for part in factors)
     return basis, np.abs(np.diag(upper)), order.astype(np.int64)
 
 
@@ -85,15 +85,15 @@ class Shapes:
     def limited(self, functionals: Sequence[Float[np.ndarray, "q _p"]]) -> "Shapes":
         """Return the shapes that functionals of each group's values map to zero."""
         kernels, scale = [], []
-        for own, basis, each in zip(self.slices, self.basis, functionals, strict=True):
-            kernels.append(_kernel(each @ basis))
-            most = np.diag(self.matrix)[own].max(initial=0.0)
+        for at, basis, pick in zip(self.slices, self.basis, functionals, strict=True):
+            kernels.append(_kernel(pick @ basis))
+            most = np.diag(self.matrix)[at].max(initial=0.0)
             scale += [most] * kernels[-1].shape[1]
         whole = scipy.linalg.block_diag(*kernels)
         matrix = whole.T @ self.matrix @ whole
         some = np.diag(matrix) > _ROUNDING * np.array(scale)
         pairs = zip(self.basis, kernels, strict=True)
-        limited = tuple(own @ kernel for own, kernel in pairs)
+        limited = tuple(at @ kernel for at, kernel in pairs)
         return Shapes(
             limited, np.where(np.outer(some, some), matrix, 0.0), self.constant
         )
@@ -160,9 +160,9 @@ class Correlations:
         total = float(along[slices[number]][0])
         white: list[np.ndarray] = []
         constants = []
-        for k, own in enumerate(slices):
-            each = _whitener(shapes.matrix[own, own])
-            shadow = each.T @ along[own] / np.sqrt(total)
+        for k, at in enumerate(slices):
+            each = _whitener(shapes.matrix[at, at])
+            shadow = each.T @ along[at] / np.sqrt(total)
             length = float(shadow @ shadow)
             if k == number:
                 each = each[:, :0]
@@ -177,8 +177,8 @@ class Correlations:
                 each = each + each @ (stretch * np.outer(shadow, shadow))
             white.append(each)
         overall = scipy.linalg.block_diag(*white)
-        rest = shapes.matrix - np.outer(along, along) / total
-        matrix = np.asarray(overall.T @ rest @ overall)
+        projected = shapes.matrix - np.outer(along, along) / total
+        matrix = np.asarray(overall.T @ projected @ overall)
         return cls(shapes, tuple(white), matrix, tuple(constants))
 
     @cached_property
@@ -197,19 +197,17 @@ class Correlations:
         """
         values, vectors = self._modes
         inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
-        return [
-            float(np.trace(np.linalg.inv(inverse[own, own]))) for own in self._slices
-        ]
+        return [float(np.trace(np.linalg.inv(inverse[at, at]))) for at in self._slices]
 
     def hidden(self, number: int) -> Float[np.ndarray, " p"]:
         """Return the part of each value of a group, 0 to 1, that no reading shows at all."""
-        basis, own = self.shapes.basis[number], self.shapes.slices[number]
-        matrix = self.shapes.matrix[own, own]
+        basis, at = self.shapes.basis[number], self.shapes.slices[number]
+        matrix = self.shapes.matrix[at, at]
         white = _whitener(matrix)
         whole = np.maximum(np.linalg.norm(basis, axis=1), 1e-300)
-        left = basis - basis @ white @ (white.T @ matrix)
+        free = basis - basis @ white @ (white.T @ matrix)
         full = white.shape[1] == basis.shape[1]
-        return np.zeros(len(basis)) if full else np.linalg.norm(left, axis=1) / whole
+        return np.zeros(len(basis)) if full else np.linalg.norm(free, axis=1) / whole
 
     @property
     def weakest(self) -> float:
@@ -237,14 +235,14 @@ class Correlations:
             limit: Information below which a mixture of all groups is shared.
             known: Pairs that share something themselves: looked at no more.
         """
-        seen = set(itertools.chain.from_iterable(known))
+        covered = set(itertools.chain.from_iterable(known))
         values, vectors = self._modes
         result = []
         for weak in vectors[:, values < limit].T:
-            strength = np.array([np.square(weak[own]).sum() for own in self._slices])
+            strength = np.array([np.square(weak[at]).sum() for at in self._slices])
             members = np.flatnonzero(strength > _MEMBER * strength.max()).tolist()
-            if len(members) > 2 and not seen & set(members):
-                seen |= set(members)
+            if len(members) > 2 and not covered & set(members):
+                covered |= set(members)
                 mixed = {k: weak[self._slices[k], None] for k in members}
                 result.append(self._shared(mixed, 1.0))
         return result
@@ -252,13 +250,14 @@ class Correlations:
     def _shared(
         self, mixed: dict[int, Float[np.ndarray, "_r a"]], correlation: float
     ) -> Shared:
-        moved = [
-            self.shapes.basis[k] @ self.white[k] @ each for k, each in mixed.items()
+        values = [
+            self.shapes.basis[k] @ self.white[k] @ mixture
+            for k, mixture in mixed.items()
         ]
-        count = int(moved[0].shape[1])
-        return Shared(tuple(mixed), correlation, count, tuple(map(_sizes, moved)))
+        count = int(values[0].shape[1])
+        return Shared(tuple(mixed), correlation, count, tuple(map(_sizes, values)))
 
 
-def _sizes(moved: Float[np.ndarray, "p a"]) -> Float[np.ndarray, " p"]:
-    size = np.linalg.norm(moved, axis=1)
+def _sizes(values: Float[np.ndarray, "p a"]) -> Float[np.ndarray, " p"]:
+    size = np.linalg.norm(values, axis=1)
     return np.asarray(size / max(float(size.max(initial=0.0)), 1e-300))

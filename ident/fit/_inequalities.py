@@ -25,13 +25,13 @@ def margins_of(
         entries: Entries of a list, shaped like its table: they tell which way it goes.
         nodes: Positions along each master, master 1 first.
     """
-    each: Any = sp.eye_array(entries.size, format="csr")
+    unit: Any = sp.eye_array(entries.size, format="csr")
     number = np.arange(entries.size).reshape(entries.shape)
-    rows = [each] if "non-negative" in words else []
+    rows = [unit] if "non-negative" in words else []
     for axis, way in _ways(entries, nodes) if "monotone" in words else ():
         later, earlier = (np.delete(number, end, axis) for end in (0, -1))
         signs = sp.diags_array(np.broadcast_to(way, later.shape).ravel())
-        rows.append(signs @ (each[later.ravel()] - each[earlier.ravel()]))
+        rows.append(signs @ (unit[later.ravel()] - unit[earlier.ravel()]))
     return sp.csr_array(sp.vstack(rows))
 
 
@@ -57,14 +57,14 @@ def most_probable(
     from .._ipopt import quadratic_ipopt  # takes long to load
 
     rows = margins_of(words, entries, nodes)
-    found = quadratic_ipopt(precision, rows @ moves, rows @ entries.ravel())
-    if not found.converged:
+    solution = quadratic_ipopt(precision, rows @ moves, rows @ entries.ravel())
+    if not solution.converged:
         msg = (
             f"constraints: found none that is {' and '.join(words)}, IPOPT ended as "
-            f"'{found.status}'"
+            f"'{solution.status}'"
         )
         raise FitError(msg)
-    return found.values
+    return solution.values
 
 
 def kept(
@@ -75,22 +75,22 @@ def kept(
     Arguments as for `margins_of`.
     """
     ways = list(_ways(entries, nodes)) if "monotone" in words else []
-    found = np.maximum(entries, 0) if "non-negative" in words else entries
+    result = np.maximum(entries, 0) if "non-negative" in words else entries
     for axis, way in ways:
-        rising = np.maximum.accumulate(found, axis)
-        falling = np.flip(np.maximum.accumulate(np.flip(found, axis), axis), axis)
-        found = np.where(way > 0, rising, falling)
-    return found
+        rising = np.maximum.accumulate(result, axis)
+        falling = np.flip(np.maximum.accumulate(np.flip(result, axis), axis), axis)
+        result = np.where(way > 0, rising, falling)
+    return result
 
 
 def _ways(
     entries: Array, nodes: Sequence[Float[np.ndarray, " _n"]]
 ) -> Iterator[tuple[int, Array]]:
     """Return the axis of the array over each master, and ±1: its line rises there, or falls."""
-    own = tuple(range(-len(nodes), 0))
+    table_axes = tuple(range(-len(nodes), 0))
     for k, places in enumerate(nodes):
         away = (places - places.mean()).reshape(-1, *[1] * k)
-        line = np.sum(away * entries, axis=own, keepdims=True)
+        line = np.sum(away * entries, axis=table_axes, keepdims=True)
         yield -1 - k, np.where(line < 0.0, -1.0, 1.0)
 
 
@@ -121,11 +121,11 @@ class Inequalities:
         Raises:
             FitError: If nothing keeps them.
         """
-        found, table = self.most_probable(fit), fit.layout.effect
+        best, table = self.most_probable(fit), fit.layout.effect
         nodes, shares = design_of(table, samples.readings)
-        moved = table.to_values(found.values - fit.values)[nodes] * shares
-        residual = fit.residual - moved.sum(axis=1)
-        return dataclasses.replace(found, residual=residual, keeps=self.most_probable)
+        change = table.to_values(best.values - fit.values)[nodes] * shares
+        residual = fit.residual - change.sum(axis=1)
+        return dataclasses.replace(best, residual=residual, keeps=self.most_probable)
 
     def most_probable(self, fit: TableFit) -> TableFit:
         """Return the fit with the most probable values that keep them.
@@ -149,5 +149,5 @@ class Inequalities:
             self.sign * (sp.csr_array(nodes, (count, size)) - common),
             post.problem.precision(post.weights),
         )  # fmt: skip
-        moved = table.to_table(move[: table.size])
-        return dataclasses.replace(fit, values=fit.values + moved)
+        change = table.to_table(move[: table.size])
+        return dataclasses.replace(fit, values=fit.values + change)

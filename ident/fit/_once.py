@@ -58,16 +58,16 @@ def judge_once(fit: TableFit, samples: Samples) -> TableFit:
         return fit
     readings = fit.values.copy()
     readings[place] += np.where(fit.wild, 0.0, fit.residual)
-    least = _least_noise(readings)
-    if least > fit.noise:
-        fit = _noisier(fit, place, least)
+    floor = _least_noise(readings)
+    if floor > fit.noise:
+        fit = _noisier(fit, place, floor)
     across, rough = max(enumerate(_roughness(readings)), key=lambda pair: pair[1])
     # Below the scatter of a reading no structure can hide; from twice that on, all of it can.
     share = float(np.clip(rough / fit.noise - 1.0, 0.0, 1.0))
-    alone = [_offset_of_lines(readings, axis, fit.noise) for axis in (0, 1)]
+    offsets = [_offset_of_lines(readings, axis, fit.noise) for axis in (0, 1)]
     if not share:
-        across = int(np.argmax(alone))
-    offset = max(share * fit.noise, alone[across])
+        across = int(np.argmax(offsets))
+    offset = max(share * fit.noise, offsets[across])
     return _half_way(fit, place, across, share, offset) if offset else fit
 
 
@@ -136,14 +136,14 @@ def _roughness(readings: Float[np.ndarray, "n m"]) -> tuple[float, float]:
     As a standard deviation per line, were it all independent from line to line: what is smooth
     cancels in the second differences of the means.
     """
-    found = []
+    roughness = []
     for axis in (0, 1):
         if readings.shape[axis] < _FEWEST:
-            found.append(0.0)
+            roughness.append(0.0)
             continue
         bend = np.diff(readings.mean(axis=1 - axis), 2)
-        found.append(float(np.sqrt(np.mean(np.square(bend)) / 6.0)))
-    return found[0], found[1]
+        roughness.append(float(np.sqrt(np.mean(np.square(bend)) / 6.0)))
+    return roughness[0], roughness[1]
 
 
 def _offset_of_lines(
@@ -183,8 +183,8 @@ def _half_way(
     """
     toward = 0.5 * share
     kept = np.where(fit.wild, 0.0, toward)
-    moved = np.zeros_like(fit.values)
-    moved[place] = kept * fit.residual
+    values = np.zeros_like(fit.values)
+    values[place] = kept * fit.residual
     # If all scatter is noise the table takes over a part of it; if all is structure, it misses
     # no more than that.
     weight = np.zeros_like(fit.values)
@@ -214,7 +214,7 @@ def _half_way(
     )
     return dataclasses.replace(
         fit,
-        values=fit.values + moved,
+        values=fit.values + values,
         standard_deviation=np.sqrt(np.maximum(before + gain, 0.0) + offset**2),
         noise=float(np.hypot(fit.noise, offset)),
         line_offset=offset,

@@ -149,18 +149,18 @@ def leave_out(
     Raises:
         FitError: If there are fewer than two groups.
     """
-    found = fit.estimate
-    assert found is not None  # every fit of `fit_table` has one
-    stack = found.posterior.problem.stack
+    whole = fit.estimate
+    assert whole is not None  # every fit of `fit_table` has one
+    stack = whole.posterior.problem.stack
     by_run = isinstance(stack.effects[-1], GroupEffect)
     readings, present = samples.readings, {}
     with one_blas_thread():
-        sums = sums_by_group(found, readings, stack.matrix(readings), groups)
+        sums = sums_by_group(whole, readings, stack.matrix(readings), groups)
         for label in sums if by_run else ():
-            rest = readings.inputs["run"][groups != label]
-            present[label] = np.bincount(rest, minlength=len(fit.runs)) > 0
-        left = leave_one_out(found, sums, present, {})
-        folds = [(label, fold_of(fit, post)) for label, post in left.items()]
+            other_runs = readings.inputs["run"][groups != label]
+            present[label] = np.bincount(other_runs, minlength=len(fit.runs)) > 0
+        posteriors = leave_one_out(whole, sums, present, {})
+        folds = [(label, fold_of(fit, post)) for label, post in posteriors.items()]
     yield from folds
 
 

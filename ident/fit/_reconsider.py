@@ -31,9 +31,9 @@ def crowded(nodes: Float[np.ndarray, "3 n"]) -> Bool[np.ndarray, " n"]:
     Args:
         nodes: Readings next to each unknown, the weight they keep, those that are wild.
     """
-    count, _, lost = nodes
-    several = (lost >= _FEW) & (lost > _SHARE * count)
-    return np.asarray(_mostly(count, lost) | several)
+    count, _, wild = nodes
+    several = (wild >= _FEW) & (wild > _SHARE * count)
+    return np.asarray(_mostly(count, wild) | several)
 
 
 def at_medians(stack: Stack, readings: Readings, found: Estimate) -> Estimate:
@@ -81,35 +81,37 @@ def reconsidered(
     post = near.posterior
     light = post.weights if found.stated else _LIGHT * post.problem.density
     light = np.where(post.weights > 0.0, light, 0.0)
-    begun = dataclasses.replace(post, weights=light)
-    rival = again(dataclasses.replace(near, posterior=begun))
+    rough = dataclasses.replace(post, weights=light)
+    rival = again(dataclasses.replace(near, posterior=rough))
 
-    def cost(one: Estimate) -> float:
+    def cost(candidate: Estimate) -> float:
         """Return minus twice the log-likelihood with wild readings anywhere in their range.
 
         Readings of a node that lost most of them share one fault, about which they scatter
         like good ones.
         """
-        left = residual(one.values)
-        limit = one.loss.limit * one.loss.scale
-        far = np.abs(left) * root > limit
-        faulty = _mostly(count, np.bincount(node[far], minlength=size))
-        shift = np.where(faulty, _medians(node, left, size), 0.0)
-        apart = np.abs(left - shift[node]) * root > limit
-        used = ~far & ~faulty[node]
+        residuals = residual(candidate.values)
+        limit = candidate.loss.limit * candidate.loss.scale
+        wild = np.abs(residuals) * root > limit
+        faulty = _mostly(count, np.bincount(node[wild], minlength=size))
+        shift = np.where(faulty, _medians(node, residuals, size), 0.0)
+        apart = np.abs(residuals - shift[node]) * root > limit
+        used = ~wild & ~faulty[node]
         free = max(int(used.sum()) - stack.free, 1)
-        square = float(np.square((left * root)[used]).sum())
-        square += one.posterior.total - one.posterior.residual_square
+        square = float(np.square((residuals * root)[used]).sum())
+        square += candidate.posterior.total - candidate.posterior.residual_square
         good = float(np.log(2.0 * np.pi * max(square / free, 1e-300))) + 1.0
-        span = 2.0 * float(np.log(max(np.ptp(left), 1e-150)))
+        span = 2.0 * float(np.log(max(np.ptp(residuals), 1e-150)))
         beside, many = int((~apart & ~used).sum()), int(apart.sum())
         faults = int(faulty.sum())
         result = (free + beside - faults) * good + (many + faults) * span
         result -= 2.0 * (many * np.log(_WILD) + faults * np.log(_FAULTY))
         if not found.stated:
             # A smoothness that the readings chose must pay for itself.
-            result += one.posterior.evidence - one.posterior.problem.degrees * np.log(
-                one.posterior.total
+            result += (
+                candidate.posterior.evidence
+                - candidate.posterior.problem.degrees
+                * np.log(candidate.posterior.total)
             )
         return float(result)
 
@@ -117,15 +119,15 @@ def reconsidered(
 
 
 def _mostly(
-    count: Shaped[np.ndarray, " n"], lost: Shaped[np.ndarray, " n"]
+    count: Shaped[np.ndarray, " n"], wild: Shaped[np.ndarray, " n"]
 ) -> Bool[np.ndarray, " n"]:
     """Return which nodes lost most of their several readings."""
-    return np.asarray((count > 1) & (lost > 0.5 * count))
+    return np.asarray((count > 1) & (wild > 0.5 * count))
 
 
 def _medians(
     node: Int[np.ndarray, " t"], residual: Float[np.ndarray, " t"], size: int
 ) -> Float[np.ndarray, " n"]:
     """Return the median residual at each node with several readings, else zero."""
-    found = np.asarray(scipy.ndimage.median(residual, node, np.arange(size)))
-    return np.where(np.bincount(node, minlength=size) > 1, found, 0.0)
+    medians = np.asarray(scipy.ndimage.median(residual, node, np.arange(size)))
+    return np.where(np.bincount(node, minlength=size) > 1, medians, 0.0)

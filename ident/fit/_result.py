@@ -117,10 +117,10 @@ def result_of(
         raise FitError(msg)
     suspects: list[int] = []
     if nodes is not None:
-        near, kept, _ = nodes
+        nearest, kept, _ = nodes
         # A share of 0.5 is the Student weight at two scales; a lone reading must be further off.
-        limit = np.where(near > 1, _TRUSTED, 0.5 * _TRUSTED) * near
-        doubted = (near > 0) & (kept < limit)
+        limit = np.where(nearest > 1, _TRUSTED, 0.5 * _TRUSTED) * nearest
+        doubted = (nearest > 0) & (kept < limit)
         suspects = np.flatnonzero(table.to_table(doubted).reshape(-1)).tolist()
     return TableFit(
         layout=layout,
@@ -155,7 +155,7 @@ def fold_of(fit: TableFit, post: Posterior) -> TableFit:
     effect = post.problem.stack.effects[-1]
     runs = [run.run for run in fit.runs]
     if isinstance(effect, GroupEffect):
-        runs = [run for run, there in zip(runs, effect.present, strict=True) if there]
+        runs = [run for run, has in zip(runs, effect.present, strict=True) if has]
     count = int(post.problem.count)
     fold = result_of(fit.layout, found, fit.loss, count=count, runs=runs)
     fold = fold if fit.keeps is None else fit.keeps(fold)
@@ -171,8 +171,8 @@ def _run_effects(
     if not isinstance(effect, GroupEffect):
         return ()
     values = effect.by_group(post.values[stack.here(-1)])
-    own = slice(stack.here(-1).start - stack.band, None)
-    inverse = post.factor.border_inverse[own, own]
+    border = slice(stack.here(-1).start - stack.band, None)
+    inverse = post.factor.border_inverse[border, border]
     rows = np.zeros((4, len(effect.present)))
     rows[: 2 * effect.parts : 2] = values
     rows[1 : 2 * effect.parts : 2] = np.sqrt(variance * effect.variances(inverse))
@@ -190,14 +190,14 @@ def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
     if count < 3:
         return ()
     offset = np.array([run.offset for run in runs])
-    own = np.array([run.offset_sd for run in runs])
-    rest = count - 1
+    offset_sd = np.array([run.offset_sd for run in runs])
+    free = count - 1
     # Of the others alone, by the deviations from the mean of all.
     away = offset - offset.mean()
-    square = np.sum(away**2) - away**2 * count / rest
-    scatter = np.maximum(np.sqrt(np.maximum(square, 0.0) / (rest - 1)), own)
-    off = np.abs(away) * count / rest
-    t = off / (scatter * np.sqrt(1.0 + 1.0 / rest))
+    square = np.sum(away**2) - away**2 * count / free
+    scatter = np.maximum(np.sqrt(np.maximum(square, 0.0) / (free - 1)), offset_sd)
+    off = np.abs(away) * count / free
+    t = off / (scatter * np.sqrt(1.0 + 1.0 / free))
     # Of two others the scatter is hardly known: as if of three.
     far = 2.0 * stdtr(max(count - 2, 2), -t) < _FAR / count
     return tuple(run.run for run, is_far in zip(runs, far, strict=True) if is_far)
@@ -214,8 +214,8 @@ def doubt_of_means(runs: Sequence[RunEffect]) -> tuple[float, float]:
     if count < 2:
         return 0.0, 0.0
     values = np.array([[run.offset, run.drift] for run in runs])
-    known = np.array([[run.offset_sd, run.drift_sd] for run in runs])
-    noise = np.square(known).sum(axis=0) / (count - 1)
+    deviations = np.array([[run.offset_sd, run.drift_sd] for run in runs])
+    noise = np.square(deviations).sum(axis=0) / (count - 1)
     between = np.maximum(values.var(axis=0, ddof=1) - noise, 0.0)
     factor = 0.5 * float(stdtrit(count - 1, _TWO_SIGMA))
     offset, drift = (factor * np.sqrt(between / count)).tolist()

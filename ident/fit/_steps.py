@@ -54,7 +54,7 @@ class Steps:
         if not places or not 1 < len(error) <= _MANY:
             return cls(0.0, np.zeros(0, np.int64), np.zeros(0, bool))
         order = np.lexsort([*places])
-        again = np.all([np.diff(each[order]) == 0.0 for each in places], axis=0)
+        again = np.all([np.diff(column[order]) == 0.0 for column in places], axis=0)
         # At one place they differ by whole steps whatever was taken off at each place.
         change = np.diff(error[order])
         size = _step_of(change[again])

@@ -77,10 +77,10 @@ class StreamedFit:
         self, samples: Samples
     ) -> tuple[Bool[np.ndarray, " t"], Float[np.ndarray, " t"]]:
         """Return which of some readings are wild, and the weight that the loss leaves each."""
-        found, layout = self.fit.estimate, self.fit.layout
-        assert found is not None
+        estimate, layout = self.fit.estimate, self.fit.layout
+        assert estimate is not None
         stack, readings = Stack((layout.effect,)), samples.readings
-        judged = Judged.of(stack, readings, found.about, found.loss)
+        judged = Judged.of(stack, readings, estimate.about, estimate.loss)
         return judged.wild, judged.share
 
 
@@ -117,9 +117,9 @@ def fit_streamed(
     first = next((error for error in pieces if len(error)), np.zeros(1))
     passes = itertools.count()
 
-    def ask(wanted: _SumUp) -> _Found:
+    def ask(work: _SumUp) -> _Found:
         next(passes)
-        total = functools.reduce(operator.add, apply(wanted, parts), _NOTHING)
+        total = functools.reduce(operator.add, apply(work, parts), _NOTHING)
         if not total.groups:
             msg = "found no readings, expected at least one per node."
             raise FitError(msg)
@@ -127,12 +127,12 @@ def fit_streamed(
 
     attempt, words = partial(_attempt, layout, ask, first, grouping, smoothness), ""
     with one_blas_thread():
-        found = attempt(loss)
-        if loss == "student" and found.wild > TOO_MANY * found.count:
-            found, words = attempt("huber"), f"{NONE_LEFT_OUT} "
-    message = f"{found.fit.message} {words}Read in {next(passes)} passes."
+        result = attempt(loss)
+        if loss == "student" and result.wild > TOO_MANY * result.count:
+            result, words = attempt("huber"), f"{NONE_LEFT_OUT} "
+    message = f"{result.fit.message} {words}Read in {next(passes)} passes."
     return dataclasses.replace(
-        found, fit=dataclasses.replace(found.fit, message=message)
+        result, fit=dataclasses.replace(result.fit, message=message)
     )
 
 
@@ -159,11 +159,11 @@ def _attempt(
 
     def over(theta: Float[np.ndarray, " u"], by: Loss, known: Sums | None) -> Sums:
         groups = None if looks else grouping
-        found = ask(_SumUp(layout, theta, by, known is None, not looks, groups))
-        if found.extent is not None:
-            found.extent.check(layout, stack.free, allow_gaps=False)
-            looks.append(found)
-        return found.total if known is None else found.total.with_matrix(known)
+        sums = ask(_SumUp(layout, theta, by, known is None, not looks, groups))
+        if sums.extent is not None:
+            sums.extent.check(layout, stack.free, allow_gaps=False)
+            looks.append(sums)
+        return sums.total if known is None else sums.total.with_matrix(known)
 
     whole = estimate_table(stack, over, first, smoothness, loss)
     last = looks[0]
@@ -182,8 +182,8 @@ def _attempt(
         spread=float(np.ptp(first)),
         nodes=nodes,
     )
-    left = {} if grouping is None else leave_one_out(whole, last.groups, {}, {})
-    folds = {label: fold_of(fit, post) for label, post in left.items()}
+    posteriors = {} if grouping is None else leave_one_out(whole, last.groups, {}, {})
+    folds = {label: fold_of(fit, post) for label, post in posteriors.items()}
     wild = count - int(whole.posterior.problem.count)
     return StreamedFit(fit, count, wild, many, folds)
 
@@ -204,8 +204,8 @@ class _Found:
 
     def __add__(self, other: "_Found") -> "_Found":
         groups = dict(self.groups)
-        for label, own in other.groups.items():
-            groups[label] = groups[label] + own if label in groups else own
+        for label, sums in other.groups.items():
+            groups[label] = groups[label] + sums if label in groups else sums
         extent = self.extent or other.extent
         if self.extent is not None and other.extent is not None:
             extent = self.extent + other.extent
@@ -256,8 +256,8 @@ class _SumUp:
             labels = self.grouping(samples)
             parts = {int(g): samples.take(labels == g) for g in np.unique(labels)}
         groups, nodes = {}, np.zeros((3, 1))
-        for label, own in parts.items():
-            readings = own.readings
+        for label, sums in parts.items():
+            readings = sums.readings
             groups[label], _ = sums_of(stack, readings, self.theta, self.loss, known)
             if self.nodes:
                 judged = Judged.of(stack, readings, self.theta, self.loss)

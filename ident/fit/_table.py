@@ -134,11 +134,11 @@ def fit_values(
     with one_blas_thread():
         zero, names = np.zeros(stack.size), layout.effect.prior.names
         problem = Problem.of(sums_of(stack, readings, zero, Loss())[0], zero)
-        found = problem.values_at(fixed_weights(smoothness, names)(problem))
-    if found is None:
+        values = problem.values_at(fixed_weights(smoothness, names)(problem))
+    if values is None:
         msg = "the readings do not determine the table: the normal matrix is singular."
         raise FitError(msg)
-    return layout.effect.to_table(found)
+    return layout.effect.to_table(values)
 
 
 def estimate_table(
@@ -203,10 +203,10 @@ def fixed_weights(
     def weights(problem: Problem) -> Float[np.ndarray, " k"]:
         second = np.where(problem.optional, 0.0, 1.0)
         if isinstance(wanted, Mapping):
-            given = np.array([float(wanted.get(name, 0.0)) for name in names])
+            stated = np.array([float(wanted.get(name, 0.0)) for name in names])
         else:
-            given = second * wanted
-        return np.asarray(np.maximum(given, second * FILL * problem.density))
+            stated = second * wanted
+        return np.asarray(np.maximum(stated, second * FILL * problem.density))
 
     return weights
 
@@ -240,11 +240,11 @@ class _Memory:
         error, effect = readings.value, stack.effects[-1]
 
         def offsets(level: float) -> Vector:
-            own = np.zeros(stack.size - self.layout.effect.size)
+            border = np.zeros(stack.size - self.layout.effect.size)
             if isinstance(effect, GroupEffect):
                 offset = self.middle(error) - level
-                own[: effect.contrast.shape[1]] = effect.contrast.T @ offset
-            return own
+                border[: effect.contrast.shape[1]] = effect.contrast.T @ offset
+            return border
 
         estimated = functools.partial(
             estimate_table,
@@ -342,8 +342,8 @@ def _too_many_wild(fit: TableFit, samples: Samples) -> bool:
     wild = fit.wild
     if wild.any() and samples.run is not None:
         labels, index = np.unique(samples.run), samples.readings.inputs["run"]
-        lost = np.bincount(index, wild) / np.bincount(index)
+        share = np.bincount(index, wild) / np.bincount(index)
         # A run of garbage is at fault itself.
-        garbage = (lost > _GARBAGE) | np.isin(labels, fit.suspect_runs)
+        garbage = (share > _GARBAGE) | np.isin(labels, fit.suspect_runs)
         wild = wild[~garbage[index]]
     return bool(len(wild) and wild.mean() > TOO_MANY)

@@ -35,8 +35,8 @@ class TableLayout:
 
         A periodic table keeps its repeated end, with equal first and last value.
         """
-        own = tuple(len(nodes) for nodes in reversed(self.nodes))
-        return own if self.branches == 1 else (self.branches, *own)
+        counts = tuple(len(nodes) for nodes in reversed(self.nodes))
+        return counts if self.branches == 1 else (self.branches, *counts)
 
     @cached_property
     def effect(self) -> TableEffect:

@@ -73,9 +73,9 @@ class AxisFit:
     @cached_property
     def active(self) -> Bool[np.ndarray, " r"]:
         """Readings that are believed at all."""
-        found = self.estimate
-        left = _error(self.design, self.data) - self.design.columns @ found.centre
-        return np.asarray(~found.loss.wild(left / found.loss.scale))
+        fit = self.estimate
+        residual = _error(self.design, self.data) - self.design.columns @ fit.centre
+        return np.asarray(~fit.loss.wild(residual / fit.loss.scale))
 
     def smoothness(self) -> dict[str, dict[str, float]]:
         """Return the weights of each table, and of the drift, by name."""
@@ -126,9 +126,9 @@ class AxisFit:
 
         white: Vector = np.asarray(self.estimate.spread(under_rules))
         variance = self.memory.variances(white)
-        for sensor, found in self.lags.items():
-            moved = known.rules.project(found.slope)
-            variance = variance + np.square(moved * self.lag_deviation[sensor])
+        for sensor, lag in self.lags.items():
+            change = known.rules.project(lag.slope)
+            variance = variance + np.square(change * self.lag_deviation[sensor])
         variance = variance + self._rounded
         return np.where(known.confounded, np.inf, np.sqrt(np.maximum(variance, 0.0)))
 
@@ -137,13 +137,13 @@ class AxisFit:
         """What the noise remembers."""
         time = self.data.time
         clock = None if time is None else np.asarray(time)[self.design.rows]
-        ways = tuple(found.direction for found in self.lags.values())
-        masters = {name for one in self.design.effects for name in one.masters}
-        moved = [name for name in sorted(masters) if name in self.data.position]
-        places = [self.data.position[name][self.design.rows] for name in moved]
+        ways = tuple(lag.direction for lag in self.lags.values())
+        masters = {name for effect in self.design.effects for name in effect.masters}
+        names = [name for name in sorted(masters) if name in self.data.position]
+        places = [self.data.position[name][self.design.rows] for name in names]
         order = order_of(len(self.pseudo), clock)
-        left = without_turns(self.pseudo, places, order)
-        return Memory(self.design, self.known.rules, self.estimate, left, clock, ways)
+        pseudo = without_turns(self.pseudo, places, order)
+        return Memory(self.design, self.known.rules, self.estimate, pseudo, clock, ways)
 
     @property
     def drift(self) -> DriftNoise | None:
@@ -160,24 +160,24 @@ class AxisFit:
             values = known.rules.project(post.values)[places]
             return values, known.covariance(post, functionals)
 
-        found = self.memory.covariance(places, self.estimate.spread(of_places))
+        result = self.memory.covariance(places, self.estimate.spread(of_places))
         for sensor, lag in self.lags.items():
-            moved = known.rules.project(lag.slope)[places] * self.lag_deviation[sensor]
-            found = found + np.outer(moved, moved)
-        found = found + np.diag(self._rounded[places])
+            change = known.rules.project(lag.slope)[places] * self.lag_deviation[sensor]
+            result = result + np.outer(change, change)
+        result = result + np.diag(self._rounded[places])
         confounded = known.confounded[places]
-        found[confounded], found[:, confounded] = np.nan, np.nan
-        found[confounded, confounded] = np.inf
-        return np.asarray(found)
+        result[confounded], result[:, confounded] = np.nan, np.nan
+        result[confounded, confounded] = np.inf
+        return np.asarray(result)
 
     @cached_property
     def _rounded(self) -> Float[np.ndarray, " n"]:
         """Variance of each unknown by what the instrument rounds off every time at a place."""
-        steps, found = _steps(self.design, self.data), np.zeros(self.design.size)
+        steps, result = _steps(self.design, self.data), np.zeros(self.design.size)
         common = steps.common(self.left, ~self.active)
         for part in self.design.components:
-            found[part.places] = common if part.rank in TABLES else 0.0
-        return found
+            result[part.places] = common if part.rank in TABLES else 0.0
+        return result
 
     @cached_property
     def lag_deviation(self) -> dict[str, float]:
@@ -186,9 +186,9 @@ class AxisFit:
         sensed = sensed_variances(
             self.design, self.data, self.estimate.values, self.active, self.lags
         )
-        for sensor, found in self.lags.items():
-            variance = found.deviation**2
-            swell = self.memory.swell_along(found.direction)
+        for sensor, lag in self.lags.items():
+            variance = lag.deviation**2
+            swell = self.memory.swell_along(lag.direction)
             # What the residual shows of a sensor's noise is part of its memory.
             variance = max(swell * variance, variance + sensed.get(sensor, 0.0))
             result[sensor] = float(np.sqrt(variance))
@@ -199,9 +199,9 @@ class AxisFit:
         design = self.design
         if not design.course.runs:
             return ()
-        own = design.places_of_rank(Rank.RUNS).reshape(len(design.course.runs), -1)
-        picks = np.zeros((2, len(own), design.size))
-        for number, knots in enumerate(own):
+        knots_of = design.places_of_rank(Rank.RUNS).reshape(len(design.course.runs), -1)
+        picks = np.zeros((2, len(knots_of), design.size))
+        for number, knots in enumerate(knots_of):
             picks[0, number, knots] = 1.0 / len(knots)
             picks[1, number, knots[-1]] += 1.0
             picks[1, number, knots[0]] -= 1.0
@@ -213,8 +213,8 @@ class AxisFit:
             [picks[0] @ self.theta, deviation[0], picks[1] @ self.theta, deviation[1]]
         )
         return tuple(
-            RunEffect(run, *each)
-            for run, each in zip(design.course.runs, numbers.T.tolist(), strict=True)
+            RunEffect(run, *values)
+            for run, values in zip(design.course.runs, numbers.T.tolist(), strict=True)
         )
 
     def parts(self) -> list[Part]:
@@ -243,9 +243,9 @@ def _pseudo(
     design: Design, data: JointData, found: Estimate
 ) -> Float[np.ndarray, " r"]:
     """Return the pseudo-readings about `Estimate.centre`, 0 where one is not believed."""
-    left = _error(design, data) - design.columns @ found.centre
-    share = found.loss.share(left / found.loss.scale)
-    return np.asarray(share * left / found.posterior.problem.gain)
+    residual = _error(design, data) - design.columns @ found.centre
+    share = found.loss.share(residual / found.loss.scale)
+    return np.asarray(share * residual / found.posterior.problem.gain)
 
 
 def fit_axis(
@@ -270,20 +270,20 @@ def fit_axis(
     sensors = sensors_to_fit(effects)
     lags: dict[str, FoundLag] = {}
     design = design_of(axis, effects, data, options.drift, use)
-    unheld, found = _estimated(design, data, options, None, rough=bool(sensors))
+    unheld, fit = _estimated(design, data, options, None, rough=bool(sensors))
     values = dict.fromkeys(sensors, 0.0)
     for turn in range(_LAG_ROUNDS if sensors else 0):
         before = values
-        lags = find_lags(design, data, found, _pseudo(design, data, found), before)
+        lags = find_lags(design, data, fit, _pseudo(design, data, fit), before)
         values = {sensor: lag.value for sensor, lag in lags.items()}
         if turn and values == before:
             break
         design = lagging(design, data, values)
-        unheld, found = _estimated(design, data, options, found)
+        unheld, fit = _estimated(design, data, options, fit)
     else:
         # Nothing to find, or no end to it.
-        found = dataclasses.replace(found, converged=found.converged and not sensors)
-    return AxisFit(data, identified(design, unheld, data, options.drift), found, lags)
+        fit = dataclasses.replace(fit, converged=fit.converged and not sensors)
+    return AxisFit(data, identified(design, unheld, data, options.drift), fit, lags)
 
 
 def _error(design: Design, data: JointData) -> Float[np.ndarray, " r"]:
@@ -293,7 +293,7 @@ def _error(design: Design, data: JointData) -> Float[np.ndarray, " r"]:
 def _steps(design: Design, data: JointData) -> Steps:
     """Return the steps in which the instrument reads; a place is one of all axes."""
     columns = [*data.position.values(), *data.direction.values()]
-    places = [np.nan_to_num(each)[design.rows] for each in columns]
+    places = [np.nan_to_num(column)[design.rows] for column in columns]
     return Steps.of(_error(design, data), places)
 
 

@@ -127,11 +127,11 @@ class Crosstalk(AbstractEffect):
     def ranges(self) -> Ranges:
         """See `AbstractEffect`."""
         top = 1.2 * max(self.acceleration, -self.deceleration)
-        found = {
+        ranges = {
             ("position", axis): (float(places.min()), float(places.max()))
             for axis, places in zip(self.adaptation, self.points.T, strict=True)
         }
-        return found | {("acceleration", self.master): (-top, top)}
+        return ranges | {("acceleration", self.master): (-top, top)}
 
     def to_model(self, table: Any, sign: float) -> models.Crosstalk:
         """See `AbstractEffect`.

@@ -75,11 +75,11 @@ class Course:
     def walk(self) -> Independent:
         """Prior of the bridges: a walk, of which a step of mean length has weight 1."""
         inner = self.steps - 1
-        one = np.diff(np.eye(inner + 2), axis=0)[:, 1:-1]
+        steps = np.diff(np.eye(inner + 2), axis=0)[:, 1:-1]
         length = np.array([high - low for low, high in self.spans])
         length = np.maximum(length, max(1e-6 * float(length.max()), 1e-300))
         share = np.repeat(length.mean() / length, self.pieces)
-        rows = sp.csr_array(sp.kron(sp.diags_array(np.sqrt(share)), one))
+        rows = sp.csr_array(sp.kron(sp.diags_array(np.sqrt(share)), steps))
         # The determinant of tridiag(-1, 2, -1) is its size and one.
         constant = len(share) * np.log(self.steps) + inner * np.log(share).sum()
         return Independent(rows, float(constant))
@@ -104,16 +104,16 @@ class Course:
         first = index * (cells + 1)
         nodes = first + cell, first + np.minimum(cell + 1, cells)
         entries = (np.tile(np.arange(len(rows)), 2), np.concatenate(nodes))
-        known = labels[index] == run
-        shares = np.concatenate([known * (1.0 - right), known * right])
+        inside = labels[index] == run
+        shares = np.concatenate([inside * (1.0 - right), inside * right])
         shape = (len(rows), len(labels) * (cells + 1))
         at = sp.csr_array((shares, entries), shape=shape)
         parts = {Rank.RUNS: self.offsets, Rank.WANDER: self.bridges}
-        each = sp.eye_array(len(labels))
+        unit = sp.eye_array(len(labels))
         return {
-            rank: sp.csr_array(at @ sp.kron(each, own, format="csr"))
-            for rank, own in parts.items()
-            if own.shape[1]
+            rank: sp.csr_array(at @ sp.kron(unit, block, format="csr"))
+            for rank, block in parts.items()
+            if block.shape[1]
         }
 
 
@@ -164,8 +164,8 @@ class Design:
 
     def places_of_rank(self, rank: Rank) -> Int[np.ndarray, " p"]:
         """Return the columns of the datum, the runs or the wander; none without."""
-        own = [c.places for c in self.components if c.rank == rank]
-        return own[0] if own else np.zeros(0, np.int64)
+        places = [c.places for c in self.components if c.rank == rank]
+        return places[0] if places else np.zeros(0, np.int64)
 
     @cached_property
     def named(self) -> tuple[Component, ...]:
@@ -203,9 +203,9 @@ class Design:
         np.maximum.at(top, self.columns.indices, np.abs(self.columns.data))
         least = np.zeros(self.size)
         for part in self.components:
-            own = top[part.places]
+            tops = top[part.places]
             mixed = part.effect is not None and not part.effect.one_unit
-            least[part.places] = _REACHED * np.square(own if mixed else own.max())
+            least[part.places] = _REACHED * np.square(tops if mixed else tops.max())
         return np.asarray((self.diagonal >= least) & (self.diagonal > 0.0))
 
     @cached_property
@@ -306,8 +306,8 @@ def _nuisance(
 def _run_of(
     data: JointData, axis: str, rows: Int[np.ndarray, " r"]
 ) -> Int[np.ndarray, " r"]:
-    own = data.run_of(axis)
-    return np.zeros(len(rows), np.int64) if own is None else own[rows]
+    run = data.run_of(axis)
+    return np.zeros(len(rows), np.int64) if run is None else run[rows]
 
 
 def _course(

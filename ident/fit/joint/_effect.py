@@ -172,11 +172,11 @@ class AbstractEffect(abc.ABC):
     @property
     def roles(self) -> tuple[str, ...]:
         """Roles of the readings that it needs, such as ``"X.position"``."""
-        found = [
+        roles = [
             f"temperature.{name}" if channel == "temperature" else f"{name}.{channel}"
             for channel, name in self.inputs
         ]
-        return (*found, "time") if self.timed else tuple(found)
+        return (*roles, "time") if self.timed else tuple(roles)
 
     @property
     def grid(self) -> tuple[Float[np.ndarray, " _n"], ...]:
@@ -206,7 +206,7 @@ class AbstractEffect(abc.ABC):
             "sensors": self.sensor_names,
             "axes": axes,
         }
-        rows = {name: in_a_row(own) for name, own in names.items()}
+        rows = {name: in_a_row(values) for name, values in names.items()}
         return words.format(axis=self.axis, **rows)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
@@ -226,19 +226,19 @@ class AbstractEffect(abc.ABC):
             FitError: If an input was not recorded.
         """
         columns = self.columns_of(data)
-        known = np.asarray(np.isfinite(columns).all(axis=0))
-        nodes, shares = self.rows([np.where(known, own, 0.0) for own in columns])
-        shares = np.where(known[:, None], shares, 0.0)
+        finite = np.asarray(np.isfinite(columns).all(axis=0))
+        nodes, shares = self.rows([np.where(finite, column, 0.0) for column in columns])
+        shares = np.where(finite[:, None], shares, 0.0)
         parts = (shares.reshape(-1), nodes.reshape(-1).astype(np.int32))
-        pointers = np.arange(len(known) + 1) * shares.shape[1]
-        matrix = sp.csr_array((*parts, pointers), shape=(len(known), self.size))
+        pointers = np.arange(len(finite) + 1) * shares.shape[1]
+        matrix = sp.csr_array((*parts, pointers), shape=(len(finite), self.size))
         matrix.sum_duplicates()
         matrix.eliminate_zeros()
-        return Block(matrix, known)
+        return Block(matrix, finite)
 
     def columns_of(self, data: JointData) -> list[Float[np.ndarray, " t"]]:
         """Return its inputs over the rows of these data, NaN where one is not known."""
-        return [data.column(*each, self.name) for each in self.inputs]
+        return [data.column(*channel, self.name) for channel in self.inputs]
 
     @abc.abstractmethod
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:

@@ -109,7 +109,7 @@ def _freedoms_and_confusions(
     """Return the freedoms of all axes, and what their rows cannot tell."""
     return (
         tuple(gauge for known in axes for gauge in gauges_of(known)),
-        tuple(each for known in axes for each in confusions_of(known)),
+        tuple(confusion for known in axes for confusion in confusions_of(known)),
     )
 
 
@@ -129,12 +129,12 @@ def held_out_errors(
         runs: As for `JointFit.predict`.
     """
     result = {}
-    for axis, own in fit.fits.items():
-        rows = own.design.rows
+    for axis, part in fit.fits.items():
+        rows = part.design.rows
         result[axis] = np.full(len(data), np.nan)
         with one_blas_thread():
             result[axis][rows] = _held_out(
-                own, data.error[axis][rows], groups[rows], runs
+                part, data.error[axis][rows], groups[rows], runs
             )
     return result
 
@@ -146,25 +146,25 @@ def _held_out(
     runs: bool,
 ) -> Float[np.ndarray, " r"]:
     """Return what is left of the used readings of one axis, each fitted without its group."""
-    design, found = fit.design, fit.estimate
+    design, estimate = fit.design, fit.estimate
     columns, left = compact(design.columns), np.array(error)
-    sums = sums_by_group(found, Readings(error, {}), columns, groups)
+    sums = sums_by_group(estimate, Readings(error, {}), columns, groups)
     if len(sums) < 2:
         return left  # without its only group nothing is known
-    rest = {label: design.take(groups != label) for label in sums}
-    unheld = {label: Unheld.of(one) for label, one in rest.items()}
-    pins = {label: one.pins for label, one in unheld.items()}
+    designs = {label: design.take(groups != label) for label in sums}
+    unheld = {label: Unheld.of(slim) for label, slim in designs.items()}
+    pins = {label: slim.pins for label, slim in unheld.items()}
     counted = np.ones(design.size, bool)
     if not runs:
         counted[design.places_of_rank(Rank.RUNS)] = False
         counted[design.places_of_rank(Rank.WANDER)] = False
-    for label, post in leave_one_out(found, sums, {}, pins).items():
-        own, one = groups == label, rest[label]
-        if len(one.rows) <= unheld[label].free:
-            left[own] -= np.median(error[~own])
+    for label, post in leave_one_out(estimate, sums, {}, pins).items():
+        out, slim = groups == label, designs[label]
+        if len(slim.rows) <= unheld[label].free:
+            left[out] -= np.median(error[~out])
             continue
-        rules = Rules.of(one, fit.known.ideal).beside(one, unheld[label].null)
-        left[own] -= columns[own] @ np.where(counted, rules.project(post.values), 0.0)
+        rules = Rules.of(slim, fit.known.ideal).beside(slim, unheld[label].null)
+        left[out] -= columns[out] @ np.where(counted, rules.project(post.values), 0.0)
     return left
 
 
@@ -194,8 +194,8 @@ def examine_design(
     with one_blas_thread():
         axes = [
             identified(design, Unheld.of(design), data, drift)
-            for axis, own in _by_axis(placed).items()
-            for design in [design_of(axis, own, data, drift, use, axis in data.error)]
+            for axis, group in _by_axis(placed).items()
+            for design in [design_of(axis, group, data, drift, use, axis in data.error)]
         ]
         gauges, confusions = _freedoms_and_confusions(axes)
     share = {

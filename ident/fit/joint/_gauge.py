@@ -48,11 +48,11 @@ def shapes_of(design: Design, smooth: bool) -> Shapes:
     reached = design.reached if smooth else design.diagonal > 0
     basis = []
     for part in design.stated:
-        own = reached[part.places]
+        inside = reached[part.places]
         basis.append(
-            np.eye(len(own))[:, own]
+            np.eye(len(inside))[:, inside]
             if part.table is None
-            else _plane_shapes(part.table.nodes, own, smooth)
+            else _plane_shapes(part.table.nodes, inside, smooth)
         )
     ranks = [part.rank for part in design.stated]
     matrix = _over(design, _spread(design.stated, basis, design.size))
@@ -63,7 +63,7 @@ def _spread(
     parts: Sequence[Component], basis: Sequence[np.ndarray], size: int
 ) -> Float[np.ndarray, "n m"]:
     """Return shapes of the values of each component over all unknowns."""
-    result = np.zeros((size, sum(each.shape[1] for each in basis)))
+    result = np.zeros((size, sum(block.shape[1] for block in basis)))
     first = 0
     for part, own in zip(parts, basis, strict=True):
         result[part.places, first : first + own.shape[1]] = own
@@ -79,7 +79,7 @@ def _over(design: Design, shapes: Float[np.ndarray, "n m"]) -> Float[np.ndarray,
 def _plane_shapes(
     nodes: Sequence[np.ndarray], reached: Bool[np.ndarray, " p"], smooth: bool
 ) -> Float[np.ndarray, "p m"]:
-    fast, slow = (len(own) for own in nodes)
+    fast, slow = (len(line) for line in nodes)
     parts = [
         np.kron(np.eye(slow), np.ones((fast, 1))),
         np.kron(np.ones((slow, 1)), np.eye(fast)),
@@ -138,11 +138,11 @@ class Rules:
         if not unheld.shape[1]:
             return self
         held = unheld - self.null @ np.linalg.lstsq(self.null, unheld, rcond=None)[0]
-        basis, left, _ = pivoted(held / np.linalg.norm(unheld, axis=0))
+        basis, sizes, _ = pivoted(held / np.linalg.norm(unheld, axis=0))
         # The new ones begin where the rule so far puts them.
-        more = self.project(basis[:, left > _NOTHING])
-        fixed = _eliminated(design, more)
-        return Rules(np.hstack([self.null, more]), np.vstack([self.functionals, fixed]))
+        free = self.project(basis[:, sizes > _NOTHING])
+        fixed = _eliminated(design, free)
+        return Rules(np.hstack([self.null, free]), np.vstack([self.functionals, fixed]))
 
 
 def _eliminated(
@@ -183,10 +183,10 @@ def _carried_on(
     """
     rows = [prior.rows[k] for k in np.flatnonzero(~prior.optional)]
     bent, result = sp.vstack(rows).tocsc(), null.copy()
-    beyond, known = bent[:, ~reached], bent[:, reached] @ null[reached]
+    beyond, held = bent[:, ~reached], bent[:, reached] @ null[reached]
     if beyond.shape[1]:
-        found = spsolve((beyond.T @ beyond).tocsc(), -(beyond.T @ known))
-        result[~reached] = found.reshape(-1, null.shape[1])
+        carried = spsolve((beyond.T @ beyond).tocsc(), -(beyond.T @ held))
+        result[~reached] = carried.reshape(-1, null.shape[1])
     return result
 
 

@@ -101,13 +101,13 @@ class Identified:
                 result[design.stated[k].places] |= size > PART
         result &= design.reached
         for part in design.components:
-            own = part.places
+            places = part.places
             if part.prior is None:
                 # In a table neighbours bridge what no reading tells; a law has none.
-                result[own] |= (self.hidden | ~design.reached)[own]
-            if part.reference is not None and result[own].any():
+                result[places] |= (self.hidden | ~design.reached)[places]
+            if part.reference is not None and result[places].any():
                 # What the rule put to zero is no more known than the rest of the law.
-                result[own] = True
+                result[places] = True
         return result
 
     @property
@@ -122,8 +122,8 @@ class Identified:
         The simpler one of a pair, that carries what they share, comes first. What a third,
         still simpler one carries for both is stated with that one.
         """
-        found = Correlations.of(self.ideal, _SAME)
-        pairs = found.pairs(_SAME)
+        correlations = Correlations.of(self.ideal, _SAME)
+        pairs = correlations.pairs(_SAME)
         rank = [part.rank for part in self.design.stated]
 
         def carried(pair: tuple[int, int]) -> bool:
@@ -133,13 +133,14 @@ class Identified:
                 if rank[third] > max(rank[k] for k in pair)
             )
 
-        level = tuple(each.members[0] for each in found.constants)
-        own = [shared for pair, shared in pairs.items() if not carried(pair)]
+        level = tuple(confusion.members[0] for confusion in correlations.constants)
+        apart = [shared for pair, shared in pairs.items() if not carried(pair)]
         return level, tuple(
             dataclasses.replace(
-                each, members=tuple(sorted(each.members, key=lambda k: -rank[k]))
+                confusion,
+                members=tuple(sorted(confusion.members, key=lambda k: -rank[k])),
             )
-            for each in own
+            for confusion in apart
         )
 
 
@@ -171,7 +172,7 @@ def identified(
         for pair, shared in pairs.items()
         if pair in anyway and anyway[pair].count >= shared.count
     ]
-    told = [shared for pair, shared in pairs.items() if pair not in nearly]
+    clear = [shared for pair, shared in pairs.items() if pair not in nearly]
     several = found.several(min(limit, _HOPELESS), tuple(pairs))
     return Identified(
         design=design,
@@ -180,7 +181,7 @@ def identified(
         rules=structure.beside(design, unheld.null),
         share=_shares(found, design),
         hidden=_hidden(found, design),
-        confused=(*found.constants, *told, *several),
+        confused=(*found.constants, *clear, *several),
         nearly=tuple(pairs[pair] for pair in nearly),
     )
 
@@ -189,7 +190,7 @@ def _light(design: Design, shapes: Shapes) -> Float[np.ndarray, "m m"]:
     """Return what is taken as known: a drift is slow, and neighbours help where data are few."""
     few = len(design.rows) < _FEW * len(shapes.matrix)
     result = np.zeros_like(shapes.matrix)
-    for part, basis, own in zip(
+    for part, basis, places in zip(
         design.stated, shapes.basis, shapes.slices, strict=True
     ):
         amount = _SLOW if part.rank == Rank.RUNS else _LIGHT * few
@@ -199,7 +200,7 @@ def _light(design: Design, shapes: Shapes) -> Float[np.ndarray, "m m"]:
         density = float(diagonal[diagonal > 0].mean()) if diagonal.any() else 1.0
         for rows in (part.prior.rows[k] for k in np.flatnonzero(~part.prior.optional)):
             bent = rows @ basis
-            result[own, own] += amount * density * (bent.T @ bent)
+            result[places, places] += amount * density * (bent.T @ bent)
     return result
 
 
@@ -216,9 +217,9 @@ def _shares(found: Correlations, design: Design) -> tuple[float, ...]:
     """Return the mean information left; what no reading reaches counts as none."""
     result = []
     basis = found.shapes.basis
-    for part, own, left in zip(design.stated, basis, found.left(), strict=True):
-        reached, count = design.reached[part.places], own.shape[1]
+    for part, places, remaining in zip(design.stated, basis, found.left(), strict=True):
+        reached, count = design.reached[part.places], places.shape[1]
         # Without a shape of its own, all that it can do is carried by a simpler effect.
-        mean = min(left / count, 1.0) if count else float(reached.any())
+        mean = min(remaining / count, 1.0) if count else float(reached.any())
         result.append(mean * (float(reached.mean()) if count else 1.0))
     return tuple(result)

@@ -105,16 +105,16 @@ def find_lags(
         best = int(np.argmin(costs))
         none = {**lags, sensor: 0.0}
         lags = trials[best] if profile(none)[0] - costs[best] > _WORTH else none
-    shown = [sensor for sensor, lag in lags.items() if lag > 0.0]
-    for sensor in shown * (_SWEEPS if len(shown) > 1 else 1):
+    active = [sensor for sensor, lag in lags.items() if lag > 0.0]
+    for sensor in active * (_SWEEPS if len(active) > 1 else 1):
         middle = float(np.log(lags[sensor]))
         near_by = max(low, middle - width), min(high, middle + width)
 
         def cost(log: float, sensor: str = sensor) -> float:
             return profile({**lags, sensor: float(np.exp(log))})[0]
 
-        found = minimize_scalar(cost, bounds=near_by, options={"xatol": _FINE})
-        lags[sensor] = float(np.exp(found.x))
+        optimum = minimize_scalar(cost, bounds=near_by, options={"xatol": _FINE})
+        lags[sensor] = float(np.exp(optimum.x))
     if profile(near)[0] - profile(lags)[0] < _SETTLED:
         lags = dict(near)
     return _with_deviations(design, data, post, pseudo != 0.0, lags, profile(lags)[1])
@@ -161,24 +161,24 @@ def _with_deviations(
     theta: Vector,
 ) -> dict[str, FoundLag]:
     """Return the lags with their deviations: as further columns, linear near the best ones."""
-    shown = [sensor for sensor, lag in lags.items() if lag > 0.0]
-    own, change = _heated_places(design), np.zeros((len(design.rows), len(shown)))
-    for k, sensor in enumerate(shown):
+    late = [sensor for sensor, lag in lags.items() if lag > 0.0]
+    warm, change = _heated_places(design), np.zeros((len(design.rows), len(late)))
+    for k, sensor in enumerate(late):
         ends = [lags[sensor] * (1.0 + sign * _STEP) for sign in (1.0, -1.0)]
         later, sooner = (
-            _heated(design, data, {**lags, sensor: end}) @ theta[own] for end in ends
+            _heated(design, data, {**lags, sensor: end}) @ theta[warm] for end in ends
         )
         change[:, k] = (later - sooner) / (ends[0] - ends[1])
-    seen = change * active[:, None]
-    response = post.factor.solve(np.asarray(design.columns.T @ seen))
+    moves = change * active[:, None]
+    response = post.factor.solve(np.asarray(design.columns.T @ moves))
     direction = change - design.columns @ response
-    deviation = np.sqrt(post.variance * lag_variances(seen, direction))
+    deviation = np.sqrt(post.variance * lag_variances(moves, direction))
     none = FoundLag(0.0, 0.0, np.zeros(design.size), np.zeros(len(design.rows)))
     return dict.fromkeys(lags, none) | {
         sensor: FoundLag(
             lags[sensor], float(deviation[k]), -response[:, k], direction[:, k]
         )
-        for k, sensor in enumerate(shown)
+        for k, sensor in enumerate(late)
     }
 
 
@@ -204,32 +204,32 @@ def sensed_variances(
     lags = {sensor: lag.value for sensor, lag in found.items() if lag.value > 0.0}
     if not lags:
         return {}
-    own, rng, result = _heated_places(design), np.random.default_rng(0), {}
+    heated, rng, result = _heated_places(design), np.random.default_rng(0), {}
     for sensor, lag in lags.items():
         warmth = data.temperature[sensor]
-        shown = clocked(np.asarray(data.time, float), warmth)
+        sensed = clocked(np.asarray(data.time, float), warmth)
         ends = [
             dataclasses.replace(
                 data, temperature={**data.temperature, sensor: warmth + shift}
             )
             for shift in (_SHIFT, -_SHIFT)
         ]
-        above, below = (_heated(design, end, lags) @ theta[own] for end in ends)
-        way = np.where(active, found[sensor].direction, 0.0)
+        above, below = (_heated(design, end, lags) @ theta[heated] for end in ends)
+        direction = np.where(active, found[sensor].direction, 0.0)
         pull = np.zeros(len(data))
-        pull[design.rows] = way * (above - below) / (2.0 * _SHIFT)
-        pull /= max(float(way @ way), 1e-300)
+        pull[design.rows] = direction * (above - below) / (2.0 * _SHIFT)
+        pull /= max(float(direction @ direction), 1e-300)
         # What a temperature does is smooth over a few readings of its sensor.
-        steps = np.diff(shown.values, _ORDER)
+        steps = np.diff(sensed.values, _ORDER)
         square = float(steps @ steps) / max(len(steps), 1)
         noise = np.sqrt(square / comb(2 * _ORDER, _ORDER))
-        draws = noise * rng.standard_normal((_DRAWS, len(shown.clock)))
+        draws = noise * rng.standard_normal((_DRAWS, len(sensed.clock)))
         draws[:, 0] = 0.0  # a line through the first readings begins
-        moved = [
-            pull[shown.known] @ lagged(shown.clock, draw, lag)[shown.back]
+        changes = [
+            pull[sensed.known] @ lagged(sensed.clock, draw, lag)[sensed.back]
             for draw in draws
         ]
-        result[sensor] = float(np.mean(np.square(moved)))
+        result[sensor] = float(np.mean(np.square(changes)))
     return result
 
 
@@ -265,7 +265,7 @@ def _warm(design: Design) -> list[AbstractEffect]:
 
 
 def _heated_places(design: Design) -> Int[np.ndarray, " k"]:
-    return np.concatenate([design.places_of(each.name) for each in _warm(design)])
+    return np.concatenate([design.places_of(effect.name) for effect in _warm(design)])
 
 
 def _profile(
@@ -277,48 +277,48 @@ def _profile(
     with them, less what the temperatures did. All is taken about the fit, where the pull of
     the readings on the others is that of their prior: digits of the tables are not lost.
     """
-    own, factor, active = _heated_places(design), post.factor, pseudo != 0.0
-    unit = np.zeros((design.size, len(own)))
-    unit[own, np.arange(len(own))] = 1.0
+    heated, factor, active = _heated_places(design), post.factor, pseudo != 0.0
+    unit = np.zeros((design.size, len(heated)))
+    unit[heated, np.arange(len(heated))] = 1.0
     response = factor.solve(unit)
 
     def solve(right: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "n *k"]:
         """Return the solution with the temperatures held at zero."""
-        found = factor.solve(right)
-        found = found - response @ np.linalg.solve(response[own], found[own])
-        found[own] = 0.0
-        return np.asarray(found)
+        move = factor.solve(right)
+        move = move - response @ np.linalg.solve(response[heated], move[heated])
+        move[heated] = 0.0
+        return np.asarray(move)
 
     def beside(rows: Float[np.ndarray, "r *k"]) -> Float[np.ndarray, "n *k"]:
         """Return the right-hand side of the others for readings, or columns of them."""
         found = np.asarray(across @ rows)
-        found[own] = 0.0
+        found[heated] = 0.0
         return found
 
     across = sp.csr_array(design.columns.T)
-    warm = active * (design.columns[:, own] @ post.values[own])
+    warm = active * (design.columns[:, heated] @ post.values[heated])
     move = design.columns @ (post.values - post.problem.theta)
     target = np.where(active, pseudo - move, 0.0) + warm
     base = solve(beside(warm))
-    rest = float(target @ target) - float(beside(warm) @ base)
-    rest += post.total - post.residual_square
+    remaining = float(target @ target) - float(beside(warm) @ base)
+    remaining += post.total - post.residual_square
 
     def profile(lags: Mapping[str, float]) -> tuple[float, Vector]:
         columns = _heated(design, data, lags) * active[:, None]
         coupling = beside(columns)
         through = solve(coupling)
         schur = columns.T @ columns - coupling.T @ through
-        right = columns.T @ target - coupling.T @ base
+        target_of = columns.T @ target - coupling.T @ base
         scale = np.sqrt(np.maximum((columns**2).sum(axis=0), 1e-300))
         scaled = schur / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
-        values = np.linalg.solve(scaled, right / scale) / scale
-        square = max(rest - float(right @ values), 1e-300)
-        alone = columns.T @ columns / np.outer(scale, scale)
-        alone = alone + _RIDGE * np.eye(len(scale))
+        values = np.linalg.solve(scaled, target_of / scale) / scale
+        square = max(remaining - float(target_of @ values), 1e-300)
+        gram = columns.T @ columns / np.outer(scale, scale)
+        gram = gram + _RIDGE * np.eye(len(scale))
         # Relative to the columns alone: their size, and how alike they are, is no evidence.
-        logdet = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(alone)[1]
+        logdet = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(gram)[1]
         theta = post.values + base - through @ values
-        theta[own] = values
+        theta[heated] = values
         return post.problem.degrees * float(np.log(square)) + float(logdet), theta
 
     return profile

@@ -93,14 +93,14 @@ class Memory:
         """Return the factor of the variance of a parameter, given its direction, ≥ 1."""
         swell = 1.0
         if self._stretches:
-            seen = [direction[own] @ rest[:, 0] for own, rest in self._stretches]
-            own = np.concatenate([rows for rows, _ in self._stretches])
-            white = np.var(self.pseudo[own]) * np.square(direction[own]).sum()
-            swell = _excess(float(np.var(seen)), float(white) / _STRETCHES)
+            sums = [direction[at] @ pseudo[:, 0] for at, pseudo in self._stretches]
+            at = np.concatenate([rows for rows, _ in self._stretches])
+            white = np.var(self.pseudo[at]) * np.square(direction[at]).sum()
+            swell = _excess(float(np.var(sums)), float(white) / _STRETCHES)
         if self.drift is not None and direction.any():
-            way = direction[self._believed, None]
-            white = self.estimate.scatter[0] * np.square(way).sum()
-            drifting = variances_of_sums(self.drift, self._clock, way)[0]
+            column = direction[self._believed, None]
+            white = self.estimate.scatter[0] * np.square(column).sum()
+            drifting = variances_of_sums(self.drift, self._clock, column)[0]
             swell = max(swell, float(drifting / white))
         return swell
 
@@ -113,12 +113,12 @@ class Memory:
         columns = [self.design.columns[self._believed].toarray()]
         for direction in self.directions:
             # What is left of a lag beside the columns, as large as they are.
-            own = direction[self._believed, None]
-            columns.append(own / max(float(np.abs(own).max()), 1e-300))
+            column = direction[self._believed, None]
+            columns.append(column / max(float(np.abs(column).max()), 1e-300))
         basis, size, _ = pivoted(np.hstack(columns))
-        seen = basis[:, size > SINGULAR * size.max(initial=0.0)]
+        independent = basis[:, size > SINGULAR * size.max(initial=0.0)]
         pseudo = self.pseudo[self._believed]
-        noise = find_drift(self._clock, seen, pseudo, np.ones(len(pseudo)))
+        noise = find_drift(self._clock, independent, pseudo, np.ones(len(pseudo)))
         return noise if noise.drift > 0.0 else None
 
     @cached_property
@@ -147,14 +147,14 @@ class Memory:
         swell = np.ones(design.size)
         if not self._stretches:
             return swell
-        scores = [design.columns[own].T @ rest for own, rest in self._stretches]
-        moved = self.estimate.posterior.factor.solve(np.hstack(scores))
-        moved = self.rules.project(moved).reshape(design.size, len(scores), -1)
+        scores = [design.columns[at].T @ pseudo for at, pseudo in self._stretches]
+        changes = self.estimate.posterior.factor.solve(np.hstack(scores))
+        changes = self.rules.project(changes).reshape(design.size, len(scores), -1)
         # The prior holds the sum of the scores away from zero: that is no scatter.
-        spread = moved.var(axis=1)
+        spread = changes.var(axis=1)
         for part in design.components:
-            seen, white = spread[part.places, 0], spread[part.places, 1:]
-            swell[part.places] = _excess(float(seen.mean()), float(white.mean()))
+            ordered, white = spread[part.places, 0], spread[part.places, 1:]
+            swell[part.places] = _excess(float(ordered.mean()), float(white.mean()))
         return swell
 
     @cached_property
@@ -188,10 +188,10 @@ class Memory:
         plain = total * np.square(self._moves).sum(axis=0)
         heavy = np.ones(len(drifting))
         for part in self.design.components:
-            own = part.places
+            places = part.places
             # What a rule holds at zero moves by rounding alone.
-            own = own[plain[own] > _ROUNDING * plain[own].max()]
-            swell = float((drifting[own] / plain[own]).max(initial=1.0))
+            places = places[plain[places] > _ROUNDING * plain[places].max()]
+            swell = float((drifting[places] / plain[places]).max(initial=1.0))
             free = max(len(self._moves) / swell, _LEAST_FREE)
             heavy[part.places] = free / (free - 2.0)
         return heavy
@@ -222,14 +222,14 @@ def without_turns(
     for position in positions:
         # Where a position is not known, nothing moves.
         steps = np.nan_to_num(np.diff(position[order], prepend=position[order[:1]]))
-        moved = np.flatnonzero(steps)
-        ways = np.sign(steps[moved])
-        if np.count_nonzero(np.diff(ways)) < _TURNS:
+        moves = np.flatnonzero(steps)
+        signs = np.sign(steps[moves])
+        if np.count_nonzero(np.diff(signs)) < _TURNS:
             continue
         # What stands keeps the direction of the last move; the first one, that of the next.
-        last = np.searchsorted(moved, np.arange(count), side="right") - 1
+        last = np.searchsorted(moves, np.arange(count), side="right") - 1
         columns.append(np.empty(count))
-        columns[-1][order] = ways[np.maximum(last, 0)]
+        columns[-1][order] = signs[np.maximum(last, 0)]
     design = np.column_stack(columns)
     share = np.linalg.lstsq(design[believed], pseudo[believed], rcond=None)[0]
     return np.where(believed, pseudo - design[:, 1:] @ share[1:], 0.0)

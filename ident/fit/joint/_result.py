@@ -103,8 +103,8 @@ class Part:
         """Time constant in s and its standard deviation, by sensor; empty without."""
         deviation = self.fit.lag_deviation
         return {
-            sensor: (found.value, deviation[sensor])
-            for sensor, found in self.fit.lags.items()
+            sensor: (lag.value, deviation[sensor])
+            for sensor, lag in self.fit.lags.items()
             if sensor in self.effect.sensor_names
         }
 

@@ -113,14 +113,14 @@ class AbstractTable(AbstractEffect):
     ) -> Float[np.ndarray, "..."]:
         """See `AbstractEffect`."""
         mesh = list(np.meshgrid(*(places or self.grid)))
-        rows = np.column_stack([each.ravel() for each in mesh])
+        rows = np.column_stack([axis.ravel() for axis in mesh])
         ways = (1, -1) if self.table_effect.way else (1,)
-        found = [
+        offsets = [
             np.asarray(model.offset(*model.looked_up(rows, np.full(len(rows), way))))
             for way in ways
         ]
         shape = mesh[0].shape
-        return np.reshape(found, (2, *shape) if len(ways) > 1 else shape)
+        return np.reshape(offsets, (2, *shape) if len(ways) > 1 else shape)
 
 
 def _grid(
@@ -128,8 +128,8 @@ def _grid(
 ) -> Float[np.ndarray, " n"]:
     with contextlib.suppress(TypeError, ValueError):
         if int(points) == points:
-            own = float(start) + float(interval) * np.arange(int(points))
-            return np.round(own, _DIGITS)
+            nodes = float(start) + float(interval) * np.arange(int(points))
+            return np.round(nodes, _DIGITS)
     msg = (
         f"{name}: found start {start!r}, interval {interval!r} and points {points!r},"
         " expected two numbers and a whole number"
@@ -276,8 +276,8 @@ class Cross(AbstractLine):
     def to_model(self, table: Any, sign: float) -> Any:
         """See `AbstractEffect`."""
         nodes = self._model_nodes
-        own = models.ModuloNodes(nodes) if self.modulo else nodes
-        return models.Cross(own, sign * table)
+        line = models.ModuloNodes(nodes) if self.modulo else nodes
+        return models.Cross(line, sign * table)
 
 
 @final
@@ -323,13 +323,13 @@ class Plane(AbstractTable):
     def table_effect(self) -> TableEffect:
         """See `AbstractTable`."""
         if self.nodes is not None:
-            nodes = tuple(np.asarray(each, float) for each in self.nodes)
+            nodes = tuple(np.asarray(line, float) for line in self.nodes)
         elif self.start is None or self.interval is None or self.points is None:
             msg = f"{self.name}: expected either nodes or start, interval and points"
             raise FitError(msg)
         else:
-            each = zip(self.start, self.interval, self.points, strict=True)
-            nodes = tuple(_grid(self.name, *axis) for axis in each)
+            line = zip(self.start, self.interval, self.points, strict=True)
+            nodes = tuple(_grid(self.name, *axis) for axis in line)
         return shared_table(nodes, self.masters)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
@@ -339,10 +339,10 @@ class Plane(AbstractTable):
             "other can follow"
         )
         return [
-            dataclasses.replace(each, rule=rule) for each in super().components(places)
+            dataclasses.replace(part, rule=rule) for part in super().components(places)
         ]
 
     def to_model(self, table: Any, sign: float) -> Any:
         """See `AbstractEffect`."""
-        first, second = (axis_nodes(own) for own in self.grid)
+        first, second = (axis_nodes(line) for line in self.grid)
         return models.Plane(first, second, sign * table)

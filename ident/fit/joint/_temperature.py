@@ -126,10 +126,10 @@ class Temperature(AbstractEffect):
             nodes: str | int | Float[np.ndarray, " _n"]
             nodes = own if isinstance(own, str | int) else np.asarray(own, float)
             if isinstance(nodes, np.ndarray):
-                known = len(nodes) > 0 and bool((np.diff(nodes) > 0).all())
+                valid = len(nodes) > 0 and bool((np.diff(nodes) > 0).all())
             else:
-                known = nodes in _COUNTS if isinstance(nodes, str) else nodes > 0
-            if not known:
+                valid = nodes in _COUNTS if isinstance(nodes, str) else nodes > 0
+            if not valid:
                 msg = (
                     f"{self.name}: found law {own!r}, expected 'constant', 'linear', "
                     "a number of temperatures or temperatures in ascending order."
@@ -160,8 +160,8 @@ class Temperature(AbstractEffect):
         if not isinstance(lags, Mapping):
             lags = dict.fromkeys(self.sensor_names, lags)
         words: dict[Number | str, Number | str] = {"auto": "fit", "none": 0.0}
-        found = {sensor: lags.get(sensor, 0.0) for sensor in self.sensor_names}
-        return {sensor: words.get(lag, lag) for sensor, lag in found.items()}
+        all_lags = {sensor: lags.get(sensor, 0.0) for sensor in self.sensor_names}
+        return {sensor: words.get(lag, lag) for sensor, lag in all_lags.items()}
 
     @property
     def nodes(self) -> dict[str, Float[np.ndarray, " _n"]]:
@@ -196,8 +196,8 @@ class Temperature(AbstractEffect):
 
     def lagging(self, lags: Mapping[str, Number | str]) -> "Temperature":
         """Return the effect with these time constants in s or ``"fit"``, by sensor, if its own."""
-        own = {sensor: lags.get(sensor, lag) for sensor, lag in self.lags.items()}
-        return dataclasses.replace(self, lag=own)
+        new = {sensor: lags.get(sensor, lag) for sensor, lag in self.lags.items()}
+        return dataclasses.replace(self, lag=new)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
         """See `AbstractEffect`: its laws, which correct nothing at the reference temperature."""
@@ -232,23 +232,23 @@ class Temperature(AbstractEffect):
     @property
     def ranges(self) -> Ranges:
         """See `AbstractEffect`."""
-        found: dict[tuple[str, str], tuple[float, float]] = {}
+        ranges: dict[tuple[str, str], tuple[float, float]] = {}
         for law, nodes in self.nodes.items():
             half = 0.5 * max(float(np.ptp(nodes)), 1.0)
             middle = 0.5 * float(nodes[0] + nodes[-1])
             key = ("temperature", self.sensors[law])
-            low, high = found.get(key, (np.inf, -np.inf))
-            found[key] = min(low, middle - half), max(high, middle + half)
-        return found
+            low, high = ranges.get(key, (np.inf, -np.inf))
+            ranges[key] = min(low, middle - half), max(high, middle + half)
+        return ranges
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
         """See `AbstractEffect`."""
         nodes = self.nodes.items()
         return tuple(
-            f"{law} at {node:.4g} °C" if len(own) > 1 else law
-            for law, own in nodes
-            for node in own
+            f"{law} at {node:.4g} °C" if len(temperatures) > 1 else law
+            for law, temperatures in nodes
+            for node in temperatures
         )
 
     def block(self, data: JointData) -> Block:
@@ -267,10 +267,10 @@ class Temperature(AbstractEffect):
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
         """See `AbstractEffect`."""
         parts = [
-            node_shares(warm, own) * (columns[-1] - self.reference)[:, None]
+            node_shares(warm, nodes) * (columns[-1] - self.reference)[:, None]
             if law == "coefficient"
-            else node_shares(warm, own)
-            for warm, (law, own) in zip(columns, self.nodes.items(), strict=False)
+            else node_shares(warm, nodes)
+            for warm, (law, nodes) in zip(columns, self.nodes.items(), strict=False)
         ]
         return every(np.hstack(parts))
 

@@ -59,9 +59,9 @@ def gauges_of(known: Identified) -> tuple[Gauge, ...]:
     level, freedoms = known.freedoms
     parts, result = known.design.stated, []
     if level:
-        own = [parts[k] for k in level]
-        names = (*(part.owner for part in own), f"datum of {known.design.axis}")
-        rules = "; ".join(dict.fromkeys(part.level for part in own))
+        members = [parts[k] for k in level]
+        names = (*(part.owner for part in members), f"datum of {known.design.axis}")
+        rules = "; ".join(dict.fromkeys(part.level for part in members))
         rule = f"The datum keeps the constant: {rules}."
         result.append(_gauge("A constant may", names, rule))
     for freedom in freedoms:
@@ -97,9 +97,9 @@ def _exchanged(simple: Component, other: Component, count: int) -> str:
     return "A shape that both can follow" if count == 1 else f"{count} shapes"
 
 
-def _over(one: Component, other: Component) -> str:
+def _over(simple: Component, other: Component) -> str:
     """Return over which axes both go, if over any."""
-    common = [axis for axis in one.masters if axis in other.masters]
+    common = [axis for axis in simple.masters if axis in other.masters]
     return f" over {in_a_row(common)}" if common else ""
 
 
@@ -112,7 +112,7 @@ def confusions_of(known: Identified) -> tuple[Confusion, ...]:
         if part.effect is not None and k not in paired
     ]
     pairs = [_pair(pair, known.design) for pair in known.confused]
-    return (*(each for each in unseen if each is not None), *pairs)
+    return (*(confusion for confusion in unseen if confusion is not None), *pairs)
 
 
 def _unseen(part: Component, known: Identified) -> Confusion | None:
