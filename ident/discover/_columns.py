@@ -200,9 +200,9 @@ def followed(
     """Return the share of the square of courses that columns follow, means aside."""
     courses = courses - courses.mean(axis=0)
     columns = columns - columns.mean(axis=0)
-    left = courses - columns @ np.linalg.lstsq(columns, courses)[0]
+    residual = courses - columns @ np.linalg.lstsq(columns, courses)[0]
     whole = np.sum(courses**2, axis=0)
-    share = 1.0 - np.sum(left**2, axis=0) / np.where(whole > 0, whole, 1.0)
+    share = 1.0 - np.sum(residual**2, axis=0) / np.where(whole > 0, whole, 1.0)
     return np.asarray(np.where(whole > 0, share, 0.0))
 
 
@@ -268,10 +268,10 @@ class Columns:
     def runs(self) -> Float[np.ndarray, "t r"]:
         """One column per run of a measurement of several; of too many none, they are noise."""
         columns = [np.zeros((len(self.view.data), 0))]
-        for own in self.zeros.T:
-            numbers, counts = np.unique(self.view.data.run[own > 0], return_counts=True)
+        for at in self.zeros.T:
+            numbers, counts = np.unique(self.view.data.run[at > 0], return_counts=True)
             if 1 < len(numbers) <= min(_MOST_RUNS, counts.sum() // 2):
-                columns.append((self.view.data.run[:, None] == numbers) * own[:, None])
+                columns.append((self.view.data.run[:, None] == numbers) * at[:, None])
         return self.view.centred(np.concatenate(columns, axis=1))
 
     @cached_property

@@ -224,7 +224,7 @@ class Discovery:
         fields = [field.name for field in dataclasses.fields(cls)]
         return cls(
             *(
-                tuple(one for part in parts for one in getattr(part, name))
+                tuple(item for part in parts for item in getattr(part, name))
                 for name in fields
             )
         )
@@ -232,4 +232,4 @@ class Discovery:
     @property
     def told(self) -> bool:
         """Whether the data tell apart all that they show."""
-        return all(each.verdict != "the data cannot tell" for each in self.unexplained)
+        return all(part.verdict != "the data cannot tell" for part in self.unexplained)

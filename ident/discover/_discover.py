@@ -83,8 +83,8 @@ def discover(
     with one_blas_thread():
         for (channel, axis), count in counts.items():
             if channel == "error" and 0 < count < _LEAST:
-                found = f"{count} readings of the error of {axis}"
-                raise DiscoverError(source, found, f"at least {_LEAST}")
+                words_of = f"{count} readings of the error of {axis}"
+                raise DiscoverError(source, words_of, f"at least {_LEAST}")
             if count and progress is not None:
                 progress(f"examining the {channel} of {axis}")
             if count:
@@ -110,61 +110,61 @@ def examine(
     columns = Columns(view)
     if heat:
         terms += choose_heat(columns, terms, heat)
-    found = select_terms(columns, terms)
-    more = list(late_terms(view, axes, found.terms))
-    if more:
-        second = select_terms(columns, [*found.terms, *more], terms)
-        if any(term in more for term in second.terms):
-            found = second
+    chosen = select_terms(columns, terms)
+    late = list(late_terms(view, axes, chosen.terms))
+    if late:
+        second = select_terms(columns, [*chosen.terms, *late], terms)
+        if any(term in late for term in second.terms):
+            chosen = second
     turning = [name for name in axes if view.goes_round(name)]
-    composed = compose({t: found.size_of([t])[0] for t in found.terms}, turning)
+    composed = compose({t: chosen.size_of([t])[0] for t in chosen.terms}, turning)
     needs = [need for need in composed if need.compensation is not None]
-    confusion = look_for_confusion(found, needs, heat)
-    doubts = list(_doubts(found, confusion, needs))
+    confusion = look_for_confusion(chosen, needs, heat)
+    doubts = list(_doubts(chosen, confusion, needs))
     doubtful = {need for need, _ in doubts}
-    rejected = [*_rejected(found, needs, confusion), *absent]
+    rejected = [*_rejected(chosen, needs, confusion), *absent]
     drift, warm = confusion.drift, [n for n in needs if n.terms == confusion.heat]
     if drift is not None and drift.slight and not drift.known:
         doubtful.update(warm)
         why = "no more than a drift of the instrument, which changes alike"
         rejected += [Rejected("temperature", axis, (), n.sensor, why) for n in warm]
     sure = [need for need in needs if need not in doubtful]
-    wanders = tuple(drifts(found))
+    wanders = tuple(drifts(chosen))
     # A fit of a group knows of the drift, even if it is the only one.
     group = axis if len(sure) > 1 or wanders else None
     named = sorted(
-        (_found(found, each, group) for each in sure), key=lambda e: -e.share
+        (_found(chosen, each, group) for each in sure), key=lambda e: -e.share
     )
     unexplained = [each for _, each in doubts]
     for need in composed:
-        rms, share = found.size_of(need.terms)
-        if need.compensation is None and rms > _WORTH_WORDS * found.noise:
-            text = f"{need.words.removesuffix('.')} ({amount(found, rms)} rms)."
+        rms, share = chosen.size_of(need.terms)
+        if need.compensation is None and rms > _WORTH_WORDS * chosen.noise:
+            text = f"{need.words.removesuffix('.')} ({amount(chosen, rms)} rms)."
             if need.lead.kind is Kind.VISCOUS_WAY:
-                text += _steeper(found, need.lead)
+                text += _steeper(chosen, need.lead)
             what = need.lead.words
-            unexplained.append(stays(found, what, need.masters, rms, text, share))
-    unexplained += ripples(found)
-    size = float(np.sqrt(found.square))
-    summary = AxisSummary(axis, channel, int(kept.sum()), size, found.noise, view.unit)
+            unexplained.append(stays(chosen, what, need.masters, rms, text, share))
+    unexplained += ripples(chosen)
+    size = float(np.sqrt(chosen.square))
+    summary = AxisSummary(axis, channel, int(kept.sum()), size, chosen.noise, view.unit)
     return Discovery(
         (summary,), tuple(named), tuple(rejected), tuple(unexplained), wanders
     )
 
 
-def _found(found: Selection, need: Need, group: str | None) -> Found:
+def _found(chosen: Selection, need: Need, group: str | None) -> Found:
     """Return a compensation that the error asks for."""
-    name, axis = str(need.compensation), found.view.axis
-    rms, share = found.size_of(need.terms)
+    name, axis = str(need.compensation), chosen.view.axis
+    rms, share = chosen.size_of(need.terms)
     over = f" over {' and '.join(need.masters)}" if need.masters else ""
     if need.lead.kind in PUSHES:
         over = f" from {need.masters[0]}"
-    sentence = f"{name} of {axis}{over}: {amount(found, rms)} rms,"
-    sentence += f" {share:.0%} of the {found.view.channel}. {need.words}"
+    sentence = f"{name} of {axis}{over}: {amount(chosen, rms)} rms,"
+    sentence += f" {share:.0%} of the {chosen.view.channel}. {need.words}"
     return Found(
-        axis=axis, masters=need.masters, rms=rms, share=share, unit=found.view.unit,
+        axis=axis, masters=need.masters, rms=rms, share=share, unit=chosen.view.unit,
         sentence=sentence.strip(), compensation=name, sensor=need.sensor,
-        stability=found.stability_of(need.terms), keys=dict(need.keys), group=group,
+        stability=chosen.stability_of(need.terms), keys=dict(need.keys), group=group,
     )  # fmt: skip
 
 
@@ -181,17 +181,17 @@ def _doubts(
         return stays(found, what, masters, rms, text, verdict="the data cannot tell")
 
     for need, others in confusion.others.items():
-        names = [need.lead.words, *(each.words for each in others)]
-        lines = [each for each in others if each.kind is Kind.LINE]
+        names = [need.lead.words, *(other.words for other in others)]
+        lines = [other for other in others if other.kind is Kind.LINE]
         if "masters" in need.keys and lines:
             # A plane gives way to the lines that suffice.
             inside = [term for term in need.terms if term.kind is Kind.LINE]
             names = [term.words for term in dict.fromkeys([*inside, *lines])]
-        masters = [*need.masters, *(name for each in others for name in each.masters)]
+        masters = [*need.masters, *(name for other in others for name in other.masters)]
         rms, remedy = found.size_of(need.terms)[0], _remedy(need, others)
         yield need, cannot_tell(names, masters, rms, remedy)
     drift, heat = confusion.drift, confusion.heat
-    named = next((each for each in needs if each.terms == heat), None)
+    named = next((other for other in needs if other.terms == heat), None)
     if drift is not None and drift.doubtful and named not in confusion.others:
         what, remedy = heat_or_drift(heat[0].words, found.view.axis)
         yield named, cannot_tell([what], (), drift.rms, remedy)
@@ -211,7 +211,7 @@ def _doubts(
 
 def _remedy(need: Need, others: Sequence[Term]) -> str:
     axis = need.lead.axis
-    if Kind.SPEED in {each.kind for each in others}:
+    if Kind.SPEED in {other.kind for other in others}:
         return f"Measure {axis} at another feed too, or at standstill."
     if need.lead.kind in HEAT or others[0].kind in HEAT:
         return "Measure once more at another temperature, in another order of places."
@@ -259,10 +259,10 @@ def _rejected(
 
 def _steeper(chosen: Selection, term: Term) -> str:
     """Return by how much one direction is steeper, the laws of all velocities beside it."""
-    blocks = [chosen.columns.of(each) for each in chosen.terms if each is not term]
+    blocks = [chosen.columns.of(part) for part in chosen.terms if part is not term]
     laws = [block for block in blocks if block.shape[1] == 1]
-    own, data = chosen.columns.of(term), chosen.view.data
-    columns = np.hstack([own, *laws, np.ones((len(own), 1))])
+    column, data = chosen.columns.of(term), chosen.view.data
+    columns = np.hstack([column, *laws, np.ones((len(column), 1))])
     root = np.sqrt(chosen.columns.weight)
     right = data.current[term.axis] * root
     factors = np.linalg.lstsq(columns * root[:, None], right, rcond=None)[0]

@@ -80,7 +80,7 @@ class Groups:
     @cached_property
     def present(self) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]]:
         """Columns of the groups that are present, and the group of each."""
-        sizes = [each.stop - each.start for each in self.slices]
+        sizes = [place.stop - place.start for place in self.slices]
         owner = np.repeat(np.arange(len(sizes)), sizes)
         index = np.flatnonzero(self.variance[owner] > 0)
         return index, owner[index]
@@ -97,14 +97,14 @@ class Groups:
         Groups that are absent stay so, as do those whose contribution falls below the least.
         """
         count, square = max(self.weight, 1.0), max(float(self.gram[-1, -1]), 1e-24)
-        found, groups, rms = self, len(self.slices), np.zeros(len(self.slices))
+        result, groups, rms = self, len(self.slices), np.zeros(len(self.slices))
         for step in range(_STEPS):
-            index, owner = found.present
+            index, owner = result.present
             if not index.size:
-                return dataclasses.replace(found, noise=float(np.sqrt(square / count)))
-            inverse = np.diag(_INVERSE(found._factor[0], lower=True)[0])
-            used = 1.0 - found.noise**2 * inverse / found.variance[owner]
-            free, part = np.bincount(owner, used, groups), found.values
+                return dataclasses.replace(result, noise=float(np.sqrt(square / count)))
+            inverse = np.diag(_INVERSE(result._factor[0], lower=True)[0])
+            used = 1.0 - result.noise**2 * inverse / result.variance[owner]
+            free, part = np.bincount(owner, used, groups), result.values
             square_of = np.bincount(owner, part[index] ** 2, groups)
             variance = square_of / np.maximum(free, 1e-9)
             power = [part[s] @ self.gram[s, s] @ part[s] for s in self.slices]
@@ -114,13 +114,13 @@ class Groups:
             # Coefficients of the residual: minus the values, and 1 of the error.
             residual = np.append(-part, 1.0)
             residual[index[absent[owner]]] = 0.0
-            left = max(float(residual @ self.gram @ residual), 1e-12 * square)
-            noise = float(np.sqrt(left / max(count - float(free.sum()), 1.0)))
-            found = dataclasses.replace(found, variance=variance, noise=noise)
+            square_left = max(float(residual @ self.gram @ residual), 1e-12 * square)
+            noise = float(np.sqrt(square_left / max(count - float(free.sum()), 1.0)))
+            result = dataclasses.replace(result, variance=variance, noise=noise)
             change = np.abs(rms - before)
             if step > _WARM and np.all(change <= _CHANGE * np.maximum(rms, least)):
                 break
-        return found
+        return result
 
     @cached_property
     def _factor(self) -> tuple[Float[np.ndarray, "k k"], bool]:

@@ -119,9 +119,9 @@ def against_drift(
     whole = Design.of((), parts)
     size_of = np.sqrt(np.mean(whole.columns**2, axis=0))
     columns = whole.columns / np.maximum(size_of, 1e-12)
-    found = robust_groups(columns, whole.slices, error, lambda size: _LEAST * size)
-    both, alone = found.with_and_without(0, 1, _LEAST * found.size)
-    weight = weights_about(error - columns @ found.values)
+    groups = robust_groups(columns, whole.slices, error, lambda size: _LEAST * size)
+    both, alone = groups.with_and_without(0, 1, _LEAST * groups.size)
+    weight = weights_about(error - columns @ groups.values)
     heated, drifting, _ = whole.slices
     # Set free, without any drift: the temperature takes all that it can.
     free, root = np.delete(columns, drifting, axis=1), np.sqrt(weight)
@@ -135,7 +135,7 @@ def against_drift(
         instead=float(followed(warm, np.vander(share, _SMOOTH + 1))),
         alike=float(followed(course, columns[:, heated])),
         rms=rms,
-        slight=rms < max(_SLIGHT * found.noise, _SLIGHT_SHARE * size),
+        slight=rms < max(_SLIGHT * groups.noise, _SLIGHT_SHARE * size),
     )
 
 
@@ -174,14 +174,14 @@ def look_for_confusion(
         return Confusion(others, hidden)
     shifts = [term for term in heat if term.kind is Kind.HEAT_OFFSET]
     # Where no temperature was found, the offset that changes most like the drift.
-    like = max(shifts, key=lambda each: followed(found.drift, columns.of(each)))
-    warm = [each.terms for each in needs if each.lead.kind in HEAT]
+    like = max(shifts, key=lambda need: followed(found.drift, columns.of(need)))
+    warm = [need.terms for need in needs if need.lead.kind in HEAT]
     terms = warm[0] if warm else (like,)
-    rest = [found.part(term) for term in found.terms if term not in terms]
+    parts = [found.part(term) for term in found.terms if term not in terms]
     drift = against_drift(
         columns.view.data.clock,
         np.concatenate([columns.of(term) for term in terms], axis=1),
-        np.asarray(columns.view.error - np.sum(rest, axis=0)),
+        np.asarray(columns.view.error - np.sum(parts, axis=0)),
         np.concatenate([columns.zeros, columns.runs], axis=1),
         columns.drift,
     )
@@ -207,8 +207,8 @@ def _substitutes(
     hidden: list[Term] = []
     for k, term in zip(loose_ones, others, strict=True):
         here = whole.slices[k]
-        left = np.trace(beside.reduced(here)[:-1, :-1])
-        if left < _HIDDEN * np.trace(loose.gram[here, here]):
+        trace = np.trace(beside.reduced(here)[:-1, :-1])
+        if trace < _HIDDEN * np.trace(loose.gram[here, here]):
             hidden.append(term)
     result: dict[Need, list[Term]] = {}
     for need in needs:
@@ -299,9 +299,9 @@ def drifts(found: Selection) -> Iterator[Drift]:
         for pieces in _PIECES:
             knots = np.linspace(clock.min(), clock.max(), pieces + 1)
             every = np.eye(pieces + 1)
-            lines = np.stack([np.interp(clock, knots, one) for one in every], axis=1)
-            left = course[rows] - lines @ np.linalg.lstsq(lines, course[rows])[0]
-            if float(np.std(left)) <= _FOLLOWED * found.noise:
+            lines = np.stack([np.interp(clock, knots, hat) for hat in every], axis=1)
+            residual = course[rows] - lines @ np.linalg.lstsq(lines, course[rows])[0]
+            if float(np.std(residual)) <= _FOLLOWED * found.noise:
                 break
         follow = f"{pieces} straight pieces follow it."
         sentence = (
@@ -326,12 +326,12 @@ def ripples(found: Selection) -> Iterator[Unexplained]:
         turns, amplitude = _ripple(found, master)
         if not turns:
             continue
-        own, unit = master == view.axis, view.unit
+        along, unit = master == view.axis, view.unit
         # Six entries per period follow it.
         nodes = int(np.ceil(6.0 * turns)) + 1
         remedy = f"more than the {_MOST_NODES} that a list has by default."
         if nodes <= _MOST_NODES:
-            kind = (Kind.OWN if own else Kind.LINE).value.compensation
+            kind = (Kind.OWN if along else Kind.LINE).value.compensation
             remedy = f"so a {kind} table of that many would hold it."
         rms = amplitude / float(np.sqrt(2.0))
         sentence = (
@@ -340,7 +340,7 @@ def ripples(found: Selection) -> Iterator[Unexplained]:
             f" the rest: it takes {nodes} nodes, {remedy}"
         )
         what = f"periodic error of {view.axis} over {master}"
-        yield stays(found, what, () if own else (master,), rms, sentence)
+        yield stays(found, what, () if along else (master,), rms, sentence)
 
 
 def _ripple(found: Selection, axis: str) -> tuple[float, float]:
@@ -352,18 +352,18 @@ def _ripple(found: Selection, axis: str) -> tuple[float, float]:
     if view.places(axis) < 8 * _COARSE or last <= _COARSE + 1:
         return none
     u, block = u[known], view.block[known]
-    left = np.clip(found.residual[known], -4.0 * found.noise, 4.0 * found.noise)
+    residual = np.clip(found.residual[known], -4.0 * found.noise, 4.0 * found.noise)
     # Where places lie in rows, what is slow over them would show as fine lines.
     slow = np.stack([wave(u) for wave in smooth(2 * _COARSE)], axis=1)
-    left = left - slow @ np.linalg.lstsq(slow, left)[0]
+    residual = residual - slow @ np.linalg.lstsq(slow, residual)[0]
     bins = np.minimum((u * _BINS).astype(np.int64), _BINS - 1)
     # What is there is there in either half of the recording, with the same phase.
     halves = [block % 2 == k for k in (0, 1)]
-    sums = [np.bincount(bins[half], left[half], _BINS) for half in halves]
-    lines = [np.fft.rfft(each, _PADDED * _BINS) for each in sums]
+    sums = [np.bincount(bins[half], residual[half], _BINS) for half in halves]
+    lines = [np.fft.rfft(sum_of, _PADDED * _BINS) for sum_of in sums]
     first, power = _PADDED * (_COARSE + 1), np.abs(lines[0] + lines[1]) ** 2
     at = first + int(np.argmax(power[first : _PADDED * last]))
-    chance = float(left @ left) * np.log((last - _COARSE - 1) / _CHANCE)
+    chance = float(residual @ residual) * np.log((last - _COARSE - 1) / _CHANCE)
     if not power[at] >= chance > 0:
         return none
     counts = [max(int(half.sum()), 1) for half in halves]

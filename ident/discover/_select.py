@@ -85,8 +85,8 @@ def choose_heat(
         for term in (term for term in best if term.kind is kind):
             lags = term.lag * factor, term.lag / factor, _SOON * (term.lag == 0.0)
             inside = [each for each in lags if 0.0 < each <= longest]
-            moved = [(*others, dataclasses.replace(term, lag=lag)) for lag in inside]
-            best = max([best, *moved], key=evidence)
+            lagged = [(*others, dataclasses.replace(term, lag=lag)) for lag in inside]
+            best = max([best, *lagged], key=evidence)
     return best
 
 
@@ -105,9 +105,9 @@ def _evidence_of(
     base = np.linalg.qr(base)[0]
 
     def beside(values: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "m k"]:
-        own = np.zeros((len(base), values.shape[1]))
-        own[: len(rows)] = values[rows] * root
-        return np.asarray(own - base @ (base.T @ own))
+        block = np.zeros((len(base), values.shape[1]))
+        block[: len(rows)] = values[rows] * root
+        return np.asarray(block - base @ (base.T @ block))
 
     error, idle = beside(columns.view.error[:, None])[:, 0], beside(columns.drift)
     block = functools.cache(lambda term: beside(columns.of(term)))
@@ -210,21 +210,21 @@ def select_terms(
     kept = list(terms)
     if looked is None:
         variance = look_at(columns, terms)[2].variance
-        kept = [term for term, own in zip(terms, variance, strict=False) if own > 0]
+        kept = [term for term, var in zip(terms, variance, strict=False) if var > 0]
     view, design = columns.view, columns.design(kept)
-    found = Groups.of(design.columns, design.slices, view.error, columns.weight)
-    size = found.size
-    found = found.estimated(0.1 * view.least(size))
-    least = view.least(size, found.noise)
-    frequency = _selection_frequency(columns, design, found, least)
-    chosen = _without_needless(found, kept, frequency >= STABLE, least)
-    variance = found.without(np.flatnonzero(~chosen).tolist()).variance
+    groups = Groups.of(design.columns, design.slices, view.error, columns.weight)
+    size = groups.size
+    groups = groups.estimated(0.1 * view.least(size))
+    least = view.least(size, groups.noise)
+    frequency = _selection_frequency(columns, design, groups, least)
+    chosen = _without_needless(groups, kept, frequency >= STABLE, least)
+    variance = groups.without(np.flatnonzero(~chosen).tolist()).variance
     # A drift is there again where the term that took its place is not.
     variance[len(kept) :] = size**2
-    found = dataclasses.replace(found, variance=variance).estimated(0.1 * least)
+    groups = dataclasses.replace(groups, variance=variance).estimated(0.1 * least)
     named = tuple(term for term, on in zip(kept, chosen, strict=True) if on)
     every = tuple(terms if looked is None else looked)
-    return Selection(columns, design, found, frequency, named, least, every)
+    return Selection(columns, design, groups, frequency, named, least, every)
 
 
 def _selection_frequency(
@@ -256,18 +256,18 @@ def _selected(
     """Return which terms one half selects with the shapes of the other."""
     import pysindy
 
-    own = slice(0, groups.slices[terms].start)
-    shapes = np.zeros((own.stop, terms))
+    nuisance = slice(0, groups.slices[terms].start)
+    shapes = np.zeros((nuisance.stop, terms))
     for g, here in enumerate(groups.slices[:terms]):
         shapes[here, g] = values[here]
     # Scaled by what a term does in all, not by what the drift leaves of a slow one.
-    size = np.sum(shapes * (groups.gram[own, own] @ shapes), axis=0)
+    size = np.sum(shapes * (groups.gram[nuisance, nuisance] @ shapes), axis=0)
     size = np.sqrt(np.maximum(size, 0.0) / groups.weight)
     known = size > 1e-3 * least
     chosen = np.zeros(terms, dtype=bool)
     if not known.any():
         return chosen
-    free = groups.without(range(terms)).reduced(own)
+    free = groups.without(range(terms)).reduced(nuisance)
     shapes, scale = shapes[:, known], size[known] * np.sqrt(groups.weight)
     matrix = shapes.T @ free[:-1, :-1] @ shapes / np.outer(scale, scale)
     right = shapes.T @ free[:-1, -1] / scale / np.sqrt(groups.weight) / least
@@ -279,8 +279,8 @@ def _selected(
         # It warns where nothing is left, which is an answer.
         warnings.filterwarnings("ignore", "Sparsity parameter is too big")
         optimizer.fit((axes * root).T, (axes.T @ right / root)[:, None])
-    found = np.asarray(optimizer.coef_)[0]
-    chosen[known] = (found >= 1.0) & (found * least > _FOLLOWS * size[known])
+    factors = np.asarray(optimizer.coef_)[0]
+    chosen[known] = (factors >= 1.0) & (factors * least > _FOLLOWS * size[known])
     return chosen
 
 
@@ -299,20 +299,20 @@ def _without_needless(
     free = dataclasses.replace(groups, variance=variance)
     while True:
         needless: dict[int, tuple[int, float]] = {}
-        here = groups.without(np.flatnonzero(~keep).tolist())
+        rest_of = groups.without(np.flatnonzero(~keep).tolist())
         for g in np.flatnonzero(keep).tolist():
             gain = max(free.gain([g]), 0.0)
             cost, heated = float(np.sqrt(gain / free.weight)), terms[g].kind in HEAT
             idle = cost < least and not heated
             if heated or (not idle and gain < _PLAIN * groups.noise**2):
-                both, alone = here.with_and_without(g, nuisance, 0.1 * least)
-                worth = 2.0 * (both.evidence - alone.evidence)
-                own = groups.slices[g]
-                chance = _BEYOND_CHANCE + own.stop - own.start
+                both, single = rest_of.with_and_without(g, nuisance, 0.1 * least)
+                worth = 2.0 * (both.evidence - single.evidence)
+                place = groups.slices[g]
+                chance = _BEYOND_CHANCE + place.stop - place.start
                 idle = worth < (BEYOND_CHANCE if heated else chance)
             if idle:
-                own = groups.slices[g]
-                needless[g] = own.stop - own.start, -cost
+                place = groups.slices[g]
+                needless[g] = place.stop - place.start, -cost
         if not needless:
             return keep
         # Of several that are too many, the one with most functions goes first.

@@ -34,7 +34,7 @@ class Facts:
     @property
     def factors(self) -> list[tuple[str, str, int]]:
         """Name, owner and largest number of functions of each factor."""
-        parts = [f"{each} 1".split() for each in self.functions.split(" x ")]
+        parts = [f"{factor} 1".split() for factor in self.functions.split(" x ")]
         return [(name, owner, int(most)) for name, owner, most, *_ in parts]
 
 
@@ -264,7 +264,7 @@ def _of(sizes: Mapping[Term, float], *kinds: Kind) -> tuple[Term, ...]:
 
 
 def _along_itself(sizes: Mapping[Term, float]) -> Iterator[Need]:
-    own, turn = _of(sizes, Kind.OWN), _of(sizes, Kind.REVERSAL)
+    offset, turn = _of(sizes, Kind.OWN), _of(sizes, Kind.REVERSAL)
     both = _of(sizes, Kind.OWN_REVERSAL)
     if both:
         words = (
@@ -272,10 +272,10 @@ def _along_itself(sizes: Mapping[Term, float]) -> Iterator[Need]:
             " lost motion as well: no backlash beside it."
         )
         keys = {"bilateral": True}
-        yield Need("leadscrew", (*own, *turn, *both), keys=keys, words=words)
+        yield Need("leadscrew", (*offset, *turn, *both), keys=keys, words=words)
         return
-    if own:
-        yield Need("leadscrew", own)
+    if offset:
+        yield Need("leadscrew", offset)
     if turn:
         yield Need("backlash", turn)
 
@@ -320,11 +320,11 @@ def _by_heat(sizes: Mapping[Term, float]) -> Iterator[Need]:
         lags.setdefault(term.sensor, term.lag)
     slow = [f"{name} by about {_time(lag)}" for name, lag in lags.items() if lag > 0]
     words = f"It lags behind {' and '.join(slow)}." if slow else ""
-    one = terms[0].sensor if len(set(sensors.values())) == 1 else None
+    sensor = terms[0].sensor if len(set(sensors.values())) == 1 else None
     keys: dict[str, object] = {"sensors": sensors}
-    if one is not None and "coefficient" in sensors:
-        keys = {"sensor": one}
-    yield Need("temperature", terms, (), one, keys, words)
+    if sensor is not None and "coefficient" in sensors:
+        keys = {"sensor": sensor}
+    yield Need("temperature", terms, (), sensor, keys, words)
 
 
 def _time(seconds: float) -> str:

@@ -52,8 +52,8 @@ class AxisView:
     def error(self) -> Float[np.ndarray, " t"]:
         """In mm, ° or the unit of the current, without the median of each measurement."""
         result = np.array(getattr(self.data, self.channel)[self.axis])
-        for own in self.sources:
-            result[own] -= np.median(result[own])
+        for source in self.sources:
+            result[source] -= np.median(result[source])
         return result
 
     @cached_property
@@ -222,24 +222,24 @@ def candidates_of(
 
 def _tried(view: AxisView, part: str, others: Sequence[str]) -> Iterator[Term]:
     """Yield all terms of the kinds of a part, from all other axes and by all sensors."""
-    moved = [name for name in others if name in view.span]
+    moving = [name for name in others if name in view.span]
     for kind in (kind for kind in Kind if kind.value.part == part):
         owners = {owner for _, owner, _ in kind.value.factors}
         masters: Iterable[tuple[str, ...]] = [()]
         if kind is Kind.SURFACE:
-            masters = itertools.combinations(moved, 2)
+            masters = itertools.combinations(moving, 2)
         elif kind is Kind.PUSH_PLACE:
             masters = itertools.product(others, view.span)
         elif "first" in owners:
             masters = [(name,) for name in others]
         sensors = _changing(view) if "sensor" in owners else [None]
-        for each, sensor in itertools.product(masters, sensors):
-            yield Term(kind, view.axis, each, sensor)
+        for master, sensor in itertools.product(masters, sensors):
+            yield Term(kind, view.axis, master, sensor)
 
 
 def _changing(view: AxisView) -> list[str]:
     """Return the sensors whose temperature changed."""
-    return [name for name, each in view.data.temperature.items() if moving(each)]
+    return [name for name, values in view.data.temperature.items() if moving(values)]
 
 
 _LACKING = {

@@ -145,8 +145,8 @@ class Choice:
             fit: FrictionFit, without: Laws
         ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             """Return values, the variance by windows, and the squares by straight lines."""
-            own = fit.friction(velocity), fit.structure.bent(velocity, fit.factors)
-            every = read(np.column_stack([*own, without.friction(velocity)]))
+            law = fit.friction(velocity), fit.structure.bent(velocity, fit.factors)
+            every = read(np.column_stack([*law, without.friction(velocity)]))
             value, bent, others = every[..., 0], every[..., 1], every[..., 2:]
             count = others.shape[-1]
             # Mean square of Student's t: few windows tell their own spread badly.
@@ -158,14 +158,14 @@ class Choice:
         slopes = read(fit.slopes(velocity))
         noise = ((slopes @ fit.law_covariance) * slopes).sum(axis=-1)
         variance = np.maximum(noise, spread) + lines
-        total, best, seen = 1.0, self.candidates[self.best], {fit.structure}
-        for one in self.candidates:
-            law, count = one.fit, len(one.window_error)
-            share = (1 + max(one.worse(best), 0) ** 2 / (count - 1)) ** (-count / 2)
-            if law.structure in seen or share < _UNLIKELY:
+        total, best, counted = 1.0, self.candidates[self.best], {fit.structure}
+        for rival in self.candidates:
+            law, count = rival.fit, len(rival.window_error)
+            share = (1 + max(rival.worse(best), 0) ** 2 / (count - 1)) ** (-count / 2)
+            if law.structure in counted or share < _UNLIKELY:
                 continue
-            seen.add(law.structure)
-            other, spread, lines = doubt(law, one.without)
+            counted.add(law.structure)
+            other, spread, lines = doubt(law, rival.without)
             more = spread + lines + (other - value) ** 2
             variance, total = variance + share * more, total + share
         return np.asarray(np.sqrt(variance / total))
@@ -217,8 +217,8 @@ def choose_law(
             if fit.structure not in held:
                 held[fit.structure] = _hold_out(fit, weights, window, touched)
             fits.append(fit)
-    each = [held[fit.structure] for fit in fits]
-    left = np.array([one[1] for one in each] + [fit.error for fit in fits])
+    scores = [held[fit.structure] for fit in fits]
+    left = np.array([score[1] for score in scores] + [fit.error for fit in fits])
     size = recording.load_size
     square = recording.usable * np.minimum(left**2, weights.limit**2) / size**2
     counts, squares = (
@@ -228,9 +228,9 @@ def choose_law(
     errors = np.sqrt(squares[: len(fits)] / counts)
     fitted = np.sqrt(squares[len(fits) :].sum(axis=1) / counts.sum())
     candidates = tuple(
-        Candidate(kind if fit.missing else fit.structure, fit, laws, error, float(rest))
-        for kind, fit, (laws, _), error, rest in zip(
-            kinds, fits, each, errors, fitted, strict=True
+        Candidate(kind if fit.missing else fit.structure, fit, laws, error, float(rms))
+        for kind, fit, (laws, _), error, rms in zip(
+            kinds, fits, scores, errors, fitted, strict=True
         )
     )
     # Each sample belongs to the window of the nearest row.
@@ -317,15 +317,15 @@ def _hold_out(
         # Too far for tangents: factors anew at the shape they lead to.
         kept, held = fit.share.copy(), window == number
         kept[slice(*touched[:, number])] = 0.0
-        moved = equation.columns(shapes[number])
+        columns = equation.columns(shapes[number])
         others = dataclasses.replace(weights, share=kept)
-        normal = View(equation, others, shape).rows(moved).sums
+        normal = View(equation, others, shape).rows(columns).sums
         factors[number] = ridged(normal[:, :-1], normal[:, -1])
-        error[held] = rows.target[held] - moved[held] @ factors[number]
+        error[held] = rows.target[held] - columns[held] @ factors[number]
     names, linear, to_law = equation.reading
     read = dict(zip(names, linear @ factors.T, strict=True))
-    given = {"inertia": fit.known.inertia, "offset": fit.known.offset}
+    fixed = {"inertia": fit.known.inertia, "offset": fit.known.offset}
     none = np.zeros(len(factors))
-    loads = [read.get(name, none + (known or 0.0)) for name, known in given.items()]
+    loads = [read.get(name, none + (known or 0.0)) for name, known in fixed.items()]
     laws = Laws(equation.structure, factors @ to_law.T, shapes, *loads)
     return laws, error

@@ -70,8 +70,8 @@ class Lowpass:
         taps = 2 * _REACH * self.factor + 1
         kernel = firwin(taps, 1.0 / self.factor, window="hamming")
         found = np.zeros((_TOGETHER, taps + (_TOGETHER - 1) * self.factor))
-        for row, own in enumerate(found):
-            own[row * self.factor :][:taps] = kernel
+        for row, taps_of in enumerate(found):
+            taps_of[row * self.factor :][:taps] = kernel
         return found
 
     @cached_property
@@ -87,11 +87,11 @@ class Lowpass:
         if self.factor == 1:
             return np.arange(len(self.piece))
         half = _REACH * self.factor
-        found = [
+        centres = [
             np.arange(run.start + half, run.stop - half, self.factor)
             for run in self._runs
         ]
-        return np.concatenate([np.zeros(0, np.int64), *found])
+        return np.concatenate([np.zeros(0, np.int64), *centres])
 
     @property
     def reach(self) -> int:
@@ -107,13 +107,13 @@ class Lowpass:
         for run in self._runs:
             own = columns[run]
             count = len(range(0, len(own) - 2 * _REACH * self.factor, self.factor))
-            blocks, rest = divmod(count, _TOGETHER)
+            blocks, over = divmod(count, _TOGETHER)
             if blocks:
-                seen = sliding_window_view(own, length, axis=0)[::step][:blocks]
-                rows = kernel @ seen.transpose(0, 2, 1)
+                view = sliding_window_view(own, length, axis=0)[::step][:blocks]
+                rows = kernel @ view.transpose(0, 2, 1)
                 found.append(rows.reshape(blocks * _TOGETHER, own.shape[1]))
-            reach = length - (_TOGETHER - rest) * self.factor
-            found.append(kernel[:rest, :reach] @ own[blocks * step :][:reach])
+            reach = length - (_TOGETHER - over) * self.factor
+            found.append(kernel[:over, :reach] @ own[blocks * step :][:reach])
         return np.concatenate(found)
 
 
@@ -163,10 +163,10 @@ class Recording:
     @cached_property
     def target(self) -> Float[np.ndarray, " s"]:
         """The load without its known parts, filtered."""
-        known = np.full_like(self.samples.current, self.known.offset or 0.0)
+        force = np.full_like(self.samples.current, self.known.offset or 0.0)
         if self.known.inertia is not None and self.samples.acceleration is not None:
-            known += self.known.inertia * self.samples.acceleration
-        return np.asarray(self.load - self.lowpass(known[:, None])[:, 0])
+            force += self.known.inertia * self.samples.acceleration
+        return np.asarray(self.load - self.lowpass(force[:, None])[:, 0])
 
     @cached_property
     def usable(self) -> Bool[np.ndarray, " s"]:
@@ -211,8 +211,8 @@ class Recording:
         if both not in self._steady:
             profile = both.steady(np.abs(self.samples.velocity))
             self._steady[both] = self.of_each_way(both, profile)
-        found = self._steady[both]
-        return found if structure.directional else found[:, :1] + found[:, 1:]
+        filtered = self._steady[both]
+        return filtered if structure.directional else filtered[:, :1] + filtered[:, 1:]
 
     def of_each_way(
         self, structure: AbstractStructure, profile: Float[np.ndarray, "t k"]
@@ -221,8 +221,8 @@ class Recording:
         signs = structure.signs(self.samples.velocity).T
         both = signs[:, :, None] * profile[:, None]
         shape = both.shape[1:]
-        found = self.lowpass(both.reshape(len(both), shape[0] * shape[1]))
-        return found.reshape(len(found), *shape)
+        filtered = self.lowpass(both.reshape(len(both), shape[0] * shape[1]))
+        return filtered.reshape(len(filtered), *shape)
 
 
 @final
@@ -293,8 +293,8 @@ class Equation:
         self, shape: Float[np.ndarray, " h"], factors: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, "s h"]:
         """Return the derivatives of the rows by the shape."""
-        own = factors[len(self.fixed_names) :].reshape(self.structure.ways, -1)
-        return np.tensordot(self.falling(shape)[:, :, 1:], own[:, -1], (1, 0))
+        parts = factors[len(self.fixed_names) :].reshape(self.structure.ways, -1)
+        return np.tensordot(self.falling(shape)[:, :, 1:], parts[:, -1], (1, 0))
 
     @property
     def reading(self) -> "Reading":
@@ -306,11 +306,11 @@ class Equation:
     def penalty(self) -> Float[np.ndarray, "k k"]:
         """Precision of factors and shape under the smoothness prior at weight 1."""
         structure, fixed = self.structure, len(self.fixed_names)
-        found = np.zeros((fixed + len(structure.names) + len(structure.shapes),) * 2)
+        total = np.zeros((fixed + len(structure.names) + len(structure.shapes),) * 2)
         bends = structure.bends
         if bends is not None:
-            found[fixed:, fixed:] = np.kron(np.eye(structure.ways), bends.T @ bends)
-        return found
+            total[fixed:, fixed:] = np.kron(np.eye(structure.ways), bends.T @ bends)
+        return total
 
 
 Reading = tuple[tuple[str, ...], Float[np.ndarray, "r k"], Float[np.ndarray, "f k"]]
@@ -334,9 +334,9 @@ def _reading(
     if structure.directional:
         words = tuple(name + way for way in WAYS for name in words)
     if parted:
-        one = structure.levels
-        both = np.concatenate([one, -one])
-        offset = 0.5 * both @ to_law / one.sum()
+        levels = structure.levels
+        both = np.concatenate([levels, -levels])
+        offset = 0.5 * both @ to_law / levels.sum()
         names, beside = (*names, "offset"), np.vstack([beside, offset])
         to_law = to_law - np.outer(both, offset)
     law = np.kron(np.eye(structure.ways), sums) @ to_law

@@ -132,18 +132,18 @@ def _drop_reason(fit: FrictionFit) -> str | None:
         return None
     count, recording = len(fit.state), fit.equation.recording
     sd = np.sqrt(np.diag(fit.state_covariance))
-    own, own_sd = (
+    parts, parts_sd = (
         each[fixed:count].reshape(structure.ways, -1) for each in (fit.state, sd)
     )
     velocity, speeds = float(np.exp(fit.shape[0])), recording.speed
     slowest, fastest = float(speeds.min()), float(speeds.max())
     per = f"{recording.samples.unit}/s"
-    if (own[:, -1] <= 0).all():
+    if (parts[:, -1] <= 0).all():
         return (
             "friction does not fall from rest on: no Stribeck effect above "
             f"{slowest:.3g} {per}, the slowest motion recorded"
         )
-    if velocity > _TOO_FAST * fastest or (own[:, 0] < 0).any():
+    if velocity > _TOO_FAST * fastest or (parts[:, 0] < 0).any():
         return (
             f"friction bends up to the highest speeds recorded ({fastest:.3g} {per}): "
             "that is no drop from break-away, and says nothing of one"
@@ -153,7 +153,7 @@ def _drop_reason(fit: FrictionFit) -> str | None:
             f"the recording has too little motion in the Stribeck range (slowest "
             f"{slowest:.3g} {per}, found {velocity:.3g} {per})"
         )
-    if not (own[:, -1] > _DROP * own_sd[:, -1]).any():
+    if not (parts[:, -1] > _DROP * parts_sd[:, -1]).any():
         return "the drop from break-away to Coulomb friction is lost in the noise"
     return None
 
@@ -177,5 +177,5 @@ def force_error(fit: FrictionFit, samples: DriveSamples) -> Float[np.ndarray, " 
     """
     recording = record(samples, fit.known, fit.equation.recording.factor)
     columns = Equation(recording, fit.structure).columns(fit.shape)
-    left = recording.target - columns @ fit.state
-    return np.asarray(left[recording.usable])
+    residual = recording.target - columns @ fit.state
+    return np.asarray(residual[recording.usable])

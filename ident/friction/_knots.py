@@ -107,10 +107,10 @@ class _Curve:
     def heights(self, places: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         """Return the heights at which a polyline with these knots follows the curve best."""
         hats = KnotTable(knots=tuple(places)).steady(self.place)
-        told = hats.T * self.weight
+        weighed = hats.T * self.weight
         chord = np.interp(places, self.place, self.height)  # where no point tells one
-        off = told @ (self.height - hats @ chord)
-        return np.asarray(chord + ridged(told @ hats, off))
+        off = weighed @ (self.height - hats @ chord)
+        return np.asarray(chord + ridged(weighed @ hats, off))
 
     def _between(self, left: np.ndarray, right: np.ndarray) -> list[np.ndarray]:
         """Return sums over the points in (left, right]."""
@@ -119,21 +119,21 @@ class _Curve:
 
     def apart(self, left: np.ndarray, right: np.ndarray) -> Float[np.ndarray, "*n"]:
         """Return the weighted squares that the best lines leave, which need not meet."""
-        one, x, xx, y, xy, yy = self._between(left, right)
-        one = np.maximum(one, 1e-14)  # where nothing counts, nothing is left
-        spread, both = xx - x * x / one, xy - x * y / one
-        gain = y * y / one + both**2 / np.where(spread > 1e-12 * xx, spread, np.inf)
+        number, x, xx, y, xy, yy = self._between(left, right)
+        number = np.maximum(number, 1e-14)  # where nothing counts, nothing is left
+        spread, both = xx - x * x / number, xy - x * y / number
+        gain = y * y / number + both**2 / np.where(spread > 1e-12 * xx, spread, np.inf)
         return np.where(right > left, np.maximum(yy - gain, 0.0), np.inf)
 
     def misfit(self, *ends: np.ndarray) -> Float[np.ndarray, "*n"]:
         """Return the weighted squares that lines leave: places, then heights of their ends."""
         left, right, low, high = ends
-        one, x, xx, y, xy, yy = self._between(left, right)
+        number, x, xx, y, xy, yy = self._between(left, right)
         width = (right - left) / self.place[-1]
         lean = (high - low) / np.where(width > 0, width, 1.0)
         base = low - self._level - lean * left / self.place[-1]
         miss = yy - 2.0 * (lean * xy + base * y) + lean * (lean * xx + 2.0 * base * x)
-        return np.where(width > 0, np.maximum(miss + base * base * one, 0.0), np.inf)
+        return np.where(width > 0, np.maximum(miss + base * base * number, 0.0), np.inf)
 
 
 def _lines(curve: _Curve, low: int, high: int, count: int) -> Float[np.ndarray, " k"]:

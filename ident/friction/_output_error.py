@@ -107,12 +107,12 @@ def fit_output_error(
     start = _approached(task, samples)
     # A fit without the guess shows how large errors are; as many as they keep their sign
     # for count as one.
-    found, _ = solve(task.problem, start, ROUGHLY, rounds=1)
-    left = np.asarray(residual_of(jnp.asarray(found), task.problem))
-    error = left[: len(runs.run)][runs.compared]
+    state, _ = solve(task.problem, start, ROUGHLY, rounds=1)
+    residual = np.asarray(residual_of(jnp.asarray(state), task.problem))
+    error = residual[: len(runs.run)][runs.compared]
     turns = int((np.diff(np.sign(error - error.mean())) != 0).sum())
     variance = float(error @ error) / (turns + 1)
-    return dataclasses.replace(task, variance=variance).fit(found)
+    return dataclasses.replace(task, variance=variance).fit(state)
 
 
 def laws_held_out(
@@ -133,7 +133,7 @@ def laws_held_out(
         window: Of each sample, from 0.
         loss: Of the inverse fits, as for `fit_inverse`.
     """
-    whole, found = fit.friction, []
+    whole, laws = fit.friction, []
     # Both solvers end in the same optimum; only inequalities need the slower one.
     solver: Solver = "ipopt" if fit.task.constraints else "optimistix"
     for number in range(int(window.max()) + 1):
@@ -155,8 +155,8 @@ def laws_held_out(
             other = whole
         law = other if other.has_law else whole
         beside = (law.parameters.get(k, 0.0) for k in ("inertia", "offset"))
-        found.append((*_as(whole, law), *beside))
-    return Laws(whole.structure, *map(np.array, zip(*found, strict=True)))
+        laws.append((*_as(whole, law), *beside))
+    return Laws(whole.structure, *map(np.array, zip(*laws, strict=True)))
 
 
 def _as(
@@ -164,9 +164,9 @@ def _as(
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " h"]]:
     """Return factors and shape of a law, or of a simpler one, as those of the kind of another."""
     ways, count = whole.structure.ways, len(whole.structure.factors)
-    own = law.factors.reshape(ways, -1)
+    parts = law.factors.reshape(ways, -1)
     factors = np.zeros((ways, count))
-    factors[:, : own.shape[1]] = own
+    factors[:, : parts.shape[1]] = parts
     shape = whole.shape.copy()
     shape[1:] = np.log(GAUSS)
     shape[: len(law.shape)] = law.shape
@@ -307,9 +307,9 @@ class _Task:
 
     def _root(self) -> Float[np.ndarray, "10 10"]:
         """Return the root of the precision of the guess, in the unit of position errors."""
-        root, found = rooted(self.guess.state_covariance)[0], np.zeros((COUNT, COUNT))
-        found[: root.shape[1], : len(root)] = root.T
-        return np.asarray(np.sqrt(self.trust * self.variance) * found)
+        root, inverse = rooted(self.guess.state_covariance)[0], np.zeros((COUNT, COUNT))
+        inverse[: root.shape[1], : len(root)] = root.T
+        return np.asarray(np.sqrt(self.trust * self.variance) * inverse)
 
     def _limits(self) -> tuple[Float[np.ndarray, " 10"], Float[np.ndarray, " 10"]]:
         """Return limits: nothing but the offset may push, and nothing weighs nothing."""
@@ -341,10 +341,10 @@ class _Task:
         values, converged = solve(
             self.problem, start, TOLERANCE, self.solver, self.constraints
         )
-        left, slopes = (
+        residual, slopes = (
             np.asarray(each) for each in linearised(jnp.asarray(values), self.problem)
         )
-        error, cost = left[: len(self.runs.run)], 0.5 * float(left @ left)
+        error, cost = residual[: len(self.runs.run)], 0.5 * float(residual @ residual)
         if not np.isfinite(cost):
             msg = f"output error: {self.solver} found no law that can be simulated."
             raise FitError(msg)

@@ -94,11 +94,11 @@ class FrictionFit:
     @cached_property
     def noise(self) -> float:
         """Robust standard deviation of the residual."""
-        left, lost = self.residual, len(self.state) + len(self.shape)
-        freedom = max(len(left) - lost, 1)
+        residual, unknowns = self.residual, len(self.state) + len(self.shape)
+        freedom = max(len(residual) - unknowns, 1)
         # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
-        inflation = float(np.sqrt(len(left) / freedom))
-        return 1.4826 * median(np.abs(left)) * inflation
+        inflation = float(np.sqrt(len(residual) / freedom))
+        return 1.4826 * median(np.abs(residual)) * inflation
 
     @property
     def relative_error(self) -> float:
@@ -138,28 +138,28 @@ class FrictionFit:
         """
         if self.given is not None:
             return self.given
-        left, even, prior = self.rows.left, self.normal, self.prior
+        rows, even, prior = self.rows.left, self.normal, self.prior
         inverse = self._rooted[0] @ self._rooted[0].T
-        leverage = np.einsum("sk,sk->s", left @ inverse, self.rows.right)
+        leverage = np.einsum("sk,sk->s", rows @ inverse, self.rows.right)
         push = self.error / np.clip(1.0 - leverage, 1.0 - _LARGEST_LEVERAGE, 1.0)
         freedom = max(self.count - len(inverse), 1)
         noise = float((self.share * push) @ push) / freedom
-        known = self.noise**2 * prior
+        white = self.noise**2 * prior
         piece = self.equation.recording.piece
-        inner = score_covariance(left * push[:, None], piece)
-        robust = inverse @ (inner + known) @ inverse
-        plain = inverse @ (noise * even + known) @ inverse
-        have, least = np.diag(robust), np.diag(plain)
-        factor = np.sqrt(np.maximum(least / np.where(have > 0, have, np.inf), 1.0))
+        inner = score_covariance(rows * push[:, None], piece)
+        robust = inverse @ (inner + white) @ inverse
+        plain = inverse @ (noise * even + white) @ inverse
+        given, least = np.diag(robust), np.diag(plain)
+        factor = np.sqrt(np.maximum(least / np.where(given > 0, given, np.inf), 1.0))
         return np.asarray(robust * np.outer(factor, factor))
 
     @cached_property
     def _law(self) -> Float[np.ndarray, "p m"]:
         """Map from ``state`` and ``shape`` to the law's ``factors`` and ``shape``."""
         count, fixed = len(self.state), len(self.equation.fixed_names)
-        found = np.eye(count + len(self.shape))[fixed:]
-        found[: count - fixed, :count] = self.equation.reading[2]
-        return found
+        turn = np.eye(count + len(self.shape))[fixed:]
+        turn[: count - fixed, :count] = self.equation.reading[2]
+        return turn
 
     @cached_property
     def factors(self) -> Float[np.ndarray, " k"]:
@@ -180,17 +180,17 @@ class FrictionFit:
     def _jacobian(self) -> Float[np.ndarray, "r m"]:
         """Derivatives of all parameters by ``state`` and ``shape``."""
         linear, count = self.equation.reading[1], len(self.state)
-        found = np.zeros((len(self.names), count + len(self.shape)))
-        found[: len(linear), :count] = linear
-        found[len(linear) :, count:] = np.diag(np.exp(self.shape))
-        return found
+        turn = np.zeros((len(self.names), count + len(self.shape)))
+        turn[: len(linear), :count] = linear
+        turn[len(linear) :, count:] = np.diag(np.exp(self.shape))
+        return turn
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "r r"]:
         """Between all parameters; NaN where undetermined."""
         known = np.array([name not in self.undetermined for name in self.names], bool)
-        found = self._jacobian @ self.state_covariance @ self._jacobian.T
-        return np.where(np.outer(known, known), found, np.nan)
+        result = self._jacobian @ self.state_covariance @ self._jacobian.T
+        return np.where(np.outer(known, known), result, np.nan)
 
     @cached_property
     def parameters(self) -> dict[str, float]:
@@ -230,8 +230,8 @@ class FrictionFit:
         columns = equation.fixed_names + equation.structure.names
         vague = {
             name.replace("drop", "breakaway")
-            for name, own in zip(columns, sd, strict=False)
-            if own > _VAGUE * equation.recording.load_size
+            for name, deviation in zip(columns, sd, strict=False)
+            if deviation > _VAGUE * equation.recording.load_size
         }
         size = np.where(size > 0, size, 1.0)
         unseen = np.zeros(len(self.names), bool)
@@ -241,19 +241,19 @@ class FrictionFit:
             null = null / np.abs(null * size[:count, None]).max(axis=0)
             reach = np.abs(self._jacobian[:, :count] @ null).max(axis=1, initial=0.0)
             unseen = reach > _IN_NULL * np.abs(self._jacobian / size).max(axis=1)
-        found = dict(self.missing)
+        reasons = dict(self.missing)
         for name, gone in zip(self.names, unseen, strict=True):
-            if name in found:
+            if name in reasons:
                 continue
             if name.endswith(WAYS) and not seen[name.endswith(WAYS[1])]:
-                found[name] = _ONE_WAY
+                reasons[name] = _ONE_WAY
             elif not all(seen) and (gone or (self.parted and name == "offset")):
-                found[name] = _LEVEL
+                reasons[name] = _LEVEL
             elif gone:
-                found[name] = _CONFUSED
+                reasons[name] = _CONFUSED
             elif name in vague:
-                found[name] = _VAGUE_WORDS
-        return found
+                reasons[name] = _VAGUE_WORDS
+        return reasons
 
     @property
     def has_law(self) -> bool:

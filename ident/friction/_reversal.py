@@ -152,20 +152,20 @@ def fit_reversal(
     if msg:
         raise FitError(msg)
     rows, share = _rows(samples, position, starts), share_of(position, velocity)
-    given = position, velocity, *rows, share
+    recorded = position, velocity, *rows, share
     kinds = Stribeck(True), KnotTable(True, recording.knots)
     with one_blas_thread():
         # A rough table shows where the delay is, whatever the law.
         few = KnotTable(True, default_knots(recording.speed, _ROUGH))
-        rough = _Search(recording, few, *given)
+        rough = _Search(recording, few, *recorded)
         every = np.isin(np.arange(len(position)), np.concatenate(rows))
         table = rough.grid(np.zeros(0), every, range(_MOST_DELAY + 1))
         delays = _beside(int(np.argmin(table.min(axis=(0, 2)))))
-        found = [
-            _found(_Search(recording, kind, *given), len(starts), delays)
+        passes = [
+            _found(_Search(recording, kind, *recorded), len(starts), delays)
             for kind in kinds
         ]
-    return min(found, key=lambda each: each[1])[0]
+    return min(passes, key=lambda each: each[1])[0]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -224,18 +224,18 @@ class _Search:
     ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " r"]]:
         """Return the factors of all columns, and what they leave of some samples."""
         before = use - setting.delay
-        own = self.columns(tuple(setting.shape))[before]
-        own = self.share(setting.distance)[setting.lookahead, before, None] * own
+        rows = self.columns(tuple(setting.shape))[before]
+        rows = self.share(setting.distance)[setting.lookahead, before, None] * rows
         design, load = (
-            np.concatenate([own, self.beside[use]], axis=1),
+            np.concatenate([rows, self.beside[use]], axis=1),
             self.recording.target[use],
         )
         gram = design.T @ design
         factors = ridged(gram, design.T @ load)
-        left = load - design @ factors
+        error = load - design @ factors
         # Once more for what rounding leaves of normal equations.
-        more: np.ndarray = ridged(gram, design.T @ left)
-        return factors + more, left - design @ more
+        change: np.ndarray = ridged(gram, design.T @ error)
+        return factors + change, error - design @ change
 
     def grid(
         self,
@@ -247,7 +247,7 @@ class _Search:
         use, load = np.flatnonzero(keep), self.recording.target[keep]
         columns, beside = self.columns(tuple(shape)), self.beside[use]
         split, total = columns.shape[1], float(load @ load)
-        found = np.full((LOOKAHEADS, _MOST_DELAY + 1, len(_DISTANCES)), np.inf)
+        costs = np.full((LOOKAHEADS, _MOST_DELAY + 1, len(_DISTANCES)), np.inf)
         for delay in delays:
             design = np.concatenate([columns[use - delay], beside], axis=1)
             gram, moment = design.T @ design, design.T @ load
@@ -261,8 +261,8 @@ class _Search:
                     right = moment + (acts - steady).T @ load[rows]
                     normal = gram + acts.T @ acts - steady.T @ steady
                     gain = right @ ridged(normal, right)
-                    found[lookahead, delay, place] = total - gain
-        return np.asarray(np.maximum(found, 0.0))
+                    costs[lookahead, delay, place] = total - gain
+        return np.asarray(np.maximum(costs, 0.0))
 
     def refined(
         self, setting: _Setting, use: Int[np.ndarray, " r"]
@@ -280,15 +280,15 @@ class _Search:
                 setting, distance=float(point[0]), shape=point[1:].copy()
             )
 
-        found = least_squares(
+        optimum = least_squares(
             lambda point: self.solve(at(point), use)[1] / unit,
             np.clip(start, low + inside, high - inside),
             bounds=(low, high),
             x_scale=high - low,
             max_nfev=_TRIALS,
         )
-        if 2.0 * found.cost < 1.0:
-            return at(found.x), 2.0 * float(found.cost * unit**2)
+        if 2.0 * optimum.cost < 1.0:
+            return at(optimum.x), 2.0 * float(optimum.cost * unit**2)
         return setting, float(unit**2)
 
 
@@ -305,9 +305,9 @@ def _rows(
         away = np.abs(position[start:end] - position[max(start - 1, 0)])
         reach = int(np.searchsorted(np.maximum.accumulate(away), 1.5 * _FARTHEST))
         first = max(start - 2 * LOOKAHEADS - _MARGIN, 0)
-        own = slice(first, start + reach + _MOST_DELAY + _MARGIN)
-        around[own] = True
-        near[own] |= number % every == 0
+        reach_of = slice(first, start + reach + _MOST_DELAY + _MARGIN)
+        around[reach_of] = True
+        near[reach_of] |= number % every == 0
     good = ~samples.saturated
     good[:_MOST_DELAY] = False
     far = good & ~around & samples.in_motion
@@ -327,11 +327,11 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
     # A first pass finds the wild samples and the shape, the second does without them.
     table = search.grid(shape, keep, delays)
     first, _ = _pass(search, shape, keep, table, 1)
-    left = search.solve(first, use)[1]
+    error = search.solve(first, use)[1]
     level, typical = (
-        median(np.abs(each)) for each in (search.recording.target[use], left)
+        median(np.abs(each)) for each in (search.recording.target[use], error)
     )
-    good = np.abs(left) <= max(_WILD * 1.4826 * typical, _SMALL * level)
+    good = np.abs(error) <= max(_WILD * 1.4826 * typical, _SMALL * level)
     if good.mean() >= 0.5:
         keep[use[~good]] = False
         use = use[good]
@@ -340,40 +340,40 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
     best, squares = _pass(search, first.shape, keep, table, _CLOSE)
     if best.distance < _NOTHING:
         best = dataclasses.replace(best, distance=0.0)
-    factors, left = search.solve(best, use)
+    factors, error = search.solve(best, use)
     close = np.isin(use, search.near)
     # Successive residuals have something in common: fewer of them count as independent.
-    common = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-300)
+    common = float(error[1:] @ error[:-1]) / max(float(error @ error), 1e-300)
     common = min(max(common, 0.0), 0.98)
     share = (1 - common) / (1 + common)
     # A perfect recording leaves rounding: below it no two settings differ.
     floor = 1e-9 * float(np.abs(search.recording.target).max())
-    noise = max(float(np.sqrt(np.mean(left**2))), floor)
+    noise = max(float(np.sqrt(np.mean(error**2))), floor)
     step = max(1e-3 * best.distance, 1e-6)
     ends = max(best.distance - step, 0.0), best.distance + step
-    moved = [search.solve(dataclasses.replace(best, distance=d), use)[1] for d in ends]
-    slope = float(np.linalg.norm(moved[1] - moved[0])) / (ends[1] - ends[0])
+    costs = [search.solve(dataclasses.replace(best, distance=d), use)[1] for d in ends]
+    slope = float(np.linalg.norm(costs[1] - costs[0])) / (ends[1] - ends[0])
     odds = np.exp(-0.5 * share * (squares - squares.min()) / noise**2)
     odds /= odds.sum()
     columns = search.columns(tuple(best.shape))
-    own = factors[: columns.shape[1]]
-    steady, place = columns @ own, np.arange(len(keep)) - best.delay
+    factors_of = factors[: columns.shape[1]]
+    steady, place = columns @ factors_of, np.arange(len(keep)) - best.delay
     acts = search.share(best.distance)[best.lookahead, np.maximum(place, 0)]
     late = np.where(place >= 0, acts * steady[np.maximum(place, 0)], 0.0)
-    found = ReversalFit(
+    result = ReversalFit(
         lookahead=best.lookahead,
         position_delay=best.distance,
         delay_cycles=best.delay,
         position_delay_sd=noise / slope / np.sqrt(share) if slope > 0 else np.inf,
         lookahead_probability=float(odds.sum(axis=1)[best.lookahead]),
         delay_probability=float(odds.sum(axis=0)[best.delay]),
-        noise=float(np.sqrt(np.mean(left[close] ** 2))),
+        noise=float(np.sqrt(np.mean(error[close] ** 2))),
         reversals=reversals,
         missing=steady - late,
     )
-    criterion = len(use) * np.log(max(left @ left / len(use), floor**2))
-    criterion += np.log(len(use)) * (len(own) + len(best.shape))
-    return found, float(criterion)
+    criterion = len(use) * np.log(max(error @ error / len(use), floor**2))
+    criterion += np.log(len(use)) * (len(factors_of) + len(best.shape))
+    return result, float(criterion)
 
 
 def _pass(
@@ -385,11 +385,11 @@ def _pass(
 ) -> tuple[_Setting, Float[np.ndarray, "l d"]]:
     """Return the best setting, and the least squares by look-ahead and delay."""
     places, squares = np.argmin(table, axis=2), np.min(table, axis=2)
-    use, found = np.flatnonzero(keep), []
+    use, tried = np.flatnonzero(keep), []
     # Only what comes near the best deserves the last digits.
     for flat in np.argsort(squares, axis=None)[:close]:
         lookahead, delay = (int(k) for k in np.unravel_index(flat, squares.shape))
         distance = float(_DISTANCES[places[lookahead, delay]])
-        found.append(search.refined(_Setting(lookahead, delay, distance, shape), use))
-        squares[lookahead, delay] = found[-1][1]
-    return min(found, key=lambda each: each[1])[0], squares
+        tried.append(search.refined(_Setting(lookahead, delay, distance, shape), use))
+        squares[lookahead, delay] = tried[-1][1]
+    return min(tried, key=lambda each: each[1])[0], squares

@@ -106,26 +106,26 @@ def _search(
         if free.tobytes() not in kept:
             kept.clear()
             inside = np.tanh(free - _AWAY)
-            own = equation.falling(middle + half * inside)
-            own = apart(in_line(own)).reshape(own.shape)
-            columns = own[:, :, 0]
+            falling = equation.falling(middle + half * inside)
+            falling = apart(in_line(falling)).reshape(falling.shape)
+            columns = falling[:, :, 0]
             # Each direction has but one column: their inverse serves values and slopes.
             every = np.stack([columns.T @ columns] * columns.shape[1])
             inverse = columns @ ridged(every, np.eye(len(every)))
             factors = target @ inverse
-            slopes = np.tensordot(own[:, :, 1:], factors, (1, 0))
+            slopes = np.tensordot(falling[:, :, 1:], factors, (1, 0))
             slopes = slopes * (half * (1.0 - inside**2))
             slopes = columns @ (inverse.T @ slopes) - slopes
             kept[free.tobytes()] = target - columns @ factors, slopes
         return kept[free.tobytes()]
 
-    found = leastsq(
+    optimum = leastsq(
         lambda free: at(free)[0],
         _AWAY + np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
         Dfun=lambda free: at(free)[1],
         xtol=_LAST_STEP, ftol=_LAST_GAIN, factor=_FIRST_STEP, full_output=True,  # pyright: ignore[reportArgumentType]
     )  # fmt: skip
-    return middle + half * np.tanh(found[0] - _AWAY), found[-1] in (1, 2, 3, 4)
+    return middle + half * np.tanh(optimum[0] - _AWAY), optimum[-1] in (1, 2, 3, 4)
 
 
 def _smoothed(
@@ -152,13 +152,13 @@ def _smoothed(
     )
     stiffness = np.maximum(stiffness, 0.0)
     along = vectors.T @ (sums[:, -1] / size)
-    left = rows.target - rows.right @ (vectors @ along / size)
-    lag = lag_of((np.sqrt(share) * left)[:, None], equation.recording.piece)
+    residual = rows.target - rows.right @ (vectors @ along / size)
+    lag = lag_of((np.sqrt(share) * residual)[:, None], equation.recording.piece)
     flats = len(equation.fixed_names) + 2 * equation.structure.ways
     count = max(int((share > 0).sum()) // (1 + lag), len(size) + 2)
     raised = 1.0 + _WEIGHTS[:, None] * stiffness[flats:]
     gone = (along[flats:] ** 2 * (1.0 - 1.0 / raised)).sum(axis=1)
-    score = (count - flats) * np.log(np.maximum(share @ left**2 + gone, 1e-300))
+    score = (count - flats) * np.log(np.maximum(share @ residual**2 + gone, 1e-300))
     score += np.log(raised / _WEIGHTS[:, None]).sum(axis=1)
     weight = float(_WEIGHTS[np.argmin(score)])
     return weight, vectors @ (along / (1.0 + weight * stiffness)) / size

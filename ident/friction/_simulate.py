@@ -196,9 +196,9 @@ def _half_step(
     goes_on = speed > 0
     onward = speed / (1.0 + gain * jnp.where(forward, viscous[0], viscous[1]))
     # Stopped on the way: the rest of the time is left for the other direction.
-    left = speed / jnp.where(goes_on, -1.0, jnp.minimum(rate, -_TINY))
+    time = speed / jnp.where(goes_on, -1.0, jnp.minimum(rate, -_TINY))
     back_rate = -sign * push - dry.level(jnp.zeros_like(before), -sign)
-    back = left * back_rate / (1.0 + left * jnp.where(forward, viscous[1], viscous[0]))
+    back = time * back_rate / (1.0 + time * jnp.where(forward, viscous[1], viscous[0]))
     turned = jnp.where(back_rate > 0, -back, 0.0)
     return sign * jnp.where(goes_on, onward, turned)
 
@@ -243,8 +243,8 @@ class Problem(eqx.Module):
 def _residual(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " r"]:
     """Return measured − simulated positions, then how far the values are from the guess."""
     error = problem.target - travel(problem.drive(values), problem.excitation)
-    left = jnp.where(problem.compared, error, 0.0)
-    return jnp.concatenate([left, problem.root @ (values - problem.guess)])
+    residual = jnp.where(problem.compared, error, 0.0)
+    return jnp.concatenate([residual, problem.root @ (values - problem.guess)])
 
 
 def _levels(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " g"]:
@@ -327,7 +327,7 @@ def _levenberg_marquardt(
     solver: Any = optx.LevenbergMarquardt(
         limit, limit, norm=optx.rms_norm, linear_solver=lx.QR()
     )
-    found: Any = optx.least_squares(
+    optimum: Any = optx.least_squares(
         residual,
         solver,
         jnp.zeros_like(start),
@@ -335,10 +335,10 @@ def _levenberg_marquardt(
         max_steps=_STEPS,
         throw=False,
     )
-    converged = jnp.asarray(found.result == optx.RESULTS.successful)
-    values = numbers.values(found.value)
-    left = jnp.linalg.norm(_residual(values, problem)) / numbers.length
-    return values, converged, left
+    converged = jnp.asarray(optimum.result == optx.RESULTS.successful)
+    values = numbers.values(optimum.value)
+    change = jnp.linalg.norm(_residual(values, problem)) / numbers.length
+    return values, converged, change
 
 
 def solve(
@@ -361,7 +361,7 @@ def solve(
     """
     if solver == "ipopt":
         low, high = (np.asarray(each) for each in problem.limits)
-        found = least_squares_ipopt(
+        optimum = least_squares_ipopt(
             _residual,
             start,
             problem,
@@ -371,12 +371,12 @@ def solve(
             tolerance=_IPOPT_TOLERANCE,
             max_steps=_IPOPT_STEPS,
         )
-        return found.values, found.converged
+        return optimum.values, optimum.converged
     values, converged = jnp.asarray(start), jnp.asarray(False)
     for _ in range(rounds):
         given = problem, jnp.asarray(tolerance)
-        values, converged, left = _levenberg_marquardt(values, *given)
-        if left > _FAR:
+        values, converged, change = _levenberg_marquardt(values, *given)
+        if change > _FAR:
             break
     return np.asarray(values), bool(converged)
 
@@ -389,7 +389,7 @@ def _shares(
 ) -> Float[Array, "l t"]:
     # Only its rules for the change of direction matter, not its law.
     every = [FrictionCompensation(_ANY_LAW, n, distance) for n in range(LOOKAHEADS)]
-    shares = [one.shares(one.start(), position, velocity)[0] for one in every]
+    shares = [model.shares(model.start(), position, velocity)[0] for model in every]
     return jnp.abs(jnp.stack(shares))
 
 
@@ -406,7 +406,7 @@ def share_of(
 
     @lru_cache(maxsize=64)
     def share(distance: float) -> Float[np.ndarray, "l t"]:
-        found = _shares(*motion, jnp.asarray(distance))
-        return np.asarray(found)[:, : len(position)]
+        shares = _shares(*motion, jnp.asarray(distance))
+        return np.asarray(shares)[:, : len(position)]
 
     return share

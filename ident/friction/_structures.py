@@ -170,11 +170,11 @@ class AbstractStructure(abc.ABC):
         shapes: Float[np.ndarray, "n h"],
     ) -> Float[np.ndarray, "t n"]:
         """Return the friction at velocities in mm/s for each of some laws of the kind."""
-        speed, own = np.abs(velocity), factors.reshape(len(factors), self.ways, -1)
+        speed, parts = np.abs(velocity), factors.reshape(len(factors), self.ways, -1)
         steady, last = self.steady(speed), self.falling(speed, shapes)[:1]
-        level = own[:, :, : steady.shape[1]] @ steady.T
+        level = parts[:, :, : steady.shape[1]] @ steady.T
         for column in last:
-            level = level + own[:, :, -1:] * column[:, None]
+            level = level + parts[:, :, -1:] * column[:, None]
         return np.asarray((level * self.signs(velocity)).sum(axis=1).T)
 
     def bent(
@@ -278,8 +278,8 @@ class Stribeck(AbstractStructure):
         """See `AbstractStructure`."""
         natural = np.exp(shapes)
         exponents = self.exponent or natural[:, 1:]
-        found = stribeck_columns(speed, natural[:, :1], exponents)
-        return found[: 1 + shapes.shape[1]]
+        columns = stribeck_columns(speed, natural[:, :1], exponents)
+        return columns[: 1 + shapes.shape[1]]
 
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
@@ -335,9 +335,9 @@ class KnotTable(AbstractStructure):
         """See `AbstractStructure`: the weights of the model's table."""
         rows = np.arange(len(speed))
         first, weights = linear_weights(np.asarray(self.knots), speed)
-        found = np.zeros((len(speed), len(self.knots)))
-        found[rows, first], found[rows, first + 1] = weights
-        return found
+        columns = np.zeros((len(speed), len(self.knots)))
+        columns[rows, first], columns[rows, first + 1] = weights
+        return columns
 
     def bent(
         self, velocity: Float[np.ndarray, " t"], factors: Float[np.ndarray, " k"]
@@ -387,8 +387,8 @@ class Laws:
 
 def range_of(speed: Float[np.ndarray, " t"]) -> tuple[float, float]:
     """Return the slowest speed, but for a thousandth of the samples, and the fastest."""
-    seen = speed[speed > 0]
-    return quantile(seen, 0.001), float(seen.max())
+    speeds = speed[speed > 0]
+    return quantile(speeds, 0.001), float(speeds.max())
 
 
 def default_knots(speed: Float[np.ndarray, " t"], count: int) -> tuple[float, ...]:
@@ -397,10 +397,10 @@ def default_knots(speed: Float[np.ndarray, " t"], count: int) -> tuple[float, ..
     Half of the weight goes to where the axis spends its time, half to even steps of the
     logarithm, so that the bend near rest is not missed.
     """
-    seen = np.sort(speed[speed > 0])
+    speeds = np.sort(speed[speed > 0])
     # The slowest few samples are mostly what a filter made of a standstill.
-    level = np.linspace(np.log(seen[len(seen) // 200]), np.log(seen[-1]), _LEVELS)
-    share = np.searchsorted(seen, np.exp(level)) / len(seen)
+    level = np.linspace(np.log(speeds[len(speeds) // 200]), np.log(speeds[-1]), _LEVELS)
+    share = np.searchsorted(speeds, np.exp(level)) / len(speeds)
     mixed = share + (level - level[0]) / max(level[-1] - level[0], 1e-300)
     mixed = (mixed - mixed[0]) / (mixed[-1] - mixed[0])
     places = np.exp(np.interp(np.linspace(0.0, 1.0, count), mixed, level))

@@ -60,9 +60,9 @@ class Rows:
         found = np.empty((len(self.cuts) - 1, count, count + 1))
         ends = itertools.pairwise(self.cuts.tolist())
         for sums, (first, end) in zip(found, ends, strict=True):
-            left = self.left[first:end].T
-            sums[:, :-1] = left @ self.right[first:end]
-            sums[:, -1] = left @ self.target[first:end]
+            columns = self.left[first:end].T
+            sums[:, :-1] = columns @ self.right[first:end]
+            sums[:, -1] = columns @ self.target[first:end]
         return found
 
     @cached_property
@@ -104,12 +104,12 @@ class Weights:
         velocity = np.concatenate([knots, -knots])
         # Factors of the free table, which has no offset, for each factor of the law.
         starts = structure.starts(equation.recording.speed_range)
-        own = structure.columns(velocity, starts)
+        columns = structure.columns(velocity, starts)
         if "offset" in equation.fixed_names:
-            own = np.concatenate([own, np.ones_like(own[:, :, :1])], axis=2)
-        laws = np.zeros((len(starts), len(seen), fixed + own.shape[2]))
+            columns = np.concatenate([columns, np.ones_like(columns[:, :, :1])], axis=2)
+        laws = np.zeros((len(starts), len(seen), fixed + columns.shape[2]))
         laws[:, :fixed, :fixed] = np.eye(fixed)
-        laws[:, fixed:, fixed:] = np.sign(velocity)[:, None] * own
+        laws[:, fixed:, fixed:] = np.sign(velocity)[:, None] * columns
         sums = np.swapaxes(laws, 1, 2) @ seen
         factors = ridged(sums[:, :, :-1] @ laws, sums[:, :, -1])
         gains = np.einsum("nk,nk->n", sums[:, :, -1], factors)
@@ -173,15 +173,15 @@ def weigh(
         length = np.sqrt(np.maximum(np.einsum("sk,sk->k", rows, rows), 1e-300))
         design = rows / length
         stack = Stack((ColumnsEffect(NoPrior(size), size, _HELD),), banded=False)
-        found = estimate(
+        fit = estimate(
             stack,
             memory(stack, Readings(target, {}, None), design),
             loss=loss,
             weights=lambda _: np.zeros(0),
             floor=least_scale(target),
         )
-        ratio = (target - design @ found.centre) / found.loss.scale
-        share[used], limit = found.loss.share(ratio), _WILD * found.loss.scale
+        ratio = (target - design @ fit.centre) / fit.loss.scale
+        share[used], limit = fit.loss.share(ratio), _WILD * fit.loss.scale
     if cuts is None:
         cuts = np.array([0, len(used)])
     return Weights(share, limit, free, cuts)
@@ -205,9 +205,9 @@ def rooted(
     size = np.sqrt(np.diag(matrix))
     size = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
-    seen = values > _NULL * max(float(values[-1]), np.finfo(float).tiny)
-    root = vectors[:, seen] / np.sqrt(values[seen]) / size[:, None]
-    return root, vectors[:, ~seen] / size[:, None]
+    positive = values > _NULL * max(float(values[-1]), np.finfo(float).tiny)
+    root = vectors[:, positive] / np.sqrt(values[positive]) / size[:, None]
+    return root, vectors[:, ~positive] / size[:, None]
 
 
 def orthonormal(columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s b"]:
