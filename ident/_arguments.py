@@ -150,7 +150,8 @@ def check_reach(
         for (channel, name), (low, high) in one.ranges.items():
             places = given[f"{name}.{channel}"]
             if not np.any((places >= low) & (places <= high)):
-                ends = f"{np.nanmin(places):g} to {np.nanmax(places):g}"
+                known = places[np.isfinite(places)]
+                ends = f"{known.min():g} to {known.max():g}" if len(known) else "NaN"
                 msg = (
                     f"{one.name}: found readings at {name} = {ends}, expected some from"
                     f" {low:g} to {high:g}, where its nodes are"

@@ -215,6 +215,9 @@ def test_a_table_where_nothing_was_measured_is_refused() -> None:
     beyond = axcomp.Leadscrew("X", start=1000, interval=25, points=9)
     with pytest.raises(FitError, match="at X = 0 to 200, expected some from 1000 to"):
         axcomp.fit([beyond], along_x(0))
+    nowhere = along_x(0) | {"X.position": np.full(len(along_x(0)["X.error"]), np.nan)}
+    with pytest.raises(FitError, match="at X = NaN, expected some from 1000 to"):
+        axcomp.fit([beyond], nowhere)
 
 
 def test_one_word_is_a_constraint_and_none_is_no_constraint() -> None:
