@@ -42,8 +42,9 @@ _DRAWS = 4
 """Other orders of the residual."""
 _CHANCE = 1.8
 """Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
-_TURNS = 3
-"""Reversals from which on a drift does not look like the difference of the directions."""
+_TURNS, _ALIKE = 3, 10.0
+"""Turns of an axis at least, and mean jump of the residual there in its standard deviations, that
+a drift does not show by chance."""
 
 
 @final
@@ -207,29 +208,34 @@ def without_turns(
     positions: Sequence[Float[np.ndarray, " r"]],
     order: Int[np.ndarray, " r"],
 ) -> Float[np.ndarray, " r"]:
-    """Return residuals less what the direction of motion explains where it turns often.
+    """Return residuals less what the direction of motion explains at every turn alike.
 
-    A table for both directions leaves the backlash in the residual: it remembers no longer than
-    to the next turn, and means over both directions do not wander with it.
+    A table for both directions leaves the backlash in the residual. That is no memory: means
+    over both directions do not wander with it.
 
     Args:
         pseudo: Residuals, 0 where a reading is not believed.
         positions: Of each moving axis.
         order: In which they were taken.
     """
-    believed, count = pseudo != 0.0, len(pseudo)
-    columns = [np.ones(count)]
+    believed, columns = pseudo != 0.0, [np.ones(len(pseudo))]
     for position in positions:
         # Where a position is not known, nothing moves.
         steps = np.nan_to_num(np.diff(position[order], prepend=position[order[:1]]))
         moves = np.flatnonzero(steps)
-        signs = np.sign(steps[moves])
-        if np.count_nonzero(np.diff(signs)) < _TURNS:
-            continue
         # What stands keeps the direction of the last move; the first one, that of the next.
-        last = np.searchsorted(moves, np.arange(count), side="right") - 1
-        columns.append(np.empty(count))
-        columns[-1][order] = signs[np.maximum(last, 0)]
+        last = np.searchsorted(moves, np.arange(len(steps)), side="right") - 1
+        ways = np.sign(steps[moves])[np.maximum(last, 0)] if len(moves) else steps
+        stretch = np.cumsum(np.diff(ways, prepend=ways[:1]) != 0.0)
+        count = np.bincount(stretch, believed[order])
+        mean = np.bincount(stretch, pseudo[order]) / np.maximum(count, 1.0)
+        first = np.searchsorted(stretch, np.arange(len(count)))
+        jumps = np.diff(mean) * ways[first[1:]]
+        if len(jumps) >= _TURNS and abs(np.mean(jumps)) > _ALIKE * np.std(
+            jumps, ddof=1
+        ):
+            columns.append(np.empty(len(pseudo)))
+            columns[-1][order] = ways
     design = np.column_stack(columns)
     share = np.linalg.lstsq(design[believed], pseudo[believed], rcond=None)[0]
     return np.where(believed, pseudo - design[:, 1:] @ share[1:], 0.0)
