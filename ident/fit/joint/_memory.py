@@ -42,7 +42,7 @@ _DRAWS = 4
 """Other orders of the residual."""
 _CHANCE = 1.8
 """Ratio of variances up to which 24 stretches differ by chance, at two deviations."""
-_TURNS, _ALIKE = 3, 10.0
+_TURNS, _ALIKE = 3, 12.0
 """Turns of an axis at least, and mean jump of the residual there in its standard deviations, that
 a drift does not show by chance."""
 
@@ -231,9 +231,7 @@ def without_turns(
         mean = np.bincount(stretch, pseudo[order]) / np.maximum(count, 1.0)
         first = np.searchsorted(stretch, np.arange(len(count)))
         jumps = np.diff(mean) * ways[first[1:]]
-        if len(jumps) >= _TURNS and abs(np.mean(jumps)) > _ALIKE * np.std(
-            jumps, ddof=1
-        ):
+        if len(jumps) >= _TURNS and abs(np.mean(jumps)) > _ALIKE * np.std(jumps):
             columns.append(np.empty(len(pseudo)))
             columns[-1][order] = ways
     design = np.column_stack(columns)
