@@ -74,9 +74,9 @@ def fit_log(
     headers = tuple(log.head.column(name).header for name in (*positions, error))
     parts, read = log.parts(headers, _PARTS, _ROWS), partial(_samples, headers, factor)
     with contextlib.ExitStack() as stack:
-        own, apply = _shared(parts, read, scheduler, workers, stack)
+        pool, apply = _shared(parts, read, scheduler, workers, stack)
         streamed = fit_streamed(
-            layout, own, smoothness=smoothness, loss=loss, apply=apply
+            layout, pool, smoothness=smoothness, loss=loss, apply=apply
         )
         return streamed.fit
 

@@ -186,7 +186,7 @@ def _flat(table: Any) -> list[Any] | None:
         return None
     parts = table.values() if isinstance(table, Mapping) else [table]
     known = [np.ravel(part) for part in parts if part is not None]
-    return [each for part in known for each in part.tolist()]
+    return [value for part in known for value in part.tolist()]
 
 
 def as_date(value: Any) -> datetime.date | None:

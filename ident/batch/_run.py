@@ -42,8 +42,8 @@ class Progress:
         if not self.done:
             return words
         rate = self.done / max(time.monotonic() - self._start, 1e-9)
-        left = datetime.timedelta(seconds=round((self.total - self.done) / rate))
-        return f"{words}, {rate:.1f} per second, {left} left"
+        remaining = datetime.timedelta(seconds=round((self.total - self.done) / rate))
+        return f"{words}, {rate:.1f} per second, {remaining} left"
 
 
 @dataclasses.dataclass(frozen=True)

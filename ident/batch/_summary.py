@@ -139,7 +139,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
     earlier = [read_results(other).filter(done) for other in history]
     with duckdb.connect() as connection:
         connection.register("fits", fits)
-        every = [each.select(fits.column_names) for each in (*earlier, fits)]
+        every = [table.select(fits.column_names) for table in (*earlier, fits)]
         connection.register("every", pa.concat_tables(every))
 
         def found(question: str, **given: object) -> _Rows:

@@ -139,12 +139,12 @@ class _Watch:
     def _watch(self) -> None:
         while self.running is not None:
             task, end = self.running
-            if (left := end - _clock()) <= 0.0:
+            if (remaining := end - _clock()) <= 0.0:
                 late = self.order.work / "late"
                 late.mkdir(parents=True, exist_ok=True)
                 (late / task.name).touch()
                 os._exit(_LATE)
-            time.sleep(min(left, _LOOK))
+            time.sleep(min(remaining, _LOOK))
 
 
 @functools.cache

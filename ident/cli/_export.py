@@ -113,14 +113,14 @@ def probe(
     from ..exchange import machine_lists
     from ..job import OutFolder
 
-    own = axis_ranges(travel, "--travel", "its travel as in A1=0:500", 1e5)
+    ranges = axis_ranges(travel, "--travel", "its travel as in A1=0:500", 1e5)
     pattern, example = f"(?P<word>{AXIS_WORD})", "its word as in A1=X"
     words = by_axis(word, "--word", pattern, example)
     if len(files) == 1 and files[0].suffix.lower() == ".toml":
-        probes, read = _probe_of_job(files[0], own)
+        probes, read = _probe_of_job(files[0], ranges)
     else:
         lists, rules = read_lists(files), Conventions()
-        reach = {**travel_in(lists, rules, increment), **own}
+        reach = {**travel_in(lists, rules, increment), **ranges}
         axes = {
             k: ProbeAxis(k, words[k]["word"] if k in words else f"A{k}", between)
             for k, between in reach.items()
@@ -253,12 +253,12 @@ def export_external(
         modulo=axis_ranges(modulo, "--modulo"),
         increment=increment,
     )
-    given = axis_ranges(workspace, "--workspace")
+    ranges = axis_ranges(workspace, "--workspace")
     written = export(
         source.law,
         out,
         axes=source.axes,
-        workspace={**source.workspace, **given},
+        workspace={**source.workspace, **ranges},
         replaced=source.replaced,
         remarks=source.remarks,
         title=f"compensation of {', '.join(f'A{axis}' for axis in source.axes)}",

@@ -136,9 +136,9 @@ def _print_figures(console: "Console", found: "AbstractResult") -> None:
     rows = [
         (
             name.replace("all", "wild kept"),
-            *("–" if v is None else f"{scale.factor * v:{digits}}" for v in own),
+            *("–" if v is None else f"{scale.factor * v:{digits}}" for v in row),
         )
-        for name, own in figures.items()
+        for name, row in figures.items()
     ]
     title = f"{found.compensation} of {found.axis}{over}, {scale.error}"
     console.print(table_of(["error", *heads], rows, numbers=heads, title=title))

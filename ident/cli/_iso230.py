@@ -119,16 +119,16 @@ def _tolerance(text: str) -> tuple[float, str | None]:
 
     match = re.fullmatch(r"\s*([0-9]*[.,]?[0-9]+(?:[eE][+-]?[0-9]+)?)\s*(\D.*)?", text)
     unit = find_unit(match[2] or "mm") if match else None
-    found, expected, value, stated = repr(text), "mm such as 0.02, or 20um", 0.0, None
+    words, expected, value, stated = repr(text), "mm such as 0.02, or 20um", 0.0, None
     if match and unit and unit.dimension in ("length", "angle"):
         number = np.array([float(match[1].replace(",", "."))])
         value, expected = float(unit.to_library(number)[0]), "more than 0"
         stated = {"length": "mm", "angle": "deg"}[unit.dimension] if match[2] else None
     plain = stated is None and value >= _PLAIN_TOLERANCE
     if plain:  # 20 is meant as µm, and 20 mm would pass every machine
-        found, expected = f"{found} without a unit", f"{text}um or {text}mm"
+        words, expected = f"{words} without a unit", f"{text}um or {text}mm"
     if plain or value <= 0.0:
-        refuse("--tolerance", found, expected)
+        refuse("--tolerance", words, expected)
     return value, stated
 
 

@@ -223,7 +223,7 @@ def convert(
     else:
         machine = {}
         write_atomically(target, text_of(table, form, trim=trim).encode())
-    size = " × ".join(str(len(each)) for each in table.nodes)
+    size = " × ".join(str(len(line)) for line in table.nodes)
     both = len(table.nodes) == 1 and len(table.entries) == 2
     directions = ", both directions" * both
     typer.echo(

@@ -62,8 +62,8 @@ def _declared(parameter: inspect.Parameter, text: "re.Match[str] | None") -> Any
     elif parameter.kind is not parameter.KEYWORD_ONLY:
         info = typer.Argument()
     else:  # a flag has no --no-… beside it
-        own = text["flag"] or (f"--{parameter.name}" if base is bool else None)
-        info = typer.Option(*filter(None, [own]))
+        flag = text["flag"] or (f"--{parameter.name}" if base is bool else None)
+        info = typer.Option(*filter(None, [flag]))
     info = copy.copy(info)
     # Of rich's marks there are none: what stands in brackets is meant.
     info.help = _ONE_LINE.sub(" ", text["help"]).replace("[[", "[\\[")
@@ -187,9 +187,9 @@ def read_shown_list(path: Path) -> "ListFile":
 
     listing = ListFile.read(path)
     if not listing.columns:
-        found = "no entry" if listing.lines else "an empty file"
-        found = "UTF-16" if listing.is_wide else found
-        raise FoundError(str(path), found, "entries of a list")
+        words = "no entry" if listing.lines else "an empty file"
+        words = "UTF-16" if listing.is_wide else words
+        raise FoundError(str(path), words, "entries of a list")
     return listing
 
 

@@ -70,7 +70,7 @@ def _lines(text: str) -> int | list[int]:
         "a number such as 3, or lines such as [7]",
     )
     matched("--skip", text, pattern, expected)
-    numbers = [int(each) for each in re.findall(r"\d+", text)]
+    numbers = [int(digits) for digits in re.findall(r"\d+", text)]
     return numbers if len(numbers) > 1 or "[" in text else numbers[0]
 
 

@@ -51,10 +51,10 @@ def fit_all(
         say(
             f"fitting group {name!r} together: {', '.join(member.name for member in every)}"
         )
-        group, own = fit_group(tables, name, every)
+        group, shares = fit_group(tables, name, every)
         groups.append(group)
-        drafts |= own
-        for member in own.values():
+        drafts |= shares
+        for member in shares.values():
             hand_on(member, order, left)
     undetermined: dict[int, FitError] = {}
     confounded = _confounded_single(tables, single)

@@ -150,7 +150,7 @@ def measure_again(
     tables = Tables(second.job)
     measured = errors_in(tables)
     # A fit of a group is compared as the group as a whole.
-    sums = {one.axis: one.error for group in result.groups for one in group.axes}
+    sums = {axis.axis: axis.error for group in result.groups for axis in group.axes}
     fits = []
     for draft, fit in zip(drafts, result.fits, strict=True):
         diagnosis = diagnoses.get((fit.axis_number, fit.compensation))
@@ -181,13 +181,13 @@ def measure_again(
             diagnosis = _turned(diagnosis, readings)
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
         fits.append(dataclasses.replace(fit, again=again))
-    fits = [_beside(one, fits) for one in fits]
+    fits = [_beside(fit, fits) for fit in fits]
     settled, more = _settled_by(fits)
     if settled:
         more += _save_settled(job, root, settled)
     return dataclasses.replace(
         result,
-        fits=tuple(_finished(one, settled) for one in fits),
+        fits=tuple(_finished(fit, settled) for fit in fits),
         remarks=(*result.remarks, *remarks, *more),
         second=second.record,
     )
@@ -314,8 +314,8 @@ def _refuse_other_axes(job: Job, after: Job) -> None:
 
 def _hash_of(listing: ListFile) -> str:
     """Return the hash of what a list says: comments and layout do not count."""
-    said = "\n".join(f"{one.name} {one.value}" for one in listing.entries)
-    return hashlib.sha256(said.encode()).hexdigest()
+    text = "\n".join(f"{entry.name} {entry.value}" for entry in listing.entries)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _earlier(root: Path) -> dict[str, Any] | None:

@@ -82,13 +82,13 @@ def run_job(
     second, outdated = plan_second(job, after, out, files)
     with _uninterrupted():
         files, moved = _write(job, folder, files)
-        by_axis = {one.axis: one for one in files}
+        by_axis = {axis.axis: axis for axis in files}
         sums: list[GroupResult] = []
         if groups:
             from .joint import prove_group
 
             sums = [prove_group(group, drafts, by_axis) for group in groups]
-        together = {index: one.name for one in sums for index in one.fits}
+        together = {index: axis.name for axis in sums for index in axis.fits}
         results = []
         for draft in drafts:
             proved, group = draft.prove(by_axis[draft.axis]), together.get(draft.index)
@@ -131,9 +131,9 @@ def _uninterrupted() -> Iterator[None]:
         yield  # signals reach the main thread only
         return
     held: list[int] = []
-    asked = signal.SIGINT, signal.SIGTERM
+    which = signal.SIGINT, signal.SIGTERM
     before = {
-        one: signal.signal(one, lambda number, _: held.append(number)) for one in asked
+        one: signal.signal(one, lambda number, _: held.append(number)) for one in which
     }
     try:
         yield

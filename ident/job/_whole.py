@@ -53,11 +53,11 @@ def judge_whole(
         files: The axes with their drafts, gates and lists.
     """
     job, axes = tables.job, list[WholeAxis]()
-    for own in files:
-        acting = tuple(d for d in own.drafts if d.written and d.jump > 0)
+    for axis_files in files:
+        acting = tuple(d for d in axis_files.drafts if d.written and d.jump > 0)
         if acting:
-            axes.append(_Axis(tables, own, acting).judged())
-    stopped = {own.axis for own in files if own.failed}
+            axes.append(_Axis(tables, axis_files, acting).judged())
+    stopped = {axis_files.axis for axis_files in files if axis_files.failed}
     stopped |= {axis.axis for axis in axes if axis.failed}
     by_axis = {axis.axis: _with_partner(job, axis, files, stopped) for axis in axes}
     judged = tuple(
@@ -300,23 +300,23 @@ class _Axis:
     def _stands(self, inputs: Collection[int], motion: Motion) -> bool:
         """Return whether no axis moves in a measurement that a compensation looks at."""
         places = motion.positions
-        seen = [places[k] for k in inputs or [self.files.number] if k in places]
-        return not any(np.ptp(one) > 0 for one in seen)
+        places_of = [places[k] for k in inputs or [self.files.number] if k in places]
+        return not any(np.ptp(place) > 0 for place in places_of)
 
     def _roles(
         self, loaded: AxisLists, names: Collection[str], motion: Motion
     ) -> list[str]:
         """Return the columns that compensations follow and a measurement lacks."""
         inputs = {axis for name in names for axis in loaded.inputs(name)}
-        found = [
+        roles = [
             f"{name}.position"
             for name, axis in self.job.spec.axes.items()
             if axis.number in inputs - motion.positions.keys()
         ]
         if any("temperature" in kind(name).follows for name in names):
             sensors = dict.fromkeys(s for draft in self.drafts for s in draft.sensors)
-            found += [f"temperature.{name}" for name in sensors]
-        return found
+            roles += [f"temperature.{name}" for name in sensors]
+        return roles
 
     def _untold(self, source: str, roles: Sequence[str]) -> Remark:
         words = ", ".join(f'"{role}" = {{ value = … }}' for role in roles)

@@ -84,8 +84,8 @@ class VirtualMachine:
     def error_in(self, axis: str, state: State) -> Column:
         """Return the error of the bare machine in a state in mm."""
         total = np.zeros(state.rows)
-        for each in self.causes(axis, state).values():
-            total += each
+        for cause in self.causes(axis, state).values():
+            total += cause
         return total
 
     def causes(self, axis: str, state: State) -> dict[str, Column]:

@@ -154,15 +154,15 @@ def _side_by_side(
 
 
 def _file(label: str, table: Table, spec: "MeasurementSpec") -> _File:
-    own = {c.role: ColumnSpec(c.header or c.name) for c in table.columns if c.role}
-    roles = {role: one for role, one in own.items() if find_role(role) is not None}
+    named = {c.role: ColumnSpec(c.header or c.name) for c in table.columns if c.role}
+    roles = {role: one for role, one in named.items() if find_role(role) is not None}
     if spec.columns:
         wished = {
             role: one
             for role, one in spec.column_specs.items()
             if spec.file_of(role) in (None, label) and _holds(table, one)
         }
-        roles = {"time": own["time"]} | wished if "time" in own else wished
+        roles = {"time": named["time"]} | wished if "time" in named else wished
     clock = roles.pop("time", None)
     if clock is None:
         names = ", ".join(column.name for column in table.columns[:12])
@@ -210,7 +210,7 @@ def _offset(name: str, first: _File, other: _File) -> ClockState:
         try:
             signal = first.values(mine)
             away = None if place is None else first.values(place)
-            found = find_offset(
+            state = find_offset(
                 first.time, signal, other.time, other.values(theirs), away
             )
         except FitError as error:
@@ -219,10 +219,10 @@ def _offset(name: str, first: _File, other: _File) -> ClockState:
         return ClockState(
             name,
             other.name,
-            found.seconds,
-            found.standard_deviation,
+            state.seconds,
+            state.standard_deviation,
             words,
-            found.explained,
+            state.explained,
         )
     raise FitError(failed[0])
 
@@ -252,13 +252,13 @@ def _pairs(first: _File, other: _File) -> Iterator[tuple[str, str, str, str | No
 
 
 def _by_axis(file: _File) -> dict[str, str]:
-    found: dict[str, str] = {}
+    files: dict[str, str] = {}
     for kind in _PLACES:
         for text in file.roles:
             role = find_role(text)
             if role is not None and role.axis is not None and role.kind == kind:
-                found.setdefault(role.axis, text)
-    return found
+                files.setdefault(role.axis, text)
+    return files
 
 
 def _refuse_apart(

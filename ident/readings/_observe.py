@@ -142,8 +142,8 @@ def errors_in(tables: Tables) -> dict[str, tuple[str, ...]]:
     spec = tables.job.spec
     measured = {name: tables.measured(name) for name in spec.measurements}
     return {
-        name: tuple(axis for axis in spec.axes if has_error(one, axis))
-        for name, one in measured.items()
+        name: tuple(axis for axis in spec.axes if has_error(values, axis))
+        for name, values in measured.items()
     }
 
 

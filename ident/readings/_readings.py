@@ -79,10 +79,10 @@ def runs_overlap(
     if runs < 2:
         return False
     cell = np.zeros(len(positions), dtype=np.int64)
-    for k, own in enumerate(nodes):
+    for k, line in enumerate(nodes):
         # Nearest node: readings at the nodes themselves must not fall to either side.
-        middle = 0.5 * (own[1:] + own[:-1])
-        cell = cell * len(own) + np.searchsorted(middle, positions[:, k])
+        middle = 0.5 * (line[1:] + line[:-1])
+        cell = cell * len(line) + np.searchsorted(middle, positions[:, k])
     if direction is not None:
         cell = 2 * cell + (direction < 0)
     place, visitor = np.divmod(np.unique(cell * runs + index), runs)
@@ -127,7 +127,7 @@ class Readings:
 def rows_of(sources: Sequence[str], counts: Sequence[int]) -> dict[str, slice]:
     """Return the rows of each measurement, one after the other, by its name."""
     ends = itertools.pairwise([0, *itertools.accumulate(counts)])
-    return {name: slice(*own) for name, own in zip(sources, ends, strict=True)}
+    return {name: slice(*ends_of) for name, ends_of in zip(sources, ends, strict=True)}
 
 
 def joined(parts: list[np.ndarray | None]) -> np.ndarray | None:
@@ -152,7 +152,7 @@ def joined_runs(
     numbered: list[np.ndarray] = []
     first = 1
     for run, count in zip(runs, counts, strict=True):
-        own = np.zeros(count, dtype=np.int64) if run is None else ranked(run)[1]
-        numbered.append(own.astype(np.int64) + first)
-        first += int(own.max(initial=0)) + 1
+        number = np.zeros(count, dtype=np.int64) if run is None else ranked(run)[1]
+        numbered.append(number.astype(np.int64) + first)
+        first += int(number.max(initial=0)) + 1
     return np.concatenate(numbered)

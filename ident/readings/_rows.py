@@ -98,19 +98,19 @@ class Rows:
         """
         self.job, self.name, self.gaps = job, name, gaps
         self.spec = job.spec.measurements[name]
-        asked = tuple(axes)
-        found = without_motion(measured, asked)
-        derived = [axis for axis in asked if f"{axis}.error" not in measured.values]
+        names = tuple(axes)
+        table = without_motion(measured, names)
+        derived = [axis for axis in names if f"{axis}.error" not in measured.values]
         self.moving = frozenset(
-            axis for axis in derived if f"{axis}.error" in found.values
+            axis for axis in derived if f"{axis}.error" in table.values
         )
         if gaps:
-            found = found.with_gaps()
+            table = table.with_gaps()
         else:
-            for axis in asked:
-                found = with_error(found, axis)
-        self.measured = found
-        self.remarks = list(found.remarks)
+            for axis in names:
+                table = with_error(table, axis)
+        self.measured = table
+        self.remarks = list(table.remarks)
         self.change: dict[str, float] = {}
 
     def __len__(self) -> int:
@@ -278,24 +278,24 @@ class Rows:
             MissingRole: If there is neither direction nor position, and it is needed.
         """
         try:
-            found = explain_direction(self.measured, axis)
+            directions = explain_direction(self.measured, axis)
         except (DirectionUnknown, MissingRole):
             if needed:
                 raise
             return None
         if needed:
-            self.remarks += found.remarks
-        return found.values
+            self.remarks += directions.remarks
+        return directions.values
 
     def way(self, axis: str, *, needed: bool = False) -> Float[np.ndarray, " t"] | None:
         """Return `direction`, NaN until an axis of a log has left where it stood.
 
         Whence it came before that nobody recorded.
         """
-        found = self.direction(axis, needed=needed)
-        if found is None:
+        directions = self.direction(axis, needed=needed)
+        if directions is None:
             return None
-        way = found.astype(float)
+        way = directions.astype(float)
         if is_log(self.measured, axis):
             place = self.position(axis, kinds=PLACES)
             known = np.flatnonzero(np.isfinite(place))
@@ -318,9 +318,9 @@ class Rows:
         Raises:
             MeasurementError: If it was not recorded and cannot be derived.
         """
-        given = self._numbers(f"{axis}.{what}")
-        if given is not None:
-            return given
+        stated = self._numbers(f"{axis}.{what}")
+        if stated is not None:
+            return stated
         kinds = kinds or POSITION_ORDER[self.job.conventions.crosstalk_input]
         if (axis, kinds) not in self._motions:
             derived = derive_motion(self.measured, axis, order=kinds)

@@ -57,14 +57,14 @@ class Tables:
         """
         spec = self.job.spec.measurements[name]
         if name not in self._large:
-            found = None
+            file = None
             plain = spec.lines is None and not any(
                 one.parts or one.value is not None for one in spec.column_specs.values()
             )
             if spec.file is not None and spec.profile is None and plain:
                 least = 0 if spec.stream is True else None
-                found = open_large(self.job.file(spec.file), least)
-            self._large[name] = found
+                file = open_large(self.job.file(spec.file), least)
+            self._large[name] = file
         return self._large[name]
 
     def table(self, name: str) -> Table:
@@ -130,10 +130,10 @@ class Tables:
             axis=self.job.spec.measurements[name].axis or axis,
             masters=masters,
             increments={
-                key: each.increment
-                for key, each in axes.items()
-                if each.increment is not None
+                key: spec.increment
+                for key, spec in axes.items()
+                if spec.increment is not None
             },
-            rotary=[key for key, each in axes.items() if each.kind != "linear"],
+            rotary=[key for key, spec in axes.items() if spec.kind != "linear"],
             name=name,
         )

@@ -54,10 +54,10 @@ def without_zero(
     known = np.isfinite(error) & np.isfinite(places).all(axis=1)
     if kind == "none" or not known.any():
         return error
-    own, at = error[known], places[known]
-    step = step_of(len(own))
+    error_of, at = error[known], places[known]
+    step = step_of(len(error_of))
     result = error.copy()
-    result[known] = zero_of(own[::step], at[::step], kind).off(own, at)
+    result[known] = zero_of(error_of[::step], at[::step], kind).off(error_of, at)
     return result
 
 

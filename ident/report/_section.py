@@ -110,13 +110,13 @@ def figures_of(
 ) -> tuple[list[str], dict[str, list[float | None]]]:
     """Return the stages of an error that are shown, and the figures of each by name."""
     stages = [stage for stage in _COLUMNS if stage in error]
-    wild = any(each.rms_without_wild is not None for each in error.values())
+    wild = any(error_of.rms_without_wild is not None for error_of in error.values())
     rows = {
         name: [_figure(error[stage], name) for stage in stages]
         for name in _ROWS
         if wild or not name.endswith(", all")
     }
-    known = {name: own for name, own in rows.items() if set(own) != {None}}
+    known = {name: cells for name, cells in rows.items() if set(cells) != {None}}
     return stages, known
 
 
@@ -161,18 +161,18 @@ def _left_out_body(fit: "LeftOutResult") -> Body:
     part = fit.part
     if part is None:
         return Body(plots=[], facts=[nothing])
-    told = int(np.sum(part.determined & (part.support > 0)))
+    determined = int(np.sum(part.determined & (part.support > 0)))
     reached = int(np.sum(part.support > 0))
     facts = [
         (
             "Values",
-            f"{told} of {count(len(part.values), 'value')} are determined; readings touch"
+            f"{determined} of {count(len(part.values), 'value')} are determined; readings touch"
             f" {reached} of them.",
         ),
     ]
-    lost = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
-    if lost.size:
-        names = some_of([part.labels[int(k)] for k in lost], _MOST)
+    unknown = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
+    if unknown.size:
+        names = some_of([part.labels[int(k)] for k in unknown], _MOST)
         facts.append(("Not determined", f"{names}."))
     facts.append(nothing)
     return Body(plots=[], facts=facts)

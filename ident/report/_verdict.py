@@ -161,9 +161,9 @@ def _no_better(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     diagnosis, trend = fit.again.diagnosis, fit.again.trend
     words = "" if diagnosis is None else f" ({diagnosis.sentence})"
     if trend is not None:
-        rest = f"{scale.figure(trend.rest)} {scale.error}"
+        remainder = f"{scale.figure(trend.rest)} {scale.error}"
         words = (
-            f": without it {rest} would be left, as predicted. Before it goes in again, find"
+            f": without it {remainder} would be left, as predicted. Before it goes in again, find"
             f" what moved {fit.axis} since: its temperature, or the zero of the instrument"
         )
     return (
@@ -188,13 +188,13 @@ def _unowned(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 
 def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
-    seen, unit, where = reason.fields, "°" if fit.unit == "deg" else "mm", []
-    if "axis" in seen:
-        low, high = (f"{seen[name]:.4g}" for name in ("low", "high"))
+    fields, unit, where = reason.fields, "°" if fit.unit == "deg" else "mm", []
+    if "axis" in fields:
+        low, high = (f"{fields[name]:.4g}" for name in ("low", "high"))
         place = f"at {low}" if low == high else f"from {low} to {high}"
-        where.append(f"{seen['axis']} {place} {unit}")
-    if "direction" in seen:
-        where.append(f"motion in {'+' if seen['direction'] > 0 else '−'} direction")
+        where.append(f"{fields['axis']} {place} {unit}")
+    if "direction" in fields:
+        where.append(f"motion in {'+' if fields['direction'] > 0 else '−'} direction")
     return (
         f"Verified in part: {_fall(fit, scale)}; {_again(fit, scale)}, which saw"
         f" {' and '.join(where)} only: measure the rest of its travel again."

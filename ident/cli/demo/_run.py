@@ -198,11 +198,11 @@ def _loaded(mill: WorkingMachine, job: JobResult, folder: Path) -> WorkingMachin
         number = mill.machine.axes[fit.axis]
         table = next(name for name in fit.files if name.suffix == ".csv")
         sensor = next(iter(fit.sensors))
-        own = next(
+        listing = next(
             file for file in lists if file.source.endswith(f"achsmds{number}.add.lis")
         )
         lines[number] = read_temperature_table(
-            folder / table, mill.sensors, sensor, Conventions(), own
+            folder / table, mill.sensors, sensor, Conventions(), listing
         )
         lags[sensor] = max((lag.time_constant for lag in fit.fit.lags), default=0.0)
     machine = mill.machine.with_lists(lists, lines)

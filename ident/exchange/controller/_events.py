@@ -96,19 +96,19 @@ def homed_rows(
     Raises:
         ExchangeError: If an event names an axis that the machine lacks.
     """
-    homing = [one for one in events if one.action in ("homed", "not homed")]
+    homing = [event for event in events if event.action in ("homed", "not homed")]
     if not homing:
         return None
-    found = np.ones((rows, len(numbers)), dtype=bool)
-    seen: set[int] = set()
-    for one in homing:
-        is_homed = one.action == "homed"
-        for column in _columns(one, numbers):
-            if column not in seen:
-                found[: one.row, column] = not is_homed
-            seen.add(column)
-            found[one.row :, column] = is_homed
-    return found
+    homed = np.ones((rows, len(numbers)), dtype=bool)
+    known: set[int] = set()
+    for event in homing:
+        is_homed = event.action == "homed"
+        for column in _columns(event, numbers):
+            if column not in known:
+                homed[: event.row, column] = not is_homed
+            known.add(column)
+            homed[event.row :, column] = is_homed
+    return homed
 
 
 def selected_rows(
@@ -124,21 +124,21 @@ def selected_rows(
         ExchangeError: If an event names an axis that the machine lacks.
     """
     commands: list[CompCommand | ProgramEnd] = []
-    for one in events:
-        columns = _columns(one, numbers)
-        if one.action == "end":
-            commands.append(ProgramEnd(one.row, tuple(columns)))
-        elif one.action in ("on", "off"):
-            is_on = one.action == "on"
+    for event in events:
+        columns = _columns(event, numbers)
+        if event.action == "end":
+            commands.append(ProgramEnd(event.row, tuple(columns)))
+        elif event.action in ("on", "off"):
+            is_on = event.action == "on"
             commands += [
-                CompCommand(one.row, axis, is_on, one.names) for axis in columns
+                CompCommand(event.row, axis, is_on, event.names) for axis in columns
             ]
-    found = commanded(controller, rows, commands)
+    selected = commanded(controller, rows, commands)
     for (axis, name), (start, end) in windows.items():
-        own = found[:, numbers.index(axis), COMPENSATIONS.index(name)]
-        own[:start] = False
-        own[end:] = False
-    return found
+        column = selected[:, numbers.index(axis), COMPENSATIONS.index(name)]
+        column[:start] = False
+        column[end:] = False
+    return selected
 
 
 def _columns(one: ControllerEvent, numbers: Sequence[int]) -> list[int]:
@@ -157,7 +157,7 @@ def loaded_versions(
 
     Beside the lists stands the one that was loaded again; None: all are as at first.
     """
-    now, spans = list(lists), {id(one): (0, rows) for one in lists}
+    now, spans = list(lists), {id(listing): (0, rows) for listing in lists}
     versions: list[tuple[list[ListFile], ListFile | None]] = [(now, None)]
     for event in events:
         if event.listing is None:

@@ -133,21 +133,21 @@ class Motion:
             expected = f"{self.rows}, as in the other columns"
             expect(count == self.rows, where, f"{count} rows", expected)
             for at in np.flatnonzero(~np.isfinite(values)).tolist():
-                found = f"{values[at]} in row {at + 1}"
-                raise ExchangeError(where, found, "a finite number")
+                fault = f"{values[at]} in row {at + 1}"
+                raise ExchangeError(where, fault, "a finite number")
         if self.time is None or self.rows < 2:
             return
         where, steps = f"{self.source}: time", np.diff(self.time)
         at = int(np.argmin(steps > 0))
         before, after = self.time[at : at + 2]
-        found = f"{after:g} s after {before:g} s in row {at + 2}"
-        expect(steps[at] > 0, where, found, "ascending times")
+        fault = f"{after:g} s after {before:g} s in row {at + 2}"
+        expect(steps[at] > 0, where, fault, "ascending times")
         step = float(np.median(steps))
         if cycle_time is not None:
-            found = f"a time step of {1e3 * step:g} ms"
+            fault = f"a time step of {1e3 * step:g} ms"
             expected = f"the cycle time of the controller, {1e3 * cycle_time:g} ms"
             even = abs(step - cycle_time) <= _EVEN * cycle_time
-            expect(even, where, found, expected)
+            expect(even, where, fault, expected)
 
     @property
     def is_even(self) -> bool:
@@ -172,11 +172,11 @@ class Motion:
             actual: As they were, of the actual positions; an axis without its own moves as
                 it is commanded.
         """
-        own = actual and self.time is not None and axis in self.actuals
-        velocity = None if own else self.velocities.get(axis)
-        acceleration = None if own else self.accelerations.get(axis)
+        measured = actual and self.time is not None and axis in self.actuals
+        velocity = None if measured else self.velocities.get(axis)
+        acceleration = None if measured else self.accelerations.get(axis)
         first = 2 if velocity is None else 1
-        places = self.actuals if own else self.positions
+        places = self.actuals if measured else self.positions
         if velocity is None and self.time is not None and axis in places:
             velocity = self._rate(self.unwrapped(axis, places[axis]))
         if acceleration is None and self.time is not None and velocity is not None:
@@ -215,5 +215,5 @@ def direction_of_motion(position: Column, start: int = 1) -> Int[np.ndarray, " t
         start: Direction before the first motion (S-21).
     """
     places = jnp.asarray(filled(position, 256))
-    found, _, _ = directions(DirectionState.start(start), places)
-    return np.asarray(found)[: len(position)].astype(np.int64)
+    ways, _, _ = directions(DirectionState.start(start), places)
+    return np.asarray(ways)[: len(position)].astype(np.int64)

@@ -127,11 +127,11 @@ def simulate(
             homed = homed_rows(others, numbers, motion.rows)
             active = selected_rows(controller, others, numbers, motion.rows, windows)
             whole = dataclasses.replace(whole, homed=homed, active=active)
-        found = _run(controller, whole, settled=motion.time is None)
+        offsets = _run(controller, whole, settled=motion.time is None)
         for one in computed:
             # What was there before a list was loaded again is added already.
             if new is None or one.listing is new:
-                rows = found[one.name][:, numbers.index(one.axis)]
+                rows = offsets[one.name][:, numbers.index(one.axis)]
                 added[one.axis, one.name] = rows + added.get((one.axis, one.name), 0.0)
         why |= lacks
         shown |= {one.axis for one in used}
@@ -154,8 +154,8 @@ def _controller_motion(
     none = np.zeros(motion.rows)
 
     def table(columns: Mapping[int, Column | None]) -> Float[Array, "t a"]:
-        own = [columns.get(number) for number in numbers]
-        return as_array(np.stack([none if c is None else c for c in own], axis=1))
+        rates = [columns.get(number) for number in numbers]
+        return as_array(np.stack([none if c is None else c for c in rates], axis=1))
 
     def rates(actual: bool) -> list[Float[Array, "t a"]]:
         pairs = {number: motion.rates(number, actual) for number in numbers}
@@ -229,9 +229,9 @@ def _axis(
     waiting: bool,
 ) -> AxisOffsets:
     """Return what is added to an axis; why something is not computed, by what is in use."""
-    own = [each for each in kinds() if (axis, each.name) in added]
-    parts = {each.name: added[axis, each.name] for each in own if not each.adds_current}
-    currents = [added[axis, each.name] for each in own if each.adds_current]
+    act = [each for each in kinds() if (axis, each.name) in added]
+    parts = {each.name: added[axis, each.name] for each in act if not each.adds_current}
+    currents = [added[axis, each.name] for each in act if each.adds_current]
     mine = {one: reason for one, reason in why.items() if one.axis == axis}
     out = {one.name: reason for one, reason in mine.items() if reason is not None}
     remarks = [
@@ -244,7 +244,7 @@ def _axis(
         for one, reason in mine.items()
         if one.manual and reason is None and not waiting
     ]
-    if own and not motion.is_even:
+    if act and not motion.is_even:
         remarks.append(
             f"the time steps of {motion.source} differ: filters and delays take each row"
             " as one cycle"
@@ -280,11 +280,11 @@ class AxisLists:
         """Those that say something, as lists of this axis also where they do not say so."""
         pairs = ("compensation", self.compensation), ("axis", self.machine)
         return tuple(
-            one
-            if one.integer("kopf.achs_nr")
-            else one.merge({"kopf.achs_nr": self.axis})
-            for kind, one in pairs
-            if one is not None and one.kind == kind
+            listing
+            if listing.integer("kopf.achs_nr")
+            else listing.merge({"kopf.achs_nr": self.axis})
+            for kind, listing in pairs
+            if listing is not None and listing.kind == kind
         )
 
     @functools.cached_property
@@ -294,17 +294,17 @@ class AxisLists:
         Raises:
             ExchangeError: If an entry that decides it is unreadable.
         """
-        found = machine_lists(self.files).in_use(
+        entries = machine_lists(self.files).in_use(
             self.reading.conventions, self.reading.lines
         )
-        mine = {one.name: one for one in found if one.axis == self.axis}
-        places = [each.name for each in kinds() if not each.adds_current]
+        mine = {one.name: one for one in entries if one.axis == self.axis}
+        places = [sort.name for sort in kinds() if not sort.adds_current]
         return {name: mine[name] for name in places if name in mine}
 
     def inputs(self, name: str) -> tuple[int, ...]:
         """Return the axes over whose positions a compensation acts at standstill."""
-        one = self.used[name]
-        return one.kind.entries.inputs(one.masters)
+        entry = self.used[name]
+        return entry.kind.entries.inputs(entry.masters)
 
     def acts(self, name: str) -> bool:
         """Return whether it adds something: a table of zeros does not.
@@ -312,8 +312,8 @@ class AxisLists:
         Raises:
             ExchangeError: If an entry that decides it is unreadable.
         """
-        one = self.used.get(name)
-        return one is not None and not one.kind.entries.adds_nothing(one.listing)
+        entry = self.used.get(name)
+        return entry is not None and not entry.kind.entries.adds_nothing(entry.listing)
 
     @functools.cached_property
     def models(self) -> Mapping[str, object]:
@@ -339,13 +339,13 @@ class AxisLists:
         if self.axis not in motion.positions and self._has_no_slope:
             still = {self.axis: np.zeros(motion.rows)}
             whole = dataclasses.replace(motion, positions={**motion.positions, **still})
-        (found,) = simulate(
+        (axis,) = simulate(
             self.files,
             whole,
             self.reading,
             only=lambda one: self._is_known(one, motion),
         )
-        return dict(found.parts)
+        return dict(axis.parts)
 
     def _is_known(self, one: InUse, motion: Motion) -> bool:
         """Return whether it adds to this axis, and a motion has what it looks at."""

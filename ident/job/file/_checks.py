@@ -115,8 +115,8 @@ def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
             yield from _columns_of_runs(column, files, key)
             continue
         if (column.column is None) == (column.value is None):
-            found = "both" if column.column is not None else "neither"
-            yield key, f"found {found}, expected one of column and value"
+            stated = "both" if column.column is not None else "neither"
+            yield key, f"found {stated}, expected one of column and value"
         if column.interval and column.value is None:
             yield key, "found interval, expected value beside it, of the first row"
         if column.value is not None and files is not None:
@@ -135,18 +135,18 @@ def _columns_of_runs(
     if files is not None:
         yield where, "found columns per run beside several files, expected one file"
     for name in ("run", "direction"):
-        given = sum(getattr(column, name) is not None for column in columns)
-        if 0 < given < len(columns):
-            reason = f"found {name} in {given} of {len(columns)} columns"
+        stated = sum(getattr(column, name) is not None for column in columns)
+        if 0 < stated < len(columns):
+            reason = f"found {name} in {stated} of {len(columns)} columns"
             yield where, f"{reason}, expected it in all of them or in none"
 
 
 def _fits(job: JobFile) -> Iterator[Fault]:
-    seen: dict[tuple[str, str], int] = {}
+    first: dict[tuple[str, str], int] = {}
     for k, fit in enumerate(job.fits):
         where: KeyPath = ("fits", k)
         yield from _references(job, fit, where)
-        twin = seen.setdefault((fit.compensation, fit.axis), k)
+        twin = first.setdefault((fit.compensation, fit.axis), k)
         if twin != k:
             yield (
                 (*where, "axis"),
@@ -165,8 +165,8 @@ def _references(job: JobFile, fit: FitSpec, where: KeyPath) -> Iterator[Fault]:
     if fit.axis not in job.axes:
         yield (*where, "axis"), unknown(fit.axis, job.axes, "an axis")
     if (fit.measurement is None) == (fit.measurements is None):
-        found = "nothing" if fit.measurement is None else "both"
-        reason = f"found {found}, expected measurement or measurements"
+        stated = "nothing" if fit.measurement is None else "both"
+        reason = f"found {stated}, expected measurement or measurements"
         yield (*where, "measurement"), reason
     key = "measurement" if fit.measurement is not None else "measurements"
     for name in fit.sources:
@@ -204,13 +204,13 @@ def _groups(job: JobFile) -> Iterator[Fault]:
 def _unlike(job: JobFile, name: str, members: tuple[int, ...]) -> Iterator[Fault]:
     first = job.fits[members[0]]
     for key in ("loss", "smoothness"):
-        own = [k for k in members if key not in job.fits[k].lacking]
-        for k in own[1:]:
-            mine, theirs = getattr(job.fits[k], key), getattr(job.fits[own[0]], key)
+        able = [k for k in members if key not in job.fits[k].lacking]
+        for k in able[1:]:
+            mine, theirs = getattr(job.fits[k], key), getattr(job.fits[able[0]], key)
             if mine != theirs:
                 yield (
                     ("fits", k, key),
-                    f"found {mine!r} in group {name!r}, of which fits[{own[0]}] has"
+                    f"found {mine!r} in group {name!r}, of which fits[{able[0]}] has"
                     f" {theirs!r}, expected one for all: they are one fit",
                 )
     for k in members[1:]:
@@ -235,9 +235,9 @@ def _unlike(job: JobFile, name: str, members: tuple[int, ...]) -> Iterator[Fault
 
 
 def _beside(job: JobFile, name: str, members: tuple[int, ...]) -> Iterator[Fault]:
-    own: list[FitSpec] = [job.fits[k] for k in members]
-    axes = {fit.axis for fit in own}
-    sources = set(own[0].sources)
+    specs: list[FitSpec] = [job.fits[k] for k in members]
+    axes = {fit.axis for fit in specs}
+    sources = set(specs[0].sources)
     for k, fit in enumerate(job.fits):
         if k in members or fit.kind.adds_current or fit.axis not in axes:
             continue

@@ -100,7 +100,7 @@ def first_fault(
         first = max(below, key=lambda item: len(_clean(item["loc"], values)))
     where = _clean(first["loc"], values)
     kind, context = first["type"], first.get("ctx", {})
-    given = _quoted(first.get("input"))
+    value = _quoted(first.get("input"))
     if kind == "extra_forbidden":
         part = _part(where[:-1], values)
         known = [
@@ -124,12 +124,12 @@ def first_fault(
         reason += f", expected one of {', '.join(NAMES)}"
         reason += f" (nearest: {close[0]!r})" if tag and close else ""
     elif kind == "value_error":
-        reason = f"found {given}, {first['msg'].removeprefix('Value error, ')}"
+        reason = f"found {value}, {first['msg'].removeprefix('Value error, ')}"
     elif (
         kind == "literal_error"
         and sum(_clean(item["loc"], values) == where for item in errors) == 1
     ):
-        reason = f"found {given}, expected {context['expected']}"
+        reason = f"found {value}, expected {context['expected']}"
         choices = re.findall(r"'([^']*)'", str(context["expected"]))
         close = difflib.get_close_matches(str(first.get("input")), choices, 1)
         reason += f" (nearest: {close[0]!r})" if close else ""
@@ -143,7 +143,7 @@ def first_fault(
             for item in errors
             if _clean(item["loc"], values) == where
         ]
-        reason = f"found {given}, expected {' or '.join(dict.fromkeys(wishes))}"
+        reason = f"found {value}, expected {' or '.join(dict.fromkeys(wishes))}"
     return error_at(path, text, where, reason)
 
 

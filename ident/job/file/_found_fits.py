@@ -55,9 +55,9 @@ def found_keys(
             if fit.group is not None and name in _sources(observation, found, fit)
         }
         pieces = [
-            each.pieces
-            for each in found.drifts
-            if each.source == number and each.axis in axes
+            drift.pieces
+            for drift in found.drifts
+            if drift.source == number and drift.axis in axes
         ]
         if pieces and "drift" not in stated:
             keys["drift"] = max(pieces)
@@ -78,15 +78,15 @@ def _sources(observation: Observation, found: Discovery, one: Found) -> tuple[st
         known = np.isfinite(data.current[one.axis])
         counts = np.bincount(data.source[known], minlength=len(observation.names))
         return (observation.names[int(np.argmax(counts))],)
-    own = [one]
+    effects = [one]
     if one.group is not None:
-        own = [each for each in found.found if each.group == one.group]
+        effects = [effect for effect in found.found if effect.group == one.group]
     known = np.isfinite(data.error[one.axis])
-    for each in own:
-        axes = {*each.masters, each.axis} & set(data.position)
+    for effect in effects:
+        axes = {*effect.masters, effect.axis} & set(data.position)
         for axis in axes:
             known = known & np.isfinite(data.position[axis])
-        for sensor in each.sensors:
+        for sensor in effect.sensors:
             known = known & np.isfinite(data.temperature[sensor])
     return tuple(
         name
@@ -134,13 +134,13 @@ def nodes_for(
     rows = np.isin(data.source, [observation.names.index(name) for name in sources])
     rows &= np.isfinite(data.error[axis])
     places = [data.position[master][rows] for master in over]
-    spec, own = job.spec.axes[over[0]], over == (axis,)
+    spec, along = job.spec.axes[over[0]], over == (axis,)
     if len(over) == 1 and spec.modulo is not None:
         low, high = spec.modulo
         keys = {"start": low, "interval": (high - low) / 72.0, "points": 73}
-        return keys | {"modulo": True} if own else keys
+        return keys | {"modulo": True} if along else keys
     # What a cross table does beyond its ends is not documented (S-12).
     reach = None
-    if not own and spec.limits is not None:
+    if not along and spec.limits is not None:
         reach = (spec.limits[0], spec.limits[1])
     return grid_keys(places, reach)

@@ -103,8 +103,8 @@ class Job:
     @functools.cached_property
     def limits(self) -> GateLimits:
         """Limits of the gate, defaults where the job names none."""
-        given = {name: value for name, value in self.spec.gate if value is not None}
-        return GateLimits(**given)
+        stated = {name: value for name, value in self.spec.gate if value is not None}
+        return GateLimits(**stated)
 
     @contextlib.contextmanager
     def blaming(self, where: KeyPath, start: str = "") -> Iterator[None]:

@@ -345,16 +345,16 @@ class JobFile(JobPart, frozen=True):
         known = self.measurements
         drifting = {name for name, measured in known.items() if measured.drift > 0}
         return {
-            name: own
-            for name, own in groups.items()
-            if len(own) > 1
-            or any(drifting.intersection(self.fits[k].sources) for k in own)
+            name: indices
+            for name, indices in groups.items()
+            if len(indices) > 1
+            or any(drifting.intersection(self.fits[k].sources) for k in indices)
         }
 
     @property
     def grouped(self) -> frozenset[int]:
         """The fits that are identified together with others."""
-        return frozenset(k for own in self.groups.values() for k in own)
+        return frozenset(k for group in self.groups.values() for k in group)
 
     def resolved(self) -> dict[str, Any]:
         """Return the job with its defaults filled in, for the record."""

@@ -229,10 +229,10 @@ def _helpers(
     yield from (Leadscrew(axis, n) for axis, n in curves.items() if axis not in screws)
     if recording.timed:
         # What is left of the delay of the instrument, and of the rate of its clock.
-        own = dict.fromkeys(
+        needed = dict.fromkeys(
             member.axis for member in members if member.axis in recording.moving
         )
-        yield from (Delay(axis) for axis in own)
+        yield from (Delay(axis) for axis in needed)
 
 
 def _fit(

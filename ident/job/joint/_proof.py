@@ -158,7 +158,7 @@ def prove_group(
         fits=found.indices,
         effects=tuple(_effects(found, drafts)),
         freedoms=tuple(
-            dataclasses.replace(each, rule=_rule(found, each)) for each in fit.gauges
+            dataclasses.replace(gauge, rule=_rule(found, gauge)) for gauge in fit.gauges
         ),
         confusions=fit.confusions,
         axes=tuple(_sum(found, drafts, files[axis]) for axis in fit.axes),
@@ -228,14 +228,14 @@ def _sum(
     axis, fit, recording = files.axis, found.fit, found.recording
     data = recording.data
     mine = [k for k, member in enumerate(found.members) if member.axis == axis]
-    own = {k: drafts[found.members[k].index] for k in mine}
+    drafts_of = {k: drafts[found.members[k].index] for k in mine}
     rows = np.flatnonzero(Share(found, mine[0]).rows)
     error = data.error[axis][rows]
     if recording.drifting:
         drift = fit.predict(data, runs=True)[axis] - fit.predict(data)[axis]
         error = error - drift[rows]
     predicted = found.held_out[axis][rows].copy()
-    unwritten = [found.parts[k] for k, draft in own.items() if not draft.written]
+    unwritten = [found.parts[k] for k, draft in drafts_of.items() if not draft.written]
     for part in found.helpers:
         if part.effect.axis != axis:
             continue
@@ -245,8 +245,8 @@ def _sum(
             unwritten.append(part)
     for part in unwritten:
         predicted += part.contribution[rows]
-    from_file = error + _added_by_files(files, [*own.values()], recording, rows)
-    constant, left = found.datum
+    from_file = error + _added_by_files(files, [*drafts_of.values()], recording, rows)
+    constant, residual = found.datum
     if not any(constant[k] for k in mine):
         # No list takes a constant away: what is left is judged about its middle.
         error, predicted, from_file = (
@@ -256,7 +256,7 @@ def _sum(
         axis=axis,
         unit=found.job.spec.axes[axis].plain_unit,
         noise=float(fit.noise[axis]),
-        datum=left[axis],
+        datum=residual[axis],
         rows=rows,
         before=error,
         predicted=predicted,
@@ -282,11 +282,11 @@ def _remarks(
         if isinstance(drafts[member.index], LeftOutDraft)
     }
     for each in fit.confusions:
-        own = names & set(each.effects)
-        if own <= fine:
+        shared = names & set(each.effects)
+        if shared <= fine:
             # Only values that hardly any reading reaches: the prior fills them.
             yield Remark.info(each.sentence)
-        elif not left_out & own:
+        elif not left_out & shared:
             yield Remark.error(each.sentence)
     for axis, value in found.datum[1].items():
         if value:
@@ -337,7 +337,7 @@ def _added_by_files(
         accelerations=columns(data.acceleration),
         temperatures={k: v for one in drafts for k, v in one.warmth.items()},
     )
-    own = {draft.compensation for draft in drafts} | set(active)
+    names = {draft.compensation for draft in drafts} | set(active)
     added = added_beyond(files.after, files.existing, active, motion)
-    known = [value for name, value in added.items() if name in own]
+    known = [value for name, value in added.items() if name in names]
     return np.asarray(np.sum(known, axis=0)) if known else np.zeros(len(rows))

@@ -107,8 +107,8 @@ class GroupRecording:
             order=self.order[keep],
             timed=self.timed,
             slices={
-                name: slice(int(ends[own.start]), int(ends[own.stop]))
-                for name, own in self.slices.items()
+                name: slice(int(ends[rows.start]), int(ends[rows.stop]))
+                for name, rows in self.slices.items()
             },
         )
 
@@ -204,8 +204,8 @@ def _columns(
     why = f"for the {fits[0].compensation} fit of {fits[0].axis}"
     if fits[0].group is not None:
         why = f"for group {fits[0].group!r}"
-    asked = [axis for axis in axes if _has_error(rows, axis)]
-    if not asked:
+    measured = [axis for axis in axes if _has_error(rows, axis)]
+    if not measured:
         derive_error(rows.measured, axes[0])  # says what is missing
     kinds = ("position", "encoder") if rows.moving else ("position",)
     placed = _unique(member.positions for member in members)
@@ -218,7 +218,7 @@ def _columns(
         for axis in placed
     }
     direction, error = _ways(rows, members, alone), {}
-    for axis in asked:
+    for axis in measured:
         lengths = any(fit.lengths for fit in fits if fit.axis == axis)
         # What the drive gives way while another axis accelerates is no crosstalk.
         pushed = any(member.accelerating for member in members if member.axis == axis)
@@ -273,8 +273,8 @@ def _ways(
     turning, fit = _unique(member.turning for member in members), members[0].fit
     if not alone:
         return {axis: _way(rows, axis, fit) for axis in turning}
-    asked = turning or ((fit.axis,) if fit.lengths else ())
-    known = {axis: rows.direction(axis, needed=bool(turning)) for axis in asked}
+    names = turning or ((fit.axis,) if fit.lengths else ())
+    known = {axis: rows.direction(axis, needed=bool(turning)) for axis in names}
     return {axis: way.astype(float) for axis, way in known.items() if way is not None}
 
 

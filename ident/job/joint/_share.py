@@ -75,7 +75,7 @@ class Share:
         """Numbers of the other members on the same axis."""
         axes = [part.effect.axis for part in self.group.parts]
         return tuple(
-            k for k, own in enumerate(axes) if own == self.axis and k != self.number
+            k for k, other in enumerate(axes) if other == self.axis and k != self.number
         )
 
     @property
@@ -149,9 +149,9 @@ class Share:
     @property
     def why_undetermined(self) -> str:
         """Why nothing is written of it, in words."""
-        own = [c.sentence for c in self.fit.confusions if self.part.name in c.effects]
-        if own:
-            return " ".join(dict.fromkeys(own))
+        why = [c.sentence for c in self.fit.confusions if self.part.name in c.effects]
+        if why:
+            return " ".join(dict.fromkeys(why))
         missing = undetermined_values(self.part, self.fit)
         if not missing:
             return "no reading reaches any of its values."
@@ -179,7 +179,7 @@ def undetermined_values(part: Part, fit: JointFit) -> tuple[str, ...]:
     A node that no reading reaches, or that only its neighbours in the same table hide, is
     a gap, which the prior fills.
     """
-    named = any(part.name in each.effects for each in fit.confusions)
+    named = any(part.name in confusion.effects for confusion in fit.confusions)
     if part.effect.table_effect is not None and not named:
         return ()
     missing = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))

@@ -151,8 +151,8 @@ class JobResult:
     @property
     def confirmed(self) -> bool:
         """Whether a second measurement, where there is one, shows something and confirms it."""
-        seen = [fit.confirmed for fit in self.fits if fit.again is not None]
-        return all(seen) and (self.second is None or bool(seen))
+        states = [fit.confirmed for fit in self.fits if fit.again is not None]
+        return all(states) and (self.second is None or bool(states))
 
     @property
     def passed(self) -> bool:

@@ -71,7 +71,7 @@ def staged(
 ) -> dict[str, ErrorFigures]:
     """Return the figures of an error by stage; arguments as `error_figures`."""
     stages = {"before": before, "predicted": predicted, "from_file": from_file}
-    return {name: error_figures(each, runs, wild) for name, each in stages.items()}
+    return {name: error_figures(error, runs, wild) for name, error in stages.items()}
 
 
 @dataclasses.dataclass(frozen=True)

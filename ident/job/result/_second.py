@@ -45,10 +45,10 @@ def part_of(
         turn: Length of one turn in °, of an axis that goes round.
     """
     for name, old, new in zip(names, first.T, second.T, strict=True):
-        (start, end), seen = _reach(old, turn), _reach(new, turn)
-        low, high = seen if turn else np.clip(seen, start, end)
+        (start, end), reached = _reach(old, turn), _reach(new, turn)
+        low, high = reached if turn else np.clip(reached, start, end)
         if high - low < _WHOLE * (end - start):
-            return name, seen[0], seen[1] % turn if turn else seen[1]
+            return name, reached[0], reached[1] % turn if turn else reached[1]
     return None
 
 
@@ -56,9 +56,9 @@ def _reach(places: Float[np.ndarray, " t"], turn: float | None) -> tuple[float, 
     """Return the first and the last place; on an axis that goes round, beside the widest gap."""
     if turn is None:
         return float(places.min()), float(places.max())
-    there = np.unique(places % turn)
-    last = int(np.argmax(np.diff(there, append=there[0] + turn)))
-    low, high = float(there[(last + 1) % len(there)]), float(there[last])
+    angles = np.unique(places % turn)
+    last = int(np.argmax(np.diff(angles, append=angles[0] + turn)))
+    low, high = float(angles[(last + 1) % len(angles)]), float(angles[last])
     return low, high if high >= low else high + turn
 
 
@@ -117,9 +117,9 @@ class SecondMeasurement:
 
     def __post_init__(self) -> None:
         if self.error.size == 0 or not np.isfinite(self.error).all():
-            found = f"{self.error.size} readings, {int(np.isfinite(self.error).sum())}"
+            words = f"{self.error.size} readings, {int(np.isfinite(self.error).sum())}"
             raise SecondMeasurementError(
-                self.name, f"{found} of them numbers", "one number or more, and no gaps"
+                self.name, f"{words} of them numbers", "one number or more, and no gaps"
             )
 
     @property
@@ -178,10 +178,10 @@ class MeasuredAgain:
     @property
     def trend(self) -> LeftTrend | None:
         """Constant and slopes that keep the error from being as predicted; None: no such."""
-        found = None if self.readings is None else self.readings.trend
-        if found is None or self.rms is None:
+        trend = None if self.readings is None else self.readings.trend
+        if trend is None or self.rms is None:
             return None
-        return found if found.rest <= LESS * self.predicted < self.rms else None
+        return trend if trend.rest <= LESS * self.predicted < self.rms else None
 
     @property
     def shown(self) -> bool:

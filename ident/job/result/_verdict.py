@@ -153,9 +153,9 @@ def _doubts(fit: "AbstractResult") -> list[Reason]:
         if again.rms > LESS * again.predicted:
             return [Reason(Code.LESS_THAN_PREDICTED)]
     readings = None if again is None else again.readings
-    seen: dict[str, Any] = {}
+    part: dict[str, Any] = {}
     if readings is not None and readings.part is not None:
-        seen = dict(zip(("axis", "low", "high"), readings.part, strict=True))
+        part = dict(zip(("axis", "low", "high"), readings.part, strict=True))
     if readings is not None and readings.way is not None:
-        seen["direction"] = readings.way
-    return [Reason(Code.IN_PART, seen)] if seen else []
+        part["direction"] = readings.way
+    return [Reason(Code.IN_PART, part)] if part else []

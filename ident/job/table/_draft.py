@@ -138,13 +138,13 @@ class TableDraft(AbstractDraft):
 
         As the job says; else the smallest that keeps every step within `max_switching`.
         """
-        listing, chosen, there = self.lists.compensation, self.fit.n_cycles, None
+        listing, chosen, existing = self.lists.compensation, self.fit.n_cycles, None
         if self.kind.cycles is not None:
-            there = None if listing is None else listing.integer(self.kind.cycles[0])
+            existing = None if listing is None else listing.integer(self.kind.cycles[0])
             if chosen is None:
                 limit = self.job.limits.max_switching
-                chosen = switching_cycles(self.jump, limit, there)
-        return chosen, (there or 0) if chosen is None else chosen
+                chosen = switching_cycles(self.jump, limit, existing)
+        return chosen, (existing or 0) if chosen is None else chosen
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         job, table, change = self.job, self.plan.table, self.change
@@ -185,7 +185,7 @@ class TableDraft(AbstractDraft):
         again = dataclasses.replace(plan, job=tables.job, fit=fit)
         readings, _ = read_fit(tables, again, {})
         datum = datum_of(tables.job, self.index, fit)
-        own = table.masters == (table.axis,)
+        along = table.masters == (table.axis,)
         branch = plan.branch(readings.direction)
         added = table.offset(table.model(self.integers), readings.positions, branch)
         added = added - plan.acted(readings.positions, branch)
@@ -199,7 +199,7 @@ class TableDraft(AbstractDraft):
             ", ".join(fit.sources),
             readings.positions,
             error,
-            readings.direction if own else None,
+            readings.direction if along else None,
             readings.run if run_table(readings, table) is not None else None,
             added=float(np.std(added)),
             trend=trend_left(again, plan, readings.positions, error),
@@ -213,8 +213,8 @@ class TableDraft(AbstractDraft):
 
     @property
     def predicted(self) -> float | None:
-        left = self.left.residual[~self.estimate.wild]
-        return float(np.std(left)) if left.size and self.in_memory else None
+        residual = self.left.residual[~self.estimate.wild]
+        return float(np.std(residual)) if residual.size and self.in_memory else None
 
     def prove(self, done: "AxisFiles") -> TableResult:
         plan, table, fit, read = (

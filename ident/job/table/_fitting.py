@@ -66,7 +66,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         ExchangeError: If the result fits no list.
     """
     table, spec, remarks = plan.table, plan.fit, [*remarks]
-    run, nodes = readings.run, tuple(each.positions for each in table.nodes)
+    run, nodes = readings.run, tuple(line.positions for line in table.nodes)
     # Whether the runs go over the same places, so that others can judge each.
     way = readings.direction if table.branches == 2 else None
     repeated = run is not None and runs_overlap(readings.positions, run, nodes, way)
@@ -112,10 +112,10 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
     estimate = _doubted(plan, readings, samples, estimate)
-    left = held_out(table, samples, fit, plan.integers, before, acted)
+    heldout = held_out(table, samples, fit, plan.integers, before, acted)
     readings = dataclasses.replace(readings, error=before)
     return TableDraft(
-        plan.job, plan.index, spec, plan, estimate, effects, readings, left, remarks
+        plan.job, plan.index, spec, plan, estimate, effects, readings, heldout, remarks
     )
 
 
@@ -141,7 +141,7 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
     if share.constant:
         fit = _doubted(plan, readings, samples, fit)
     spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
-    left = HeldOut(
+    heldout = HeldOut(
         residual=share.predicted[share.rows],
         standard_deviation=np.full(len(samples.error), spread),
         groups=recording.fold[share.rows],
@@ -149,7 +149,7 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
     )
     effects, remarks = "offset" if fit.runs else "none", share.remarks()
     return TableDraft(
-        plan.job, plan.index, plan.fit, plan, fit, effects, readings, left, remarks
+        plan.job, plan.index, plan.fit, plan, fit, effects, readings, heldout, remarks
     )
 
 
@@ -187,7 +187,7 @@ def _doubted(
 ) -> TableFit:
     """Return a fit whose deviations know what its readings are off together."""
     patterns = _patterns(plan, readings, samples, fit)
-    doubts = [_doubt(plan, samples, fit, each) for each in patterns]
+    doubts = [_doubt(plan, samples, fit, pattern) for pattern in patterns]
     squares = sum(map(np.square, doubts), np.square(fit.standard_deviation))
     return dataclasses.replace(fit, standard_deviation=np.sqrt(squares))
 
@@ -211,10 +211,10 @@ def _patterns(
     if samples.order is not None:
         means.append(drift * (samples.order - 0.5))
     for pattern in means if offset or drift else []:
-        for name, own in readings.slices.items():
+        for name, rows in readings.slices.items():
             kind = plan.job.spec.measurements[name].remove
-            places = [*samples.positions[own].T]
-            pattern[own] = without_zero(pattern[own], places, kind)
+            places = [*samples.positions[rows].T]
+            pattern[rows] = without_zero(pattern[rows], places, kind)
         patterns.append(pattern)
     return patterns
 

@@ -43,10 +43,10 @@ def table_of(
 
 def empty_table(job: Job, fit: TableSpec) -> AbstractTable:
     """Return the kind of table that a fit writes, its nodes not yet known."""
-    axes, own = job.spec.axes, fit.kind.entries.table
-    assert own is not None  # the keys of a table
+    axes, columns = job.spec.axes, fit.kind.entries.table
+    assert columns is not None  # the keys of a table
     masters = tuple(axes[name].number for name in fit.over)
-    return own(axes[fit.axis].number, masters, (), job.conventions, **fit.form)
+    return columns(axes[fit.axis].number, masters, (), job.conventions, **fit.form)
 
 
 def _nodes(
@@ -55,10 +55,10 @@ def _nodes(
     name = f"fits[{index}]"
     if fit.nodes:
         return tuple(
-            point_nodes(np.array(each, dtype=float), name)
-            if isinstance(each, list)
-            else grid_nodes(*each, name)
-            for each in fit.nodes
+            point_nodes(np.array(pair, dtype=float), name)
+            if isinstance(pair, list)
+            else grid_nodes(*pair, name)
+            for pair in fit.nodes
         )
     if old is not None:
         return nodes_in(old, name)
@@ -83,12 +83,12 @@ def _suited_nodes(tables: Tables, fit: TableSpec) -> str:
     try:
         measured = [tables.measured(name, fit.axis, masters) for name in fit.sources]
         places = [
-            np.concatenate([one.require(f"{axis}.position") for one in measured])
+            np.concatenate([table.require(f"{axis}.position") for table in measured])
             for axis in masters
         ]
     except MeasurementError:
         return ""
-    return grid_words(places) if all(np.ptp(one) > 0 for one in places) else ""
+    return grid_words(places) if all(np.ptp(column) > 0 for column in places) else ""
 
 
 def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> GridNodes:
@@ -263,9 +263,9 @@ def suit(
     """
     grids = zip(*map(np.atleast_1d, grid_keys(places).values()), strict=True)
     return all(
-        len(own) == points
-        and bool(np.allclose(own, start + interval * np.arange(points)))
-        for own, (start, interval, points) in zip(nodes, grids, strict=True)
+        len(line) == points
+        and bool(np.allclose(line, start + interval * np.arange(points)))
+        for line, (start, interval, points) in zip(nodes, grids, strict=True)
     )
 
 
@@ -273,5 +273,5 @@ def _round_up(width: float) -> float:
     """Return the next larger of 1, 2, 2.5, 5, 10, … at every power of ten."""
     power = 10.0 ** np.floor(np.log10(width))
     share = width / power
-    step = next(each for each in _STEPS if each >= share - 1e-9)
+    step = next(size for size in _STEPS if size >= share - 1e-9)
     return round(float(step * power), 4)

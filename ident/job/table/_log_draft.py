@@ -60,17 +60,17 @@ class FittedLog:
         for samples in self.readings.pieces():
             at, before = (samples.positions, samples.branch), samples.error - self.zero
             groups, held_out = self.grouping(samples), before - plan.acted(*at)
-            left = held_out + table.offset(back, *at)
+            residual = held_out + table.offset(back, *at)
             for label in np.unique(groups).tolist():
-                own = groups == label
-                part = samples.take(own)
-                held_out[own] += table.offset(folds[label], part.positions, part.branch)
+                row = groups == label
+                part = samples.take(row)
+                held_out[row] += table.offset(folds[label], part.positions, part.branch)
             wild, _ = self.found.judged(samples)
-            for name, error in zip(_STAGES, (before, held_out, left), strict=True):
+            for name, error in zip(_STAGES, (before, held_out, residual), strict=True):
                 some = ErrorTally.of(error, wild=wild)
                 tally[name] = tally[name] + some if name in tally else some
             beyond += int(outside(table, samples.positions).sum())
-        return {name: each.figures for name, each in tally.items()}, beyond
+        return {name: sums.figures for name, sums in tally.items()}, beyond
 
     def shown(self) -> tuple[Samples, Int[np.ndarray, " n"]]:
         """Return every n-th reading and the largest wild ones, and which these are."""
@@ -149,11 +149,11 @@ def fit_log(readings: LogReadings) -> TableDraft:
 
 def _of_the_route(log: FittedLog) -> Iterator[Remark]:
     readings, streamed, every = log.readings, log.found, log.every
-    names, shown = ", ".join(map(repr, readings.plan.fit.sources)), ""
+    names, words = ", ".join(map(repr, readings.plan.fit.sources)), ""
     if every > 1:
-        shown = f"; plots and tables of readings show one reading in {every}"
+        words = f"; plots and tables of readings show one reading in {every}"
     yield Remark.info(
-        f"{names}: {streamed.count} readings were read in pieces and not into memory{shown}."
+        f"{names}: {streamed.count} readings were read in pieces and not into memory{words}."
     )
     if readings.has_runs:
         yield Remark.warning(

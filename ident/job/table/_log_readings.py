@@ -214,11 +214,11 @@ def in_pieces(
     """
     fit = plan.fit
     specs = {name: tables.job.spec.measurements[name] for name in fit.sources}
-    asked = [name for name, spec in specs.items() if spec.stream is True]
+    streamed = [name for name, spec in specs.items() if spec.stream is True]
     names = ", ".join(map(repr, fit.sources))
 
     def refusal(why: str) -> JobError:
-        key = ("measurements", asked[0], "stream")
+        key = ("measurements", streamed[0], "stream")
         return tables.job.error(key, f"found true, but {why}")
 
     if any(spec.stream is False for spec in specs.values()):
@@ -228,20 +228,20 @@ def in_pieces(
         file = tables.large(name)
         if file is not None:
             sources.append(_source_of(tables, name, file, plan))
-        elif asked:
+        elif streamed:
             named = spec.file or spec.files
             words = f"{named} cannot be read in pieces, expected a Parquet or CSV file"
             raise refusal(words)
     cells = sum(source.file.rows * len(source.headers) for source in sources)
-    if len(sources) < len(specs) or not (asked or cells > LARGE):
+    if len(sources) < len(specs) or not (streamed or cells > LARGE):
         return None, ()
     if sum(source.file.rows for source in sources) <= _SHORT:
         return None, (Remark.info(f"{names} is so short that it was read at once."),)
     readings = LogReadings(tables, plan, tuple(sources))
     for reason, possible in _obstacles(readings, left):
-        if possible and (asked or cells > _HUGE):
+        if possible and (streamed or cells > _HUGE):
             continue
-        if asked:
+        if streamed:
             raise refusal(reason)
         words = f"{names} ({cells:.3g} cells) was read into memory and not in pieces: {reason}."
         return None, (Remark.info(words),)

@@ -147,10 +147,10 @@ class Plan(AbstractPlan):
 
         What one extrapolates beyond the type of an entry stays at its end.
         """
-        wanted = [self.offset(fit.values - self.zero_of(fit)) for fit in estimates]
+        offsets = [self.offset(fit.values - self.zero_of(fit)) for fit in estimates]
         ends = self.table.to_offsets(np.array(self.table.value_bounds))
-        inside = np.clip(np.stack(wanted), min(ends), max(ends))
-        return np.stack([self.to_integers(each) for each in inside])
+        inside = np.clip(np.stack(offsets), min(ends), max(ends))
+        return np.stack([self.to_integers(offset) for offset in inside])
 
     def to_integers(self, offset: Float[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
         """Return offsets at the nodes as the entries of the list, which keep `constraints`.

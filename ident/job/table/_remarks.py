@@ -143,10 +143,10 @@ def _node(one: "TableDraft", index: int) -> str:
     """Return a node of the flattened table in words."""
     table = one.plan.table
     place = np.unravel_index(index, table.layout.shape)
-    own = [int(k) for k in place[-len(table.nodes) :]]
+    at = [int(k) for k in place[-len(table.nodes) :]]
     words = ", ".join(
         f"{name} = {nodes.positions[k]:g}"
-        for name, nodes, k in zip(one.fit.over, table.nodes, reversed(own), strict=True)
+        for name, nodes, k in zip(one.fit.over, table.nodes, reversed(at), strict=True)
     )
     if table.branches == 2:
         words += " (positive)" if place[0] == 0 else " (negative)"

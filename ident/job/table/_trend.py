@@ -118,9 +118,9 @@ def trend_through(
         distance = distance[:, :0]  # a whole turn has no slope
     design = np.column_stack([np.ones(len(values)), distance])
     solution = np.linalg.lstsq(design, values)[0]
-    left = values - design @ solution
+    residual = values - design @ solution
     free = max(len(values) - design.shape[1], 1)
-    variance = float(np.sum(left**2) / free + deviation**2)
+    variance = float(np.sum(residual**2) / free + deviation**2)
     # By the rows, which no place that is far off rounds below zero.
     spread = np.sqrt(variance * np.sum(np.square(np.linalg.pinv(design)), axis=1))
     return Trend(
@@ -129,7 +129,7 @@ def trend_through(
         slopes=solution[1:],
         slope_deviations=spread[1:],
         reach=np.sqrt(np.mean(distance**2, axis=0)),
-        remainder=float(np.hypot(np.sqrt(np.sum(left**2) / free), noise)),
+        remainder=float(np.hypot(np.sqrt(np.sum(residual**2) / free), noise)),
     )
 
 
@@ -184,7 +184,7 @@ def trend_left(
 def _has_zero(plan: Plan) -> bool:
     """Return whether the zero of a measurement is the instrument's."""
     every = (plan.job.spec.measurements[name] for name in plan.fit.sources)
-    return any(one.remove != "none" or one.datum is not None for one in every)
+    return any(spec.remove != "none" or spec.datum is not None for spec in every)
 
 
 def _silent(plan: Plan) -> list[str]:

@@ -60,8 +60,8 @@ def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
         channels.setdefault(channel, []).append(step)
     title = job.spec.title or job.path.stem
     return {
-        program_name(channel): _program(channel, own, title)
-        for channel, own in sorted(channels.items())
+        program_name(channel): _program(channel, probes, title)
+        for channel, probes in sorted(channels.items())
     }
 
 

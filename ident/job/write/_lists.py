@@ -129,8 +129,8 @@ class AxisFiles:
         """
         drafts = {draft.index: draft for draft in self.drafts}
         gates = {
-            k: (*own, *whole.gate) if drafts[k].written else own
-            for k, own in self.gates.items()
+            k: (*gate, *whole.gate) if drafts[k].written else gate
+            for k, gate in self.gates.items()
         }
         remarks = (*self.remarks, *whole.remarks)
         return dataclasses.replace(self, gates=gates, remarks=remarks)
@@ -303,16 +303,16 @@ def judge_files(
         files: The axes that are fitted.
     """
     existing = {
-        axis: [one for one in (own.compensation, own.machine) if one is not None]
-        for axis, own in job.lists.items()
+        axis: [one for one in (listed.compensation, listed.machine) if one is not None]
+        for axis, listed in job.lists.items()
     }
-    theirs = [listing for own in existing.values() for listing in own]
+    theirs = [listing for listed in existing.values() for listing in listed]
     fitted = {one.axis for one in files}
     others = [
         listing
-        for axis, own in existing.items()
+        for axis, listed in existing.items()
         if axis not in fitted
-        for listing in own
+        for listing in listed
     ]
     ours = [listing for one in files for _, listing in one.lists]
     known = {_identity(item) for item in _check(job, theirs)} if theirs else set()
@@ -320,9 +320,9 @@ def judge_files(
     judged = []
     for one in files:
         names = [name for name, _ in one.lists]
-        own = tuple(item for item in findings if item.file in names)
-        remarks = (*one.remarks, *_remarks(own, known))
-        judged.append(dataclasses.replace(one, findings=own, remarks=remarks))
+        listed = tuple(item for item in findings if item.file in names)
+        remarks = (*one.remarks, *_remarks(listed, known))
+        judged.append(dataclasses.replace(one, findings=listed, remarks=remarks))
     rest = [item for item in findings if item.file in {one.source for one in others}]
     new = [item for item in rest if _identity(item) not in known]
     return tuple(judged), tuple(_remarks(new, known))

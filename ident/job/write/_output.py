@@ -247,11 +247,11 @@ class OutFolder:
         if not target.exists() and not target.is_symlink():
             return
         stem, _, tail = name.rpartition(".")
-        moved = Path(REJECTED) / f"{stem}.earlier.{tail}"
+        kept = Path(REJECTED) / f"{stem}.earlier.{tail}"
         try:
             (self.root / REJECTED).mkdir(exist_ok=True)
-            target.replace(self.root / moved)
+            target.replace(self.root / kept)
         except OSError as error:
             reason = f"cannot move it into rejected/: {error.strerror or error}"
             raise OutputError(path=str(target), reason=reason) from None
-        self.moved[name] = moved
+        self.moved[name] = kept

@@ -121,7 +121,7 @@ class MotionLog(Programme):
             if isinstance(value, State):
                 return State(**thinned(vars(value)))
             if isinstance(value, Mapping):
-                return {name: thinned(each) for name, each in value.items()}
+                return {name: thinned(column) for name, column in value.items()}
             return value[::step]
 
         return MotionLog(**thinned(vars(self)))
@@ -200,8 +200,8 @@ def _compensated(
         temperature=None if heat is None else jnp.asarray(heat),
     )
     offsets, _ = controller.run(controller.start(), motion)
-    moved = np.asarray(offsets.offset)
-    added = {axis: moved[:, k] for k, axis in enumerate(axes)}
+    offset = np.asarray(offsets.offset)
+    added = {axis: offset[:, k] for k, axis in enumerate(axes)}
     if offsets.friction is None:
         return added, none
     fed = np.asarray(offsets.friction)

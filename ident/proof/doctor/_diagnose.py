@@ -103,7 +103,7 @@ def not_judged(
 
 def _state(use: InUse, measured: Sequence[Measured], loaded: bool) -> int:
     """Return whether a compensation was on: as stated, else as lists are loaded."""
-    stated = [one.active for one in measured if one.active is not None]
+    stated = [table.active for table in measured if table.active is not None]
     return int(any(use.name in active for active in stated) if stated else loaded)
 
 

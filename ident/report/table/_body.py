@@ -18,12 +18,12 @@ def body(fit: TableResult, scale: Scale) -> Body:
     """Return what the page shows of a fitted table."""
     readings = readings_of(fit, scale)
     # What the data can show, most telling first.
-    own: tuple[Plot | None, ...]
+    plots: tuple[Plot | None, ...]
     if len(fit.masters) == 2:
-        own = error_map(fit, readings, scale), coverage_maps(fit, scale)
+        plots = error_map(fit, readings, scale), coverage_maps(fit, scale)
     else:
-        own = curve_plot(fit, readings, scale), _iso_plot(fit)
-    drawn = (*own, residual_plot(fit, readings, scale))
+        plots = curve_plot(fit, readings, scale), _iso_plot(fit)
+    drawn = (*plots, residual_plot(fit, readings, scale))
     return Body(
         plots=[plot for plot in drawn if plot is not None],
         facts=[*how_it_was_made(fit, readings, scale)],
@@ -45,8 +45,8 @@ def _iso_plot(fit: TableResult) -> Plot | None:
         name: iso230(place, getattr(samples, name)[known], run, ways)
         for name in ("before", "predicted")
     }
-    seen = fit.measured
-    if seen is not None and (proven := seen.iso230) is not None:
+    runs = fit.measured
+    if runs is not None and (proven := runs.iso230) is not None:
         tests[fit.measured_as] = proven
     figure = draw_iso_chart(tests, axis=fit.axis, unit=fit.unit, caption=False)
     caption = iso_chart_sentence(tests, unit=fit.unit)

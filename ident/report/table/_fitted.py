@@ -55,15 +55,15 @@ class Fitted:
 
 def branches_of(fit: TableResult, scale: Scale) -> tuple[Fitted, ...]:
     """Return a fitted table in display units; errors, not list entries."""
-    own, masters = fit.fit, tuple(fit.masters)
-    nodes = tuple(own.layout.nodes)
-    shape = (own.layout.branches, *(len(each) for each in reversed(nodes)))
+    table, masters = fit.fit, tuple(fit.masters)
+    nodes = tuple(table.layout.nodes)
+    shape = (table.layout.branches, *(len(line) for line in reversed(nodes)))
     arrays = (
-        np.reshape(own.values, shape) * scale.factor,
-        np.reshape(own.standard_deviation, shape) * scale.factor,
-        np.reshape(own.support, shape),
+        np.reshape(table.values, shape) * scale.factor,
+        np.reshape(table.standard_deviation, shape) * scale.factor,
+        np.reshape(table.support, shape),
     )
-    directions = (1, -1) if own.layout.branches == 2 else (0,)
+    directions = (1, -1) if table.layout.branches == 2 else (0,)
     return tuple(
         Fitted(masters, nodes, *row) for row in zip(directions, *arrays, strict=True)
     )
@@ -71,9 +71,9 @@ def branches_of(fit: TableResult, scale: Scale) -> tuple[Fitted, ...]:
 
 def say_empty(branches: Sequence[Fitted], mark: str) -> str:
     """Return how many nodes are not measured, and how they are marked."""
-    empty = sum(int((~one.measured).sum()) for one in branches)
+    empty = sum(int((~branch.measured).sum()) for branch in branches)
     if not empty:
-        return f"All {count(sum(one.value.size for one in branches), 'node')} are measured."
+        return f"All {count(sum(branch.value.size for branch in branches), 'node')} are measured."
     return (
         f"{count(empty, 'node is', 'nodes are')} not measured ({mark}): their value is an"
         " assumption drawn from the neighbours."

@@ -18,28 +18,28 @@ def how_it_was_made(
     fit: TableResult, readings: Readings, scale: Scale
 ) -> Iterator[tuple[str, str]]:
     """Return pairs of a heading and a plain sentence on how the table was found."""
-    own = fit.fit
+    table = fit.fit
     unit = scale.error
     noise = (
-        f"A single reading scatters by {number(own.noise * scale.factor)} {unit} "
+        f"A single reading scatters by {number(table.noise * scale.factor)} {unit} "
         "(1 sd) about the table, wild readings left out."
     )
-    if own.line_offset:
+    if table.line_offset:
         # The scatter that is seen, and what one probing cannot show of it.
-        seen = np.sqrt(own.noise**2 - own.line_offset**2)
+        scatter = np.sqrt(table.noise**2 - table.line_offset**2)
         noise = (
-            f"A single reading scatters by {number(seen * scale.factor)} {unit} (1 sd) about "
+            f"A single reading scatters by {number(scatter * scale.factor)} {unit} (1 sd) about "
             "a smooth surface, wild readings left out. An offset of every line of readings, "
-            f"{number(own.line_offset * scale.factor)} {unit} (1 sd), is assumed on top: one "
+            f"{number(table.line_offset * scale.factor)} {unit} (1 sd), is assumed on top: one "
             "probing cannot show it. Probe twice to know."
         )
     yield ("Noise", noise)
     if honesty := _honesty(readings, scale):
         yield ("Uncertainty", honesty)
-    yield ("Wild readings", _loss(own.loss, readings))
-    yield ("Smoothness", _smoothness(own.smoothness))
-    if own.runs:
-        yield ("Runs", _runs(own.runs, scale))
+    yield ("Wild readings", _loss(table.loss, readings))
+    yield ("Smoothness", _smoothness(table.smoothness))
+    if table.runs:
+        yield ("Runs", _runs(table.runs, scale))
     yield (
         "Rounding",
         f"Rounding to whole list units moves the table by at most "
@@ -59,7 +59,7 @@ def how_it_was_made(
             f"The jump between the two directions is spread over {fit.cycles} "
             "cycles (n_backlash_cyc, P-AXIS-00243).",
         )
-    yield ("The fit itself", _fit_message(own.message, own.converged))
+    yield ("The fit itself", _fit_message(table.message, table.converged))
 
 
 def _fit_message(message: str, converged: bool) -> str:
@@ -146,7 +146,7 @@ def _honesty(readings: Readings, scale: Scale) -> str:
 
 def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRow]:
     """Return the largest rejected readings, at most a dozen."""
-    found = []
+    rows = []
     for row in largest_wild(readings.before, readings.wild).tolist():
         spots = zip(fit.masters, readings.positions[row], strict=True)
         where = ", ".join(f"{name} = {place(float(at))}" for name, at in spots)
@@ -154,7 +154,7 @@ def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRo
             int(readings.direction[row]), ""
         )
         run = "" if readings.run is None else str(int(readings.run[row]))
-        found.append(
+        rows.append(
             WildRow(
                 grouped((row if fit.every is None else int(readings.order[row])) + 1),
                 f"{where} {scale.position}{direction}",
@@ -162,4 +162,4 @@ def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRo
                 f"{number(float(readings.before[row]), signed=True)} {scale.error}",
             )
         )
-    return found
+    return rows
