@@ -94,9 +94,9 @@ def keep_copy(path: Path, folder: Path) -> Path | None:
 def _write(path: Path, content: bytes) -> None:
     # Without a buffer in between, which would ask the system what kind of file it is.
     with path.open("wb", buffering=0) as file:
-        left = memoryview(content)
-        while left:
-            left = left[file.write(left) :]
+        remaining = memoryview(content)
+        while remaining:
+            remaining = remaining[file.write(remaining) :]
 
 
 def sync_folder(folder: Path) -> None:

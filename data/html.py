@@ -18,5 +18,5 @@ def table_html(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
 
 
 def _row(tag: str, cells: Iterable[object]) -> str:
-    inner = "".join(f"<{tag}>{html.escape(str(one))}</{tag}>" for one in cells)
+    inner = "".join(f"<{tag}>{html.escape(str(cell))}</{tag}>" for cell in cells)
     return f"<tr>{inner}</tr>" if inner else ""

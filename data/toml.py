@@ -74,12 +74,12 @@ def _stated_twice(text: str, line: int) -> str | None:
         text: In which something stands twice in one table.
         line: Where the second one ends (1-based).
     """
-    *above, last = (each.partition("=")[0].strip() for each in text.splitlines()[:line])
-    same = [number for number, head in enumerate(above, 1) if head == last]
-    if not same:
+    *above, last = (row.partition("=")[0].strip() for row in text.splitlines()[:line])
+    equal = [number for number, head in enumerate(above, 1) if head == last]
+    if not equal:
         return None
     return (
-        f"found {last} a second time, after line {same[-1]}, expected one of both: the"
+        f"found {last} a second time, after line {equal[-1]}, expected one of both: the"
         " other one is no answer, and has a # in front"
     )
 

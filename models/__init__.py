@@ -4,7 +4,7 @@ Importing this package switches JAX to 64-bit floats (`jax_enable_x64`) for the 
 process, before any of its arrays exists: 0.1 µm over 10 m needs more than single
 precision has.
 
-Inside: mm (rotary axes: degree) in, mm out. One room per compensation:
+Inside: mm (rotary axes: degree) in, mm out. For each compensation:
 
 * `Plane`, `Cross`, `Leadscrew`: the table compensations, over `Stencil` and the nodes
   `EquidistantNodes`, `Setpoints`, `ModuloNodes`.

@@ -76,6 +76,6 @@ class Backlash(eqx.Module):
             state: Before the first of these cycles.
             position: Command position of the axis per cycle in mm or °.
         """
-        direction, _, moved = directions(state.direction, position)
+        direction, _, after = directions(state.direction, position)
         spread, past = self.filter.run(state.past, direction)
-        return self.offset(spread), BacklashState(moved, past)
+        return self.offset(spread), BacklashState(after, past)

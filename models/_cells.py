@@ -23,14 +23,14 @@ def among_few(
     By comparisons alone: without a look-up the whole runs on vectors.
     """
     cell = jnp.zeros_like(position)
-    left = jnp.broadcast_to(points[0], position.shape)
+    start = jnp.broadcast_to(points[0], position.shape)
     width = jnp.broadcast_to(widths[0], position.shape)
     for number in range(1, widths.size):
-        there = position >= points[number]
-        cell = jnp.where(there, float(number), cell)
-        left = jnp.where(there, points[number], left)
-        width = jnp.where(there, widths[number], width)
-    return cell, left, width
+        reached = position >= points[number]
+        cell = jnp.where(reached, float(number), cell)
+        start = jnp.where(reached, points[number], start)
+        width = jnp.where(reached, widths[number], width)
+    return cell, start, width
 
 
 @jax.jit  # a call by this name in a traced model: an export puts its own search there
@@ -44,31 +44,31 @@ def cell_of(
     """
     last = points.size - 2
     if points.size <= _FEW:
-        few = jnp.zeros_like(position)
+        count = jnp.zeros_like(position)
         for number in range(1, last + 1):
-            few = jnp.where(position >= points[number], float(number), few)
-        first: Array = whole(few)
-        return first
+            count = jnp.where(position >= points[number], float(number), count)
+        index: Array = whole(count)
+        return index
     buckets = 2 * points.size
-    reach = points[-1] - points[0]
-    # Relative to the first point, so that only roundings of the reach itself matter;
+    span = points[-1] - points[0]
+    # Relative to the first point, so that only roundings of the span itself matter;
     # those of a position are far below the slack.
     inner = (points[1:-1] - points[0])[:, None]
-    edges = jnp.arange(buckets + 1, dtype=jnp.float64) * (reach / buckets)
-    slack = 1e-9 * reach
+    edges = jnp.arange(buckets + 1, dtype=jnp.float64) * (span / buckets)
+    slack = 1e-9 * span
     low = jnp.sum(inner < edges[None, :-1] - slack, axis=0, dtype=jnp.int32)
     high = jnp.sum(inner <= edges[None, 1:] + slack, axis=0, dtype=jnp.int32)
-    most = jnp.max(high - low)
-    step = jnp.where(most > 0, 1 << (31 - lax.clz(jnp.maximum(most, 1))), 0)
-    bucket = jnp.floor((position - points[0]) * (buckets / reach))
+    largest = jnp.max(high - low)
+    step = jnp.where(largest > 0, 1 << (31 - lax.clz(jnp.maximum(largest, 1))), 0)
+    bucket = jnp.floor((position - points[0]) * (buckets / span))
     cell = take(low, whole(jnp.clip(bucket, 0.0, float(buckets - 1))))
     beyond = jnp.concatenate([points[:-1], jnp.full(1, jnp.inf)])
 
     def advance(state: tuple[Array, Array]) -> tuple[Array, Array]:
         cell, step = state
-        there = cell + step
-        reached = take(beyond, jnp.minimum(there, last + 1)) <= position
-        return jnp.where(reached, there, cell), step >> 1
+        target = cell + step
+        reached = take(beyond, jnp.minimum(target, last + 1)) <= position
+        return jnp.where(reached, target, cell), step >> 1
 
-    found: Array = lax.while_loop(lambda state: state[1] > 0, advance, (cell, step))[0]
-    return found
+    result: Array = lax.while_loop(lambda state: state[1] > 0, advance, (cell, step))[0]
+    return result

@@ -125,27 +125,27 @@ class PositionController(eqx.Module):
         number = count // size
         if number == 1 and size == count:
             return self._chunk(state, motion, velocities[count:])
-        whole = number * size
+        full = number * size
         pieces = jax.tree.map(
-            lambda rows: rows[:whole].reshape(number, size, *rows.shape[1:]), motion
+            lambda rows: rows[:full].reshape(number, size, *rows.shape[1:]), motion
         )
-        after = size * np.arange(1, number + 1)[:, None] + np.arange(self.lookahead)
+        upcoming = size * np.arange(1, number + 1)[:, None] + np.arange(self.lookahead)
 
         def body(
             state: ControllerState, piece: tuple[Motion, Array]
         ) -> tuple[ControllerState, Offsets]:
-            found, state = self._chunk(state, *piece)
-            return state, found
+            offsets, state = self._chunk(state, *piece)
+            return state, offsets
 
         # Backwards the chunk is run again: what it needs fits the cache, not memory.
-        state, found = lax.scan(run_again(body), state, (pieces, velocities[after]))
-        offsets = jax.tree.map(lambda rows: rows.reshape(whole, *rows.shape[2:]), found)
-        if whole == count:
+        state, chunks = lax.scan(run_again(body), state, (pieces, velocities[upcoming]))
+        offsets = jax.tree.map(lambda rows: rows.reshape(full, *rows.shape[2:]), chunks)
+        if full == count:
             return offsets, state
-        rest = jax.tree.map(lambda rows: rows[whole:], motion)
-        last, state = self._chunk(state, rest, velocities[count:])
-        joined = jax.tree.map(lambda *rows: jnp.concatenate(rows), offsets, last)
-        return joined, state
+        remainder = jax.tree.map(lambda rows: rows[full:], motion)
+        last, state = self._chunk(state, remainder, velocities[count:])
+        total = jax.tree.map(lambda *rows: jnp.concatenate(rows), offsets, last)
+        return total, state
 
     def run_pieces(
         self, pieces: Iterable[Motion], state: ControllerState | None = None
@@ -181,8 +181,8 @@ class PositionController(eqx.Module):
         `Motion.direction`, and the one to start from where it is 0 or missing.
         """
         self._check(motion)
-        known = motion.direction
-        direction = jnp.zeros_like(motion.position) if known is None else known
+        recorded = motion.direction
+        direction = jnp.zeros_like(motion.position) if recorded is None else recorded
         state = self._start(settled=True)
         return self._step(
             state, motion, direction.T, motion.velocity[:0], settled=True
@@ -198,12 +198,12 @@ class PositionController(eqx.Module):
             ),
             spread=tuple(spread.start() for spread in self._spreads(settled)),
             filtered=tuple(
-                like.start()
+                batch.start()
                 for name in (*self._further, *_OFFSETS)
-                for like in self._groups(name, settled)
+                for batch in self._groups(name, settled)
             ),
             friction=tuple(
-                like.start_friction() for like in self._groups("friction", settled)
+                batch.start_friction() for batch in self._groups("friction", settled)
             ),
         )
 
@@ -220,9 +220,9 @@ class PositionController(eqx.Module):
     def _check(self, motion: Motion) -> None:
         shape = (motion.cycles, len(self.axes))
         for name in ("position", "velocity", "acceleration"):
-            found = getattr(motion, name).shape
-            if found != shape:
-                msg = f"{name} must have a column per axis, {shape}, got shape {found}."
+            got = getattr(motion, name).shape
+            if got != shape:
+                msg = f"{name} must have a column per axis, {shape}, got shape {got}."
                 raise ValueError(msg)
         if motion.cycles == 0:
             msg = "Motion must have at least one cycle, got none."
@@ -234,9 +234,9 @@ class PositionController(eqx.Module):
         motion: Motion,
         ahead: Float[Array, "h a"],
     ) -> tuple[Offsets, ControllerState]:
-        direction, moved = self._directions(state.direction, motion)
-        found, after = self._step(state, motion, direction, ahead, settled=False)
-        return found, eqx.tree_at(lambda s: s.direction, after, moved)
+        direction, last = self._directions(state.direction, motion)
+        offsets, after = self._step(state, motion, direction, ahead, settled=False)
+        return offsets, eqx.tree_at(lambda s: s.direction, after, last)
 
     def _step(
         self,
@@ -249,7 +249,7 @@ class PositionController(eqx.Module):
         """Return what is added and the state after, but for the directions in it."""
         count = len(self.axes)
         rows = rows_of(motion)
-        ways, spread = followed(
+        directions, spread = followed(
             self._spreads(settled), direction, state.spread, state.begun
         )
         carried = iter(state.filtered)
@@ -259,14 +259,14 @@ class PositionController(eqx.Module):
         for name in (*self._further, *_OFFSETS):
             groups = self._groups(name, settled)
             parts = []
-            for like in groups:
-                members = np.array(like.members)
+            for batch in groups:
+                members = np.array(batch.members)
                 place = picked(rows.position, members)
-                if like.sees_offsets:
+                if batch.sees_offsets:
                     place = kept(place + picked(total, members))
-                way = jnp.stack([ways[like.way][member] for member in like.members])
-                value, past = like.switched(
-                    like.law(rows, way, place), next(carried), state.begun, motion
+                signs = jnp.stack([directions[batch.way][m] for m in batch.members])
+                value, past = batch.switched(
+                    batch.law(rows, signs, place), next(carried), state.begun, motion
                 )
                 parts.append(value)
                 after.append(past)
@@ -275,9 +275,9 @@ class PositionController(eqx.Module):
                 total = total + tables[name]
 
         groups, parts, frictions = self._groups("friction", settled), [], []
-        for like, before in zip(groups, state.friction, strict=True):
-            value, past_friction = like.friction(before, rows, ahead)
-            parts.append(like.acting(value, motion))
+        for batch, before in zip(groups, state.friction, strict=True):
+            value, past_friction = batch.friction(before, rows, ahead)
+            parts.append(batch.acting(value, motion))
             frictions.append(past_friction)
         if groups:
             tables["friction"] = assembled(groups, parts, count)
@@ -300,5 +300,5 @@ class PositionController(eqx.Module):
             return motion.direction.T, state
         by_actual = self.conventions.direction_source == "actual"
         source = actual(motion) if by_actual else motion.position
-        found, _, after = lax.map(lambda given: directions(*given), (state, source.T))
-        return found, after
+        direction, _, after = lax.map(lambda pair: directions(*pair), (state, source.T))
+        return direction, after

@@ -95,11 +95,11 @@ class AxisCompensations(eqx.Module):
             if name in COMPENSATIONS:
                 msg = f"further: {name!r} has a field of its own."
                 raise ValueError(msg)
-        own = None if self.backlash is None else self.backlash.cycles
-        if own is not None and self.reversal_cycles not in (None, own):
+        cycles = None if self.backlash is None else self.backlash.cycles
+        if cycles is not None and self.reversal_cycles not in (None, cycles):
             msg = (
                 f"Backlash and leadscrew share P-AXIS-00243: expected one number of "
-                f"cycles, got {own} and {self.reversal_cycles}."
+                f"cycles, got {cycles} and {self.reversal_cycles}."
             )
             raise ValueError(msg)
         for name, least, most in (("cross", 1, 1), ("plane", 2, 2)):
@@ -121,8 +121,8 @@ class AxisCompensations(eqx.Module):
     @property
     def installed(self) -> tuple[str, ...]:
         """Names of the compensations that the axis has, in the order of their sum."""
-        own = (name for name in COMPENSATIONS if getattr(self, name) is not None)
-        return (*sorted(self.further), *own)
+        present = (name for name in COMPENSATIONS if getattr(self, name) is not None)
+        return (*sorted(self.further), *present)
 
     def part(self, name: str) -> Any:
         """Return a compensation by its name; None: the axis lacks it."""
@@ -142,16 +142,16 @@ class AxisCompensations(eqx.Module):
         Switching the backlash is spread as a reversal is; leadscrew and friction have
         no such parameter: they come and go at once.
         """
-        found: dict[str, int] = dict.fromkeys(COMPENSATIONS, 0)
-        found["backlash"] = self.spread_cycles
+        cycles: dict[str, int] = dict.fromkeys(COMPENSATIONS, 0)
+        cycles["backlash"] = self.spread_cycles
         for name in ("cross", "plane"):
             coupled: Coupled[eqx.Module] | None = getattr(self, name)
-            found[name] = 0 if coupled is None else coupled.cycles
+            cycles[name] = 0 if coupled is None else coupled.cycles
         if self.temperature is not None:
-            found["temperature"] = self.temperature.cycles
+            cycles["temperature"] = self.temperature.cycles
         if self.crosstalk is not None:
-            found["crosstalk"] = self.crosstalk.law.cycles
-        return found | {name: one.cycles for name, one in self.further.items()}
+            cycles["crosstalk"] = self.crosstalk.law.cycles
+        return cycles | {name: coupled.cycles for name, coupled in self.further.items()}
 
     def needs_homed(self, name: str, axis: int) -> tuple[int, ...]:
         """Return the axes that must be homed before this compensation acts.

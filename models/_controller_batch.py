@@ -18,7 +18,7 @@ def mapped(evaluate: Callable[..., Any], laws: Sequence[Any], *arguments: Any) -
     # A loop and not `vmap`: what one axis needs at a time fits the cache, and no table
     # has to be told from those of the others, sample by sample.
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *laws)
-    return lax.map(lambda given: evaluate(*given), (stacked, *arguments))
+    return lax.map(lambda row: evaluate(*row), (stacked, *arguments))
 
 
 def vectorised(
@@ -27,8 +27,8 @@ def vectorised(
     """Return the same, of laws without a condition: on all cores at once."""
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *laws)
     # What enters several sums is worked out once, and not in each of them.
-    found = jax.vmap(evaluate)(stacked, *arguments)
-    return lax.optimization_barrier(found)  # type: ignore[no-untyped-call]
+    values = jax.vmap(evaluate)(stacked, *arguments)
+    return lax.optimization_barrier(values)  # type: ignore[no-untyped-call]
 
 
 def columns(
@@ -36,5 +36,5 @@ def columns(
 ) -> Float[Array, "t m"]:
     """Return some of the rows as columns."""
     # Row by row, as XLA then sees through to the row when a law takes a column.
-    found = [rows[numbers[place]] for place in range(numbers.shape[0])]
-    return jnp.stack(found, axis=1) if found else jnp.zeros((rows.shape[1], 0))
+    picked = [rows[numbers[place]] for place in range(numbers.shape[0])]
+    return jnp.stack(picked, axis=1) if picked else jnp.zeros((rows.shape[1], 0))

@@ -28,21 +28,21 @@ def filtered(
     Before the first cycle of all, values have stood as they are in it. In rows that do
     not change the filter is left out: it would change nothing.
     """
-    before = past.shape[1]
-    if before == 0:
+    count = past.shape[1]
+    if count == 0:
         return value, past
-    joined = jnp.concatenate([jnp.where(begun, past, value[:, :1]), value], axis=1)
+    history = jnp.concatenate([jnp.where(begun, past, value[:, :1]), value], axis=1)
 
-    def one(row: Array) -> Array:
-        found: Array = lax.cond(
+    def filter_row(row: Array) -> Array:
+        result: Array = lax.cond(
             jnp.all(row == row[0]),
-            lambda row: row[before:],
+            lambda row: row[count:],
             lambda row: smooth(row, response),
             row,
         )
-        return found
+        return result
 
-    return lax.map(one, joined), joined[:, value.shape[1] :]
+    return lax.map(filter_row, history), history[:, value.shape[1] :]
 
 
 @final
@@ -82,9 +82,9 @@ class Spread:
             past: What is carried.
             begun: Whether there was a cycle before.
         """
-        own = direction[np.array(self.members)]
-        own = jnp.where(own == 0.0, self._starts, own)
-        rows, after = filtered(own, past, begun, self._response)
+        signs = direction[np.array(self.members)]
+        signs = jnp.where(signs == 0.0, self._starts, signs)
+        rows, after = filtered(signs, past, begun, self._response)
         return kept(rows), after
 
 
@@ -92,27 +92,27 @@ def spreads(
     axes: Sequence[AxisCompensations], rules: Conventions, settled: bool
 ) -> tuple[Spread, ...]:
     """Return the axes that follow directions, in groups of equal numbers of cycles."""
-    found: dict[tuple[int, tuple[str, ...]], list[tuple[int, int]]] = {}
+    groups: dict[tuple[int, tuple[str, ...]], list[tuple[int, int]]] = {}
     for number, axis in enumerate(axes):
         start: int = rules.start_direction
-        back = start
+        flank = start
         if axis.backlash is not None and rules.backlash_start == "reference":
-            back = axis.backlash.reference
+            flank = axis.backlash.reference
         names = [n for n in ("backlash", "leadscrew") if getattr(axis, n) is not None]
         # One filter serves both where both start from the same direction.
-        parts = [(tuple(names), start)] if start == back else []
-        parts = parts or [((n,), back if n == "backlash" else start) for n in names]
-        for part, begin in parts:
+        parts = [(tuple(names), start)] if start == flank else []
+        parts = parts or [((n,), flank if n == "backlash" else start) for n in names]
+        for part, sign in parts:
             if part:
-                found.setdefault((axis.spread_cycles, part), []).append((number, begin))
+                groups.setdefault((axis.spread_cycles, part), []).append((number, sign))
     return tuple(
         Spread(
             [number for number, _ in members],
             names,
-            [begin for _, begin in members],
+            [sign for _, sign in members],
             np.ones(1) if settled else step_response(cycles, rules.filter_delay),
         )
-        for (cycles, names), members in found.items()
+        for (cycles, names), members in groups.items()
     )
 
 
@@ -123,12 +123,12 @@ def followed(
     begun: Bool[Array, ""],
 ) -> tuple[dict[str, list[Float[Array, " t"]]], tuple[Float[Array, "_ _"], ...]]:
     """Return the spread directions per compensation and axis, and what is carried."""
-    ways = {name: list(direction) for name in ("backlash", "leadscrew")}
+    directions = {name: list(direction) for name in ("backlash", "leadscrew")}
     after = []
     for part, past in zip(parts, carried, strict=True):
         rows, last = part.run(direction, past, begun)
         after.append(last)
         for name in part.names:
             for member, row in zip(part.members, rows, strict=True):
-                ways[name][member] = row
-    return ways, tuple(after)
+                directions[name][member] = row
+    return directions, tuple(after)

@@ -83,31 +83,31 @@ class Group:
     def law(
         self,
         rows: Rows,
-        way: Filtered,
+        direction: Filtered,
         place: Filtered,
     ) -> Filtered:
         """Return the offsets of the law per cycle, unswitched and unfiltered.
 
         Args:
             rows: Motion of all axes.
-            way: Directions of these axes, with reversals spread.
+            direction: Of these axes, with reversals spread.
             place: Positions of these axes that the law looks up.
         """
         if self.name not in COMPENSATIONS:
-            own = [(m, axis.further[self.name]) for m, axis in self._pairs]
-            return jnp.stack([c.law.offset(rows, (m, *c.masters)) for m, c in own])
+            pairs = [(m, axis.further[self.name]) for m, axis in self._pairs]
+            return jnp.stack([c.law.offset(rows, (m, *c.masters)) for m, c in pairs])
         laws = [_law(getattr(axis, self.name)) for axis in self.axes]
         if self.name == "backlash":
-            return _typed(mapped(lambda law, d: law.offset(d), laws, way))
+            return _typed(mapped(lambda law, d: law.offset(d), laws, direction))
         if self.name == "temperature":
             sensors = rows.temperature.T
             return _typed(
                 vectorised(lambda law, x: law.offset(x, sensors), laws, place)
             )
         if self.name == "leadscrew":
-            back = 0.5 * (1.0 - way)
+            share = 0.5 * (1.0 - direction)
             return _typed(
-                mapped(lambda law, x, b: law.blended_offset(x, b), laws, place, back)
+                mapped(lambda law, x, b: law.blended_offset(x, b), laws, place, share)
             )
         return self._coupled(rows, laws)
 
@@ -116,20 +116,20 @@ class Group:
         masters = np.array([getattr(axis, self.name).masters for axis in self.axes])
         place, speed, change = rows.position, rows.velocity, rows.acceleration
         if self.name == "cross":
-            found = vectorised(lambda law, m: law.offset(place[m[0]]), laws, masters)
+            offset = vectorised(lambda law, m: law.offset(place[m[0]]), laws, masters)
         elif self.name == "plane":
-            seen = place
+            position = place
             if self.rules.plane_input == "actual":
-                seen = actual(rows)
-            found = vectorised(
-                lambda law, m: law.offset(columns(seen, m)), laws, masters
+                position = actual(rows)
+            offset = vectorised(
+                lambda law, m: law.offset(columns(position, m)), laws, masters
             )
         else:
             if self.rules.crosstalk_input == "actual":
                 speed, change = actual_rates(rows)
             by_slave = self.rules.crosstalk_velocity == "slave"
             turning = np.array(self.members) if by_slave else masters[:, 0]
-            found = vectorised(
+            offset = vectorised(
                 lambda law, m, axis: law.offset(
                     change[m[0]], speed[axis], columns(place, m[1:])
                 ),
@@ -137,7 +137,7 @@ class Group:
                 masters,
                 turning,
             )
-        return _typed(found)
+        return _typed(offset)
 
     def friction(
         self, state: FrictionState, rows: Rows, ahead: Float[Array, "h a"]
@@ -234,24 +234,24 @@ def group(
     settled: bool = False,
 ) -> tuple[Group, ...]:
     """Return the axes that have a compensation, in groups of the same structure."""
-    found: dict[Any, list[int]] = {}
+    groups: dict[Any, list[int]] = {}
     for number, axis in enumerate(axes):
-        whole = axis.part(name)
-        if whole is None:
+        compensation = axis.part(name)
+        if compensation is None:
             continue
-        law = _law(whole)
+        law = _law(compensation)
         key = (
             jax.tree.structure(law),
             tuple(np.shape(leaf) for leaf in jax.tree.leaves(law)),
-            len(whole.masters) if isinstance(whole, Coupled) else 0,
+            len(compensation.masters) if isinstance(compensation, Coupled) else 0,
             axis.switch_cycles[name],
             name in axis.manual,
             name == "leadscrew" and axis.leadscrew_alone,
         )
-        found.setdefault(key, []).append(number)
+        groups.setdefault(key, []).append(number)
     return tuple(
         Group(name, members, [axes[m] for m in members], rules, settled)
-        for members in found.values()
+        for members in groups.values()
     )
 
 
@@ -262,19 +262,19 @@ def assembled(
     if groups[0].members == tuple(range(count)):
         return parts[0]
     rows = [jnp.zeros_like(parts[0][0])] * count
-    for like, part in zip(groups, parts, strict=True):
-        for member, row in zip(like.members, part, strict=True):
+    for batch, part in zip(groups, parts, strict=True):
+        for member, row in zip(batch.members, part, strict=True):
             rows[member] = row
     return jnp.stack(rows)
 
 
-def _law(whole: Any) -> Any:
+def _law(compensation: Any) -> Any:
     """Return the law of a compensation, without the axes that it looks at."""
-    return whole.law if isinstance(whole, Coupled) else whole
+    return compensation.law if isinstance(compensation, Coupled) else compensation
 
 
-def _typed(found: Any) -> Filtered:
-    rows: Filtered = found
+def _typed(values: Any) -> Filtered:
+    rows: Filtered = values
     return rows
 
 
@@ -283,10 +283,10 @@ def _times(value: Filtered, active: Filtered | float) -> Filtered:
         return value if active == 1.0 else jnp.zeros_like(value)
     # Mostly all of it acts. And what a condition gives is rounded: fused with the sum of
     # all offsets the product would not be, depending on the length of a piece.
-    found: Filtered = lax.cond(
+    product: Filtered = lax.cond(
         jnp.all(active == 1.0), lambda value, _: value, jnp.multiply, value, active
     )
-    return found
+    return product
 
 
 def _friction(axis: AxisCompensations) -> FrictionCompensation:

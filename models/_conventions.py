@@ -322,12 +322,12 @@ class Conventions:
             ConventionError: If a name is unknown (names the nearest one) or a value is
                 none of its choices.
         """
-        known = [field.name for field in dataclasses.fields(cls)]
+        names = [field.name for field in dataclasses.fields(cls)]
         for name, value in values.items():
-            if name not in known:
-                near = difflib.get_close_matches(str(name), known, n=1, cutoff=0.0)
+            if name not in names:
+                nearest = difflib.get_close_matches(str(name), names, n=1, cutoff=0.0)
                 raise ConventionError(
-                    str(name), "an unknown name", f"a known one such as {near[0]!r}"
+                    str(name), "an unknown name", f"a known one such as {nearest[0]!r}"
                 )
             _check(name, value)
         return cls(**values)

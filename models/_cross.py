@@ -60,12 +60,12 @@ class Cross(AbstractLookup):
     def entry(self, position: Float[Array | np.ndarray, " t"]) -> Float[Array, " t"]:
         """Return the table's value in mm at master positions in mm."""
         place = jnp.asarray(position, dtype=jnp.float64)
-        found = interpolate(
+        value = interpolate(
             self.values, (self.nodes.coordinate(place),), (self.nodes.count,)
         )
         if self.held:
-            return found
-        return jnp.where(self.nodes.covers(place), found, 0.0)
+            return value
+        return jnp.where(self.nodes.covers(place), value, 0.0)
 
     def offset(self, position: Float[Array | np.ndarray, " t"]) -> Float[Array, " t"]:
         """Return what the controller adds to the slave axis, in mm."""
@@ -75,8 +75,8 @@ class Cross(AbstractLookup):
     def stencil(self, position: Float[Array | np.ndarray, " t"]) -> Stencil:
         """Return the 2 nodes that each position touches."""
         place = jnp.asarray(position, dtype=jnp.float64)
-        held = linear_stencil((self.nodes.coordinate(place),), (self.nodes.count,))
+        stencil = linear_stencil((self.nodes.coordinate(place),), (self.nodes.count,))
         if self.held:
-            return held
-        weights = jnp.where(self.nodes.covers(place)[:, None], held.weights, 0.0)
-        return Stencil(nodes=held.nodes, weights=weights, size=held.size)
+            return stencil
+        weights = jnp.where(self.nodes.covers(place)[:, None], stencil.weights, 0.0)
+        return Stencil(nodes=stencil.nodes, weights=weights, size=stencil.size)

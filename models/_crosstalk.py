@@ -69,8 +69,8 @@ class AbstractCrosstalk(eqx.Module):
         positions: Places | None = None,
     ) -> tuple[Float[Array, " t"], Past]:
         """Return the filtered offset per cycle in mm, and the state after."""
-        found = self.offset(acceleration, velocity, positions)
-        return SineSquaredFilter(self.cycles).run(state, found)
+        offset = self.offset(acceleration, velocity, positions)
+        return SineSquaredFilter(self.cycles).run(state, offset)
 
 
 @final
@@ -135,8 +135,8 @@ class Crosstalk(AbstractCrosstalk):
         """Return the list's value in mm; arguments as in `offset`."""
         share, branch = self._branches(acceleration, velocity)
         places = self._places(positions, share.shape[0])
-        found = self.surface.evaluate(self.values, branch, places)
-        return self._reach(share, places) * found
+        value = self.surface.evaluate(self.values, branch, places)
+        return self._reach(share, places) * value
 
     def offset(
         self, acceleration: Samples, velocity: Samples, positions: Places | None = None
@@ -160,11 +160,11 @@ class Crosstalk(AbstractCrosstalk):
         """
         share, branch = self._branches(acceleration, velocity)
         places = self._places(positions, share.shape[0])
-        found = self.surface.stencil(places)
+        tests = self.surface.stencil(places)
         return Stencil(
-            nodes=found.nodes + (branch * found.size)[:, None],
-            weights=found.weights * self._reach(share, places)[:, None],
-            size=4 * found.size,
+            nodes=tests.nodes + (branch * tests.size)[:, None],
+            weights=tests.weights * self._reach(share, places)[:, None],
+            size=4 * tests.size,
         )
 
     def covers(self, positions: Places) -> Bool[Array, " t"]:
@@ -178,18 +178,18 @@ class Crosstalk(AbstractCrosstalk):
         a = jnp.asarray(acceleration, dtype=jnp.float64)
         v = jnp.asarray(velocity, dtype=jnp.float64)
         slows = a * v < 0.0 if self.by_speed else a < 0.0
-        full = jnp.where(slows, self.deceleration, self.acceleration)
+        specified = jnp.where(slows, self.deceleration, self.acceleration)
         # Not a division per sample: that of the two specified ones serves all.
         inverse = jnp.where(slows, 1.0 / self.deceleration, 1.0 / self.acceleration)
         # By the sign both are negative together, and the derivative at 0 is that of
         # positive ones.
         share = jnp.abs(a) * jnp.abs(inverse) if self.by_speed else a * inverse
         if self.held_above:
-            reached = jnp.abs(a) >= jnp.abs(full)
+            reached = jnp.abs(a) >= jnp.abs(specified)
             share = jnp.where(reached, 1.0, share)
         if self.velocity_dependent:
-            back = v < 0.0 if self.rest_direction > 0 else v <= 0.0
-            branch = 2 * slows.astype(jnp.int32) + back.astype(jnp.int32)
+            backward = v < 0.0 if self.rest_direction > 0 else v <= 0.0
+            branch = 2 * slows.astype(jnp.int32) + backward.astype(jnp.int32)
         elif self.own_deceleration:
             branch = 2 * slows.astype(jnp.int32)
         else:

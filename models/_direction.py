@@ -23,7 +23,7 @@ class DirectionState(eqx.Module):
     begun: Bool[Array, ""]
     """Whether there was a cycle: the first position of all is no step."""
     moved: Bool[Array, ""]
-    """Whether there was a step: the first motion of all is told by it (S-28)."""
+    """Whether there was a step: by it the first motion of all is recognised (S-28)."""
 
     @classmethod
     def start(cls, direction: int = 1) -> "DirectionState":
@@ -45,8 +45,8 @@ def directions(
     The direction is that of the last step that was one: at standstill it stays what it
     was. It reverses in the first cycle of the new direction, however long the axis
     stood before; the first motion of all reverses the direction to start from, if it
-    goes against it (`first_motion` tells whether it does or not). Nothing of it depends
-    on position by a derivative.
+    goes against it (`first_motion` marks its cycle in either case). Nothing of it
+    depends on position by a derivative.
     """
     if position.size == 0:
         return position, jnp.zeros(0, dtype=bool), state
@@ -72,8 +72,8 @@ def last_of(marks: Float[Array, " t"], start: Float[Array, ""]) -> Float[Array, 
 
     # Mostly there is none that is 0. XLA also stores what a condition gives, else it
     # would work it out again in every place where it is used.
-    found: Array = lax.cond(jnp.any(marks == 0.0), fill, lambda marks: marks, marks)
-    return found
+    filled: Array = lax.cond(jnp.any(marks == 0.0), fill, lambda marks: marks, marks)
+    return filled
 
 
 def first_motion(

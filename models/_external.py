@@ -68,9 +68,9 @@ class ExternalCompensation(eqx.Module):
         That is offset(x) in mm or °, with x + offset(x) = positions, right to 1e-9; NaN
         in rows without a solution (`start` tells them apart).
         """
-        found = self.start(positions)
-        solved = (found.result == 0)[:, None]
-        return jnp.where(solved, found.offsets, jnp.nan)
+        start = self.start(positions)
+        solved = (start.result == 0)[:, None]
+        return jnp.where(solved, start.offsets, jnp.nan)
 
     @eqx.filter_jit
     def start(self, positions: Float[Array | np.ndarray, "t a"]) -> StartPoint:
@@ -79,14 +79,14 @@ class ExternalCompensation(eqx.Module):
         Offsets that change by less than they are moved (slope below 1 in any direction,
         kinks or not) have exactly one such x, and it is found.
         """
-        given = jnp.asarray(positions, dtype=jnp.float64)
+        target = jnp.asarray(positions, dtype=jnp.float64)
 
         def missed(place: Float[Array, "t a"]) -> Float[Array, "t a"]:
-            return place + self.law(place) - given
+            return place + self.law(place) - target
 
-        place = lax.custom_root(missed, given, _solve, _solve_tangent)
+        place = lax.custom_root(missed, target, _solve, _solve_tangent)
         offsets = self.law(place)
-        solved = _within(place, place + offsets - given)
+        solved = _within(place, place + offsets - target)
         return StartPoint(
             positions=place, offsets=offsets, result=jnp.where(solved, 0, FAILED)
         )
@@ -94,7 +94,7 @@ class ExternalCompensation(eqx.Module):
 
 def _solve(
     missed: Callable[[Float[Array, "t a"]], Float[Array, "t a"]],
-    given: Float[Array, "t a"],
+    target: Float[Array, "t a"],
 ) -> Float[Array, "t a"]:
     """Return the zeros of `missed`, row by row.
 
@@ -104,31 +104,31 @@ def _solve(
     """
 
     def unfinished(state: tuple[Array, Array, Array]) -> Bool[Array, ""]:
-        place, rest, step = state
-        return (step < _MAX_STEPS) & ~jnp.all(_within(place, rest))
+        place, miss, step = state
+        return (step < _MAX_STEPS) & ~jnp.all(_within(place, miss))
 
     def improve(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        place, rest, step = state
-        newton = jnp.linalg.solve(_slopes(missed, place), rest[..., None])[..., 0]
-        best, left = place - rest, missed(place - rest)
+        place, miss, step = state
+        newton = jnp.linalg.solve(_slopes(missed, place), miss[..., None])[..., 0]
+        best, least = place - miss, missed(place - miss)
         for length in _SHORTER:
-            other = place - length * newton
-            rest_there = missed(other)
+            trial = place - length * newton
+            remaining = missed(trial)
             # False for NaN, of a singular slope: then the plain step stays.
-            better = (_size(rest_there) < _size(left))[:, None]
-            best = jnp.where(better, other, best)
-            left = jnp.where(better, rest_there, left)
+            better = (_size(remaining) < _size(least))[:, None]
+            best = jnp.where(better, trial, best)
+            least = jnp.where(better, remaining, least)
         # Rows that are done stay, whatever their neighbours need.
-        done = _within(place, rest)[:, None]
+        solved = _within(place, miss)[:, None]
         return (
-            jnp.where(done, place, best),
-            jnp.where(done, rest, left),
+            jnp.where(solved, place, best),
+            jnp.where(solved, miss, least),
             step + 1,
         )
 
-    start = (given, missed(given), jnp.zeros((), dtype=jnp.int32))
-    found: Float[Array, "t a"] = lax.while_loop(unfinished, improve, start)[0]
-    return found
+    start = (target, missed(target), jnp.zeros((), dtype=jnp.int32))
+    zeros: Float[Array, "t a"] = lax.while_loop(unfinished, improve, start)[0]
+    return zeros
 
 
 def _solve_tangent(
@@ -139,8 +139,8 @@ def _solve_tangent(
         slope(jnp.broadcast_to(unit, right.shape)) for unit in jnp.eye(right.shape[1])
     ]
     matrix = jnp.stack(columns, axis=-1)
-    found: Float[Array, "t a"] = jnp.linalg.solve(matrix, right[..., None])[..., 0]
-    return found
+    tangent: Float[Array, "t a"] = jnp.linalg.solve(matrix, right[..., None])[..., 0]
+    return tangent
 
 
 def _slopes(
@@ -155,14 +155,14 @@ def _slopes(
     return jnp.stack(columns, axis=-1)
 
 
-def _size(rest: Float[Array, "t a"]) -> Float[Array, " t"]:
+def _size(miss: Float[Array, "t a"]) -> Float[Array, " t"]:
     # Plain steps contract in the Euclidean norm where the slope is below 1 in it.
-    return jnp.sum(jnp.square(rest), axis=-1)
+    return jnp.sum(jnp.square(miss), axis=-1)
 
 
-def _within(place: Float[Array, "t a"], rest: Float[Array, "t a"]) -> Bool[Array, " t"]:
+def _within(place: Float[Array, "t a"], miss: Float[Array, "t a"]) -> Bool[Array, " t"]:
     allowed = jnp.maximum(_TOLERANCE, _ROUNDINGS * jnp.abs(place))
-    return jnp.all(jnp.abs(rest) <= allowed, axis=-1)
+    return jnp.all(jnp.abs(miss) <= allowed, axis=-1)
 
 
 @final
@@ -196,10 +196,10 @@ class OffsetPart(eqx.Module):
     def offset(self, positions: Float[Array, "t a"]) -> Float[Array, " t"]:
         """Return what it adds to its axis in mm or °."""
         table: Any = self.model
-        ahead = np.ones(len(positions), dtype=np.int64)
-        seen = table.looked_up(positions[:, np.array(self.masters)], ahead)
-        found: Float[Array, " t"] = table.offset(*seen)
-        return found
+        forward = np.ones(len(positions), dtype=np.int64)
+        arguments = table.looked_up(positions[:, np.array(self.masters)], forward)
+        offset: Float[Array, " t"] = table.offset(*arguments)
+        return offset
 
 
 @final
@@ -225,7 +225,7 @@ class OffsetStack(eqx.Module):
         for part in self.parts:
             place = positions
             if part.compensated:
-                own = positions[:, part.axis] + total[:, part.axis]
-                place = positions.at[:, part.axis].set(own)
+                shifted = positions[:, part.axis] + total[:, part.axis]
+                place = positions.at[:, part.axis].set(shifted)
             total = total.at[:, part.axis].add(part.offset(place))
         return total

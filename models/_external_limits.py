@@ -99,8 +99,8 @@ class ExternalLimits(eqx.Module):
             offsets: In mm or °, one row per cycle.
             cycle_time: In s.
         """
-        joined = jnp.concatenate([state.last, jnp.asarray(offsets, jnp.float64)])
-        now, before, earlier = joined[2:], joined[1:-1], joined[:-2]
+        history = jnp.concatenate([state.last, jnp.asarray(offsets, jnp.float64)])
+        now, before, earlier = history[2:], history[1:-1], history[:-2]
         judged = jnp.abs(now - before if self.of_change else now)
         rate = jnp.abs(now - 2.0 * before + earlier) / cycle_time**2
         warning = self.warning[None]
@@ -113,14 +113,14 @@ class ExternalLimits(eqx.Module):
         # Reports come up to the first error; it is the first cycle that does not act.
         ended = lax.cummax(failed.astype(jnp.int32)) > 0
         active = state.active & ~ended
-        past = jnp.concatenate([jnp.zeros(1, dtype=bool), ended])[:-1]
-        heard = state.active & ~past
+        stopped = jnp.concatenate([jnp.zeros(1, dtype=bool), ended])[:-1]
+        heard = state.active & ~stopped
         code = jnp.where(high & ~above[:-1], WARNED, 0)
         code = jnp.where(fast, TOO_FAST, code)
         code = jnp.where(exceeded, EXCEEDED, code)
         code = jnp.where(missing[None], UNLIMITED, code)
         after = LimitState(
-            last=joined[-2:],
+            last=history[-2:],
             above=above[-1],
             active=state.active & ~jnp.any(failed),
         )

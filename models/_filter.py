@@ -59,8 +59,8 @@ class SineSquaredFilter(eqx.Module):
         self, state: Past, values: Float[Array, " t"]
     ) -> tuple[Float[Array, " t"], Past]:
         """Return the filtered values and the state after them."""
-        joined = jnp.concatenate([state.values, values])
-        return smooth(joined, self.response), Past(joined[values.size :])
+        history = jnp.concatenate([state.values, values])
+        return smooth(history, self.response), Past(history[values.size :])
 
 
 @final
@@ -81,16 +81,16 @@ class Delay(eqx.Module):
         self, state: Past, values: Float[Array, " t"]
     ) -> tuple[Float[Array, " t"], Past]:
         """Return the delayed values and the state after them."""
-        joined = jnp.concatenate([state.values, values])
-        return joined[: values.size], Past(joined[values.size :])
+        history = jnp.concatenate([state.values, values])
+        return history[: values.size], Past(history[values.size :])
 
 
-def step_response(cycles: int, late: int = 0) -> Float[np.ndarray, " m"]:
+def step_response(cycles: int, delay: int = 0) -> Float[np.ndarray, " m"]:
     """Return how much of a step the sin² filter lets through by each cycle, up to 1."""
     count = max(cycles, 1)
     shares = np.sin(0.5 * np.pi * np.arange(1, count + 1) / count) ** 2
     shares[-1] = 1.0
-    return np.concatenate([np.zeros(late), shares])
+    return np.concatenate([np.zeros(delay), shares])
 
 
 def _constant(value: Float[Array, ""] | float, count: int) -> Past:

@@ -93,12 +93,12 @@ class FrictionTable(AbstractFriction):
         del direction
         place = jnp.asarray(speed, dtype=jnp.float64)
         count = self.nodes.count
-        found = interpolate(self.values, (self.nodes.coordinate(place),), (count,))
+        value = interpolate(self.values, (self.nodes.coordinate(place),), (count,))
         if not self.held_below:
-            found = found * self._rise(place)
+            value = value * self._rise(place)
         if not self.held_above and count > 1:
-            found = found + self._beyond(place) * (self.values[-1] - self.values[-2])
-        return jnp.asarray(self.scaling * found)
+            value = value + self._beyond(place) * (self.values[-1] - self.values[-2])
+        return jnp.asarray(self.scaling * value)
 
     def numpy_level(
         self, speed: Float[np.ndarray, " t"], direction: Float[np.ndarray, " t"]
@@ -134,15 +134,15 @@ class FrictionTable(AbstractFriction):
         """
         moving = jnp.asarray(velocity, dtype=jnp.float64)
         speed = jnp.abs(moving)
-        held = linear_stencil((self.nodes.coordinate(speed),), (self.nodes.count,))
-        weights = held.weights
+        stencil = linear_stencil((self.nodes.coordinate(speed),), (self.nodes.count,))
+        weights = stencil.weights
         if not self.held_below:
             weights = weights * self._rise(speed)[:, None]
         if not self.held_above and self.nodes.count > 1:
             beyond = self._beyond(speed)
             weights = weights + jnp.stack([-beyond, beyond], axis=1)
         weights = weights * (self.scaling * jnp.sign(moving))[:, None]
-        return Stencil(nodes=held.nodes, weights=weights, size=held.size)
+        return Stencil(nodes=stencil.nodes, weights=weights, size=stencil.size)
 
     def _rise(self, speed: Float[Array, " t"]) -> Float[Array, " t"]:
         """Return how far the line from rest to the first entry has come, up to 1."""
@@ -182,6 +182,6 @@ def sample_friction(
         knots: Speeds of the entries in mm/s or °/s, ascending, not negative.
     """
     speed = jnp.asarray(knots, dtype=jnp.float64)
-    ahead = jnp.ones_like(speed)
-    values = 0.5 * (law.level(speed, ahead) + law.level(speed, -ahead))
+    forward = jnp.ones_like(speed)
+    values = 0.5 * (law.level(speed, forward) + law.level(speed, -forward))
     return FrictionTable(Setpoints(speed), values)

@@ -154,10 +154,10 @@ class FrictionCompensation(eqx.Module):
         place = jnp.asarray(position, dtype=jnp.float64)
         speed = jnp.asarray(velocity, dtype=jnp.float64)
         count = place.size
-        seen = jnp.concatenate([speed, self._following(ahead)])
-        direction = _directions(state.direction, seen)
+        speeds = jnp.concatenate([speed, self._following(ahead)])
+        direction = _directions(state.direction, speeds)
         before = jnp.concatenate([state.direction[None], direction[:-1]])
-        moving = seen != 0.0
+        moving = speeds != 0.0
         reverses = moving & (direction * before < 0.0)
         first = moving & (before == 0.0)
 
@@ -174,14 +174,14 @@ class FrictionCompensation(eqx.Module):
             rising * falling if self.weights_multiply else jnp.minimum(rising, falling)
         )
 
-        way = direction[:count]
-        active = way if self.held_at_rest else jnp.where(now, way, 0.0)
+        sign = direction[:count]
+        active = sign if self.held_at_rest else jnp.where(now, sign, 0.0)
         share = kept(weight * active)
         return (
             share,
-            Turns(way, reverses[:count]),
+            Turns(sign, reverses[:count]),
             FrictionState(
-                direction=way[-1],
+                direction=sign[-1],
                 moving=now[-1],
                 position=place[-1],
                 begun=jnp.ones((), dtype=bool),
@@ -202,8 +202,8 @@ class FrictionCompensation(eqx.Module):
 
         The last part of `run`: what `shares` gave, and the law's level at these cycles.
         """
-        found = self.sign * (share * level)
-        delayed, past = self._delay(after.past, found, turns.reverses)
+        current = self.sign * (share * level)
+        delayed, past = self._delay(after.past, current, turns.reverses)
         return delayed, eqx.tree_at(lambda state: state.past, after, past)
 
     def _delay(
@@ -223,8 +223,8 @@ class FrictionCompensation(eqx.Module):
         needed = self.reversal_lookahead
         if ahead is None:
             return jnp.zeros(needed)
-        known = jnp.asarray(ahead, dtype=jnp.float64)[:needed]
-        return jnp.pad(known, (0, needed - known.size))
+        speeds = jnp.asarray(ahead, dtype=jnp.float64)[:needed]
+        return jnp.pad(speeds, (0, needed - speeds.size))
 
     def _fall(self, reverses: Bool[Array, " n"], count: int) -> Float[Array, " t"]:
         """Return the weights before reversals."""
@@ -234,14 +234,14 @@ class FrictionCompensation(eqx.Module):
             return weight
 
         def fall(reverses: Array) -> Array:
-            found = weight
+            result = weight
             # From the farthest on: the next reversal has the last word.
-            for away in range(cycles, 0, -1):
-                share = away / (cycles + 1)
+            for cycle in range(cycles, 0, -1):
+                share = cycle / (cycles + 1)
                 if self.decays_to_zero:
-                    share = (away - 1) / cycles
-                found = jnp.where(reverses[away : away + count], share, found)
-            return found
+                    share = (cycle - 1) / cycles
+                result = jnp.where(reverses[cycle : cycle + count], share, result)
+            return result
 
         falling: Array = lax.cond(jnp.any(reverses), fall, lambda _: weight, reverses)
         return falling
@@ -257,13 +257,13 @@ class FrictionCompensation(eqx.Module):
 
         def begin(begins: Array, came_from: Array) -> tuple[Array, Array]:
             last = last_flagged(begins)
-            there = take(came_from, jnp.maximum(last - 1, 0))
-            origin = jnp.where(last > 0, there, state.origin)
+            start = take(came_from, jnp.maximum(last - 1, 0))
+            origin = jnp.where(last > 0, start, state.origin)
             return origin, (last > 0) | state.built
 
         def begin_none(begins: Array, came_from: Array) -> tuple[Array, Array]:
-            same = jnp.broadcast_to(state.origin, came_from.shape)
-            return same, jnp.broadcast_to(state.built, begins.shape)
+            origins = jnp.broadcast_to(state.origin, came_from.shape)
+            return origins, jnp.broadcast_to(state.built, begins.shape)
 
         # In most pieces of a log no axis reverses.
         origin, built = lax.cond(jnp.any(begins), begin, begin_none, begins, came_from)
@@ -282,6 +282,6 @@ def _directions(
     return last_of(jnp.sign(lax.stop_gradient(velocity)), start)
 
 
-def _shifted(first: Array, rest: Array) -> Array:
+def _shifted(first: Array, values: Array) -> Array:
     """Return what was there one cycle before."""
-    return jnp.concatenate([first[None], rest[:-1]])
+    return jnp.concatenate([first[None], values[:-1]])

@@ -59,10 +59,10 @@ class ReversalHold(eqx.Module):
         before = jnp.concatenate([state.last[None], values[:-1]])
         held = jnp.where(any_yet, before[jnp.maximum(since - 1, 0)], state.held)
         age = jnp.where(any_yet, numbers - since + 1, state.age + numbers)
-        found = jnp.where(age <= self.cycles, held, values)
+        result = jnp.where(age <= self.cycles, held, values)
         after = HoldState(
             last=values[-1],
             held=held[-1],
             age=jnp.minimum(age[-1], self.cycles + 1),
         )
-        return found, after
+        return result, after

@@ -74,8 +74,8 @@ class StribeckFriction(AbstractFriction):
     ) -> Float[Array, " t"]:
         """Return the current at speeds ≥ 0 in drive units; at 0 the break-away."""
         place = jnp.asarray(speed, dtype=jnp.float64)
-        found: Array = self._level(jnp, place, jnp.asarray(direction) < 0)
-        return found
+        current: Array = self._level(jnp, place, jnp.asarray(direction) < 0)
+        return current
 
     def numpy_level(
         self, speed: Float[np.ndarray, " t"], direction: Float[np.ndarray, " t"]
@@ -111,8 +111,8 @@ def stribeck_columns(
         shape: Exponent $\delta$, likewise.
     """
     decay, power, raised = _decay(np, speed, velocity, shape)
-    both = power * decay
-    return np.stack([decay, shape * both, -raised * both])
+    product = power * decay
+    return np.stack([decay, shape * product, -raised * product])
 
 
 def _decay(xp: ModuleType, speed: Any, velocity: Any, shape: Any) -> Any:

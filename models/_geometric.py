@@ -123,11 +123,11 @@ class GeometricErrors(eqx.Module):
         x, y, z = (
             jnp.stack(
                 [
-                    jnp.broadcast_to(float_array(errors.get(name, 0.0)), own.count)
+                    jnp.broadcast_to(float_array(errors.get(name, 0.0)), grid.count)
                     for name in names
                 ]
             )
-            for names, own in zip(FUNCTIONS, nodes, strict=True)
+            for names, grid in zip(FUNCTIONS, nodes, strict=True)
         )
         angles = [float_array(errors.get(name, 0.0)) for name in SQUARENESS]
         return cls(nodes, (x, y, z), jnp.stack(angles), chain, reference)
@@ -194,15 +194,15 @@ class GeometricErrors(eqx.Module):
         nodes, weights, first = [], [], 0
         *functions, angles = self._shares(place, tool)
         for axis, shares in enumerate(functions):
-            own, count = (
-                self.nodes[axis].stencil(place[:, axis]),
-                self.nodes[axis].count,
-            )
-            here = jnp.einsum("tc,tcf->tf", along, shares)
-            starts = first + count * jnp.arange(6, dtype=own.nodes.dtype)
-            touched = starts[None, :, None] + own.nodes[:, None, :]
+            count = self.nodes[axis].count
+            part = self.nodes[axis].stencil(place[:, axis])
+            arms = jnp.einsum("tc,tcf->tf", along, shares)
+            starts = first + count * jnp.arange(6, dtype=part.nodes.dtype)
+            touched = starts[None, :, None] + part.nodes[:, None, :]
             nodes.append(touched.reshape(-1, 12))
-            weights.append((here[:, :, None] * own.weights[:, None, :]).reshape(-1, 12))
+            weights.append(
+                (arms[:, :, None] * part.weights[:, None, :]).reshape(-1, 12)
+            )
             first += 6 * count
         last = first + jnp.arange(3, dtype=nodes[0].dtype)
         nodes.append(jnp.broadcast_to(last, (place.shape[0], 3)))
@@ -215,7 +215,7 @@ class GeometricErrors(eqx.Module):
     def numbers(self) -> Float[Array, " n"]:
         """All errors in a row, as `stencil` counts them."""
         return jnp.concatenate(
-            [*(each.reshape(-1) for each in self.values), self.squareness]
+            [*(block.reshape(-1) for block in self.values), self.squareness]
         )
 
     def with_numbers(
@@ -237,18 +237,18 @@ class GeometricErrors(eqx.Module):
     ) -> list[Float[Array, "t 3 _f"]]:
         """Return what a unit of each function of X, Y, Z, and of each angle, does to the tool."""
         tip = jnp.zeros(3) if tool is None else jnp.asarray(tool, dtype=jnp.float64)
-        away = place - jnp.array(self.reference)[None, :]
+        relative = place - jnp.array(self.reference)[None, :]
         unit = jnp.broadcast_to(jnp.eye(3), (place.shape[0], 3, 3))
-        found = []
+        shares = []
         for axis in AXES:
-            later = self.chain[self.chain.index(axis) + 1 :]
-            between = np.array([float(each in later) for each in AXES])
-            lever = away * between[None, :] + jnp.broadcast_to(tip, place.shape)
+            following = self.chain[self.chain.index(axis) + 1 :]
+            between = np.array([float(other in following) for other in AXES])
+            lever = relative * between[None, :] + jnp.broadcast_to(tip, place.shape)
             # Columns: the rotation about each axis moves the end of the lever so.
             turned = jnp.cross(unit, lever[:, None, :])
-            found.append(jnp.concatenate([unit, jnp.swapaxes(turned, 1, 2)], axis=2))
+            shares.append(jnp.concatenate([unit, jnp.swapaxes(turned, 1, 2)], axis=2))
         square = [
-            jnp.cross(unit[:, about], away[:, axis, None] * unit[:, axis])
+            jnp.cross(unit[:, about], relative[:, axis, None] * unit[:, axis])
             for about, axis in _ANGLES
         ]
-        return [*found, jnp.stack(square, axis=2)]
+        return [*shares, jnp.stack(square, axis=2)]

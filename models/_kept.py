@@ -12,8 +12,8 @@ _NAME = "kept"
 
 def kept(values: Float[Array, "..."]) -> Float[Array, "..."]:
     """Return the values, marked as too dear to be worked out again."""
-    found: Array = checkpoint_name(values, _NAME)  # type: ignore[no-untyped-call]
-    return found
+    marked: Array = checkpoint_name(values, _NAME)  # type: ignore[no-untyped-call]
+    return marked
 
 
 def run_again(body: Callable[..., Any]) -> Callable[..., Any]:
@@ -21,9 +21,9 @@ def run_again(body: Callable[..., Any]) -> Callable[..., Any]:
 
     What a piece of a log needs fits the cache that way, and not memory.
     """
-    again: Callable[..., Any] = jax.checkpoint(
+    checkpointed: Callable[..., Any] = jax.checkpoint(
         body,
         prevent_cse=False,
         policy=jax.checkpoint_policies.save_only_these_names(_NAME),
     )
-    return again
+    return checkpointed

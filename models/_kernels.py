@@ -88,13 +88,13 @@ def gather(
 ) -> Float[Array, " t"]:
     """Return the table's value at each sample; arguments as in `corners`."""
     first, weights = corners(coordinates, shape, table)
-    away = distances(shape)
-    length = values.size - max(away)
+    offsets = distances(shape)
+    length = values.size - max(offsets)
     # One view of the table per corner and the same index for all: a quarter faster than
     # one table and four indices.
     parts = (
         weight * take(values[distance : distance + length], first)
-        for distance, weight in zip(away, weights, strict=True)
+        for distance, weight in zip(offsets, weights, strict=True)
     )
     return functools.reduce(jnp.add, parts)
 
@@ -114,7 +114,7 @@ def scatter(
     """Return the sum of weight · amount at each node; arguments as in `corners`."""
     # One sum per corner, kept at the first corner of the cell: one index for all.
     sums = tuple(jnp.zeros(tables * math.prod(shape)) for _ in distances(shape))
-    chunks, rest = divmod(amounts.size, CHUNK)
+    chunks, remainder = divmod(amounts.size, CHUNK)
     arrays = (
         (amounts, *coordinates) if table is None else (amounts, *coordinates, table)
     )
@@ -132,12 +132,12 @@ def scatter(
         )
 
     def add_chunk(number: Array, sums: tuple[Array, ...]) -> tuple[Array, ...]:
-        here = (number * CHUNK,)
-        return add(sums, [lax.dynamic_slice(a, here, (CHUNK,)) for a in arrays])
+        start = (number * CHUNK,)
+        return add(sums, [lax.dynamic_slice(a, start, (CHUNK,)) for a in arrays])
 
     if chunks:
         sums = lax.fori_loop(0, chunks, add_chunk, sums)
-    if rest:
+    if remainder:
         sums = add(sums, [array[chunks * CHUNK :] for array in arrays])
     parts = (
         jnp.pad(total[: total.size - distance], (distance, 0))

@@ -131,8 +131,8 @@ class Leadscrew(AbstractLookup):
                 come, 0 to 1.
         """
         share = jnp.asarray(negative_share, dtype=jnp.float64)
-        ahead, back = self.offset(position, 1), self.offset(position, -1)
-        return (1.0 - share) * ahead + share * back
+        positive, negative = self.offset(position, 1), self.offset(position, -1)
+        return (1.0 - share) * positive + share * negative
 
     @eqx.filter_jit
     def stencil(

@@ -108,8 +108,8 @@ class Offsets(eqx.Module):
 
     def part(self, name: str) -> Float[Array, "t a"] | None:
         """Return what a compensation adds, by its name; None: no axis has it."""
-        own: Array | None = getattr(self, name) if name in COMPENSATIONS else None
-        return self.further.get(name, own)
+        field: Array | None = getattr(self, name) if name in COMPENSATIONS else None
+        return self.further.get(name, field)
 
 
 @final
@@ -188,9 +188,9 @@ def with_ahead(
     motion: Motion, ahead: Motion | None, cycles: int
 ) -> Float[Array, "n a"]:
     """Return all velocities, and those of so many cycles after the motion."""
-    known = motion.velocity[:0] if ahead is None else ahead.velocity[:cycles]
-    known = jnp.pad(known, ((0, cycles - known.shape[0]), (0, 0)))
-    return jnp.concatenate([motion.velocity, known])
+    upcoming = motion.velocity[:0] if ahead is None else ahead.velocity[:cycles]
+    upcoming = jnp.pad(upcoming, ((0, cycles - upcoming.shape[0]), (0, 0)))
+    return jnp.concatenate([motion.velocity, upcoming])
 
 
 def following(waiting: list[Motion], cycles: int) -> Motion:
@@ -201,11 +201,11 @@ def following(waiting: list[Motion], cycles: int) -> Motion:
     rows = [
         (piece.position, piece.velocity, piece.acceleration) for piece in waiting[1:]
     ]
-    still = jnp.zeros((cycles, waiting[0].position.shape[1]))
+    standing = jnp.zeros((cycles, waiting[0].position.shape[1]))
     return Motion(
         *(
             jnp.concatenate(part)[:cycles]
-            for part in zip(*rows, (still,) * 3, strict=True)
+            for part in zip(*rows, (standing,) * 3, strict=True)
         )
     )
 

@@ -139,8 +139,8 @@ class EquidistantNodes(AbstractNodes):
     @property
     def _slack(self) -> Float[Array, ""]:
         """How far, counted in nodes, rounding may move a position off its node."""
-        reach = jnp.abs(self.start / self.interval) + float(self.count)
-        return _ROUNDING * reach
+        extent = jnp.abs(self.start / self.interval) + float(self.count)
+        return _ROUNDING * extent
 
 
 @final
@@ -156,9 +156,9 @@ class Setpoints(AbstractNodes):
             raise ValueError(msg)
         if is_known(self.points):
             points = np.asarray(self.points)
-            late = np.flatnonzero(~(np.diff(points) > 0))
-            if late.size:
-                first = int(late[0])
+            falling = np.flatnonzero(~(np.diff(points) > 0))
+            if falling.size:
+                first = int(falling[0])
                 msg = (
                     f"points must ascend, got {points[first]!s} at index {first} "
                     f"followed by {points[first + 1]!s}."
@@ -181,16 +181,16 @@ class Setpoints(AbstractNodes):
             return jnp.zeros_like(position)
         widths = jnp.diff(self.points)
         if self.count <= FEWEST:
-            cell, left, width = among_few(self.points, widths, position)
+            cell, lower, width = among_few(self.points, widths, position)
         else:
             number = cell_of(
                 lax.stop_gradient(self.points), lax.stop_gradient(position)
             )
-            left, width = take(self.points[:-1], number), take(widths, number)
+            lower, width = take(self.points[:-1], number), take(widths, number)
             cell = number.astype(jnp.float64)
         # A division and not a product: that would be fused with the sum or not, rounded
         # once or twice, depending on how many positions there are.
-        place = cell + (position - left) / width
+        place = cell + (position - lower) / width
         return _hold(float(self.count - 1), place, jnp.zeros(()))
 
     def covers(self, position: Float[Array, " t"]) -> Bool[Array, " t"]:
@@ -238,9 +238,9 @@ class ModuloNodes(AbstractNodes):
         else:
             lower, upper = (float_array(limit) for limit in self.limits)
         span = upper - lower
-        inside = lower + jnp.mod(position - lower, span)
+        wrapped = lower + jnp.mod(position - lower, span)
         # A tiny negative remainder rounds up to the span: that is the lower end again.
-        return jnp.where(inside >= upper, inside - span, inside)
+        return jnp.where(wrapped >= upper, wrapped - span, wrapped)
 
     def coordinate(self, position: Float[Array, " t"]) -> Float[Array, " t"]:
         """Return the place of each wrapped position counted in nodes."""

@@ -41,37 +41,37 @@ def interpolate(
     coordinate is that of the cell which begins there; at the last node that of the last
     cell (the nodes themselves see to the derivative outside).
     """
-    where = coordinates if table is None else (table, *coordinates)
+    inputs = coordinates if table is None else (table, *coordinates)
     result: Float[Array, " t"] = _interpolate_p.bind(
-        values, *where, shape=tuple(shape), stacked=table is not None
+        values, *inputs, shape=tuple(shape), stacked=table is not None
     )
     return result
 
 
-# Both primitives take (linear argument, *where): where = coordinates, and before them
-# the number of the table per sample if the tables are `stacked`.
+# Both primitives take (linear argument, *inputs): the inputs are coordinates, and before
+# them the number of the table per sample if the tables are `stacked`.
 
 
-def _split(where: Sequence[Any], stacked: bool) -> tuple[Any | None, Sequence[Any]]:
-    return (where[0], where[1:]) if stacked else (None, where)
+def _split(inputs: Sequence[Any], stacked: bool) -> tuple[Any | None, Sequence[Any]]:
+    return (inputs[0], inputs[1:]) if stacked else (None, inputs)
 
 
 def _gather(
-    values: Array, *where: Array, shape: tuple[int, ...], stacked: bool
+    values: Array, *inputs: Array, shape: tuple[int, ...], stacked: bool
 ) -> Array:
-    table, coordinates = _split(where, stacked)
+    table, coordinates = _split(inputs, stacked)
     return gather(values, coordinates, shape, table)
 
 
 def _scatter(
-    amounts: Array, *where: Array, shape: tuple[int, ...], stacked: bool, tables: int
+    amounts: Array, *inputs: Array, shape: tuple[int, ...], stacked: bool, tables: int
 ) -> Array:
-    table, coordinates = _split(where, stacked)
+    table, coordinates = _split(inputs, stacked)
     return scatter(amounts, coordinates, shape, table, tables)
 
 
-def _interpolate_shape(values: Any, *where: Any, **_: Any) -> Any:
-    return ShapedArray(where[-1].shape, values.dtype)
+def _interpolate_shape(values: Any, *inputs: Any, **_: Any) -> Any:
+    return ShapedArray(inputs[-1].shape, values.dtype)
 
 
 def _accumulate_shape(
@@ -86,16 +86,16 @@ def _accumulate_shape(
 
 def _jvp(
     primitive: Any,
-    plain: Callable[..., Any],
+    evaluate: Callable[..., Any],
     primals: Sequence[Any],
     tangents: Sequence[Any],
     **params: Any,
 ) -> tuple[Any, Any]:
-    """Differentiate: the primitive in its linear argument, `plain` in coordinates."""
-    linear, *where = primals
+    """Differentiate: the primitive in its linear argument, `evaluate` in coordinates."""
+    linear, *inputs = primals
     parts = []
     if not isinstance(tangents[0], ad.Zero):
-        parts.append(primitive.bind(tangents[0], *where, **params))
+        parts.append(primitive.bind(tangents[0], *inputs, **params))
     moving = [
         number
         for number, tangent in enumerate(tangents)
@@ -103,52 +103,52 @@ def _jvp(
     ]
     if moving:
 
-        def moved(*places: Any) -> Any:
+        def shifted(*places: Any) -> Any:
             arguments = list(primals)
             for number, place in zip(moving, places, strict=True):
                 arguments[number] = place
-            return plain(*arguments, **params)
+            return evaluate(*arguments, **params)
 
         parts.append(
             jax.jvp(
-                moved,
+                shifted,
                 tuple(primals[number] for number in moving),
                 tuple(tangents[number] for number in moving),
             )[1]
         )
-    result = primitive.bind(linear, *where, **params)
+    result = primitive.bind(linear, *inputs, **params)
     if not parts:
         return result, ad.Zero(jax.typeof(result))
     return result, functools.reduce(jnp.add, parts)
 
 
 def _interpolate_transpose(
-    cotangent: Any, values: Any, *where: Any, **params: Any
+    cotangent: Any, values: Any, *inputs: Any, **params: Any
 ) -> Any:
     if isinstance(cotangent, ad.Zero):
-        return (ad.Zero(values.aval), *(None for _ in where))
+        return (ad.Zero(values.aval), *(None for _ in inputs))
     tables = values.aval.size // math.prod(params["shape"])
-    back = _accumulate_p.bind(cotangent, *where, tables=tables, **params)
-    return (back, *(None for _ in where))
+    amounts = _accumulate_p.bind(cotangent, *inputs, tables=tables, **params)
+    return (amounts, *(None for _ in inputs))
 
 
 def _accumulate_transpose(
-    cotangent: Any, amounts: Any, *where: Any, tables: int, **params: Any
+    cotangent: Any, amounts: Any, *inputs: Any, tables: int, **params: Any
 ) -> Any:
     del tables
     if isinstance(cotangent, ad.Zero):
-        return (ad.Zero(amounts.aval), *(None for _ in where))
-    return (_interpolate_p.bind(cotangent, *where, **params), *(None for _ in where))
+        return (ad.Zero(amounts.aval), *(None for _ in inputs))
+    return (_interpolate_p.bind(cotangent, *inputs, **params), *(None for _ in inputs))
 
 
 # ------------------------------------------------------------------------------- vmap
 
 
 def _flat_batch(
-    where: Sequence[Any], dims: Sequence[Any], batch: int, tables: int, stacked: bool
+    inputs: Sequence[Any], dims: Sequence[Any], batch: int, tables: int, stacked: bool
 ) -> list[Any]:
     """Flatten a batch: entry k looks at table k of a stack, `tables` apart."""
-    flat = [_flatten(array, dim, batch) for array, dim in zip(where, dims, strict=True)]
+    flat = [_flatten(leaf, dim, batch) for leaf, dim in zip(inputs, dims, strict=True)]
     samples = flat[-1].size // batch
     entry = jnp.repeat(jnp.arange(batch, dtype=jnp.int32) * tables, samples)
     if stacked:
@@ -174,16 +174,16 @@ def _interpolate_batch(
     arrays: Sequence[Any], dims: Sequence[Any], *, shape: tuple[int, ...], stacked: bool
 ) -> tuple[Any, int]:
     batch = _batch_size(arrays, dims)
-    values, *where = arrays
+    values, *inputs = arrays
     shared = dims[0] is None
     tables = (values.size if shared else values.size // batch) // math.prod(shape)
     # A whole batch on one shared table needs no stack: each entry looks at table 0.
-    row = _flat_batch(where, dims[1:], batch, 0 if shared else tables, stacked)
+    row = _flat_batch(inputs, dims[1:], batch, 0 if shared else tables, stacked)
     if shared and not stacked:
         row = row[1:]
     flat = values if shared else _flatten(values, dims[0], batch)
-    found = _interpolate_p.bind(flat, *row, shape=shape, stacked=stacked or not shared)
-    return found.reshape(batch, -1), 0
+    result = _interpolate_p.bind(flat, *row, shape=shape, stacked=stacked or not shared)
+    return result.reshape(batch, -1), 0
 
 
 def _accumulate_batch(
@@ -197,10 +197,10 @@ def _accumulate_batch(
     batch = _batch_size(arrays, dims)
     amounts = _flatten(arrays[0], dims[0], batch)
     row = _flat_batch(arrays[1:], dims[1:], batch, tables, stacked)
-    found = _accumulate_p.bind(
+    result = _accumulate_p.bind(
         amounts, *row, shape=shape, stacked=True, tables=batch * tables
     )
-    return found.reshape(batch, -1), 0
+    return result.reshape(batch, -1), 0
 
 
 # ----------------------------------------------------------------------- registration

@@ -29,11 +29,11 @@ def last_flagged(flags: Bool[Array, " t"]) -> Int[Array, " t"]:
     def highest(word: Array, end: Array) -> Array:
         return end - lax.clz(word).astype(jnp.int32)
 
-    seen = words[:, None] & _UP_TO[None]
+    masked = words[:, None] & _UP_TO[None]
     before = jnp.zeros_like(end)
     if words.size > 1:
         row = jnp.pad(last_flagged(words != 0)[:-1], (1, 0))
-        there = jnp.maximum(row - 1, 0)
-        before = jnp.where(row > 0, take(highest(words, end), there), 0)
-    last = jnp.where(seen != 0, highest(seen, end[:, None]), before[:, None])
+        index = jnp.maximum(row - 1, 0)
+        before = jnp.where(row > 0, take(highest(words, end), index), 0)
+    last = jnp.where(masked != 0, highest(masked, end[:, None]), before[:, None])
     return last.reshape(-1)[:count]

@@ -23,10 +23,10 @@ def smooth(
     """Return the values with each change spread as `response` says, from cycle m on."""
     if response.size == 1:
         return values
-    found: Float[Array, " t"] = _smooth_p.bind(
+    result: Float[Array, " t"] = _smooth_p.bind(
         values, response=tuple(float(share) for share in response)
     )
-    return found
+    return result
 
 
 # Both primitives work along the last axis, so that a batch is one more axis before it.
@@ -37,11 +37,11 @@ def _smooth(values: Array, *, response: tuple[float, ...]) -> Array:
     change = values[..., 1:] - values[..., :-1]
     # The oldest value and the part of each change since: summed in this order, a
     # constant stays itself and a step from 0 takes exactly the values of the response.
-    found = values[..., :count]
-    for back, share in enumerate(response[::-1][1:]):
+    result = values[..., :count]
+    for lag, share in enumerate(response[::-1][1:]):
         if share != 0.0:
-            found = found + share * change[..., back : back + count]
-    return found
+            result = result + share * change[..., lag : lag + count]
+    return result
 
 
 def _spread(amounts: Array, *, response: tuple[float, ...]) -> Array:
@@ -50,11 +50,11 @@ def _spread(amounts: Array, *, response: tuple[float, ...]) -> Array:
     count = amounts.shape[-1] + before
     around = [(0, 0)] * (amounts.ndim - 1) + [(before, before)]
     padded = jnp.pad(amounts, around)
-    found = jnp.zeros((*amounts.shape[:-1], count))
-    for back, share in enumerate(np.diff(response, prepend=0.0)):
+    result = jnp.zeros((*amounts.shape[:-1], count))
+    for lag, share in enumerate(np.diff(response, prepend=0.0)):
         if share != 0.0:
-            found = found + float(share) * padded[..., back : back + count]
-    return found
+            result = result + float(share) * padded[..., lag : lag + count]
+    return result
 
 
 def _smooth_shape(values: Any, *, response: tuple[float, ...]) -> Any:
@@ -85,11 +85,11 @@ _smooth_p = _linear("cycles_smooth", _smooth, _smooth_shape)
 _spread_p = _linear("cycles_spread", _spread, _spread_shape)
 
 
-def _transposed(other: Any) -> Any:
+def _transposed(dual: Any) -> Any:
     def transpose(cotangent: Any, values: Any, **params: Any) -> Any:
         if isinstance(cotangent, ad.Zero):
             return (ad.Zero(values.aval),)
-        return (other.bind(cotangent, **params),)
+        return (dual.bind(cotangent, **params),)
 
     return transpose
 

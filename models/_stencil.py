@@ -61,7 +61,7 @@ def linear_stencil(
     """Return the stencil of (bi)linear interpolation; arguments as in `corners`."""
     first, weights = corners(coordinates, shape, table)
     return Stencil(
-        nodes=jnp.stack([first + away for away in distances(shape)], axis=1),
+        nodes=jnp.stack([first + distance for distance in distances(shape)], axis=1),
         weights=jnp.stack(weights, axis=1),
         size=tables * math.prod(shape),
     )

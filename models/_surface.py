@@ -86,9 +86,9 @@ class BilinearGrid(AbstractSurface):
     @eqx.filter_jit
     def stencil(self, positions: Float[Array, "t k"]) -> Stencil:
         """Return the corners of the cell of each position, and their weights."""
-        held = linear_stencil(self._coordinates(positions), self._shape)
+        cell = linear_stencil(self._coordinates(positions), self._shape)
         test = jnp.asarray(self.order, dtype=jnp.int32)
-        return Stencil(nodes=test[held.nodes], weights=held.weights, size=held.size)
+        return Stencil(nodes=test[cell.nodes], weights=cell.weights, size=cell.size)
 
     @eqx.filter_jit
     def evaluate(
@@ -101,8 +101,8 @@ class BilinearGrid(AbstractSurface):
         table = values
         if self.order != tuple(range(len(self.order))):
             table = values[:, np.asarray(self.order)]
-        where = self._coordinates(positions)
-        return interpolate(table.reshape(-1), where, self._shape, branch)
+        coordinates = self._coordinates(positions)
+        return interpolate(table.reshape(-1), coordinates, self._shape, branch)
 
     def covers(self, positions: Float[Array, "t k"]) -> Bool[Array, " t"]:
         """Return whether each position lies in the grid, the border included."""
@@ -160,11 +160,11 @@ def check_tests(points: Float[np.ndarray, "p k"]) -> None:
         msg = "A crosstalk table needs at least one test, got none."
         raise ValueError(msg)
     for number, point in enumerate(points):
-        same = np.flatnonzero((points[:number] == point).all(axis=1))
-        if same.size:
+        equal = np.flatnonzero((points[:number] == point).all(axis=1))
+        if equal.size:
             place = ", ".join(f"{value:g}" for value in point)
             msg = (
-                f"tests {int(same[0])} and {number} stand at the same place ({place}) "
+                f"tests {int(equal[0])} and {number} stand at the same place ({place}) "
                 "mm: expected one test per place."
             )
             raise ValueError(msg)

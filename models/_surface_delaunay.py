@@ -85,10 +85,10 @@ class DelaunaySurface(AbstractSurface):
         nodes, weights, _ = self._locate(positions)
         table = values.reshape(-1)
         row = branch.astype(jnp.int32) * values.shape[1]
-        found = jnp.zeros(positions.shape[0])
+        value = jnp.zeros(positions.shape[0])
         for node, weight in zip(nodes, weights, strict=True):
-            found = found + weight * table[row + node]
-        return found
+            value = value + weight * table[row + node]
+        return value
 
     @eqx.filter_jit
     def covers(self, positions: Float[Array, "t 2"]) -> Bool[Array, " t"]:
@@ -123,18 +123,18 @@ class DelaunaySurface(AbstractSurface):
         inside = score >= -_INSIDE
         edge, _ = _best(_nearness, edges, x, y)
         second, third = _weights([column[face] for column in faces], x, y)
-        along = _share([column[edge] for column in edges], x, y)
+        share = _share([column[edge] for column in edges], x, y)
         weights = (
-            jnp.where(inside, 1.0 - second - third, 1.0 - along),
-            jnp.where(inside, second, along),
+            jnp.where(inside, 1.0 - second - third, 1.0 - share),
+            jnp.where(inside, second, share),
             jnp.where(inside, third, 0.0),
         )
         corners = jnp.asarray(self.triangles, dtype=jnp.int32)
-        ends = jnp.asarray(self.border, dtype=jnp.int32)
+        vertices = jnp.asarray(self.border, dtype=jnp.int32)
         nodes = (
-            jnp.where(inside, corners[:, 0][face], ends[:, 0][edge]),
-            jnp.where(inside, corners[:, 1][face], ends[:, 1][edge]),
-            jnp.where(inside, corners[:, 2][face], ends[:, 0][edge]),
+            jnp.where(inside, corners[:, 0][face], vertices[:, 0][edge]),
+            jnp.where(inside, corners[:, 1][face], vertices[:, 1][edge]),
+            jnp.where(inside, corners[:, 2][face], vertices[:, 0][edge]),
         )
         return nodes, weights, inside
 
@@ -156,8 +156,8 @@ def _edges(
 ) -> list[Float[Array, " e"]]:
     """Return per edge its first end and the way to its other end."""
     ends = points[np.asarray(border)]
-    way = ends[:, 1] - ends[:, 0]
-    return [ends[:, 0, 0], ends[:, 0, 1], way[:, 0], way[:, 1]]
+    vector = ends[:, 1] - ends[:, 0]
+    return [ends[:, 0, 0], ends[:, 0, 1], vector[:, 0], vector[:, 1]]
 
 
 def _weights(
@@ -216,19 +216,19 @@ def _best(
     ]
     place = (lax.stop_gradient(x), lax.stop_gradient(y))
 
-    def search(number: Array, found: tuple[Array, Array]) -> tuple[Array, Array]:
-        which, best = found
-        here = [column[number] for column in blocks]
+    def search(number: Array, result: tuple[Array, Array]) -> tuple[Array, Array]:
+        piece, best = result
+        block = [column[number] for column in blocks]
         for offset in range(_BLOCK):
-            new = score([column[offset] for column in here], *place)
-            mine = number.astype(jnp.int32) * _BLOCK + offset
-            which = jnp.where(new > best, mine, which)
+            new = score([column[offset] for column in block], *place)
+            index = number.astype(jnp.int32) * _BLOCK + offset
+            piece = jnp.where(new > best, index, piece)
             best = jnp.maximum(best, new)
-        return which, best
+        return piece, best
 
     nothing = jnp.zeros(x.shape, dtype=jnp.int32), jnp.full(x.shape, -jnp.inf)
-    found: tuple[Array, Array] = lax.fori_loop(0, rounds, search, nothing)
-    return found
+    result: tuple[Array, Array] = lax.fori_loop(0, rounds, search, nothing)
+    return result
 
 
 def _triangles(points: Float[np.ndarray, "p 2"]) -> tuple[Triangle, ...]:
@@ -236,18 +236,18 @@ def _triangles(points: Float[np.ndarray, "p 2"]) -> tuple[Triangle, ...]:
     from scipy.spatial import Delaunay, QhullError
 
     try:
-        found = Delaunay(points).simplices
+        simplices = Delaunay(points).simplices
     except (QhullError, ValueError):
-        found = np.zeros((0, 3), dtype=int)
-    corners = points[found]
+        simplices = np.zeros((0, 3), dtype=int)
+    corners = points[simplices]
     sides = corners - np.roll(corners, 1, axis=1)
     longest = np.max(np.sum(sides**2, axis=2), axis=1, initial=0.0)
     area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
-    kept = found[area > _FLAT * longest]
-    if not kept.size:
+    proper = simplices[area > _FLAT * longest]
+    if not proper.size:
         msg = (
             f"{points.shape[0]} tests on one line have no triangles: expected three "
             "tests or more that span a surface."
         )
         raise ValueError(msg)
-    return tuple((int(a), int(b), int(c)) for a, b, c in kept)
+    return tuple((int(a), int(b), int(c)) for a, b, c in proper)

@@ -57,10 +57,10 @@ class ThinPlateSurface(AbstractSurface):
     ) -> Float[Array, " t"]:
         """Return the value at each position; arguments as in the base class."""
         factors = self._solution() @ values.T
-        found = jnp.zeros(positions.shape[0])
+        value = jnp.zeros(positions.shape[0])
         for factor, term in zip(factors, self._terms(positions), strict=True):
-            found = found + factor[branch] * term
-        return found
+            value = value + factor[branch] * term
+        return value
 
     def covers(self, positions: Float[Array, "t 2"]) -> Bool[Array, " t"]:
         """Return whether each position lies in the hull of the tests."""
@@ -79,10 +79,10 @@ class ThinPlateSurface(AbstractSurface):
         """Return what makes the factors of the terms from the values of the tests."""
         tests = self._scaled(self.points)
         count = tests.shape[0]
-        apart = jnp.sum((tests[:, None] - tests[None, :]) ** 2, axis=2)
+        squared = jnp.sum((tests[:, None] - tests[None, :]) ** 2, axis=2)
         plane = jnp.concatenate([jnp.ones((count, 1)), tests], axis=1)
         matrix = jnp.block(
-            [[_kernel(apart), plane], [plane.T, jnp.zeros((3, 3), dtype=plane.dtype)]]
+            [[_kernel(squared), plane], [plane.T, jnp.zeros((3, 3), dtype=plane.dtype)]]
         )
         inverse: Float[Array, "n n"] = jnp.linalg.inv(matrix)
         return inverse[:, :count]
@@ -99,6 +99,6 @@ class ThinPlateSurface(AbstractSurface):
 
 def _kernel(squared: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     """Return r² ln r from r²: 0 at 0, and so its derivative."""
-    away = squared > 0.0
-    safe = jnp.where(away, squared, 1.0)
-    return jnp.where(away, 0.5 * safe * jnp.log(safe), 0.0)
+    positive = squared > 0.0
+    safe = jnp.where(positive, squared, 1.0)
+    return jnp.where(positive, 0.5 * safe * jnp.log(safe), 0.0)

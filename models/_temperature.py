@@ -124,9 +124,9 @@ class TemperatureLine(eqx.Module):
         """Return Δs in mm at positions in mm and temperatures in °C, without filter."""
         sensors = jnp.asarray(temperature, dtype=jnp.float64)
         place = jnp.asarray(position, dtype=jnp.float64)
-        away: Array = place - self.position_0(sensors)
-        found: Array = self.offset_0(sensors) + self.coefficient(sensors) * away
-        return found
+        distance: Array = place - self.position_0(sensors)
+        offset: Array = self.offset_0(sensors) + self.coefficient(sensors) * distance
+        return offset
 
     def offset(
         self,

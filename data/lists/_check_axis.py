@@ -72,10 +72,10 @@ def _may_stand_elsewhere(view: ListView, key: str) -> bool:
 
 def check_axis_list(view: ListView) -> None:
     """Judge what only the entries of one axis list together can show."""
-    known = registry().by_key
+    parameters = registry().by_key
     selected = view.integer("lr_param.anwahl_losekomp")
     if selected and not largest_backlash(view):
-        row = known["getriebe[].lose"]
+        row = parameters["getriebe[].lose"]
         view.add(
             "warning",
             "backlash compensation is on, but the backlash is 0",
@@ -90,7 +90,7 @@ def check_axis_list(view: ListView) -> None:
         if view.given(key)
     ]
     if heated and view.integer("lr_param.temp_comp") == 0:
-        row = known["lr_param.temp_comp"]
+        row = parameters["lr_param.temp_comp"]
         view.add(
             "warning",
             f"{heated[0]} is set, but {row.key} does not switch the temperature "

@@ -13,7 +13,7 @@ from ._registry import registry
 
 
 def check_ascending(
-    view: ListView, key: str, count: int, what: str, number: int | None = None
+    view: ListView, key: str, count: int, title: str, number: int | None = None
 ) -> None:
     """Report a column whose first ``count`` values do not ascend strictly.
 
@@ -27,7 +27,7 @@ def check_ascending(
     if rows is None or len(absent) > 1:
         view.add(
             "error",
-            f"{what} do not ascend: {absent.describe()} of {count} are missing and "
+            f"{title} do not ascend: {absent.describe()} of {count} are missing and "
             "count as 0",
             view.place(key) if rows is None else view.value_place(rows, 0),
             parameter=row,
@@ -39,8 +39,8 @@ def check_ascending(
     values = column_values(rows, count)
     at: Sequence[int] = range(count)
     if None in rows.integers:
-        unread = {i for (i,), k in rows.last.items() if rows.integers[k] is None}
-        at = [i for i in at if i not in unread]
+        unreadable = {i for (i,), k in rows.last.items() if rows.integers[k] is None}
+        at = [i for i in at if i not in unreadable]
         values = [values[i] for i in at]
     if all(map(operator.lt, values, values[1:])):
         check_complete(view, key, count)
@@ -49,7 +49,7 @@ def check_ascending(
     place = rows.last.get((at[k],), rows.last.get((at[k - 1],), 0))
     view.add(
         "error",
-        f"{what} do not ascend: [{at[k - 1]}] = {values[k - 1]}, "
+        f"{title} do not ascend: [{at[k - 1]}] = {values[k - 1]}, "
         f"[{at[k]}] = {values[k]}"
         + (f" ({absent.describe()} is missing and counts as 0)" if len(absent) else ""),
         view.value_place(rows, place),
@@ -79,8 +79,8 @@ class Absent:
     def describe(self) -> str:
         """Return the first few: ``2, 3, 4, … (97)``."""
         # At most len(present) + 3 steps: every step finds one or meets one present.
-        found = (index for index in range(self._count) if index not in self._present)
-        return shorten(found, self._length)
+        missing = (index for index in range(self._count) if index not in self._present)
+        return shorten(missing, self._length)
 
 
 def absent_indices(rows: Rows | None, count: int) -> Absent:
@@ -122,13 +122,13 @@ def check_size(
     size = f"{sizer.name} = {view.value(sizer.key)}"
     note = "" if sizer.key in view.columns else " (left out)"
     if beyond:
-        shown = shorten((rows.indices[at][0] for at in beyond), len(beyond))
+        listed = shorten((rows.indices[at][0] for at in beyond), len(beyond))
         view.add(
             "error",
-            f"{key} goes beyond the table's end: index {shown}, but {size}{note}",
+            f"{key} goes beyond the table's end: index {listed}, but {size}{note}",
             view.name_place(rows, beyond[0]),
             parameter=row,
-            found=f"index {shown}",
+            found=f"index {listed}",
             expected=f"indices 0 to {count - 1}" if count else "no entry",
         )
     if edge:
@@ -161,19 +161,19 @@ def check_complete(
         strict: Whether the manuals demand every entry (modulo axes).
     """
     rows = view.rows(key)
-    lacking = absent_indices(rows, count)
-    if not len(lacking):
+    missing = absent_indices(rows, count)
+    if not len(missing):
         return
     refused = rows is None and absent is not None
     number = absent if refused else (70431 if strict else None)
     view.add(
         "error" if refused or strict else "warning",
-        f"{key} lacks {len(lacking)} of {count} entries, which count as 0: index "
-        f"{lacking.describe()}",
+        f"{key} lacks {len(missing)} of {count} entries, which count as 0: index "
+        f"{missing.describe()}",
         view.place(key) if rows is None else view.name_place(rows, 0),
         parameter=registry().by_key[key],
         number=number,
-        found=f"{count - len(lacking)} entries",
+        found=f"{count - len(missing)} entries",
         expected=f"{count} entries",
     )
 

@@ -66,10 +66,8 @@ def _check_old_table(view: ListView) -> None:
     last = view.integer(sizer.key)
     if last is None or not usable(last):
         return
-    acceleration, correction = (
-        f"{_STEM}.table[].acceleration",
-        f"{_STEM}.table[].correction",
-    )
+    acceleration = f"{_STEM}.table[].acceleration"
+    correction = f"{_STEM}.table[].correction"
     for key in (acceleration, correction):
         check_size(view, key, last + 1, sizer)
     if last:

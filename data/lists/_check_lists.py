@@ -26,8 +26,8 @@ class ListSet:
 
     def axis_of(self, axis: int) -> list[ListView]:
         """Return the axis lists of an axis, fragments behind whole lists."""
-        found = [view for view in self.axis if axis_number(view) == axis]
-        return sorted(found, key=is_fragment)
+        lists = [view for view in self.axis if axis_number(view) == axis]
+        return sorted(lists, key=is_fragment)
 
 
 def axis_number(view: ListView) -> int | None:
@@ -43,8 +43,8 @@ def base_name(path: str) -> str:
 
 def file_number(view: ListView) -> int | None:
     """Return the last number in the name of the file: 3 of ``achskw3.lis``."""
-    found = _NUMBER.search(base_name(view.file.source))
-    return int(found.group(1)) if found else None
+    match = _NUMBER.search(base_name(view.file.source))
+    return int(match.group(1)) if match else None
 
 
 def is_fragment(view: ListView) -> bool:

@@ -16,23 +16,23 @@ def check_remarks(view: ListView) -> None:
     """Turn the remarks of the text layer into findings, the first few of each sort."""
     if not view.file.remarks:
         return
-    seen: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     totals = Counter(remark.code for remark in view.file.remarks)
-    known = registry()
+    manual = registry()
     for remark in view.file.remarks:
-        seen[remark.code] += 1
-        if seen[remark.code] > _REMARK_LIMIT + 1:
+        counts[remark.code] += 1
+        if counts[remark.code] > _REMARK_LIMIT + 1:
             continue
         rule = REMARKS[remark.code]
         level: Level = rule.level
         line = view.line(remark.line)
-        row = known.by_key.get(line.key)
+        row = manual.by_key.get(line.key)
         if remark.code == RemarkCode.NO_VALUE and row is not None:
             level = "error"
         message = f"{rule.message}: {remark.text}" if remark.text else rule.message
-        if seen[remark.code] > _REMARK_LIMIT:
-            rest = totals[remark.code] - _REMARK_LIMIT
-            message = f"{rule.message}; {rest} such places from here on"
+        if counts[remark.code] > _REMARK_LIMIT:
+            further = totals[remark.code] - _REMARK_LIMIT
+            message = f"{rule.message}; {further} such places from here on"
         view.add(
             level,
             message,
@@ -45,27 +45,25 @@ def check_remarks(view: ListView) -> None:
 
 def check_names(view: ListView) -> None:
     """Report entries that no manual names, with the nearest name that one does."""
-    known = registry()
-    unknown = [key for key in view.columns if key not in known.by_key]
+    manual, kind = registry(), view.file.kind
+    unknown = [key for key in view.columns if key not in manual.by_key]
     if not unknown:
         return
-    is_compensation = view.file.kind == "compensation"
-    candidates = [
-        key for key, row in known.by_key.items() if row.kind == view.file.kind
-    ]
-    candidates += [name for name in known.aliases if known.kind(name) == view.file.kind]
+    is_compensation = kind == "compensation"
+    candidates = [key for key, row in manual.by_key.items() if row.kind == kind]
+    candidates += [name for name in manual.aliases if manual.kind(name) == kind]
     if not is_compensation:
         # These lists hold a thousand entries of other manuals: only what is all but a
         # known name is worth a look.
-        near = {slip for name in candidates for slip in _slips(name)}
-        unknown = [key for key in unknown if not near.isdisjoint(_slips(key))]
+        slips = {slip for name in candidates for slip in _slips(name)}
+        unknown = [key for key in unknown if not slips.isdisjoint(_slips(key))]
     elif len(unknown) > _UNKNOWN_LIMIT:
-        rest = unknown[_UNKNOWN_LIMIT:]
+        further = unknown[_UNKNOWN_LIMIT:]
         view.add(
             "info",
-            f"{len(rest)} further unknown names from here on",
-            view.name_place(view.columns[rest[0]], 0),
-            found=rest[0],
+            f"{len(further)} further unknown names from here on",
+            view.name_place(view.columns[further[0]], 0),
+            found=further[0],
             expected="parameters of the manuals",
         )
     for key in unknown[:_UNKNOWN_LIMIT]:
@@ -74,12 +72,12 @@ def check_names(view: ListView) -> None:
         likely = nearest is not None and _is_misspelling(key, nearest)
         if not is_compensation and not likely:
             continue
-        more = f" ({len(rows.lines)} entries)" if len(rows.lines) > 1 else ""
+        amount = f" ({len(rows.lines)} entries)" if len(rows.lines) > 1 else ""
         hint = f"; did you mean {nearest}?" if likely else ""
         level: Level = "warning" if is_compensation and likely else "info"
         view.add(
             level,
-            f"unknown entry {key}{more}, which the kernel does not take over{hint}",
+            f"unknown entry {key}{amount}, which the kernel does not take over{hint}",
             view.name_place(rows, 0),
             found=key,
             expected=nearest or "a parameter of the manuals",
@@ -99,11 +97,11 @@ def _nearest(key: str, candidates: list[str]) -> str | None:
     """Return the known name most like ``key``, None where none is."""
     stem = key.split(".")[0]
     close = [name for name in candidates if abs(len(name) - len(key)) <= 12]
-    same = [name for name in close if name.startswith(stem)]
+    siblings = [name for name in close if name.startswith(stem)]
     import difflib  # only where a name is unknown: start-up time counts
 
-    found = difflib.get_close_matches(key, same or close, n=1, cutoff=0.6)
-    return found[0] if found else None
+    matches = difflib.get_close_matches(key, siblings or close, n=1, cutoff=0.6)
+    return matches[0] if matches else None
 
 
 def _is_misspelling(key: str, near: str) -> bool:

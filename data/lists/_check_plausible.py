@@ -28,9 +28,9 @@ _Limit = Callable[[tuple[int, ...], int], int]
 
 def check_plausible(view: ListView) -> None:
     """Report values, steps along a column and jumps between columns that are too large."""
-    known = registry().by_key
+    parameters = registry().by_key
     for key, rows in view.columns.items():
-        row = known.get(key)
+        row = parameters.get(key)
         if row is None or not (row.plausible or row.step or row.jump):
             continue
         unit = _unit(view, row)
@@ -52,7 +52,7 @@ def _unit(view: ListView, row: Parameter) -> float | None:
     if "increments" not in row.unit[0]:
         return 1.0
     functions = registry().functions
-    unit = next(each.unit for each in functions if each.structure == row.structure)
+    unit = next(owner.unit for owner in functions if owner.structure == row.structure)
     if unit is None or view.integer(unit) == 1:
         return 1.0
     return None if view.increment is None else view.increment / _LIST_UNIT
@@ -84,21 +84,21 @@ def _spacing(
         square = view.value(f"{structure}.grid") != "RECTANGULAR"
         order = "21" if view.plane_index == "ji" else "12"
         names = ("interval", "interval") if square else map("interval".__add__, order)
-        both = [view.integer(f"{structure}.{name}") for name in names]
-        return lambda _, place: both[place]
+        intervals = [view.integer(f"{structure}.{name}") for name in names]
+        return lambda _, place: intervals[place]
     interval = view.integer(f"{structure}.interval") if structure == "kw.ssfk" else 0
     if interval:
         return lambda *_: interval
     rows = view.rows(f"{structure}.table[].setpoint")
     if rows is None:
         return None
-    at = {index: rows.integers[row] for index, row in rows.last.items()}
+    points = {index: rows.integers[row] for index, row in rows.last.items()}
 
-    def between(index: tuple[int, ...], _: int) -> int | None:
-        first, second = at.get((index[0] - 1,)), at.get(index)
+    def distance(index: tuple[int, ...], _: int) -> int | None:
+        first, second = points.get((index[0] - 1,)), points.get(index)
         return None if first is None or second is None else second - first
 
-    return between
+    return distance
 
 
 def _is_narrow(row: Parameter, rows: Rows, unit: float) -> bool:
@@ -115,11 +115,11 @@ def _is_narrow(row: Parameter, rows: Rows, unit: float) -> bool:
 
 def _values(row: Parameter, rows: Rows) -> Values:
     """Return what counts and has no finding of its own."""
-    read = [read_value(row, text) for text in rows.texts]
+    parsed = [read_value(row, text) for text in rows.texts]
     return {
         index: (at, value)
         for index, at in rows.last.items()
-        if isinstance(value := read[at], int | float) and surely_allowed(row, value)
+        if isinstance(value := parsed[at], int | float) and surely_allowed(row, value)
     }
 
 
@@ -163,12 +163,12 @@ def _check_steps(
             if before not in values:
                 continue
             other = values[before][1]
-            apart, most = abs(value - other) * unit, max(limit(index, place), _SMALL)
+            gap, bound = abs(value - other) * unit, max(limit(index, place), _SMALL)
             # What does not ascend has a finding of its own.
-            close = other < value and apart < step.least
-            if close or apart > most:
+            close = other < value and gap < step.least
+            if close or gap > bound:
                 pair = full_name(row.key, before), full_name(row.key, index)
-                change = step._replace(largest=most, least=step.least if close else 0)
+                change = step._replace(largest=bound, least=step.least if close else 0)
                 _report(view, rows, row, change, at, pair, (other, value))
                 return
 
@@ -207,15 +207,15 @@ def _report(
     names: tuple[str, str],
     values: tuple[int | float, int | float],
 ) -> None:
-    found = f"{names[0]} = {values[0]}, {names[1]} = {values[1]}"
+    words = f"{names[0]} = {values[0]}, {names[1]} = {values[1]}"
     view.add(
         "warning",
-        f"{found}: {abs(values[1] - values[0])} apart,"
+        f"{words}: {abs(values[1] - values[0])} apart,"
         f" {'less' if change.least else 'more'} than a sound machine needs",
         view.value_place(rows, at),
         parameter=row,
         number=None if change.least else change.number,
-        found=found,
+        found=words,
         expected=(
             f"at least {change.least} {_unit_text(row)}"
             if change.least

@@ -42,8 +42,8 @@ def check_set(
         _check_activated(view, lists)
         check_axis_list(view)
     for number in dict.fromkeys(map(axis_number, lists.axis)):
-        own = lists.axis if number is None else lists.axis_of(number)
-        check_axis([view for view in own if axis_number(view) == number])
+        members = lists.axis if number is None else lists.axis_of(number)
+        check_axis([view for view in members if axis_number(view) == number])
     for view in lists.startup:
         check_startup(view, lists)
     for master, partner in gantry:
@@ -51,7 +51,7 @@ def check_set(
         _check_gantry(partner, master, lists)
 
 
-def _check_doubles(views: list[ListView], what: str) -> None:
+def _check_doubles(views: list[ListView], title: str) -> None:
     """Report a second list for an axis that has one already."""
     row = registry().by_key["kopf.achs_nr"]
     first: dict[int, ListView] = {}
@@ -63,7 +63,7 @@ def _check_doubles(views: list[ListView], what: str) -> None:
         if other is not view:
             view.add(
                 "error",
-                f"two {what} for axis {number}: the other is {other.file.source}",
+                f"two {title} for axis {number}: the other is {other.file.source}",
                 view.place("kopf.achs_nr"),
                 parameter=row,
                 found=str(number),
@@ -92,13 +92,13 @@ def _check_two_masters(view: ListView, other: ListView) -> None:
 
 def _check_numbers(view: ListView, lists: ListSet) -> None:
     """Report an ``achskw3.lis`` whose axis has another number in ``achsmds3.lis``."""
-    number, named = axis_number(view), file_number(view)
+    number, file_axis = axis_number(view), file_number(view)
     # A number in a name of the user's own, such as y2.lis, need not be that of an axis.
-    own = base_name(view.file.source).startswith("achskw")
-    if number is None or named is None or not own or lists.axis_of(number):
+    is_numbered = base_name(view.file.source).startswith("achskw")
+    if number is None or file_axis is None or not is_numbered or lists.axis_of(number):
         return
     row = registry().by_key["kopf.achs_nr"]
-    for other in [one for one in lists.axis if file_number(one) == named][:1]:
+    for other in [other for other in lists.axis if file_number(other) == file_axis][:1]:
         view.add(
             "error",
             f"the list says axis {number}, {other.file.source} says axis "
@@ -138,8 +138,8 @@ def _check_against_axis(view: ListView, lists: ListSet) -> None:
         axis = in_force(partners, row.key)
         gear = in_force(partners, "getriebe[].lose")
         size = largest_backlash(gear)
-        stated = gear.rows("getriebe[].lose") is not None
-        if axis.integer(row.key) and (size or not stated):
+        has_size = gear.rows("getriebe[].lose") is not None
+        if axis.integer(row.key) and (size or not has_size):
             axis.add(
                 "warning",
                 f"backlash is compensated twice: by {row.key} and by the bilateral "
@@ -147,7 +147,7 @@ def _check_against_axis(view: ListView, lists: ListSet) -> None:
                 axis.place(row.key),
                 parameter=row,
                 found=f"{axis.text(row.key)}, "
-                + (f"lose = {size}" if stated else "lose not in the list"),
+                + (f"lose = {size}" if has_size else "lose not in the list"),
                 expected="0 beside a bilateral table",
             )
 
@@ -164,17 +164,17 @@ def _check_known_masters(view: ListView, lists: ListSet) -> None:
     """
     if not lists.axis:
         return
-    known = {axis_number(other) for other in lists.axis + lists.compensation}
+    numbers = {axis_number(other) for other in lists.axis + lists.compensation}
     for startup in lists.startup:
         rows = startup.rows("achs_kw_log_ax_nr[]")
-        known.update(rows.integers if rows is not None else ())
+        numbers.update(rows.integers if rows is not None else ())
     for function in registry().functions:
         if function.structure not in view.in_use:
             continue
         for name in function.masters + function.adaptations:
             key = f"{function.structure}.{name}"
             master = view.integer(key)
-            if key in view.columns and master and master not in known:
+            if key in view.columns and master and master not in numbers:
                 row = registry().by_key[key]
                 view.add(
                     "info",
@@ -193,12 +193,12 @@ def _check_activated(axis: ListView, lists: ListSet) -> None:
     number = axis_number(axis)
     if number is None or not lists.compensation:
         return
-    own = lists.compensation_of(number)
+    members = lists.compensation_of(number)
     for function in registry().functions:
         if not axis.integer(function.activation):
             continue
         row = registry().by_key[function.activation]
-        if not own:
+        if not members:
             axis.add(
                 "warning",
                 f"{row.key} switches the {function.name} of axis {number} on, but no "
@@ -210,11 +210,11 @@ def _check_activated(axis: ListView, lists: ListSet) -> None:
                 found="no list",
                 expected=f"a compensation list with kopf.achs_nr {number}",
             )
-        elif not any(function.structure in view.in_use for view in own):
+        elif not any(function.structure in view.in_use for view in members):
             axis.add(
                 "error",
                 f"{row.key} switches the {function.name} on, but "
-                f"{own[0].file.source} has no table for it",
+                f"{members[0].file.source} has no table for it",
                 axis.place(row.key),
                 parameter=row,
                 number=function.absent,
@@ -225,12 +225,12 @@ def _check_activated(axis: ListView, lists: ListSet) -> None:
 
 def _check_gantry(axis: int, partner: int, lists: ListSet) -> None:
     """Report compensations of one gantry axis that its partner lacks."""
-    theirs = lists.compensation_of(partner)
+    members = lists.compensation_of(partner)
     for view in lists.compensation_of(axis):
         for function in registry().functions:
             if function.structure not in view.in_use or not function.masters:
                 continue
-            if not any(function.structure in other.in_use for other in theirs):
+            if not any(function.structure in other.in_use for other in members):
                 view.add(
                     "warning",
                     f"axis {partner}, gantry partner of axis {axis}, has no list with "
@@ -238,6 +238,6 @@ def _check_gantry(axis: int, partner: int, lists: ListSet) -> None:
                     view.place("kopf.achs_nr"),
                     parameter=registry().by_key["kopf.achs_nr"],
                     number=function.absent,
-                    found="no list" if not theirs else "no table",
+                    found="no list" if not members else "no table",
                     expected="a table for each axis of the gantry",
                 )

@@ -9,8 +9,8 @@ from ._registry import registry
 
 def check_startup(view: ListView, lists: ListSet) -> None:
     """Judge a start-up list: complete, each axis once, numbers as in the lists."""
-    known = registry().by_key
-    count_row = known["zahl_kw"]
+    parameters = registry().by_key
+    count_row = parameters["zahl_kw"]
     names, numbers = view.rows("achs_kw[]"), view.rows("achs_kw_log_ax_nr[]")
     count = view.integer("zahl_kw")
     by_index: dict[int, int | None] = {}
@@ -27,44 +27,44 @@ def check_startup(view: ListView, lists: ListSet) -> None:
                     "error",
                     f"{names.texts[at]} is named for two axes",
                     view.value_place(names, at),
-                    parameter=known["achs_kw[]"],
+                    parameter=parameters["achs_kw[]"],
                     number=AXIS_DIFFERS,
                     found=names.texts[at],
                     expected="a list for each axis",
                 )
-    stated = max(len(files), len(by_index))
-    whole = not is_fragment(view)
-    if whole and (names is not None or numbers is not None) and count != stated:
+    total = max(len(files), len(by_index))
+    complete = not is_fragment(view)
+    if complete and (names is not None or numbers is not None) and count != total:
         view.add(
             "warning",
-            f"zahl_kw is {count if count is not None else 'missing'}, but {stated} "
+            f"zahl_kw is {count if count is not None else 'missing'}, but {total} "
             "compensation lists are named",
             view.place("zahl_kw"),
             parameter=count_row,
             found=str(count) if count is not None else "no entry",
-            expected=str(stated),
+            expected=str(total),
         )
-    if whole:
-        _check_pairs(view, names, numbers, count if count == stated else None)
+    if complete:
+        _check_pairs(view, names, numbers, count if count == total else None)
     if numbers is not None:
-        seen: set[int] = set()
+        used: set[int] = set()
         for at, number in enumerate(numbers.integers):
-            if number is not None and number in seen:
+            if number is not None and number in used:
                 view.add(
                     "error",
                     f"two compensation lists for axis {number}",
                     view.value_place(numbers, at),
-                    parameter=known["achs_kw_log_ax_nr[]"],
+                    parameter=parameters["achs_kw_log_ax_nr[]"],
                     number=AXIS_DIFFERS,
                     found=str(number),
                     expected="each axis once",
                 )
             elif number is not None:
-                seen.add(number)
+                used.add(number)
     for other in lists.compensation:
         name = base_name(other.file.source)
         if name not in files:
-            if not whole:
+            if not complete:
                 continue
             view.add(
                 "warning",
@@ -79,7 +79,7 @@ def check_startup(view: ListView, lists: ListSet) -> None:
                 f"the list says axis {axis_number(other)}, {view.file.source} says "
                 f"axis {files[name]}",
                 other.place("kopf.achs_nr"),
-                parameter=known["kopf.achs_nr"],
+                parameter=parameters["kopf.achs_nr"],
                 number=AXIS_DIFFERS,
                 found=str(axis_number(other)),
                 expected=str(files[name]),
@@ -96,13 +96,13 @@ def _check_pairs(
         for (index,), at in ({} if rows is None else rows.last).items():
             name = full_name(key, (index,))
             if partner is None or (index,) not in partner.last:
-                lacking = full_name(other, (index,))
+                missing = full_name(other, (index,))
                 view.add(
                     "warning",
-                    f"{name} stands without {lacking}",
+                    f"{name} stands without {missing}",
                     view.name_place(rows, at) if rows is not None else (1, 1),
                     found=name,
-                    expected=lacking,
+                    expected=missing,
                 )
             elif rows is not None and count is not None and index >= count:
                 view.add(
@@ -139,9 +139,9 @@ def _check_external(view: ListView, lists: ListSet) -> None:
     fastest = registry().by_key["lr_param.ext_comp.max_a"]
     for axis in taking_part:
         # An acceleration that is left out is that of the axis.
-        lacking = [] if axis.integer(row.key) else [row]
-        lacking += [fastest] if axis.integer(fastest.key) == 0 else []
-        for limit in lacking:
+        absent = [] if axis.integer(row.key) else [row]
+        absent += [fastest] if axis.integer(fastest.key) == 0 else []
+        for limit in absent:
             axis.add(
                 "warning",
                 f"external compensation is open, but {limit.key} is 0",

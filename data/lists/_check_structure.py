@@ -17,9 +17,9 @@ _SHARED = {"kw.crosstalk.n_cycles", "kw.crosstalk.manual_activation"}
 
 def check_structures(view: ListView) -> None:
     """Judge what must stand and what must agree, for the functions that are in use."""
-    known = registry()
+    manual = registry()
     skipped = _other_generation(view)
-    for row in known.ruled.get(view.file.kind, ()):
+    for row in manual.ruled.get(view.file.kind, ()):
         if row.key in skipped:
             continue
         active = row.structure in view.in_use or row.structure == "kopf"
@@ -31,7 +31,7 @@ def check_structures(view: ListView) -> None:
             continue
         for condition in row.conditions:
             _judge(view, row, condition)
-    for function in known.functions:
+    for function in manual.functions:
         if function.structure in view.in_use:
             _check_unit(view, function)
             _check_masters(view, function)
@@ -40,8 +40,8 @@ def check_structures(view: ListView) -> None:
 def crosstalk_forms(view: ListView) -> tuple[bool, bool]:
     """Return whether the present and the older form of a crosstalk list are there."""
     keys = [key for key in view.columns if key.startswith("kw.crosstalk.")]
-    known = registry().by_key
-    new = any(key in known and key not in _OLD_KEYS | _SHARED for key in keys)
+    parameters = registry().by_key
+    new = any(key in parameters and key not in _OLD_KEYS | _SHARED for key in keys)
     return new, any(key in _OLD_KEYS for key in keys)
 
 
@@ -67,7 +67,7 @@ def _holds(view: ListView, row: Parameter, text: str) -> bool | None:
 
 def _missing(view: ListView, row: Parameter) -> None:
     line = 1 if row.structure == "kopf" else view.first_line(row.structure)
-    what = "an entry" if row.range is None else f"an entry with {row.range}"
+    expected = "an entry" if row.range is None else f"an entry with {row.range}"
     view.add(
         "error",
         f"{row.key} is missing: {row.text.split(';')[0]}",
@@ -75,7 +75,7 @@ def _missing(view: ListView, row: Parameter) -> None:
         parameter=row,
         number=row.missing,
         found="no entry",
-        expected=what,
+        expected=expected,
     )
 
 
@@ -92,24 +92,24 @@ def _judge(view: ListView, row: Parameter, condition: Condition) -> None:
         name for reading in condition.readings for name in expression(reading).names
     )
     keys = [f"{row.structure}.{name}" for name in names]
-    there = [key for key in keys if key in view.columns]
-    anchor = row.key if row.key in there else (there[0] if there else row.key)
+    present = [key for key in keys if key in view.columns]
+    anchor = row.key if row.key in present else (present[0] if present else row.key)
     parts: list[str] = []
     for key in keys:
         name = key.rpartition(".")[2]
         note = "" if key in view.columns else " (default)"
         parts.append(f"{name} = {view.value(key)}{note}")
-    found = ", ".join(parts)
-    some = (
+    stated = ", ".join(parts)
+    caveat = (
         " (only one of two statements of the manuals allows it)" if any(results) else ""
     )
     view.add(
         level,
-        f"{row.structure}: {found}; expected {condition.expected}{some}",
+        f"{row.structure}: {stated}; expected {condition.expected}{caveat}",
         view.place(anchor),
         parameter=row,
         number=condition.number,
-        found=found,
+        found=stated,
         expected=condition.expected,
     )
 
@@ -143,30 +143,30 @@ def _check_unit(view: ListView, function: Function) -> None:
 
 def _check_masters(view: ListView, function: Function) -> None:
     """Report two masters for one table, and an axis that is its own master."""
-    own = view.integer("kopf.achs_nr")
+    axis = view.integer("kopf.achs_nr")
     keys = [f"{function.structure}.{name}" for name in function.masters]
-    there = [key for key in keys if key in view.columns]
-    for key in there:
+    present = [key for key in keys if key in view.columns]
+    for key in present:
         rows = view.columns[key]
         row = registry().by_key[key]
         masters = dict.fromkeys(value for value in rows.integers if value is not None)
         if len(masters) > 1:
-            both = " and ".join(str(master) for master in masters)
+            numbers = " and ".join(str(master) for master in masters)
             view.add(
                 "error",
-                f"two masters for one table of the {function.name}: axes {both}",
+                f"two masters for one table of the {function.name}: axes {numbers}",
                 view.place(key),
                 parameter=row,
                 number=row.number,
-                found=both,
+                found=numbers,
                 expected="one master axis",
             )
-    if own is not None and (same := [k for k in there if view.integer(k) == own]):
+    if axis is not None and (equal := [k for k in present if view.integer(k) == axis]):
         view.add(
             "warning",
-            f"axis {own} is its own master in the {function.name}",
-            view.place(same[0]),
-            parameter=registry().by_key[same[0]],
-            found=str(own),
+            f"axis {axis} is its own master in the {function.name}",
+            view.place(equal[0]),
+            parameter=registry().by_key[equal[0]],
+            found=str(axis),
             expected="another axis",
         )

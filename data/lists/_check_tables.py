@@ -38,10 +38,8 @@ def _check_cross(view: ListView) -> None:
     last = view.integer(sizer.key)
     if last is None or not usable(last):
         return
-    setpoint, correction = (
-        "kw.crosscomp.table[].setpoint",
-        "kw.crosscomp.table[].correction",
-    )
+    setpoint = "kw.crosscomp.table[].setpoint"
+    correction = "kw.crosscomp.table[].correction"
     for key in (setpoint, correction):
         check_size(view, key, last + 1, sizer)
     if last == 0:
@@ -58,8 +56,8 @@ def _check_cross(view: ListView) -> None:
 
 
 def _check_leadscrew(view: ListView) -> None:
-    known = registry().by_key
-    sizer = known["kw.ssfk.kw_nr_max"]
+    parameters = registry().by_key
+    sizer = parameters["kw.ssfk.kw_nr_max"]
     count = view.integer(sizer.key)
     if count is None or not usable(count) or sizer.key not in view.columns:
         return
@@ -85,22 +83,22 @@ def _check_leadscrew(view: ListView) -> None:
         _check_closed(view, key, count)
     if sides == 0 and (rows := view.rows(neg)) is not None:
         _unused(view, rows, "the table is unilateral (bilateral 0)")
-    free = known["kw.ssfk.set_pos_without_comp"]
-    if bilateral and not view.integer(free.key):
+    option = parameters["kw.ssfk.set_pos_without_comp"]
+    if bilateral and not view.integer(option.key):
         view.add(
             "info",
             "other compensations enter the bilateral table and may turn its direction",
-            view.place(free.key),
-            parameter=free,
-            found=view.text(free.key) or "no entry",
+            view.place(option.key),
+            parameter=option,
+            found=view.text(option.key) or "no entry",
             expected="set_pos_without_comp 1",
         )
 
 
-def _unused(view: ListView, rows: Rows, why: str) -> None:
+def _unused(view: ListView, rows: Rows, reason: str) -> None:
     view.add(
         "info",
-        f"{rows.key} is not used: {why}",
+        f"{rows.key} is not used: {reason}",
         view.name_place(rows, 0),
         parameter=registry().by_key[rows.key],
         found=f"{len(rows.lines)} entries",
@@ -116,12 +114,12 @@ def _check_closed(view: ListView, key: str, count: int) -> None:
     first, last = (rows.last.get((index,)) for index in (0, count - 1))
     if first is None or last is None or rows.integers[first] == rows.integers[last]:
         return
-    (level, what), flag = turn, registry().by_key["kw.ssfk.modulo"]
+    (level, title), flag = turn, registry().by_key["kw.ssfk.modulo"]
     ends = f"[0] = {rows.texts[first]}, [{count - 1}] = {rows.texts[last]}"
     also = "" if view.integer(flag.key) else f", and {flag.key} 1"
     view.add(
         level,
-        f"the ends of the {what} differ: {key} {ends}",
+        f"the ends of the {title} differ: {key} {ends}",
         view.value_place(rows, last),
         parameter=flag,
         found=ends,
@@ -150,16 +148,16 @@ def _turn(view: ListView, count: int) -> tuple[Level, str] | None:
         return None
     if view.modulo is None:
         is_turn = end - start == 360 * _PER_DEGREE
-        what = "table over 360 (a whole turn, where the axis goes round)"
-        return ("info", what) if is_turn else None
+        title = "table over 360 (a whole turn, where the axis goes round)"
+        return ("info", title) if is_turn else None
     low, high = view.modulo.get(axis_number(view) or 0, (0.0, 0.0))
-    inside = start <= round(low * _PER_DEGREE) < round(high * _PER_DEGREE) <= end
-    return ("warning", "table over the whole turn of its axis") if inside else None
+    covers = start <= round(low * _PER_DEGREE) < round(high * _PER_DEGREE) <= end
+    return ("warning", "table over the whole turn of its axis") if covers else None
 
 
 def _check_friction(view: ListView) -> None:
-    known = registry().by_key
-    sizer = known["frict_comp.table_entries"]
+    parameters = registry().by_key
+    sizer = parameters["frict_comp.table_entries"]
     count = view.integer(sizer.key)
     if count is None or not usable(count):
         return
@@ -171,7 +169,7 @@ def _check_friction(view: ListView) -> None:
     if count:
         check_ascending(view, velocity, count, "friction velocities")
         check_complete(view, current, count)
-    scale = known["frict_comp.scaling_factor"]
+    scale = parameters["frict_comp.scaling_factor"]
     share = view.integer(scale.key)
     if share is not None and abs(share) < _LOW_SCALE:
         view.add(
@@ -185,8 +183,8 @@ def _check_friction(view: ListView) -> None:
 
 
 def _check_plane(view: ListView) -> None:
-    known = registry().by_key
-    row = known["kw.crosscomp2.table[][].correction"]
+    parameters = registry().by_key
+    row = parameters["kw.crosscomp2.table[][].correction"]
     rows = view.rows(row.key)
     first, second = (2, 1) if view.plane_index == "ji" else (1, 2)
     ends = [
@@ -221,15 +219,15 @@ def _check_plane(view: ListView) -> None:
                 if swapped
                 else ""
             )
-            shown = shorten((_cell(*rows.indices[at]) for at in beyond), len(beyond))
+            listed = shorten((_cell(*rows.indices[at]) for at in beyond), len(beyond))
             view.add(
                 "error",
-                f"{row.key} goes beyond the table's end: {shown}, but "
+                f"{row.key} goes beyond the table's end: {listed}, but "
                 f"last_index_master{first} = {last_j}, last_index_master{second} ="
                 f" {last_i}{hint}",
                 view.name_place(rows, beyond[0]),
                 parameter=row,
-                found=shown,
+                found=listed,
                 expected=f"indices up to [{last_j}][{last_i}]",
             )
     if inside < count:

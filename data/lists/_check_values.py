@@ -19,10 +19,10 @@ _READABLE = {
 
 def check_values(view: ListView) -> None:
     """Judge every entry of a known name for itself."""
-    known = registry().by_key
+    parameters = registry().by_key
     explained = _explained_lines(view)
     for key, rows in view.columns.items():
-        row = known.get(key)
+        row = parameters.get(key)
         if row is None:
             continue
         if row.kind != view.file.kind and not _is_shared(view, row):
@@ -76,15 +76,15 @@ def _check_integers(
     """Judge a column of whole numbers; a clean one is looked at as a whole."""
     numbers = [value for value in rows.integers if value is not None]
     if len(numbers) < len(rows.integers):
-        unread: list[int] = []
+        unreadable: list[int] = []
         numbers = []
         for at, text in enumerate(rows.texts):
             value = read_value(row, text)
             if isinstance(value, int):
                 numbers.append(value)
             elif rows.lines[at] not in explained:
-                unread.append(at)
-        _unreadable(view, rows, row, unread)
+                unreadable.append(at)
+        _unreadable(view, rows, row, unreadable)
     if not numbers:
         return
     low, high = min(numbers), max(numbers)
@@ -94,7 +94,7 @@ def _check_integers(
     elif row.narrow_type is not None:
         narrow = INTEGER_LIMITS[row.narrow_type]
         if low < narrow[0] or high > narrow[1]:
-            wrong = [
+            invalid = [
                 at
                 for at, text in enumerate(rows.texts)
                 if not narrow[0] <= (parse_integer(text) or 0) <= narrow[1]
@@ -102,7 +102,7 @@ def _check_integers(
             view.add_rows(
                 "warning",
                 rows,
-                wrong,
+                invalid,
                 lambda text: (
                     f"{row.key} = {text} does not fit {row.narrow_type}, "
                     "which one of the manuals gives as its type"
@@ -151,7 +151,7 @@ def _sort_out(view: ListView, rows: Rows, row: Parameter) -> None:
             outside.append(at)
     key = row.key
     typed = f"{bottom} to {top}"
-    asked = _asked(row)
+    expected = _bounds(row)
     view.add_rows(
         "error",
         rows,
@@ -168,16 +168,16 @@ def _sort_out(view: ListView, rows: Rows, row: Parameter) -> None:
         lambda text: f"{key} = {text} is negative",
         parameter=row,
         number=row.negative,
-        expected=asked,
+        expected=expected,
     )
     view.add_rows(
         "error",
         rows,
         outside,
-        lambda text: f"{key} = {text} is not allowed, expected {asked}",
+        lambda text: f"{key} = {text} is not allowed, expected {expected}",
         parameter=row,
         number=row.number,
-        expected=asked,
+        expected=expected,
     )
     view.add_rows(
         "warning",
@@ -185,11 +185,11 @@ def _sort_out(view: ListView, rows: Rows, row: Parameter) -> None:
         doubtful,
         lambda text: (
             f"{key} = {text} is allowed by one of two statements of the "
-            f"manuals only, expected {asked}"
+            f"manuals only, expected {expected}"
         ),
         parameter=row,
         number=row.number,
-        expected=asked,
+        expected=expected,
     )
 
 
@@ -204,7 +204,7 @@ def _is_idle_default(view: ListView, row: Parameter, value: int) -> bool:
     return idle and value == row.default
 
 
-def _asked(row: Parameter) -> str:
+def _bounds(row: Parameter) -> str:
     """Return what a value must be, in words."""
     if row.values:
         return " or ".join(str(value) for value in row.values)
@@ -215,11 +215,11 @@ def _asked(row: Parameter) -> str:
     return f"{row.range}{also}"
 
 
-def _unreadable(view: ListView, rows: Rows, row: Parameter, wrong: list[int]) -> None:
+def _unreadable(view: ListView, rows: Rows, row: Parameter, invalid: list[int]) -> None:
     view.add_rows(
         "error",
         rows,
-        wrong,
+        invalid,
         lambda text: f"{row.key} cannot be read: {text!r}",
         parameter=row,
         number=row.number,
@@ -232,14 +232,14 @@ def _check_others(
 ) -> None:
     """Judge texts, named bits and real numbers."""
     values = [read_value(row, text) for text in rows.texts]
-    unread = [
+    unreadable = [
         at
         for at, value in enumerate(values)
         if value is None and rows.lines[at] not in explained
     ]
-    _unreadable(view, rows, row, unread)
+    _unreadable(view, rows, row, unreadable)
     if row.range is not None:
-        wrong = [
+        invalid = [
             at
             for at, value in enumerate(values)
             if isinstance(value, int | float) and not row.range.holds(value, value)
@@ -247,18 +247,18 @@ def _check_others(
         view.add_rows(
             "error",
             rows,
-            wrong,
-            lambda text: f"{row.key} = {text} is not allowed, expected {_asked(row)}",
+            invalid,
+            lambda text: f"{row.key} = {text} is not allowed, expected {_bounds(row)}",
             parameter=row,
             number=row.number,
-            expected=_asked(row),
+            expected=_bounds(row),
         )
     if row.words:
-        wrong = [at for at, value in enumerate(values) if value not in row.words]
+        invalid = [at for at, value in enumerate(values) if value not in row.words]
         view.add_rows(
             "error",
             rows,
-            wrong,
+            invalid,
             lambda text: f"{row.key} = {text!r} is not allowed",
             parameter=row,
             number=row.number,
@@ -268,11 +268,11 @@ def _check_others(
         _check_quotes(view, rows, row, view.build)
     if row.length is not None:
         longest = row.length
-        wrong = [at for at, text in enumerate(rows.texts) if len(text) > longest]
+        invalid = [at for at, text in enumerate(rows.texts) if len(text) > longest]
         view.add_rows(
             "warning",
             rows,
-            wrong,
+            invalid,
             lambda text: f"{row.key} is longer than {longest} characters: {text!r}",
             parameter=row,
             expected=f"at most {longest} characters",

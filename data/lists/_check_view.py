@@ -82,15 +82,15 @@ class ListView:
         text = self.text(key)
         if text is None or not build_has(row, self.build):
             return row.default
-        found = read_value(row, text)
-        if found == 0 and row.zero_is_default:
+        value = read_value(row, text)
+        if value == 0 and row.zero_is_default:
             return row.default
-        return found if _is_allowed(row, found) else None
+        return value if _is_allowed(row, value) else None
 
     def integer(self, key: str) -> int | None:
         """Return the value of a scalar whole number, with its default; None if none."""
-        found = self.value(key)
-        return found if isinstance(found, int) else None
+        value = self.value(key)
+        return value if isinstance(value, int) else None
 
     def given(self, key: str) -> bool:
         """Return whether the entry stands in the list and is not 0."""
@@ -103,8 +103,8 @@ class ListView:
     @functools.cached_property
     def structures(self) -> frozenset[str]:
         """Structures that have an entry, such as ``kw.ssfk``."""
-        known = registry().by_key
-        return frozenset(known[key].structure for key in self.columns if key in known)
+        rows = registry().by_key
+        return frozenset(rows[key].structure for key in self.columns if key in rows)
 
     @functools.cached_property
     def in_use(self) -> frozenset[str]:
@@ -128,11 +128,11 @@ class ListView:
 
     def first_line(self, structure: str) -> int:
         """Return the first line with an entry of the structure, else 1."""
-        known = registry().by_key
+        parameters = registry().by_key
         lines = (
             rows.lines[0]
             for key, rows in self.columns.items()
-            if key in known and known[key].structure == structure
+            if key in parameters and parameters[key].structure == structure
         )
         return min(lines, default=1)
 
@@ -186,7 +186,7 @@ class ListView:
         self,
         level: Level,
         rows: Rows,
-        wrong: Sequence[int],
+        positions: Sequence[int],
         message: Callable[[str], str],
         *,
         parameter: Parameter | None = None,
@@ -199,14 +199,14 @@ class ListView:
         Args:
             level: Level of the findings.
             rows: Column of the list.
-            wrong: Positions in it, ascending.
+            positions: In it, ascending.
             message: Sentence for a value's text.
             parameter: Row of the registry.
             number: What the controller reports.
             expected: What the manuals ask for.
             limit: Findings that are named one by one.
         """
-        for row in wrong[:limit]:
+        for row in positions[:limit]:
             text = rows.texts[row]
             name = full_name(rows.key, rows.indices[row])
             self.add(
@@ -218,16 +218,16 @@ class ListView:
                 found=text,
                 expected=expected,
             )
-        if len(wrong) > limit:
-            rest = len(wrong) - limit
-            text = rows.texts[wrong[limit]]
+        if len(positions) > limit:
+            count = len(positions) - limit
+            text = rows.texts[positions[limit]]
             self.add(
                 level,
-                f"{message(text)}; {rest} such values from here on",
-                self.value_place(rows, wrong[limit]),
+                f"{message(text)}; {count} such values from here on",
+                self.value_place(rows, positions[limit]),
                 parameter=parameter,
                 number=number,
-                found=f"{rest} values",
+                found=f"{count} values",
                 expected=expected,
             )
 
@@ -262,9 +262,9 @@ def _is_allowed(row: Parameter, value: int | float | str | None) -> bool:
 
 def shorten(numbers: Iterable[object], count: int) -> str:
     """Return the first few of ``count`` things: ``3, 4, 5, … (17)``."""
-    shown: list[str] = []
+    texts: list[str] = []
     for number in numbers:
-        shown.append(str(number))
-        if len(shown) == 3:
+        texts.append(str(number))
+        if len(texts) == 3:
             break
-    return ", ".join(shown) + (f", … ({count})" if count > len(shown) else "")
+    return ", ".join(texts) + (f", … ({count})" if count > len(texts) else "")

@@ -104,8 +104,8 @@ def _changes(old: ListFile, new: ListFile) -> Iterator[Change]:
         places = [*after.last, *(at for at in before.last if at not in after.last)]
         for indices in places:
             texts = [_text(rows, indices) for rows in (before, after)]
-            if not _same(key, texts[0], texts[1]):
-                values = [_shown(text) for text in texts]
+            if not _equal(key, texts[0], texts[1]):
+                values = [_readable(text) for text in texts]
                 yield Change(full_name(key, indices), values[0], values[1])
 
 
@@ -114,12 +114,12 @@ def _text(rows: Rows, indices: tuple[int, ...]) -> str | None:
     return None if row is None else rows.texts[row]
 
 
-def _shown(text: str | None) -> int | str | None:
+def _readable(text: str | None) -> int | str | None:
     number = None if text is None else parse_integer(text)
     return text if number is None else number
 
 
-def _same(key: str, old: str | None, new: str | None) -> bool:
+def _equal(key: str, old: str | None, new: str | None) -> bool:
     if old is None or new is None or old == new:
         return old == new
     if meaning(key).boolean and (truth := parse_boolean(old)) is not None:
@@ -155,10 +155,10 @@ def _restart_reasons(
             default = row.default if row.zero_is_default else None
             sizes = [value or default or 0 for value in (change.old, change.new)]
             if sizes[0] != sizes[1]:
-                ends = f" (controller error {row.changed} on loading)"
+                effect = f" (controller error {row.changed} on loading)"
                 yield (
                     f"{change.name} changes from {sizes[0]} to {sizes[1]}"
-                    f"{'' if row.changed is None else ends}"
+                    f"{'' if row.changed is None else effect}"
                 )
         elif change.name == "kopf.achs_nr":
             yield "kopf.achs_nr changes: the start-up list ties the file to its axis"
@@ -192,26 +192,26 @@ def _curve_change(
     new: OffsetCurve | None,
 ) -> CurveChange:
     """Return the largest change, which stands at a node of one of the two tables."""
-    given = [curve for curve in (old, new) if curve is not None]
-    unit = "µm" if all(curve.metric for curve in given) else "increments"
+    curves = [curve for curve in (old, new) if curve is not None]
+    unit = "µm" if all(curve.metric for curve in curves) else "increments"
     note = ""
-    if len({curve.metric for curve in given}) > 1:
+    if len({curve.metric for curve in curves}) > 1:
         note = "one list counts in 0.1 µm, the other in increments"
-    elif not all(curve.ascending and all(curve.nodes) for curve in given):
+    elif not all(curve.ascending and all(curve.nodes) for curve in curves):
         note = "the positions of a table do not ascend"
     if note:
         return CurveChange(compensation, branch, None, unit, (), note)
-    if len({curve.masters for curve in given}) > 1:
+    if len({curve.masters for curve in curves}) > 1:
         note = "the axis that enters the table changes too"
-    elif len(given) == 1:
+    elif len(curves) == 1:
         note = "new table" if old is None else "table removed"
     grid = tuple(
-        tuple(sorted({at for curve in given for at in curve.nodes[axis]}))
-        for axis in range(len(given[0].nodes))
+        tuple(sorted({at for curve in curves for at in curve.nodes[axis]}))
+        for axis in range(len(curves[0].nodes))
     )
-    none = [(0.0,) * len(grid[0])] * (len(grid[1]) if len(grid) > 1 else 1)
-    first = none if old is None else old.sample(grid)
-    second = none if new is None else new.sample(grid)
+    zeros = [(0.0,) * len(grid[0])] * (len(grid[1]) if len(grid) > 1 else 1)
+    first = zeros if old is None else old.sample(grid)
+    second = zeros if new is None else new.sample(grid)
     largest = 0.0
     at: tuple[float, ...] = tuple(axis[0] for axis in grid)
     for j, (before, after) in enumerate(zip(first, second, strict=True)):

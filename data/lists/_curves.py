@@ -95,16 +95,16 @@ def _interpolate(
 ) -> tuple[float, ...]:
     if nodes == at:
         return values
-    found: list[float] = []
+    result: list[float] = []
     for position in at:
         right = bisect.bisect_right(nodes, position)
         if right == 0 or right == len(nodes):
-            found.append(values[min(right, len(nodes) - 1)])
+            result.append(values[min(right, len(nodes) - 1)])
             continue
         left = right - 1
         share = (position - nodes[left]) / (nodes[right] - nodes[left])
-        found.append(values[left] + share * (values[right] - values[left]))
-    return tuple(found)
+        result.append(values[left] + share * (values[right] - values[left]))
+    return tuple(result)
 
 
 def offset_curves(file: ListFile, plane_index: str = "ji") -> tuple[OffsetCurve, ...]:
@@ -131,8 +131,8 @@ def _line(table: dict[int, int] | dict[tuple[int, int], int]) -> dict[int, int]:
 
 def _count(size: int | None, *tables: dict[int, int]) -> int:
     """Return the number of nodes: the size, where the entries make it believable."""
-    reach = max((max(table) + 1 for table in tables if table), default=0)
-    count = reach if size is None else max(0, min(size, 2 * reach + 1000))
+    extent = max((max(table) + 1 for table in tables if table), default=0)
+    count = extent if size is None else max(0, min(size, 2 * extent + 1000))
     return min(count, _MOST)
 
 
@@ -193,15 +193,15 @@ def _plane(file: ListFile, plane_index: str) -> list[OffsetCurve]:
     }
     if not values:
         return []
-    reach = (max(i for _, i in values), max(j for j, _ in values))
+    extent = (max(i for _, i in values), max(j for j, _ in values))
     rectangular = (file.text(f"{prefix}.grid") or "").upper() == "RECTANGULAR"
     metric = file.boolean(f"{prefix}.unit") is True
     nodes: list[tuple[float, ...]] = []
     counts: list[int] = []
     for k in (1, 2):
         last = file.integer(f"{prefix}.last_index_master{k}")
-        size = reach[k - 1] if last is None else last
-        counts.append(max(0, min(size, 2 * reach[k - 1] + 1000)) + 1)
+        size = extent[k - 1] if last is None else last
+        counts.append(max(0, min(size, 2 * extent[k - 1] + 1000)) + 1)
     if counts[0] * counts[1] > _MOST:
         counts = [min(count, int(_MOST**0.5)) for count in counts]
     for k, count in zip((1, 2), counts, strict=True):

@@ -26,7 +26,7 @@ class Addition(NamedTuple):
 
 
 def changes(
-    found: Scan, values: Mapping[str, object], source: str, encoding: str
+    scan: Scan, values: Mapping[str, object], source: str, encoding: str
 ) -> dict[int, tuple[str, bool]]:
     """Return the new text of a value, and whether it is a number, by 1-based line.
 
@@ -38,7 +38,7 @@ def changes(
     names: dict[str, list[str]] = {}
     for name in values:
         place = locate(name)
-        rows = None if place is None else found.columns.get(place[0])
+        rows = None if place is None else scan.columns.get(place[0])
         row = None if place is None or rows is None else rows.last.get(place[1])
         if place is None or rows is None or row is None:
             raise UnknownEntryError(source, name, "the name of an entry of this list")
@@ -46,13 +46,13 @@ def changes(
         names.setdefault(place[0], []).append(name)
     changed: dict[int, tuple[str, bool]] = {}
     for key, numbers in lines.items():
-        wanted = [values[name] for name in names[key]]
-        texts = value_texts(key, names[key], wanted, source)
+        inputs = [values[name] for name in names[key]]
+        texts = value_texts(key, names[key], inputs, source)
         check_encoding(names[key], texts, source, encoding)
         sense = meaning(key)
-        plain = sense.style == "number" and not sense.boolean
+        is_number = sense.style == "number" and not sense.boolean
         for number, text in zip(numbers, texts, strict=True):
-            changed[number] = text, plain
+            changed[number] = text, is_number
     return changed
 
 
@@ -76,16 +76,16 @@ def rewrite(
 ) -> tuple[str, ...]:
     """Return the lines with new values; only the characters of a value change."""
     new = list(lines)
-    for number, (text, plain) in changed.items():
-        simple = PLAIN.match(lines[number - 1]) if plain else None
-        if simple is not None:
-            start, end = simple.span(5)
+    for number, (text, is_number) in changed.items():
+        match = PLAIN.match(lines[number - 1]) if is_number else None
+        if match is not None:
+            start, end = match.span(5)
             old = lines[number - 1]
-            if parse_integer(simple[5]) != parse_integer(text):
+            if parse_integer(match[5]) != parse_integer(text):
                 new[number - 1] = f"{old[:start]}{text}{old[end:]}"
             continue
         line = read_line(lines[number - 1])
-        if _says(line, text):
+        if _holds(line, text):
             continue
         start, end = line.value_start, line.value_end
         before, after = lines[number - 1][:start], lines[number - 1][end:]
@@ -96,7 +96,7 @@ def rewrite(
     return tuple(new)
 
 
-def _says(line: Line, text: str) -> bool:
+def _holds(line: Line, text: str) -> bool:
     """Return whether the line has the value already, in whatever spelling."""
     if not (line.value or line.quoted):
         return False
@@ -138,8 +138,8 @@ def additions(
 
 def insert(
     lines: tuple[str, ...],
-    found: Scan,
-    added: list[Addition],
+    scan: Scan,
+    entries: list[Addition],
     *,
     comment: str | None,
     newline: str,
@@ -149,28 +149,28 @@ def insert(
 
     Args:
         lines: The list.
-        found: What it holds.
-        added: Entries that it lacks.
+        scan: What it holds.
+        entries: Those that it lacks.
         comment: Comment line above the first of them.
         newline: Line end of the list.
         encoding: Encoding of the list.
     """
-    stems = list(dict.fromkeys(_stem(entry.key) for entry in added))
-    added = sorted(
-        added,
+    stems = list(dict.fromkeys(_stem(entry.key) for entry in entries))
+    entries = sorted(
+        entries,
         key=lambda entry: (
             stems.index(_stem(entry.key)),
             bool(entry.indices),
             entry.indices,
         ),
     )
-    places = _Places(lines, found)
+    places = _Places(lines, scan)
     inserted: dict[int, list[str]] = {}
-    for entry in added:
-        after, like = places.find(entry)
-        while after + 1 in found.continued:
+    for entry in entries:
+        after, sample = places.find(entry)
+        while after + 1 in scan.continued:
             after += 1  # never between a comment and its last line
-        inserted.setdefault(after, []).append(_line_like(lines, like, entry, newline))
+        inserted.setdefault(after, []).append(_line_like(lines, sample, entry, newline))
     new: list[str] = []
     remarks = [] if comment is None else comment_lines(comment, encoding, newline)
     for number in range(len(lines) + 1):
@@ -186,13 +186,13 @@ def insert(
 
 
 def _line_like(
-    lines: tuple[str, ...], like: int | None, entry: Addition, newline: str
+    lines: tuple[str, ...], sample: int | None, entry: Addition, newline: str
 ) -> str:
     """Return a line for the entry, laid out like its neighbour."""
     indent, column = "", len(entry.name) + 2
-    if like is not None:
-        line = read_line(lines[like - 1])
-        indent = lines[like - 1][: line.start]
+    if sample is not None:
+        line = read_line(lines[sample - 1])
+        indent = lines[sample - 1][: line.start]
         column = max(line.value_start - line.start, len(entry.name) + 1)
         if indent.strip(" \t"):
             indent = ""  # a byte order mark belongs to the first line alone
@@ -202,9 +202,9 @@ def _line_like(
 class _Places:
     """Where new entries belong among the lines of a list."""
 
-    def __init__(self, lines: tuple[str, ...], found: Scan) -> None:
-        self._found = found
-        self._end = _end_of(lines, found)
+    def __init__(self, lines: tuple[str, ...], scan: Scan) -> None:
+        self._scan = scan
+        self._end = _end_of(lines, scan)
         self._sorted: dict[str, list[tuple[tuple[int, ...], int]] | None] = {}
 
     def find(self, entry: Addition) -> tuple[int, int | None]:
@@ -219,7 +219,7 @@ class _Places:
         if scalars or tables:
             last = max(scalars[-1:] + tables[-1:])
             return last, last
-        entries = self._found.entry_lines
+        entries = self._scan.entry_lines
         if _stem(entry.key) == "kopf" and entries:
             return entries[0] - 1, entries[0]
         return self._end, None
@@ -227,7 +227,7 @@ class _Places:
     def _in_table(self, entry: Addition) -> tuple[int, int] | None:
         """Return the place by index, where the column of the entry stands in order."""
         if entry.key not in self._sorted:
-            rows = self._found.columns.get(entry.key)
+            rows = self._scan.columns.get(entry.key)
             pairs = (
                 [] if rows is None else list(zip(rows.indices, rows.lines, strict=True))
             )
@@ -244,7 +244,7 @@ class _Places:
         """Return the lines of a structure, scalars and table entries, ascending."""
         scalars: list[int] = []
         tables: list[int] = []
-        for key, rows in self._found.columns.items():
+        for key, rows in self._scan.columns.items():
             if _stem(key) == stem:
                 (tables if "[" in key else scalars).extend(rows.lines)
         return sorted(scalars), sorted(tables)
@@ -255,10 +255,10 @@ def _stem(key: str) -> str:
     return key.partition("[")[0].rpartition(".")[0]
 
 
-def _end_of(lines: tuple[str, ...], found: Scan) -> int:
+def _end_of(lines: tuple[str, ...], scan: Scan) -> int:
     """Return the number of lines before the closing one, or of all lines."""
-    if found.end_line is not None:
-        return found.end_line - 1
+    if scan.end_line is not None:
+        return scan.end_line - 1
     last = len(lines)
     while last and not lines[last - 1].strip():
         last -= 1
@@ -268,19 +268,19 @@ def _end_of(lines: tuple[str, ...], found: Scan) -> int:
 
 
 def without(
-    lines: tuple[str, ...], found: Scan, names: Iterable[str]
+    lines: tuple[str, ...], scan: Scan, names: Iterable[str]
 ) -> tuple[str, ...]:
     """Return the lines without those of the named entries."""
-    unwanted: dict[str, set[tuple[int, ...]]] = {}
+    columns: dict[str, set[tuple[int, ...]]] = {}
     for name in names:
         place = locate(name)
         if place is not None:
-            unwanted.setdefault(place[0], set()).add(place[1])
-    gone: set[int] = set()
-    for key, indices in unwanted.items():
-        rows = found.columns.get(key)
+            columns.setdefault(place[0], set()).add(place[1])
+    removed: set[int] = set()
+    for key, indices in columns.items():
+        rows = scan.columns.get(key)
         if rows is not None:
             for at, line in zip(rows.indices, rows.lines, strict=True):
                 if at in indices:
-                    gone.add(line)
-    return tuple(line for number, line in enumerate(lines, 1) if number not in gone)
+                    removed.add(line)
+    return tuple(line for number, line in enumerate(lines, 1) if number not in removed)

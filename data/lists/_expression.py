@@ -76,14 +76,14 @@ class Expression:
             given: Whether an entry stands in the list and is not 0.
         """
 
-        def known(name: str) -> Value:
-            found = value(name)
-            if found is None:
+        def required(name: str) -> Value:
+            content = value(name)
+            if content is None:
                 raise UnknownValueError(name)
-            return found
+            return content
 
         try:
-            return bool(self._evaluate(known, given))
+            return bool(self._evaluate(required, given))
         except UnknownValueError:
             return None
 

@@ -39,8 +39,8 @@ class Finding:
         if self.number is not None:
             notes.append(f"controller error {self.number}")
         tail = f" ({', '.join(notes)})" if notes else ""
-        where = f"{self.file}:{self.line}:{self.column}"
-        text = f"{where}: {self.level}: {self.message}{tail}"
+        position = f"{self.file}:{self.line}:{self.column}"
+        text = f"{position}: {self.level}: {self.message}{tail}"
         # A stray control character must not break the line, or move the cursor.
         return text if text.isprintable() else "".join(map(_printable, text))
 

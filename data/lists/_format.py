@@ -85,10 +85,10 @@ def value_text(row: Parameter | None, name: str, value: object, source: str) -> 
     """Return the text of one value; see `value_texts`."""
     text = _free_text(value) if row is None or not row.type else _typed_text(row, value)
     if text is None:
-        shown = repr(value)
-        if len(shown) > 60:
-            shown = f"{shown[:57]}..."
-        raise EntryValueError(source, name, shown, _expected(row))
+        literal = repr(value)
+        if len(literal) > 60:
+            literal = f"{literal[:57]}..."
+        raise EntryValueError(source, name, literal, _expected(row))
     return text
 
 
@@ -114,8 +114,8 @@ def _typed_text(row: Parameter, value: object) -> str | None:
         truth = value if isinstance(value, bool) else parse_boolean(str(value))
         return None if truth is None else str(int(truth))
     if row.type == "BITS":
-        shown = "" if isinstance(value, bool) else str(value).strip()
-        return shown if parse_bits(shown) is not None else None
+        text = "" if isinstance(value, bool) else str(value).strip()
+        return text if parse_bits(text) is not None else None
     if row.is_integer:
         number = parse_integer(str(value))
         fits = number is not None and _integers_fit(row, number, number)
@@ -205,10 +205,10 @@ def comment_lines(comment: str, encoding: str, newline: str) -> list[str]:
             text.encode(encoding)
         except UnicodeEncodeError:
             text = _plain_letters(text)
-        kept = text
+        printable = text
         if not text.isprintable():
-            kept = "".join(sign if sign.isprintable() else " " for sign in text)
-        line = f"# {kept}".rstrip()
+            printable = "".join(sign if sign.isprintable() else " " for sign in text)
+        line = f"# {printable}".rstrip()
         # An empty comment keeps its blank: "#" alone breaks the manuals' own rule.
         lines.append(("# " if line == "#" else line) + newline)
     return lines

@@ -55,11 +55,11 @@ class Line(NamedTuple):
 
 def read_line(text: str) -> Line:
     """Return the parts of one line; never raises, whatever the line holds."""
-    return _kept(text) if len(text) <= _SHORT else _read(text)
+    return _cached(text) if len(text) <= _SHORT else _read(text)
 
 
 @functools.lru_cache(maxsize=4096)
-def _kept(text: str) -> Line:
+def _cached(text: str) -> Line:
     # Lists of a kind of machine share most of their lines outside tables.
     return _read(text)
 
@@ -76,21 +76,21 @@ def _read(text: str) -> Line:
         return Line("comment", (note,) if bare else ())
     if first == "(" or body.startswith("/*", start):
         return _comment_line(body, start)
-    found = NAME.match(body, start)
-    if found is None:
+    match = NAME.match(body, start)
+    if match is None:
         return _unreadable(body, start)
-    return _entry(body, start, found.end())
+    return _entry(body, start, match.end())
 
 
 def _skip(body: str, start: int) -> int:
-    found = _BLANK_RUN.match(body, start)
-    return start if found is None else found.end()
+    match = _BLANK_RUN.match(body, start)
+    return start if match is None else match.end()
 
 
 def _unreadable(body: str, column: int) -> Line:
     text = body.strip(BLANKS)
-    shown = text if len(text) <= 60 else f"{text[:57]}..."
-    note = (column + 1, str(RemarkCode.UNREADABLE_LINE), shown)
+    excerpt = text if len(text) <= 60 else f"{text[:57]}..."
+    note = (column + 1, str(RemarkCode.UNREADABLE_LINE), excerpt)
     return Line("unreadable", (note,))
 
 
@@ -99,11 +99,11 @@ def _comment_line(body: str, start: int) -> Line:
     closing = ")" if body[start] == "(" else "*/"
     end = body.find(closing, start + 1)
     if end >= 0:
-        rest = _skip(body, end + len(closing))
-        if rest < len(body) and _OPENER.match(body, rest) is None:
+        following = _skip(body, end + len(closing))
+        if following < len(body) and _OPENER.match(body, following) is None:
             # Something follows the comment: if it was meant to count, say that it
             # does not.
-            return _unreadable(body, rest)
+            return _unreadable(body, following)
     note = (start + 1, str(RemarkCode.COMMENT_LINE), body[start : start + 20])
     return Line("comment", (note,))
 
@@ -116,23 +116,23 @@ def _entry(body: str, start: int, end: int) -> Line:
         shorter = _last_word(body, start, end)
         if shorter is not None:
             end, after = shorter
-    written = body[start:end]
-    parts = split_name(written)
+    spelling = body[start:end]
+    parts = split_name(spelling)
     glued_quote = after == end < len(body) and body[end] in QUOTES
     separated = after > end or after == len(body) or _OPENER.match(body, after)
     if parts is None or not (separated or glued_quote):
         return _unreadable(body, start)
     if parts[0] in ("end", "ende"):
-        return Line("end", ((start + 1, str(RemarkCode.END_LINE), written),))
+        return Line("end", ((start + 1, str(RemarkCode.END_LINE), spelling),))
     sense = meaning(parts[0])
     notes: list[Note] = []
-    if written != written.lower():
-        notes.append((start + 1, RemarkCode.CASE, written))
-    if any(blank in INDEX.sub("", written) for blank in BLANKS):
-        notes.append((start + 1, RemarkCode.NAME_BLANK, written))
+    if spelling != spelling.lower():
+        notes.append((start + 1, RemarkCode.CASE, spelling))
+    if any(blank in INDEX.sub("", spelling) for blank in BLANKS):
+        notes.append((start + 1, RemarkCode.NAME_BLANK, spelling))
     if sense.other is not None:
         code = RemarkCode.LEGACY if sense.other == "legacy" else RemarkCode.ALIAS
-        notes.append((start + 1, code, f"{written} for {sense.key}"))
+        notes.append((start + 1, code, f"{spelling} for {sense.key}"))
     if glued_quote:
         notes.append((end + 1, RemarkCode.GLUED_QUOTE, body[end : end + 20]))
     style = sense.style
@@ -140,19 +140,19 @@ def _entry(body: str, start: int, end: int) -> Line:
         style = "number" if _NUMBER.match(body, after) else "text"
     value, stop, span, quoted, glued = _value(body, after, style, notes)
     if not value and not quoted:
-        notes.append((start + 1, RemarkCode.NO_VALUE, written))
+        notes.append((start + 1, RemarkCode.NO_VALUE, spelling))
         stop = span = after = end
     gaps = [at for at in range(start, stop) if body[at] in NO_BREAK]
     if gaps:
-        shown = f"U+{ord(body[gaps[0]]):04X}"
-        notes.append((gaps[0] + 1, RemarkCode.NO_BREAK_SPACE, shown))
+        excerpt = f"U+{ord(body[gaps[0]]):04X}"
+        notes.append((gaps[0] + 1, RemarkCode.NO_BREAK_SPACE, excerpt))
     if sense.boolean and value.lower() in ("true", "false"):
         notes.append((after + 1, RemarkCode.TRUE_FALSE, value))
-    plain = tuple((column, str(code), text) for column, code, text in notes)
+    remarks = tuple((column, str(code), text) for column, code, text in notes)
     return Line(
         "entry",
-        plain,
-        written,
+        remarks,
+        spelling,
         sense.key,
         parts[1],
         start,
@@ -166,12 +166,12 @@ def _entry(body: str, start: int, end: int) -> Line:
 
 def _last_word(body: str, start: int, end: int) -> tuple[int, int] | None:
     """Split ``name [1]`` into name and value, where the value looked like an index."""
-    written = body[start:end]
-    gap = max((written.rfind(blank) for blank in BLANKS), default=-1)
+    spelling = body[start:end]
+    gap = max((spelling.rfind(blank) for blank in BLANKS), default=-1)
     if gap <= 0:
         return None
-    head = written[:gap].rstrip(BLANKS)
-    if not written[gap + 1 :].startswith(("[", ".")) or NAME.fullmatch(head) is None:
+    head = spelling[:gap].rstrip(BLANKS)
+    if not spelling[gap + 1 :].startswith(("[", ".")) or NAME.fullmatch(head) is None:
         return None
     return start + len(head), start + gap + 1
 
@@ -192,8 +192,8 @@ def _value(
             return _quoted(body, start, notes)
         return _bare_text(body, start, notes)
     pattern = _BITS if style == "bits" and _BITS.match(body, start) else _TOKEN
-    found = pattern.match(body, start)
-    stop = start if found is None else found.end()
+    match = pattern.match(body, start)
+    stop = start if match is None else match.end()
     value = body[start:stop]
     opener = _OPENER.search(value)
     if opener is None:
@@ -216,10 +216,10 @@ def _quoted(
         if body[at] != '"':
             notes.append((at + 1, RemarkCode.TYPOGRAPHIC_QUOTE, body[at]))
             break
-    rest = _skip(body, stop + 1)
-    if rest < len(body) and body[rest] != "(":
-        shown = body[rest : rest + 20]
-        notes.append((rest + 1, RemarkCode.QUOTE_COMMENT, shown))
+    following = _skip(body, stop + 1)
+    if following < len(body) and body[following] != "(":
+        excerpt = body[following : following + 20]
+        notes.append((following + 1, RemarkCode.QUOTE_COMMENT, excerpt))
     # "Trailing spaces are discarded on import" (ISG manual, 1.3); leading ones stay.
     return body[start + 1 : stop].rstrip(BLANKS), stop + 1, stop + 1, True, False
 
@@ -230,11 +230,11 @@ def _bare_text(
     """Read a text without quotes: all up to ``(``, or to a comment of another style."""
     stop = body.find("(", start)
     stop = len(body) if stop < 0 else stop
-    late = _LATE_COMMENT.search(body, start, stop)
-    if late is not None:
-        stop = late.start()
-        shown = body[stop + 1 : stop + 21]
-        notes.append((stop + 2, RemarkCode.QUOTE_COMMENT, shown))
+    comment = _LATE_COMMENT.search(body, start, stop)
+    if comment is not None:
+        stop = comment.start()
+        excerpt = body[stop + 1 : stop + 21]
+        notes.append((stop + 2, RemarkCode.QUOTE_COMMENT, excerpt))
     while stop > start and body[stop - 1] in BLANKS:
         stop -= 1
     value = body[start:stop]

@@ -49,10 +49,10 @@ class ListFile:
     def _repr_html_(self) -> str:
         """Return the entries as a table, for a notebook; of a long list the first ones."""
         table = table_html((), [(e.name, e.value) for e in self.entries[:_SHOWN]])
-        more = len(self.entries) - _SHOWN
-        rest = f"<p>… and {more} more entries</p>" if more > 0 else ""
+        count = len(self.entries) - _SHOWN
+        note = f"<p>… and {count} more entries</p>" if count > 0 else ""
         head = f"<p><b>{html.escape(self.source)}</b>: {self.kind} list</p>"
-        return f"{head}{table}{rest}"
+        return f"{head}{table}{note}"
 
     @classmethod
     def parse(cls, raw: bytes, source: str = "<text>") -> "ListFile":
@@ -100,9 +100,9 @@ class ListFile:
         remarks: list[TextRemark] = []
         if odd is not None:
             line = self.lines.index(odd.string) + 1
-            shown = "starts like UTF-16" if self.is_wide else repr(odd.group())[1:-1]
+            excerpt = "starts like UTF-16" if self.is_wide else repr(odd.group())[1:-1]
             code = str(RemarkCode.ENCODING)
-            remarks.append(TextRemark(line, odd.start() + 1, code, shown))
+            remarks.append(TextRemark(line, odd.start() + 1, code, excerpt))
         return (*remarks, *self._scan.remarks)
 
     @property
@@ -255,9 +255,9 @@ class ListFile:
             UnknownEntryError: If a name to add is none that the manuals know.
             EntryValueError: If a value does not fit its parameter or the encoding.
         """
-        here = {name: value for name, value in values.items() if self._has(name)}
-        added = {name: value for name, value in values.items() if name not in here}
-        changed = self.replace(here)
+        existing = {name: value for name, value in values.items() if self._has(name)}
+        added = {name: value for name, value in values.items() if name not in existing}
+        changed = self.replace(existing)
         if not added:
             return changed
         lines = _edit.insert(

@@ -41,14 +41,14 @@ class Meaning(NamedTuple):
 @functools.lru_cache(maxsize=4096)
 def meaning(key: str) -> Meaning:
     """Return what the registry says of a lower-case key with blank indices."""
-    known = registry()
-    canonical = known.canonical(key)
-    parameter = known.by_key.get(canonical)
+    manual = registry()
+    canonical = manual.canonical(key)
+    parameter = manual.by_key.get(canonical)
     if parameter is None:
         return Meaning(canonical, "unknown", False, None)
     styles = {"STRING": "text", "BITS": "bits", "": "unknown"}
     style = styles.get(parameter.type, "number")
-    alias = known.alias(key)
+    alias = manual.alias(key)
     other = None if alias is None else alias.kind
     return Meaning(canonical, style, parameter.type == "BOOLEAN", other)
 
@@ -68,10 +68,10 @@ def locate(name: str) -> tuple[str, tuple[int, ...]] | None:
     """Return the canonical key and the indices of a name, or None for no name."""
     if "[" not in name:
         return _scalar(name)
-    plain = _TABLE_NAME.fullmatch(name)
-    if plain is not None and _INNER.fullmatch(plain[2]):
-        digits = plain[2].split("][")  # the usual name in a table: no need to search it
-        key = _table_key(plain[1], len(digits), plain[3] or "")
+    match = _TABLE_NAME.fullmatch(name)
+    if match is not None and _INNER.fullmatch(match[2]):
+        digits = match[2].split("][")  # the usual name in a table: no need to search it
+        key = _table_key(match[1], len(digits), match[3] or "")
         return None if key is None else (key, tuple(map(int, digits)))
     return _searched(name)
 

@@ -160,10 +160,10 @@ class Parameter(NamedTuple):
     @property
     def error_numbers(self) -> tuple[int, ...]:
         """Error numbers of the controller that the parameter can cause, ascending."""
-        found = {self.number, self.negative, self.missing, self.changed, *self.numbers}
-        found.update(condition.number for condition in self.conditions)
-        found.update(change.number for change in (self.step, self.jump) if change)
-        return tuple(sorted(number for number in found if number is not None))
+        codes = {self.number, self.negative, self.missing, self.changed, *self.numbers}
+        codes.update(condition.number for condition in self.conditions)
+        codes.update(change.number for change in (self.step, self.jump) if change)
+        return tuple(sorted(number for number in codes if number is not None))
 
 
 @functools.cache

@@ -81,13 +81,13 @@ class Registry:
         ``key`` is in lower case with its indices as ``[]``. A name of the older
         crosstalk generation is a parameter of its own and stays.
         """
-        found = self.aliases.get(key)
-        return key if found is None else found[0].key
+        entry = self.aliases.get(key)
+        return key if entry is None else entry[0].key
 
     def alias(self, key: str) -> Alias | None:
         """Return what ``key`` is, where it is not the canonical name."""
-        found = self.aliases.get(key)
-        return None if found is None else found[1]
+        entry = self.aliases.get(key)
+        return None if entry is None else entry[1]
 
     def kind(self, key: str) -> Kind:
         """Return the kind of list that an entry of this name belongs to."""
@@ -115,8 +115,8 @@ def add_parameters(path: pathlib.Path) -> None:
 @functools.cache
 def registry() -> Registry:
     """Return the registry, loaded on first use."""
-    data, *more = (tomllib.loads(path.read_text(encoding="utf-8")) for path in _files)
-    for table in more:
+    data, *others = (tomllib.loads(path.read_text(encoding="utf-8")) for path in _files)
+    for table in others:
         data["parameters"] += table.get("parameters", [])
         data["functions"] += table.get("functions", [])
     kinds: dict[str, Kind] = {

@@ -86,16 +86,16 @@ class _Shape(NamedTuple):
 
 
 @functools.lru_cache(maxsize=4096)
-def _shape(head: str, tail: str, both: bool) -> _Shape | None:
+def _shape(head: str, tail: str, plane: bool) -> _Shape | None:
     """Return how plain lines of a name look, None if they need a closer look."""
-    parts = split_name(f"{head}[0][0].{tail}" if both else f"{head}[0].{tail}")
+    parts = split_name(f"{head}[0][0].{tail}" if plane else f"{head}[0].{tail}")
     if parts is None:
         return None
     sense = meaning(parts[0])
     if sense.key != parts[0] or sense.style in ("text", "bits"):
         return None
     index = r"\[ *+[0-9]{1,9}+\]"
-    name = f"{re.escape(head)}{index * (2 if both else 1)}\\.{re.escape(tail)}"
+    name = f"{re.escape(head)}{index * (2 if plane else 1)}\\.{re.escape(tail)}"
     line = rf"[ \t]*+{name}[ \t]++-?+[0-9]{{1,18}}+[ \t]*+\r?+\n"
     return _Shape(sense.key, line, (f"{head}[", f"].{tail}"))
 
@@ -113,10 +113,10 @@ class _Run:
         self, text: str, at: int, number: int, columns: Sequence[_Column]
     ) -> tuple[int, int]:
         """Add the rows of a run to their columns; return the place and line after it."""
-        found = self._lines.match(text, at)
-        if found is None:
+        match = self._lines.match(text, at)
+        if match is None:
             return at, number
-        run = found.group()
+        run = match.group()
         for end in self._ends:
             run = run.replace(end, " ")
         parts = run.replace("][", " ").split()
@@ -129,7 +129,7 @@ class _Run:
                 into.extend(parts[first + part :: sum(sizes)])
             column.lines.extend(range(number + place, after, len(sizes)))
             first += size
-        return found.end(), after
+        return match.end(), after
 
 
 @functools.lru_cache(maxsize=256)
@@ -153,9 +153,9 @@ def scan(lines: tuple[str, ...]) -> Scan:
     end_line: int | None = None
     at, number = 0, 1
     while number <= len(lines):
-        plain = PLAIN.match(text, at)
-        if plain is not None:
-            head, first, second, tail, value = plain.groups()
+        match = PLAIN.match(text, at)
+        if match is not None:
+            head, first, second, tail, value = match.groups()
             shape = _shape(head, tail, second is not None)
             if shape is not None:
                 if shape.key not in columns:
@@ -163,11 +163,11 @@ def scan(lines: tuple[str, ...]) -> Scan:
                 column = columns[shape.key]
                 column.add([first, second] if second else [first], value, number)
                 # On it goes with this name, or with the one before and this in turn.
-                turn: tuple[_Shape, ...] = (shape,)
+                shapes: tuple[_Shape, ...] = (shape,)
                 if before is not None and before.key != shape.key:
-                    turn = (before, shape)
-                into = [columns[each.key] for each in turn]
-                at, number = _run(turn).take(text, plain.end(), number + 1, into)
+                    shapes = (before, shape)
+                into = [columns[shape.key] for shape in shapes]
+                at, number = _run(shapes).take(text, match.end(), number + 1, into)
                 before = shape
                 continue
         line = lines[number - 1]
@@ -176,21 +176,21 @@ def scan(lines: tuple[str, ...]) -> Scan:
             code = str(RemarkCode.COMMENT_LINE)
             remarks.append(TextRemark(number, 1, code, line.strip()[:20]))
         else:
-            read = read_line(line)
-            remarks.extend(TextRemark(number, *note) for note in read.notes)
-            if read.kind == "end":
+            parsed = read_line(line)
+            remarks.extend(TextRemark(number, *note) for note in parsed.notes)
+            if parsed.kind == "end":
                 end_line = number
-            elif read.kind == "entry":
-                if read.key not in columns:
-                    columns[read.key] = _Column(read.key)
-                columns[read.key].append(read, number)
+            elif parsed.kind == "entry":
+                if parsed.key not in columns:
+                    columns[parsed.key] = _Column(parsed.key)
+                columns[parsed.key].append(parsed, number)
         number += 1
-    done = {key: column.rows() for key, column in columns.items() if column.lines}
-    for rows in done.values():
+    filled = {key: column.rows() for key, column in columns.items() if column.lines}
+    for rows in filled.values():
         if len(rows.lines) > 1:
             remarks.extend(_repeated(rows, lines))
     remarks.sort(key=lambda remark: (remark.line, remark.column))
-    return Scan(done, tuple(remarks), continued, end_line)
+    return Scan(filled, tuple(remarks), continued, end_line)
 
 
 def _continued_comments(lines: tuple[str, ...]) -> frozenset[int]:
@@ -228,9 +228,7 @@ def _repeated(rows: Rows, lines: tuple[str, ...]) -> list[TextRemark]:
         if row != last:
             column = read_line(lines[rows.lines[row] - 1]).start + 1
             name = full_name(rows.key, indices)
-            shown = f"{name}, again in line {rows.lines[last]}"
-            remark = TextRemark(
-                rows.lines[row], column, str(RemarkCode.REPEATED), shown
-            )
+            text = f"{name}, again in line {rows.lines[last]}"
+            remark = TextRemark(rows.lines[row], column, str(RemarkCode.REPEATED), text)
             remarks.append(remark)
     return remarks

@@ -47,10 +47,10 @@ def new_list(
             lines.append(newline)
         texts: dict[str, str] = {}
         for key, names in block:
-            given = [values[name] for name in names]
-            found = value_texts(key, list(names), given, _SOURCE)
-            check_encoding(list(names), found, _SOURCE, "ascii")
-            texts.update(zip(names.values(), found, strict=True))
+            inputs = [values[name] for name in names]
+            written = value_texts(key, list(names), inputs, _SOURCE)
+            check_encoding(list(names), written, _SOURCE, "ascii")
+            texts.update(zip(names.values(), written, strict=True))
         order = texts if len(block) == 1 else _in_order(block, values)
         lines += [name.ljust(width) + texts[name] + newline for name in order]
     if lines:
@@ -75,14 +75,14 @@ def _columns(values: Iterable[str]) -> dict[str, dict[str, str]]:
         column[name] = full
         at += len(name) + 1
         row += 1
-        again, before = key == before, key
-        if again and full == name and "[" in name and single:
+        repeated, before = key == before, key
+        if repeated and full == name and "[" in name and single:
             # Names that follow and differ in their indices alone need no further look.
             run = _run(name).match(text, at)
             if run is not None:
                 end = row + run.group().count("\n")
-                alike = names[row:end]
-                column.update(zip(alike, alike, strict=True))
+                followers = names[row:end]
+                column.update(zip(followers, followers, strict=True))
                 at, row = run.end(), end
     if odd:
         _refuse_repeated(columns)
@@ -90,7 +90,7 @@ def _columns(values: Iterable[str]) -> dict[str, dict[str, str]]:
 
 
 @functools.lru_cache(maxsize=64)
-def _like(head: str, tail: str, count: int) -> re.Pattern[str]:
+def _pattern(head: str, tail: str, count: int) -> re.Pattern[str]:
     indices = r"\]\[".join(["(?:0|[1-9][0-9]{0,8}+)"] * count)
     return re.compile(f"(?:{re.escape(head)}{indices}{re.escape(tail)}\n)++")
 
@@ -98,16 +98,16 @@ def _like(head: str, tail: str, count: int) -> re.Pattern[str]:
 def _run(name: str) -> re.Pattern[str]:
     """Return what matches lines of names that differ from this one in indices alone."""
     first, last = name.index("[") + 1, name.rindex("]")
-    return _like(name[:first], name[last:], name.count("["))
+    return _pattern(name[:first], name[last:], name.count("["))
 
 
 def _refuse_repeated(columns: Mapping[str, Mapping[str, str]]) -> None:
     for names in columns.values():
-        seen: set[str] = set()
+        used: set[str] = set()
         for name, full in names.items():
-            if full in seen:
+            if full in used:
                 raise UnknownEntryError(_SOURCE, name, "each entry once")
-            seen.add(full)
+            used.add(full)
 
 
 @functools.lru_cache(maxsize=4096)

@@ -51,11 +51,11 @@ def on_one_clock(
     if not leading:
         return table, mapping
     slowest = min(leading, key=lambda column: column.samples)
-    chosen = _there(slowest, table.rows)
-    near = [
+    chosen = _present(slowest, table.rows)
+    interpolated = [
         column.name
         for _, column in used.values()
-        if not _there(column, table.rows)[chosen].all()
+        if not _present(column, table.rows)[chosen].all()
     ]
     for _, column in used.values():
         chosen = chosen & _covered(column, time)
@@ -82,8 +82,8 @@ def on_one_clock(
             f"Channels of several sample times are taken at the {int(chosen.sum())}"
         )
         remark += f" instants of '{slowest.name}'"
-        if near:
-            remark += f"; read between two samples there: {', '.join(near)}"
+        if interpolated:
+            remark += f"; read between two samples there: {', '.join(interpolated)}"
         remarks.append(remark + ".")
     aligned = dataclasses.replace(
         table,
@@ -105,22 +105,22 @@ def _with_time(
     return {**mapping, "time": ColumnSpec(clock.name)}
 
 
-def _there(column: Column, rows: int) -> Bool[np.ndarray, " t"]:
+def _present(column: Column, rows: int) -> Bool[np.ndarray, " t"]:
     return np.ones(rows, dtype=bool) if column.present is None else column.present
 
 
 def _covered(column: Column, time: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
     """Return the instants between two samples of a channel that are no gap apart."""
-    own = time[_there(column, time.size)]
-    if own.size == 1:
-        only: Bool[np.ndarray, " t"] = time == own[0]
+    instants = time[_present(column, time.size)]
+    if instants.size == 1:
+        only: Bool[np.ndarray, " t"] = time == instants[0]
         return only
-    after = np.clip(np.searchsorted(own, time), 1, own.size - 1)
-    usual = float(np.median(np.diff(own)))
-    exact = (time == own[after]) | (time == own[after - 1])
-    inside = (time > own[0]) & (time < own[-1])
-    near = own[after] - own[after - 1] <= _GAP * usual
-    covered: Bool[np.ndarray, " t"] = exact | (inside & near)
+    after = np.clip(np.searchsorted(instants, time), 1, instants.size - 1)
+    usual = float(np.median(np.diff(instants)))
+    exact = (time == instants[after]) | (time == instants[after - 1])
+    within = (time > instants[0]) & (time < instants[-1])
+    close = instants[after] - instants[after - 1] <= _GAP * usual
+    covered: Bool[np.ndarray, " t"] = exact | (within & close)
     return covered
 
 
@@ -131,13 +131,13 @@ def _read(
     chosen: Bool[np.ndarray, " t"],
 ) -> Float[np.ndarray, " _"]:
     """Return a channel at the chosen instants; a bad cell spoils only its neighbours."""
-    there = _there(column, time.size)
-    read: Float[np.ndarray, " _"]
-    own, values = time[there], column.values[there]
-    if there[chosen].all():
-        read = column.values[chosen]
+    present = _present(column, time.size)
+    result: Float[np.ndarray, " _"]
+    instants, values = time[present], column.values[present]
+    if present[chosen].all():
+        result = column.values[chosen]
     elif role.kind in _HELD:
-        read = values[np.searchsorted(own, time[chosen], side="right") - 1]
+        result = values[np.searchsorted(instants, time[chosen], side="right") - 1]
     else:
-        read = np.interp(time[chosen], own, values)
-    return read
+        result = np.interp(time[chosen], instants, values)
+    return result

@@ -32,10 +32,10 @@ def without_foot(layout: Layout, text: str) -> tuple[str, list[tuple[int, str]]]
             foot = at
     if foot == len(tail):
         return text, []
-    whole = text[: layout.body] + "\n".join(tail[:foot])
-    line = whole.count("\n") + 1 - text[: layout.body].count("\n") + layout.body_line
-    found = [(line + k, words) for k, words in enumerate(tail[foot:])]
-    return whole, [(number, words.strip()) for number, words in found if words.strip()]
+    body = text[: layout.body] + "\n".join(tail[:foot])
+    line = body.count("\n") + 1 - text[: layout.body].count("\n") + layout.body_line
+    notes = [(line + k, words) for k, words in enumerate(tail[foot:])]
+    return body, [(number, words.strip()) for number, words in notes if words.strip()]
 
 
 def _is_foot(layout: Layout, line: str, *, after_gap: bool) -> bool:
@@ -63,14 +63,14 @@ def without_headings(layout: Layout, text: str) -> tuple[str, list[tuple[int, st
     if not layout.header or len(layout.names) < 2 or layout.block is None:
         return text, []
     lines = text[layout.body :].split("\n")
-    found = [
+    headings = [
         (at + layout.body_line, line.strip())
         for at, line in enumerate(lines)
         if line[:1].strip().isalpha() and len(line) < 80 and heading(line) is not None
     ]
-    for number, _ in found:
+    for number, _ in headings:
         lines[number - layout.body_line] = ""
-    return text[: layout.body] + "\n".join(lines), found
+    return text[: layout.body] + "\n".join(lines), headings
 
 
 def columns_of_blocks(
@@ -79,9 +79,9 @@ def columns_of_blocks(
     """Yield run and direction of each row, as the line above its block names them."""
     headings = [item for _, text in blocks if (item := heading(text)) is not None]
     block = np.searchsorted([line for line, _ in blocks], lines) - 1
-    found = list(numbered(dict(enumerate(headings))).values())
+    runs = list(numbered(dict(enumerate(headings))).values())
     for name in ("run", "direction"):
-        values = [getattr(item, name) for item in found]
+        values = [getattr(item, name) for item in runs]
         if None not in values:
-            each = np.array(values, dtype=np.float64)[block]
-            yield Column(name, None, None, each, header=name)
+            cells = np.array(values, dtype=np.float64)[block]
+            yield Column(name, None, None, cells, header=name)

@@ -77,15 +77,15 @@ def _is_object(item: Any) -> bool:
 
 def _signals(document: Any) -> list[dict[str, Any]]:
     """Return the longest list of objects with a name, found in the head of a document."""
-    found: list[dict[str, Any]] = []
+    longest: list[dict[str, Any]] = []
     head = document.get("Header", document) if isinstance(document, dict) else {}
     for value in head.values() if isinstance(head, dict) else ():
-        named = isinstance(value, list) and all(
+        is_list = isinstance(value, list) and all(
             isinstance(item, dict) and "Name" in item for item in value
         )
-        if named and len(value) > len(found):
-            found = value
-    return found
+        if is_list and len(value) > len(longest):
+            longest = value
+    return longest
 
 
 def _capture(path: Path, document: Any, signals: Sequence[dict[str, Any]]) -> Table:
@@ -138,17 +138,17 @@ def _described(table: Table, axes: dict[str, str], others: dict[str, int]) -> Ta
         for name, axis in axes.items():
             number = name.rpartition("|")[2]
             words.setdefault(number if number != name else name, axis)
-        said = ", ".join(f"{number}: {axis}" for number, axis in words.items())
-        remarks.append(f"Axes by the number in the signal's name: {said[:200]}.")
-    lost = _lost_cycles(table.columns)
-    if lost:
-        remarks.append(f"'{_CYCLE}' leaves out {lost} samples: the record has gaps.")
+        listing = ", ".join(f"{number}: {axis}" for number, axis in words.items())
+        remarks.append(f"Axes by the number in the signal's name: {listing[:200]}.")
+    missed = _missed_cycles(table.columns)
+    if missed:
+        remarks.append(f"'{_CYCLE}' leaves out {missed} samples: the record has gaps.")
     return dataclasses.replace(
         table, skipped=(*table.skipped, *skipped), remarks=(*table.remarks, *remarks)
     )
 
 
-def _lost_cycles(columns: Sequence[Column]) -> int:
+def _missed_cycles(columns: Sequence[Column]) -> int:
     cycle = next((column for column in columns if column.name == _CYCLE), None)
     if cycle is None or cycle.values.size < 3:
         return 0

@@ -74,13 +74,13 @@ def _marked() -> tuple[CncObject, ...]:
     """Return all objects, with what they report and whether they can be written."""
     return tuple(
         dataclasses.replace(
-            one,
-            reports=_REPORTS.get(one.name),
-            tells_state=one.name in _STATES,
-            writable=one.name in _WRITABLE,
-            of_axis=one.name not in _OF_PLATFORM,
+            entry,
+            reports=_REPORTS.get(entry.name),
+            tells_state=entry.name in _STATES,
+            writable=entry.name in _WRITABLE,
+            of_axis=entry.name not in _OF_PLATFORM,
         )
-        for one in _DESCRIBED
+        for entry in _DESCRIBED
     )
 
 

@@ -14,32 +14,32 @@ _ANGULAR = ("angle", "angular velocity", "angular acceleration")
 
 
 def unit_of(
-    table: Table, role: Role, column: Column, wanted: str | None, *, angle: bool
+    table: Table, role: Role, column: Column, asked: str | None, *, angle: bool
 ) -> Unit:
     """Return the unit of a column: the job's, else the file's, else the default."""
     source = str(table.path)
     what = f"{role} in column '{column.name}'"
     dimensions = _dimensions(role, angle=angle)
-    stated = find_unit(column.unit) if column.unit else None
-    if wanted is not None:
-        unit = named_unit(wanted, dimensions, source, what)
-        if stated is not None and not column.doubtful_unit and stated != unit:
+    recorded = find_unit(column.unit) if column.unit else None
+    if asked is not None:
+        unit = named_unit(asked, dimensions, source, what)
+        if recorded is not None and not column.doubtful_unit and recorded != unit:
             # A job that says mm where the file says µm would be wrong by 1000 without a
             # word.
-            what = f"{what} (the file says {stated.name})"
-            raise UnitError(source, what, unit.name, [stated.name], stated.name)
+            what = f"{what} (the file says {recorded.name})"
+            raise UnitError(source, what, unit.name, [recorded.name], recorded.name)
         return unit
-    if stated is not None and stated.dimension in dimensions:
-        if column.doubtful_unit and stated.name == "m":
+    if recorded is not None and recorded.dimension in dimensions:
+        if column.doubtful_unit and recorded.name == "m":
             accepted = ["m", "mm", "um"]
             what = f"{what} (metres, or 'measured'? state the unit)"
             raise UnitError(source, what, "_m", accepted, "mm")
-        return stated
-    if stated is None and column.unit is not None:
+        return recorded
+    if recorded is None and column.unit is not None:
         # Scope names a unit that the library lacks: its default would be wrong.
         return named_unit(column.unit, dimensions, source, what)  # raises
-    if stated is not None and not column.doubtful_unit:
-        return named_unit(stated.name, dimensions, source, what)  # raises
+    if recorded is not None and not column.doubtful_unit:
+        return named_unit(recorded.name, dimensions, source, what)  # raises
     default = LIBRARY_UNIT[dimensions[0]]
     return named_unit(default, dimensions, source, what)
 
@@ -99,9 +99,9 @@ def as_direction(
         values = np.full(column.values.size, -1.0)
     else:
         values = table.numbers(column)
-    wrong = np.flatnonzero(np.abs(values) != 1.0)
-    if wrong.size:
-        at = int(wrong[0])
+    invalid = np.flatnonzero(np.abs(values) != 1.0)
+    if invalid.size:
+        at = int(invalid[0])
         found = column.text[at] if column.text is not None else f"{values[at]:g}"
         cell = BadCell(int(table.lines[at]), found)
         raise table.cell_error(column, cell, expected)
@@ -116,9 +116,9 @@ def _is_all_minus(column: Column) -> bool:
 
 def _whole(table: Table, column: Column, expected: str) -> Int[np.ndarray, " t"]:
     values: Float[np.ndarray, " t"] = table.numbers(column)
-    wrong = np.flatnonzero(values != np.round(values))
-    if wrong.size:
-        at = int(wrong[0])
+    invalid = np.flatnonzero(values != np.round(values))
+    if invalid.size:
+        at = int(invalid[0])
         cell = BadCell(int(table.lines[at]), f"{values[at]:g}")
         raise table.cell_error(column, cell, expected)
     return values.astype(np.int64)

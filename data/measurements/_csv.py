@@ -55,8 +55,8 @@ def read_csv(
     table = read_body(path, layout, text, encoding)
     if lines is None or not lines.skip:
         return table
-    left = (Skipped(line, "left out, as the job has it") for line in lines.skip)
-    skipped = sorted((*table.skipped, *left), key=lambda item: item.line)
+    omitted = (Skipped(line, "left out, as the job has it") for line in lines.skip)
+    skipped = sorted((*table.skipped, *omitted), key=lambda item: item.line)
     return dataclasses.replace(table, skipped=tuple(skipped))
 
 
@@ -66,28 +66,28 @@ def read_body(path: Path, layout: Layout, text: str, encoding: str = "utf-8") ->
     Raises:
         MeasurementError: As `read_csv`.
     """
-    read = _read_short(layout, text) or _read_fast(layout, text)
+    result = _read_short(layout, text) or _read_fast(layout, text)
     blocks: list[tuple[int, str]] = []
-    if read is None:
+    if result is None:
         body, foot = without_foot(layout, text)
         body, blocks = without_headings(layout, body)
         if foot or blocks:
-            read = _read_fast(layout, body)
-        columns, lines, skipped = read or _read_slow(path, layout, body)
+            result = _read_fast(layout, body)
+        columns, lines, skipped = result or _read_slow(path, layout, body)
         below = [Skipped(line, "below the rows") for line, _ in foot]
-        read = columns, lines, [*skipped, *below]
+        result = columns, lines, [*skipped, *below]
         layout = dataclasses.replace(layout, comments=(*layout.comments, *foot))
-    columns, lines, skipped = read
+    columns, lines, skipped = result
     if not lines.size:
         reason = "found no rows, expected at least one line of numbers"
         raise MeasurementError(str(path), reason)
     if blocks:
         assert layout.block is not None
         blocks = [layout.block, *blocks]
-        added = list(columns_of_blocks(blocks, lines))
-        names = (*layout.names, *(parse_name(column.name) for column in added))
+        further = list(columns_of_blocks(blocks, lines))
+        names = (*layout.names, *(parse_name(column.name) for column in further))
         layout = dataclasses.replace(layout, names=names)
-        columns = [*columns, *added]
+        columns = [*columns, *further]
     return table_of(path, layout, columns, lines, skipped, encoding)
 
 
@@ -167,17 +167,17 @@ def _read_fast(layout: Layout, text: str) -> _Read | None:
     # Lines may all end with a separator that the header lacks.
     first = layout.dialect.split(body.lstrip(b"\n").split(b"\n", 1)[0].decode())
     ends = len(first) == width + 1 and first[-1] == ""
-    read = read_cells(body, layout, ends=ends)
-    if read is None:
+    cells = read_cells(body, layout, ends=ends)
+    if cells is None:
         return None
-    lines = _lines_of_rows(body, read.num_rows)
-    if read.num_rows != lines.size:
+    lines = _lines_of_rows(body, cells.num_rows)
+    if cells.num_rows != lines.size:
         return None
     lines += layout.body_line
-    if ends and any(cell.strip() for cell in read.column(width).to_pylist()):
+    if ends and any(cell.strip() for cell in cells.column(width).to_pylist()):
         return None
     columns = [
-        _fast_column(layout, text, lines, at, read.column(at)) for at in range(width)
+        _fast_column(layout, text, lines, at, cells.column(at)) for at in range(width)
     ]
     return columns, lines, skipped
 
@@ -237,8 +237,8 @@ def _without_comments(body: bytes, layout: Layout) -> tuple[bytes, list[Skipped]
         return body, []
     pattern = _COMMENT_OR_SEMICOLON if semicolon else _COMMENT_BYTES
     offsets = [match.start() for match in pattern.finditer(body)]
-    ends = np.flatnonzero(np.frombuffer(body, np.uint8) == 10)
-    numbers = np.searchsorted(ends, np.array(offsets, dtype=np.int64))
+    line_ends = np.flatnonzero(np.frombuffer(body, np.uint8) == 10)
+    numbers = np.searchsorted(line_ends, np.array(offsets, dtype=np.int64))
     skipped = [Skipped(int(n) + layout.body_line, "comment") for n in numbers]
     return pattern.sub(b"", body), skipped
 
@@ -266,12 +266,12 @@ def _single_blanks(body: bytes) -> bytes:
     after = np.empty_like(blank)  # previous byte is a blank or a line end
     after[0] = True
     after[1:] = blank[:-1] | (raw[:-1] == 10)
-    kept = raw[~(blank & after)]
-    end = np.empty(kept.size, bool)  # next byte is a line end
+    packed = raw[~(blank & after)]
+    end = np.empty(packed.size, bool)  # next byte is a line end
     end[-1] = True
-    end[:-1] = kept[1:] == 10
-    kept = kept[~(((kept == 32) | (kept == 9)) & end)]
-    return np.where(kept == 9, np.uint8(32), kept).astype(np.uint8).tobytes()
+    end[:-1] = packed[1:] == 10
+    packed = packed[~(((packed == 32) | (packed == 9)) & end)]
+    return np.where(packed == 9, np.uint8(32), packed).astype(np.uint8).tobytes()
 
 
 def _lines_of_rows(body: bytes, rows: int) -> Int[np.ndarray, " t"]:
@@ -301,7 +301,7 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
             skipped.append(Skipped(number, "comment"))
             continue
         cells = dialect.split(line)
-        whole = len(cells)
+        count = len(cells)
         while len(cells) > width and cells[-1] == "":
             cells.pop()
         if layout.header and tuple(cells) == layout.header[:width]:
@@ -310,13 +310,13 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
         if len(cells) == width and layout.units_line and is_unit_row(cells, width):
             skipped.append(Skipped(number, "the units again"))
             continue
-        short = whole < usual and not _more(text, layout, at)
+        short = count < usual and not _more(text, layout, at)
         if len(cells) != width or short:
             last = "" if _more(text, layout, at) else " in the last line"
-            found = f"{whole} cells{last} ('{line.strip()[:40]}')"
+            found = f"{count} cells{last} ('{line.strip()[:40]}')"
             expected = f"{max(width, usual)} {dialect.words} as in the lines above"
             raise LineError(str(path), number, found, expected, f"skip = [{number}]")
-        usual = min(usual, whole) if rows else whole
+        usual = min(usual, count) if rows else count
         lines.append(number)
         rows.append(cells)
     columns = [
@@ -342,8 +342,8 @@ def _slow_column(
     if signs or (filled and 2 * parsed.count(None) > filled):
         return _text_column(name, tuple(cells))
     values = np.array([np.nan if v is None else v for v in parsed], dtype=np.float64)
-    wrong = np.flatnonzero(~np.isfinite(values))
-    first = int(wrong[0]) if wrong.size else None
+    invalid = np.flatnonzero(~np.isfinite(values))
+    first = int(invalid[0]) if invalid.size else None
     bad = None if first is None else BadCell(lines[first], cells[first])
     return number_column(name, values, bad)
 

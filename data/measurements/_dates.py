@@ -58,20 +58,20 @@ def seconds_of_dates(table: Table, column: Column) -> Float[np.ndarray, " t"]:
             raise table.cell_error(column, BadCell(int(line), cell), expected)
         kinds.add(kind)
         seconds.append(instant)
-    found = np.array(seconds) - seconds[0]
+    elapsed = np.array(seconds) - seconds[0]
     if kinds == {(True, True)}:
-        found += _DAY * np.cumsum(np.diff(found, prepend=0.0) < -0.5 * _DAY)
-    return found
+        elapsed += _DAY * np.cumsum(np.diff(elapsed, prepend=0.0) < -0.5 * _DAY)
+    return elapsed
 
 
 @functools.lru_cache(maxsize=1024)
 def _parts(cell: str) -> tuple[re.Match[str] | None, re.Match[str] | None]:
     """Return date and time of day of a cell, None for what it lacks; two None for neither."""
     date = _DATE.match(cell)
-    rest = cell[date.end() :].lstrip(" T-_,;") if date else cell
-    if date and not rest:
+    remainder = cell[date.end() :].lstrip(" T-_,;") if date else cell
+    if date and not remainder:
         return date, None
-    clock = _CLOCK.fullmatch(rest)
+    clock = _CLOCK.fullmatch(remainder)
     return (date, clock) if clock else (None, None)
 
 

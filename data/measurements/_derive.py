@@ -32,8 +32,8 @@ def derive_error(
         error = np.asarray(measurement.values[error_role], dtype=np.float64)
         unit = measurement.units[error_role]
     elif actual_role in measurement.values:
-        known = [kind for kind in against if f"{axis}.{kind}" in measurement.values]
-        role = f"{axis}.{[*known, 'position'][0]}"
+        recorded = [kind for kind in against if f"{axis}.{kind}" in measurement.values]
+        role = f"{axis}.{[*recorded, 'position'][0]}"
         commanded = measurement.require(role, f"beside '{actual_role}'")
         _refuse_motion(measurement, axis)
         error = measurement.values[actual_role] - commanded

@@ -105,13 +105,13 @@ class Dialect:
         Between blanks, names and units may hold blanks themselves. Names that can be nothing
         else may stand between other separators than the rows.
         """
-        ways = [self.split(line)]
+        splits = [self.split(line)]
         if self.separator == " ":
             text = line.strip()
-            ways.append(re.split(r"\s{2,}|\t", text))
-            joined = _UNIT_IN_BRACKETS.sub("\0", text)
-            ways.append([cell.replace("\0", " ") for cell in joined.split()])
-        for cells in ways:
+            splits.append(re.split(r"\s{2,}|\t", text))
+            glued = _UNIT_IN_BRACKETS.sub("\0", text)
+            splits.append([cell.replace("\0", " ") for cell in glued.split()])
+        for cells in splits:
             while len(cells) > width and cells[-1] == "":
                 cells = cells[:-1]
             if len(cells) == width:
@@ -173,28 +173,28 @@ def sniff(lines: Sequence[str]) -> Dialect:
     Args:
         lines: The first lines of the file; comments and blank lines are left aside.
     """
-    stated = re.fullmatch(r"sep=(.)\s*", lines[0], re.IGNORECASE) if lines else None
+    declared = re.fullmatch(r"sep=(.)\s*", lines[0], re.IGNORECASE) if lines else None
     best, best_score = Dialect(",", "."), (False, -1.0, False, 0)
-    lines = lines[1:] if stated else lines
+    lines = lines[1:] if declared else lines
     text = "\n".join(line.strip() for line in lines)
-    plain = '"' not in text
-    whole: dict[str, tuple[bool, float, bool, int]] = {}
+    unquoted = '"' not in text
+    scores: dict[str, tuple[bool, float, bool, int]] = {}
     for separator, decimal in _CANDIDATES:
-        if stated is not None and separator != stated.group(1):
+        if declared is not None and separator != declared.group(1):
             continue
         # "1.234" beside a decimal comma is a group of digits.
         dialect = Dialect(separator, decimal, "." if decimal == "," else "")
         parts = separator in text or (separator == " " and "\t" in text)
-        if best_score[0] and (not parts or (separator == "," == decimal and plain)):
+        if best_score[0] and (not parts or (separator == "," == decimal and unquoted)):
             # A single column does not beat several; nor do, without quotes, numbers
             # that a decimal comma must not split, which are numbers without one too.
             continue
         # All separators that occur nowhere leave the same single column.
-        score = None if parts else whole.get(decimal)
+        score = None if parts else scores.get(decimal)
         if score is None:
             score = _score(dialect, lines)
             if not parts:
-                whole[decimal] = score
+                scores[decimal] = score
         if score > best_score:
             best, best_score = dialect, score
     if best.decimal == "." and _grouped_whole(best, lines):
@@ -292,8 +292,8 @@ def first_row_of_numbers(
 
     The first one, where no row is like that.
     """
-    alike = [row for row in rows if len(row) == width]
-    lower = alike[len(alike) // 2 :]
+    regular = [row for row in rows if len(row) == width]
+    lower = regular[len(regular) // 2 :]
     columns = [
         at
         for at in range(width)

@@ -55,21 +55,21 @@ def explain_direction(measurement: Measurement, axis: str) -> Directions:
         return Directions(measurement.values[role].astype(np.int64), "column")
     position = measurement.require(f"{axis}.position", "to derive the direction")
     run, time = measurement.get("run"), measurement.get("time")
-    finder, known = _Finder(measurement, axis), np.isfinite(position)
-    if not known.any() or np.ptp(position[known]) == 0.0:
+    finder, valid = _Finder(measurement, axis), np.isfinite(position)
+    if not valid.any() or np.ptp(position[valid]) == 0.0:
         reason = "all positions are equal"
         raise finder.unknown(reason)
     groups = _groups(finder, run, time, position.size)
     values = np.zeros(position.size, dtype=np.int64)
     # Recorded motion: positions hardly come back. Targets do, or there are runs.
-    moving = run is None and time is not None and _is_motion(position[known])
-    for every in groups:
-        rows = every[known[every]]
+    moving = run is None and time is not None and _is_motion(position[valid])
+    for group in groups:
+        rows = group[valid[group]]
         path = position[rows]
         values[rows] = finder.motion(path) if moving else finder.targets(path, rows)
         # Where no position was read the axis is taken to go on as before.
-        before = np.maximum.accumulate(np.where(known[every], np.arange(len(every)), 0))
-        values[every] = values[every[np.maximum(before, np.argmax(known[every]))]]
+        before = np.maximum.accumulate(np.where(valid[group], np.arange(len(group)), 0))
+        values[group] = values[group[np.maximum(before, np.argmax(valid[group]))]]
     source = "time" if moving else "order of the targets"
     return Directions(values, source, tuple(dict.fromkeys(finder.remarks)))
 
@@ -82,16 +82,16 @@ def _groups(
     finder: "_Finder", run: np.ndarray | None, time: np.ndarray | None, rows: int
 ) -> list[Int[np.ndarray, " _"]]:
     """Return the rows of each run in the order of measurement."""
-    every = np.arange(rows)
+    order = np.arange(rows)
     if run is None:
-        return [every if time is None else np.argsort(time, kind="stable")]
-    groups = [every[run == number] for number in dict.fromkeys(run.tolist())]
+        return [order if time is None else np.argsort(time, kind="stable")]
+    groups = [order[run == number] for number in dict.fromkeys(run.tolist())]
     if time is not None:
         return [rows[np.argsort(time[rows], kind="stable")] for rows in groups]
-    for own in groups:
-        if own[-1] - own[0] + 1 != own.size:
+    for group in groups:
+        if group[-1] - group[0] + 1 != group.size:
             reason = (
-                f"rows of run {run[own[0]]} stand between those of other runs, so "
+                f"rows of run {run[group[0]]} stand between those of other runs, so "
                 "their order is not that of the measurement"
             )
             raise finder.unknown(reason)
@@ -154,14 +154,14 @@ class _Finder:
             )
         usual = self._usual_size(sizes, arrive, leave, returns)
         ends = {0, sizes.size - 1}
-        found = np.empty(path.size, dtype=np.int64)
+        signs = np.empty(path.size, dtype=np.int64)
         for block, (start, size) in enumerate(zip(starts, sizes, strict=True)):
-            found[start : start + size] = arrive[block]
+            signs[start : start + size] = arrive[block]
             turns = arrive[block] != leave[block]
             if not turns and block not in ends:
                 continue
             if turns and size == 2 * usual:  # from both sides, with an overrun between
-                found[start + usual : start + size] = leave[block]
+                signs[start + usual : start + size] = leave[block]
             elif size != usual:
                 line = self.measurement.lines[rows[start]]
                 where = "where the run turns" if turns else "at an end of the run"
@@ -170,7 +170,7 @@ class _Finder:
                     f"times in a row and the others {usual} times"
                 )
                 raise self.unknown(reason)
-        return found
+        return signs
 
     def _usual_size(
         self,
@@ -180,12 +180,12 @@ class _Finder:
         returns: np.ndarray,
     ) -> int:
         """Return how often a target is read per pass, as is usual away from turns."""
-        between = arrive == leave
-        between[[0, -1]] = False
-        between[returns] = False
-        chosen = sizes[between] if between.any() else sizes[[0, -1]]
-        most = Counter(chosen.tolist()).most_common()
-        return int(min(size for size, count in most if count == most[0][1]))
+        inner = arrive == leave
+        inner[[0, -1]] = False
+        inner[returns] = False
+        chosen = sizes[inner] if inner.any() else sizes[[0, -1]]
+        counts = Counter(chosen.tolist()).most_common()
+        return int(min(size for size, count in counts if count == counts[0][1]))
 
 
 def _idle_returns(

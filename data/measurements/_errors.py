@@ -140,9 +140,9 @@ def _hint(key: str) -> str:
     return f" (or the job says {key})" if key else ""
 
 
-def _listed(names: Sequence[str], most: int = 12) -> str:
-    shown = ", ".join(names[:most])
-    return shown if len(names) <= most else f"{shown}, … ({len(names)} in all)"
+def _listed(names: Sequence[str], limit: int = 12) -> str:
+    text = ", ".join(names[:limit])
+    return text if len(names) <= limit else f"{text}, … ({len(names)} in all)"
 
 
 def _quoted(text: str) -> str:

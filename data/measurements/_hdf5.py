@@ -40,10 +40,10 @@ def read_hdf5(path: Path) -> Table:
         matlab = file.read(6) == b"MATLAB"
     try:
         with h5py.File(path, "r") as file:
-            found = [
-                each
+            arrays = [
+                array
                 for key in map(str, file)
-                for each in _arrays(h5py, file[key], key, matlab)
+                for array in _arrays(h5py, file[key], key, matlab)
             ]
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         words = str(error).splitlines()[0][:80] if str(error) else "unreadable"
@@ -51,7 +51,7 @@ def read_hdf5(path: Path) -> Table:
         raise MeasurementError(str(path), reason) from error
     groups = {
         array.name.rpartition(".")[0]
-        for array in found
+        for array in arrays
         if array.values is not None and array.values.size > 1
     }
     if (
@@ -59,12 +59,12 @@ def read_hdf5(path: Path) -> Table:
         and re.fullmatch(AXIS, (group := groups.pop()).casefold()) is None
     ):
         # One group for all tells nothing, and is no axis: "laser.error".
-        found = [
+        arrays = [
             dataclasses.replace(array, name=array.name.removeprefix(f"{group}."))
-            for array in found
+            for array in arrays
         ]
     name = "MATLAB 7.3" if matlab else "HDF5"
-    return table_of_arrays(path, name, found, _EXPECTED)
+    return table_of_arrays(path, name, arrays, _EXPECTED)
 
 
 def missing_library(path: Path, kind: str, library: str) -> MeasurementError:
@@ -78,9 +78,9 @@ def _arrays(h5py: Any, item: Any, name: str, matlab: bool) -> list[Array]:
         return []  # MATLAB keeps its references there
     if isinstance(item, h5py.Group):
         return [
-            each
+            array
             for key in item
-            for each in _arrays(h5py, item[key], f"{name}.{key}", matlab)
+            for array in _arrays(h5py, item[key], f"{name}.{key}", matlab)
         ]
     if item.dtype.names:
         values = item[()]
@@ -94,8 +94,8 @@ def _arrays(h5py: Any, item: Any, name: str, matlab: bool) -> list[Array]:
     if matlab and kind == b"char":
         return [Array(name, None, "text")]
     values = np.asarray(item[()])
-    stated = next((item.attrs[key] for key in _UNITS if key in item.attrs), None)
-    unit = stated.decode() if isinstance(stated, bytes) else stated
+    attribute = next((item.attrs[key] for key in _UNITS if key in item.attrs), None)
+    unit = attribute.decode() if isinstance(attribute, bytes) else attribute
     return [_array(name, values.T if matlab else values, unit and str(unit))]
 
 

@@ -44,19 +44,19 @@ class Head:
         return LineError(str(self.path), self.lines[index], found, expected, advice)
 
 
-def first_row(head: Head, wanted: Lines) -> int:
+def first_row(head: Head, lines: Lines) -> int:
     """Return the index of the first row of the body."""
-    least = 0
-    if wanted.rows is not None:
-        least = wanted.rows[0]
-    elif wanted.header:
-        least = max(wanted.header) + 1
-    index = next((k for k, line in enumerate(head.lines) if line >= least), None)
+    start = 0
+    if lines.rows is not None:
+        start = lines.rows[0]
+    elif lines.header:
+        start = max(lines.header) + 1
+    index = next((k for k, line in enumerate(head.lines) if line >= start), None)
     if index is None:
-        reason = f"found no row from line {least} on, as the job has it, expected some"
+        reason = f"found no row from line {start} on, as the job has it, expected some"
         raise MeasurementError(str(head.path), reason)
-    if least:
-        units = wanted.rows is None and is_unit_row(head.rows[index], head.width)
+    if start:
+        units = lines.rows is None and is_unit_row(head.rows[index], head.width)
         return index + units if index + units < len(head.rows) else index
     first = first_row_of_numbers(head.dialect, head.rows, head.width)
     if first == 0 and not any_number(head.dialect, head.rows[:1]):
@@ -82,15 +82,15 @@ def _is_damaged_row(head: Head, index: int) -> bool:
     cells = head.rows[index]
     if len(cells) != head.width or is_unit_row(cells, head.width):
         return False
-    known = heading(cells[0]) is not None or looks_like_names(cells[:1])
-    known |= not cells[0] or unit_in(cells[0]) is not None
+    is_name = heading(cells[0]) is not None or looks_like_names(cells[:1])
+    is_name |= not cells[0] or unit_in(cells[0]) is not None
     broken = any(map(_BROKEN_NUMBER.fullmatch, cells))
-    return (broken or not known) and any(map(head.dialect.is_number, cells))
+    return (broken or not is_name) and any(map(head.dialect.is_number, cells))
 
 
-def block_above(head: Head, first: int, wanted: Lines) -> tuple[int, str] | None:
+def block_above(head: Head, first: int, lines: Lines) -> tuple[int, str] | None:
     """Return the line right above the rows that names their run or direction, or None."""
-    if first == 0 or head.width == 1 or wanted.header is not None:
+    if first == 0 or head.width == 1 or lines.header is not None:
         return None
     cells = head.rows[first - 1]
     words = " ".join(filter(None, cells))
@@ -99,19 +99,19 @@ def block_above(head: Head, first: int, wanted: Lines) -> tuple[int, str] | None
     return head.lines[first - 1], words
 
 
-def header_above(head: Head, first: int, wanted: Lines) -> tuple[list[int], int | None]:
+def header_above(head: Head, first: int, lines: Lines) -> tuple[list[int], int | None]:
     """Return the indices of the header lines above a body, and of the units."""
     at, units = first - 1, None
     if at >= 0 and (
         is_unit_row(head.rows[at], head.width) or _has_units_of_some(head, at)
     ):
         at, units = at - 1, at
-    if wanted.header is not None:
-        missing = [line for line in wanted.header if line not in head.lines]
+    if lines.header is not None:
+        missing = [line for line in lines.header if line not in head.lines]
         if missing:
             found = "nothing there, or a comment"
             raise LineError(str(head.path), missing[0], found, "the header line")
-        return [head.lines.index(line) for line in sorted(wanted.header)], units
+        return [head.lines.index(line) for line in sorted(lines.header)], units
     top: list[int] = []
     while at >= 0 and len(top) < _MOST_HEADERS:
         if not (_is_upper_header if top else _is_header)(head, at):
@@ -142,25 +142,25 @@ def placed(head: Head, units: int, names: int) -> list[str]:
     cells = head.rows[units]
     above = head.dialect.header(head.texts[names], head.width) or []
     middles = np.array(_middles(head.texts[names], above))
-    found = [""] * head.width
+    result = [""] * head.width
     for cell, middle in zip(cells, _middles(head.texts[units], cells), strict=True):
         nearest = int(np.argmin(np.abs(middles - middle)))
-        if found[nearest]:
-            stand = f"the units {found[nearest]} and {cell} under '{above[nearest]}'"
+        if result[nearest]:
+            stand = f"the units {result[nearest]} and {cell} under '{above[nearest]}'"
             raise head.error(units, stand, "one", f"skip = [{head.lines[units]}]")
-        found[nearest] = cell
-    return found
+        result[nearest] = cell
+    return result
 
 
 def _middles(text: str, cells: Sequence[str]) -> list[float]:
     """Return where the middle of each cell stands in a line."""
-    found, end = [], 0
+    middles, end = [], 0
     text = text.expandtabs()
     for cell in cells:
         start = text.index(cell, end)
         end = start + len(cell)
-        found.append(0.5 * (start + end))
-    return found
+        middles.append(0.5 * (start + end))
+    return middles
 
 
 def _is_header(head: Head, index: int) -> bool:
@@ -184,9 +184,9 @@ def _is_upper_header(head: Head, index: int) -> bool:
     filled = [at for at, cell in enumerate(cells) if cell]
     below = head.rows[index + 1]
     fills = any(at < len(below) and not below[at] for at in filled)
-    known = 2 * sum(looks_like_names([cells[at]]) for at in filled) > len(filled)
+    named = 2 * sum(looks_like_names([cells[at]]) for at in filled) > len(filled)
     wide = len(filled) > 1 and filled[-1] >= head.width // 2
-    return known and (wide or (fills and len(filled) > 1))
+    return named and (wide or (fills and len(filled) > 1))
 
 
 def upper_cells(head: Head, index: int) -> list[str] | None:
@@ -258,15 +258,15 @@ def is_unit_row(cells: Sequence[str], width: int) -> bool:
 
     Units that the library lacks, such as hPa, may be among them.
     """
-    named = [cell for cell in cells if cell.strip("[]()- ") and not is_format(cell)]
-    if len(cells) != width or not named:
+    units = [cell for cell in cells if cell.strip("[]()- ") and not is_format(cell)]
+    if len(cells) != width or not units:
         return False
-    others = [cell for cell in named if unit_in(cell) is None]
-    short = all(len(cell) <= _LONGEST_UNIT and not cell[0].isdigit() for cell in others)
-    return 2 * len(others) < len(named) and short and not any(map(_says, others))
+    odd = [cell for cell in units if unit_in(cell) is None]
+    short = all(len(cell) <= _LONGEST_UNIT and not cell[0].isdigit() for cell in odd)
+    return 2 * len(odd) < len(units) and short and not any(map(_is_name, odd))
 
 
-def _says(cell: str) -> bool:
+def _is_name(cell: str) -> bool:
     """Whether a cell says what a column holds."""
     return looks_like_names([cell])
 

@@ -125,10 +125,10 @@ def unit_in(cell: str) -> str | None:
 
 def unit_of_title(title: str) -> str | None:
     """Return the one unit that a title names: ``deviation in µm``, ``dz [µm]``."""
-    found = {parse_name(title.strip(' ";,\t')).unit}
-    found |= {unit_in((a or b).rstrip(",;.:")) for a, b in _IN.findall(title)}
-    found -= {None}
-    return found.pop() if len(found) == 1 else None
+    units = {parse_name(title.strip(' ";,\t')).unit}
+    units |= {unit_in((a or b).rstrip(",;.:")) for a, b in _IN.findall(title)}
+    units -= {None}
+    return units.pop() if len(units) == 1 else None
 
 
 def _plain(text: str) -> str:
@@ -148,8 +148,8 @@ def is_clock(name: Name, text: str) -> bool:
     if text != "both":
         return words in CLOCKS[text]
     parts = set(words.split())
-    each = (parts & set(CLOCKS["date"]), parts & set(CLOCKS["time"]))
-    return words in CLOCKS["both"] or (all(each) and len(parts) == 2)
+    matched = (parts & set(CLOCKS["date"]), parts & set(CLOCKS["time"]))
+    return words in CLOCKS["both"] or (all(matched) and len(parts) == 2)
 
 
 def roles_of(names: Sequence[Name]) -> tuple[list[str | None], bool]:
@@ -172,8 +172,8 @@ def roles_of(names: Sequence[Name]) -> tuple[list[str | None], bool]:
     if "position" not in once or not once & {"error", "actual"}:
         return _with_axes(names, roles), False
     merged = [
-        own or (role if role in once else None)
-        for own, role in zip(roles, bare, strict=True)
+        stated or (role if role in once else None)
+        for stated, role in zip(roles, bare, strict=True)
     ]
     return merged, True
 
@@ -186,17 +186,17 @@ def _with_axes(names: Sequence[Name], roles: Sequence[str | None]) -> list[str |
     along = {match["along"] for match in matches if match is not None}
     if len(along) == 1 and None not in along and bare.count("position") == 1:
         found[bare.index("position")] = f"{along.pop().upper()}.position"
-    alone = [at for at, name in enumerate(names) if found[at] and _is_alone(name)]
-    fine = [at for at in alone if names[at].unit in _FINE]
+    single = [at for at, name in enumerate(names) if found[at] and _is_alone(name)]
+    fine = [at for at in single if names[at].unit in _FINE]
     errors = any(role and role.endswith(".error") for role in (*found, *bare))
-    if len(fine) < len(alone) or (len(alone) == 1 and not errors):
+    if len(fine) < len(single) or (len(single) == 1 and not errors):
         for at in fine:  # "Y [µm]" beside "X [mm]" is no place
             found[at] = (found[at] or "").replace(".position", ".error")
     if not any(role and role.endswith((".error", ".actual")) for role in found):
         return list(roles)
     return [
-        own or role or (kind if kind == "run" and bare.count(kind) == 1 else None)
-        for own, role, kind in zip(
+        stated or role or (kind if kind == "run" and bare.count(kind) == 1 else None)
+        for stated, role, kind in zip(
             roles,
             [role if found.count(role) == 1 else None for role in found],
             bare,
@@ -257,13 +257,13 @@ def heading(text: str) -> Heading | None:
     )
 
 
-def numbered(found: Mapping[int, Heading]) -> dict[int, Heading]:
+def numbered(headings: Mapping[int, Heading]) -> dict[int, Heading]:
     """Return headings with a run each; those without are counted per direction."""
-    seen: dict[int | None, int] = {}
+    counts: dict[int | None, int] = {}
     numbered = {}
-    for at, item in found.items():
-        seen[item.direction] = seen.get(item.direction, 0) + 1
-        run = seen[item.direction] if item.run is None else item.run
+    for at, item in headings.items():
+        counts[item.direction] = counts.get(item.direction, 0) + 1
+        run = counts[item.direction] if item.run is None else item.run
         numbered[at] = dataclasses.replace(item, run=run)
     return numbered
 

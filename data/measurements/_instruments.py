@@ -65,24 +65,24 @@ def read_renishaw(path: Path, text: str, encoding: str) -> Table:
         reason = f"found a Renishaw file without {missing}, expected it"
         raise MeasurementError(str(path), reason)
     _announced(path, settings, "target-count", len(targets), "targets")
-    seen: dict[tuple[int, int], int] = {}
+    visited: dict[tuple[int, int], int] = {}
     passes: dict[int, list[tuple[int, float, int]]] = {}
     for line, cells in rows:
         numbers = _numbers(path, line, "deviation", cells)
-        whole = len(numbers) == 3 and all(map(_WHOLE.fullmatch, numbers[:2]))
-        if not whole or not 1 <= int(numbers[1]) <= len(targets):
+        valid = len(numbers) == 3 and all(map(_WHOLE.fullmatch, numbers[:2]))
+        if not valid or not 1 <= int(numbers[1]) <= len(targets):
             expected = f"run, target from 1 to {len(targets)}, deviation"
             raise LineError(str(path), line, f"'{' '.join(cells)[:40]}'", expected)
         spot = (int(numbers[0]), int(numbers[1]))
-        if spot in seen:
+        if spot in visited:
             found = f"run {spot[0]}, target {spot[1]} a second time"
-            raise LineError(str(path), line, found, f"it once (line {seen[spot]})")
-        seen[spot] = line
+            raise LineError(str(path), line, found, f"it once (line {visited[spot]})")
+        visited[spot] = line
         value = float(numbers[2].replace(",", "."))
         passes.setdefault(spot[0], []).append((spot[1] - 1, value, line))
     count = _announced(path, settings, "run-count", len(passes), "runs")
-    if len(seen) != count * len(targets):
-        found = f"{len(seen)} readings, the last one here"
+    if len(visited) != count * len(targets):
+        found = f"{len(visited)} readings, the last one here"
         expected = f"{count} runs of {len(targets)} targets"
         raise LineError(str(path), rows[-1][0], found, expected)
     body = _readings(passes, [target for target, _ in targets])
@@ -143,9 +143,9 @@ def _announced(
     path: Path, settings: dict[str, tuple[str, int]], key: str, count: int, what: str
 ) -> int:
     """Return the number that the file announces, which must be that of its contents."""
-    stated, line = settings.get(key, (str(count), 0))
-    if stated.strip() != str(count):
-        found = f"{key}: {stated} and {count} {what} in the file"
+    announced, line = settings.get(key, (str(count), 0))
+    if announced.strip() != str(count):
+        found = f"{key}: {announced} and {count} {what} in the file"
         raise LineError(str(path), line, found, "as many as announced")
     return count
 
@@ -154,14 +154,14 @@ def _readings(
     passes: dict[int, list[tuple[int, float, int]]], targets: list[float]
 ) -> np.ndarray:
     """Return rows of target, error, run, direction and line, in the order of the file."""
-    seen = {1: 0, -1: 0}
+    counts = {1: 0, -1: 0}
     rows = []
     for readings in passes.values():
-        way = targets[readings[-1][0]] - targets[readings[0][0]]
-        side = 1 if way >= 0 else -1
-        seen[side] += 1
+        travel = targets[readings[-1][0]] - targets[readings[0][0]]
+        side = 1 if travel >= 0 else -1
+        counts[side] += 1
         for at, value, line in readings:
-            rows.append((targets[at], value, seen[side], side, line))
+            rows.append((targets[at], value, counts[side], side, line))
     return np.array(rows, dtype=np.float64)
 
 
@@ -174,8 +174,8 @@ def is_centroid(head: str) -> bool:
     if not _WHOLE.fullmatch(top[1]) or int(top[0]) < 2:
         return False
     below = lines[1:]
-    whole = sum(len(line) == 1 and bool(_WHOLE.fullmatch(line[0])) for line in below)
-    return whole >= 2 and 3 * whole >= 2 * len(below)
+    integers = sum(len(line) == 1 and bool(_WHOLE.fullmatch(line[0])) for line in below)
+    return integers >= 2 and 3 * integers >= 2 * len(below)
 
 
 def read_centroid(path: Path, text: str, encoding: str) -> Table:
@@ -236,9 +236,9 @@ def _keys_of(head: str) -> tuple[str, ...] | None:
     lines = [line for line in head.split("\n", _LOOK)[:_LOOK] if line.strip()]
     if 2 * sum(line.lstrip()[0].isalpha() for line in lines) <= len(lines):
         return None
-    found = [_address_keys(line) for line in lines]
-    keys = max(set(found), key=found.count, default=None)
-    if keys is None or found.count(keys) < 2 or 2 * found.count(keys) <= len(lines):
+    shapes = [_address_keys(line) for line in lines]
+    keys = max(set(shapes), key=shapes.count, default=None)
+    if keys is None or shapes.count(keys) < 2 or 2 * shapes.count(keys) <= len(lines):
         return None
     return keys
 
@@ -266,10 +266,10 @@ def read_addresses(path: Path, text: str, encoding: str) -> Table:
             expected = f"numbers behind {', '.join(keys)} as in the other lines"
             found, advice = f"'{line.strip()[:40]}'", f"skip = [{at + 1}]"
             raise LineError(str(path), at + 1, found, expected, advice)
-    plain = "\n".join(lines)
-    layout = find_layout(path, plain)
+    body = "\n".join(lines)
+    layout = find_layout(path, body)
     layout = dataclasses.replace(layout, names=tuple(map(parse_name, keys)))
-    table = read_body(path, layout, plain, encoding)
+    table = read_body(path, layout, body, encoding)
     return dataclasses.replace(table, format="lines of letters with numbers")
 
 

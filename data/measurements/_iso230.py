@@ -74,7 +74,7 @@ def iso230_figures(
     values = error.tolist()
     return _overall(
         [
-            _sided(*([_deviation(values, at) for at in side] for side in sides))
+            _sided(*([_deviation(values, rows) for rows in side] for side in sides))
             for sides in _sides(_key(target, run, direction))
         ]
     )
@@ -101,26 +101,26 @@ def _key(
 
 def _positions(rows: Sequence[_Approach]) -> tuple[Iso230Position, ...]:
     return tuple(
-        _position(at, up, down, _sided(up, down))
-        for at, (up, down) in _by_target(rows).items()
+        _position(target, up, down, _sided(up, down))
+        for target, (up, down) in _by_target(rows).items()
     )
 
 
 def _overall(places: Sequence[_Sided]) -> dict[str, float | None]:
-    both = [
+    pairs = [
         (*_mean_of_both(up, down), s_up, s_down)
         for up, s_up, down, s_down in places
         if up is not None and down is not None
     ]
     first = _one_side([place[:2] for place in places])
     second = _one_side([place[2:] for place in places])
-    reversal = [item[0] for item in both]
+    reversal = [item[0] for item in pairs]
     repeat = [
         _bidirectional(turn, s_up, s_down)
-        for turn, _, s_up, s_down in both
+        for turn, _, s_up, s_down in pairs
         if s_up is not None and s_down is not None
     ]
-    known = bool(both) and math.isfinite(first.high) and math.isfinite(second.high)
+    finite = bool(pairs) and math.isfinite(first.high) and math.isfinite(second.high)
     sided = [
         mean
         for up, _, down, _ in places
@@ -129,13 +129,13 @@ def _overall(places: Sequence[_Sided]) -> dict[str, float | None]:
     ]
     return {
         "A": max(first.high, second.high) - min(first.low, second.low)
-        if known
+        if finite
         else None,
         "R": max(repeat) if repeat else None,
-        "B": max(map(abs, reversal)) if both else None,
-        "B_mean": float(np.mean(reversal)) if both else None,
+        "B": max(map(abs, reversal)) if pairs else None,
+        "B_mean": float(np.mean(reversal)) if pairs else None,
         "E": _range(sided),
-        "M": _range([item[1] for item in both]),
+        "M": _range([item[1] for item in pairs]),
         "R_up": first.repeatability,
         "R_down": second.repeatability,
         "A_up": first.accuracy,
@@ -149,37 +149,37 @@ def _enumerated(
     target: Float[np.ndarray, " t"], sides: Int[np.ndarray, " t"]
 ) -> Int[np.ndarray, " t"]:
     """Return 1, 2, … for the readings at each target from each side."""
-    seen: dict[tuple[float, int], int] = {}
+    counts: dict[tuple[float, int], int] = {}
     runs = np.empty(target.size, np.int64)
     keys = zip(np.round(target, _SAME_TARGET).tolist(), sides.tolist(), strict=True)
     for at, key in enumerate(keys):
-        seen[key] = seen.get(key, 0) + 1
-        runs[at] = seen[key]
+        counts[key] = counts.get(key, 0) + 1
+        runs[at] = counts[key]
     return runs
 
 
 def _approaches(error: Float[np.ndarray, " t"], key: _Key) -> list[_Approach]:
     """Return one deviation per target, run and side: the mean of its readings."""
     values = error.tolist()
-    return [(*which, _deviation(values, at)) for which, at in _groups(key)]
+    return [(*label, _deviation(values, rows)) for label, rows in _groups(key)]
 
 
-def _deviation(values: list[float], at: list[int]) -> float:
+def _deviation(values: list[float], rows: list[int]) -> float:
     """Return the deviation of one approach: the mean of its readings."""
-    if len(at) == 1:
-        return values[at[0]]
+    if len(rows) == 1:
+        return values[rows[0]]
     # Exact sums: the figures do not depend on the order of the rows.
-    return math.fsum([values[row] for row in at]) / len(at)
+    return math.fsum([values[row] for row in rows]) / len(rows)
 
 
 @functools.lru_cache(maxsize=8)
 def _sides(key: _Key) -> list[tuple[list[list[int]], list[list[int]]]]:
     """Return for each target, ascending, the readings of its approaches up and down."""
-    found: dict[float, tuple[list[list[int]], list[list[int]]]] = {}
-    for (place, _, side), at in _groups(key):
+    targets: dict[float, tuple[list[list[int]], list[list[int]]]] = {}
+    for (place, _, side), rows in _groups(key):
         if side in (1, -1):
-            found.setdefault(place, ([], []))[side < 0].append(at)
-    return list(found.values())
+            targets.setdefault(place, ([], []))[side < 0].append(rows)
+    return list(targets.values())
 
 
 @functools.lru_cache(maxsize=8)
@@ -196,8 +196,8 @@ def _groups(key: _Key) -> list[tuple[tuple[float, int, int], list[int]]]:
     starts = [0, *(np.flatnonzero(np.logical_or.reduce(differ)) + 1).tolist()]
     rows = order.tolist()
     return [
-        (which, rows[start:end])
-        for which, start, end in zip(
+        (label, rows[start:end])
+        for label, start, end in zip(
             zip(*(column[starts].tolist() for column in columns), strict=True),
             starts,
             [*starts[1:], len(rows)],
@@ -210,14 +210,14 @@ def _by_target(
     rows: Sequence[_Approach],
 ) -> dict[float, tuple[list[float], list[float]]]:
     """Return the deviations up and down at each target; targets ascend as the rows do."""
-    found: dict[float, tuple[list[float], list[float]]] = {}
+    targets: dict[float, tuple[list[float], list[float]]] = {}
     for place, _, side, value in rows:
         if side in (1, -1):
-            own = found.get(place)
-            if own is None:
-                own = found[place] = ([], [])
-            own[side < 0].append(value)
-    return found
+            sides = targets.get(place)
+            if sides is None:
+                sides = targets[place] = ([], [])
+            sides[side < 0].append(value)
+    return targets
 
 
 def _mean_and_s(values: list[float]) -> tuple[float | None, float | None]:
@@ -302,9 +302,9 @@ def _gaps(
     """Return sentences on what the standard asks for and the data lack."""
     remarks = []
     if both and len(both) < len(positions):
-        alone = [f"{item.target:g}" for item in positions if item.B is None]
+        one_sided = [f"{item.target:g}" for item in positions if item.B is None]
         remarks.append(
-            f"Targets {', '.join(alone[:8])} were approached from one side only; "
+            f"Targets {', '.join(one_sided[:8])} were approached from one side only; "
             "B, E, M and R leave them out."
         )
     counts = [n for p in positions for n in (p.runs_up, p.runs_down) if n]
@@ -329,14 +329,14 @@ def _gaps(
 
 
 def _runs(rows: Sequence[_Approach]) -> tuple[Iso230Run, ...]:
-    own: dict[tuple[int, int], tuple[list[float], list[float]]] = {}
+    runs: dict[tuple[int, int], tuple[list[float], list[float]]] = {}
     for place, run, side, value in rows:
-        places, values = own.setdefault((run, side), ([], []))
+        places, values = runs.setdefault((run, side), ([], []))
         places.append(place)
         values.append(value)
     return tuple(
-        Iso230Run(run, side, np.array(own[run, side][0]), np.array(own[run, side][1]))
-        for run, side in sorted(own, key=lambda k: (k[0], -k[1]))
+        Iso230Run(run, side, np.array(runs[run, side][0]), np.array(runs[run, side][1]))
+        for run, side in sorted(runs, key=lambda k: (k[0], -k[1]))
     )
 
 
@@ -345,9 +345,9 @@ def _offsets(rows: Sequence[_Approach]) -> dict[int, float]:
     for place, _, side, value in rows:
         cells.setdefault((place, side), []).append(value)
     means = {key: math.fsum(values) / len(values) for key, values in cells.items()}
-    apart: dict[int, list[float]] = {}
+    offsets: dict[int, list[float]] = {}
     for place, run, side, value in rows:
-        apart.setdefault(run, []).append(value - means[place, side])
+        offsets.setdefault(run, []).append(value - means[place, side])
     return {
-        run: math.fsum(values) / len(values) for run, values in sorted(apart.items())
+        run: math.fsum(values) / len(values) for run, values in sorted(offsets.items())
     }

@@ -115,16 +115,16 @@ def read_iso230(
     data = measurement(table, columns or {}, axis=name)
     position = data.require(f"{name}.position", "for an ISO 230-2 evaluation")
     direction = explain_direction(data, name)
-    found = iso230(
+    result = iso230(
         position, derive_error(data, name), data.get("run"), direction.values
     )
     skipped = (
-        f"Skipped line {each.line}: {each.reason}."
-        for each in table.skipped
-        if each.reason != "comment"
+        f"Skipped line {row.line}: {row.reason}."
+        for row in table.skipped
+        if row.reason != "comment"
     )
-    remarks = (*data.remarks, *direction.remarks, *skipped, *found.remarks)
-    figures = dataclasses.replace(found, remarks=remarks)
+    remarks = (*data.remarks, *direction.remarks, *skipped, *result.remarks)
+    figures = dataclasses.replace(result, remarks=remarks)
     unit = data.units[f"{name}.position"]
     return Iso230Test(path, figures, unit, axis or "", table.missing)
 
@@ -138,11 +138,11 @@ def _only_axis(table: Table) -> str | None:
     roles = [column.role for column in table.columns if column.role]
     if "position" in roles:
         return None
-    known = [role for text in roles if (role := find_role(text)) and role.axis]
+    named = [role for text in roles if (role := find_role(text)) and role.axis]
     axes = sorted(
         {
             role.axis or ""
-            for role in known
+            for role in named
             if role.kind in ("error", "actual") and f"{role.axis}.position" in roles
         }
     )

@@ -110,12 +110,12 @@ class Iso230:
 
     def incomplete_targets(self) -> tuple[float, ...]:
         """Return the targets with fewer approaches from a side than others have."""
-        most = [
+        full = [
             max(getattr(p, side) for p in self.positions)
             for side in ("runs_up", "runs_down")
         ]
         return tuple(
-            p.target for p in self.positions if [p.runs_up, p.runs_down] != most
+            p.target for p in self.positions if [p.runs_up, p.runs_down] != full
         )
 
     def accuracy_ends(self) -> tuple[float, float] | None:

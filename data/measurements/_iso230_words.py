@@ -72,17 +72,17 @@ def describe_drift(test: Iso230, *, unit: str = "mm") -> str:
     scatter = [value for value in (test.R_up, test.R_down) if value is not None]
     if len(offsets) < 2 or not scatter:
         return ""
-    apart = max(offsets) - min(offsets)
-    left = _within_runs(test)
+    spread = max(offsets) - min(offsets)
+    within = _within_runs(test)
     readings = sum(run.error.size for run in test.runs) / len(offsets)
     if (
-        apart < _FINEST
-        or apart < 0.25 * max(scatter)
-        or apart < 4.0 * left / math.sqrt(readings)
+        spread < _FINEST
+        or spread < 0.25 * max(scatter)
+        or spread < 4.0 * within / math.sqrt(readings)
     ):
         return ""
     return (
-        f"Whole runs lie up to {amount(apart, unit)} apart: drift between runs "
+        f"Whole runs lie up to {amount(spread, unit)} apart: drift between runs "
         "(warm-up, loose reference), which R counts as scatter."
     )
 
@@ -120,9 +120,9 @@ def _within_runs(test: Iso230) -> float:
         for p in test.positions
         for side, mean in ((1, p.mean_up), (-1, p.mean_down))
     }
-    left = [
+    residual = [
         value - (means[target, run.direction] or 0.0) - test.run_offsets[run.run]
         for run in test.runs
         for target, value in zip(run.target.tolist(), run.error.tolist(), strict=True)
     ]
-    return math.sqrt(sum(value**2 for value in left) / max(len(left) - 1, 1))
+    return math.sqrt(sum(value**2 for value in residual) / max(len(residual) - 1, 1))

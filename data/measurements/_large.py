@@ -66,8 +66,8 @@ class LargeFile:
         starts = np.concatenate([[0], np.cumsum(lengths)])
         ends = np.unique(np.linspace(0, len(lengths), count + 1).astype(int))
         return [
-            TablePart(self.path, names, rows, int(one), int(two), int(starts[one]))
-            for one, two in itertools.pairwise(ends)
+            TablePart(self.path, names, rows, int(begin), int(end), int(starts[begin]))
+            for begin, end in itertools.pairwise(ends)
         ]
 
 
@@ -141,10 +141,10 @@ def _open_text(path: Path, start: bytes, size: int) -> LargeFile | None:
     if end < 0 or start[:2] in (b"\x1f\x8b", b"\xff\xfe", b"\xfe\xff"):
         return None
     try:
-        read = decode(start[: end + 1], path)
-        if is_capture(start) or is_special(read):
+        decoded = decode(start[: end + 1], path)
+        if is_capture(start) or is_special(decoded):
             return None
-        text = read.text
+        text = decoded.text
         layout = find_layout(path, text)
         head = read_body(path, layout, text)
     except MeasurementError:
@@ -178,26 +178,26 @@ def _text_tables(part: TablePart) -> Iterator[Table]:
     with part.path.open("rb") as file:
         for block in _whole_lines(file):
             text = decode(block, part.path).text
-            here = layout
-            if here is None:
-                layout = here = find_layout(part.path, text)
+            current = layout
+            if current is None:
+                layout = current = find_layout(part.path, text)
             else:
-                here = dataclasses.replace(
-                    here, body=0, body_line=line, skipped=(), plain=False
+                current = dataclasses.replace(
+                    current, body=0, body_line=line, skipped=(), plain=False
                 )
             line += text.count("\n")
-            if text[here.body :].strip():
-                yield read_body(part.path, here, text)
+            if text[current.body :].strip():
+                yield read_body(part.path, current, text)
 
 
 def _whole_lines(file: Any) -> Iterator[bytes]:
     """Yield blocks of a file that end with a line."""
-    rest = b""
+    remainder = b""
     while block := file.read(_BLOCK):
-        rest += block
-        end = rest.rfind(b"\n") + 1
+        remainder += block
+        end = remainder.rfind(b"\n") + 1
         if end:
-            yield rest[:end]
-            rest = rest[end:]
-    if rest:
-        yield rest
+            yield remainder[:end]
+            remainder = remainder[end:]
+    if remainder:
+        yield remainder

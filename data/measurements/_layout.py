@@ -93,8 +93,8 @@ def find_layout(path: Path, text: str, lines: Lines | None = None) -> Layout:
             header has not as many names as the rows have cells.
         MeasurementError: If there is no row of data.
     """
-    found = _plain_layout(text) if lines is None else None
-    return found or _layout_by_lines(path, text, lines or _AS_SHOWN)
+    layout = _plain_layout(text) if lines is None else None
+    return layout or _layout_by_lines(path, text, lines or _AS_SHOWN)
 
 
 def _lines_of_head(text: str) -> tuple[list[int], list[str]]:
@@ -112,32 +112,32 @@ def _lines_of_head(text: str) -> tuple[list[int], list[str]]:
     return offsets, lines
 
 
-def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout:
+def _layout_by_lines(path: Path, text: str, rules: Lines = _AS_SHOWN) -> Layout:
     """Return the layout of any text table."""
-    offsets, every = _lines_of_head(text)
-    dialect = sniff([line for line in every if line.strip()])
+    offsets, lines = _lines_of_head(text)
+    dialect = sniff([line for line in lines if line.strip()])
     comments = [
         at
-        for at, line in enumerate(every)
-        if (dialect.is_comment(line) and at + 1 not in (wanted.header or ()))
+        for at, line in enumerate(lines)
+        if (dialect.is_comment(line) and at + 1 not in (rules.header or ()))
         or (at == 0 and line.casefold().startswith("sep="))
     ]
     aside = set(comments)
-    content = [at for at, line in enumerate(every) if line.strip() and at not in aside]
+    content = [at for at, line in enumerate(lines) if line.strip() and at not in aside]
     if not content:
         reason = "found only comments or blank lines, expected rows of numbers"
         raise MeasurementError(str(path), reason)
-    rows = [dialect.split(every[at]) for at in content]
+    rows = [dialect.split(lines[at]) for at in content]
     width = usual_width(dialect, rows)
     while width > 1 and not any(row[-1] for row in rows if len(row) == width):
         # Every line ends with a separator, or columns of a sheet are empty.
         rows = [row[:-1] if len(row) == width else row for row in rows]
         width -= 1
-    texts = [every[at] for at in content]
+    texts = [lines[at] for at in content]
     head = Head(path, dialect, width, [at + 1 for at in content], texts, rows)
-    first = first_row(head, wanted)
-    block = block_above(head, first, wanted)
-    top, units = header_above(head, first - (block is not None), wanted)
+    first = first_row(head, rules)
+    block = block_above(head, first, rules)
+    top, units = header_above(head, first - (block is not None), rules)
     below = rows[first : first + _BELOW]
     names = _names(head, top)
     width = len(names) if top else len(rows[first])
@@ -146,7 +146,7 @@ def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout
         reason = f"found a header ({words}) and no rows, expected rows"
         raise MeasurementError(str(path), reason)
     if not top:
-        names = _names_from_comment(dialect, every[: content[0]], width)
+        names = _names_from_comment(dialect, lines[: content[0]], width)
     if units is not None:
         cells = rows[units]
         if top and len(cells) < width:
@@ -158,9 +158,9 @@ def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout
     above = top[0] if top else (first if units is None else units)
     refuse_numbers(head, above)
     titles = tuple((head.lines[at], texts[at].strip()) for at in range(above))
-    said = tuple((at + 1, every[at].strip()) for at in comments if at < content[first])
-    left = [Skipped(line, "comment") for line, _ in said]
-    left += [Skipped(line, "title") for line, _ in titles]
+    notes = tuple((at + 1, lines[at].strip()) for at in comments if at < content[first])
+    skipped = [Skipped(line, "comment") for line, _ in notes]
+    skipped += [Skipped(line, "title") for line, _ in titles]
     if block is None and titles and top and heading(titles[-1][1]) is not None:
         block = titles[-1]
     return Layout(
@@ -170,11 +170,11 @@ def _layout_by_lines(path: Path, text: str, wanted: Lines = _AS_SHOWN) -> Layout
         body=offsets[content[first]],
         body_line=content[first] + 1,
         numeric=tuple(_is_numeric(dialect, below, at) for at in range(width)),
-        skipped=tuple(sorted(left, key=lambda item: item.line)),
+        skipped=tuple(sorted(skipped, key=lambda item: item.line)),
         header_lines=tuple(head.lines[at] for at in top),
         units_line=None if units is None else head.lines[units],
         titles=titles,
-        comments=said,
+        comments=notes,
         block=block,
     )
 

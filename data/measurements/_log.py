@@ -87,7 +87,7 @@ def read_log(
     offsets: list[LoggedOffset] = []
     ignored: list[str] = []
     states: dict[tuple[str | None, str], Column] = {}
-    seen: dict[tuple[str | None, str, bool], str] = {}
+    named: dict[tuple[str | None, str, bool], str] = {}
     for column in table.columns:
         name = log_name(column.name, names)
         if name is not None and name.is_state:
@@ -98,12 +98,12 @@ def read_log(
             continue
         if name is not None:
             key = (name.axis, name.compensation, name.filtered)
-            if key in seen:
+            if key in named:
                 reason = (
-                    f"found '{seen[key]}' and '{column.name}', expected one of them"
+                    f"found '{named[key]}' and '{column.name}', expected one of them"
                 )
                 raise MeasurementError(str(path), reason)
-            seen[key] = column.name
+            named[key] = column.name
             offsets.append(_offset(table, column, name, increment))
             continue
         role = _role(column.role or column.name)
@@ -114,11 +114,11 @@ def read_log(
             raise MeasurementError(str(path), f"{reason}, expected one")
         else:
             roles[role] = ColumnSpec(column.header or column.name)
-    for at, one in enumerate(offsets):
-        state = states.pop((one.axis, one.compensation), None)
+    for at, offset in enumerate(offsets):
+        state = states.pop((offset.axis, offset.compensation), None)
         if state is not None:
             acts = table.numbers(state) != 0.0
-            offsets[at] = dataclasses.replace(one, acts=acts)
+            offsets[at] = dataclasses.replace(offset, acts=acts)
     ignored += [column.name for column in states.values()]
     if not any(role.endswith(".position") for role in roles):
         names = ", ".join(column.name for column in table.columns[:12])
@@ -173,7 +173,7 @@ def _offset(
     )
 
 
-def _cycle(motion: Measurement, wanted: float | None) -> float | None:
+def _cycle(motion: Measurement, cycle: float | None) -> float | None:
     """Return the time step, which must be the same all along.
 
     Raises:
@@ -185,9 +185,9 @@ def _cycle(motion: Measurement, wanted: float | None) -> float | None:
     steps = np.diff(time)
     step = float(np.median(steps))
     expected = step if step > 0 else 0.0
-    wrong = np.flatnonzero(~(np.abs(steps - expected) <= _JITTER * expected))
-    if wrong.size:
-        at = int(wrong[0])
+    irregular = np.flatnonzero(~(np.abs(steps - expected) <= _JITTER * expected))
+    if irregular.size:
+        at = int(irregular[0])
         raise CellError(
             str(motion.source),
             int(motion.lines[at + 1]),
@@ -198,9 +198,9 @@ def _cycle(motion: Measurement, wanted: float | None) -> float | None:
         )
     # Stamps are rounded; their mean distance is not.
     step = float((time[-1] - time[0]) / len(steps))
-    if wanted is not None and abs(step - wanted) > 1e-3 * wanted:
+    if cycle is not None and abs(step - cycle) > 1e-3 * cycle:
         reason = (
-            f"found a cycle time of {1e3 * step:.6g} ms, expected {1e3 * wanted:.6g} ms"
+            f"found a cycle time of {1e3 * step:.6g} ms, expected {1e3 * cycle:.6g} ms"
         )
         raise MeasurementError(str(motion.source), reason)
     return step

@@ -24,9 +24,9 @@ def read_mat(path: Path, raw: bytes) -> Table:
         MeasurementError: If the file is damaged or holds no vector.
     """
     try:
-        read = read_version_5 if raw.startswith(b"MATLAB") else read_version_4
-        found = [Array(each.name, each.values, each.other) for each in read(raw)]
+        reader = read_version_5 if raw.startswith(b"MATLAB") else read_version_4
+        arrays = [Array(item.name, item.values, item.other) for item in reader(raw)]
     except DamagedMat as error:
         reason = f"found damaged MATLAB data ({error}), expected {_EXPECTED}"
         raise MeasurementError(str(path), reason) from error
-    return table_of_arrays(path, "MATLAB", found, _EXPECTED)
+    return table_of_arrays(path, "MATLAB", arrays, _EXPECTED)

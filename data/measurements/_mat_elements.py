@@ -99,14 +99,14 @@ def _header_4(
         return None
     kind, rows, columns, imaginary, length = struct.unpack_from(f"{order}5i", raw, at)
     digits = (kind // 1000, kind // 100 % 10, kind // 10 % 10, kind % 10)
-    plain = (
+    valid = (
         0 <= kind < 5000
-        and all(d <= most for d, most in zip(digits, (4, 0, 5, 2), strict=True))
+        and all(d <= bound for d, bound in zip(digits, (4, 0, 5, 2), strict=True))
         and min(rows, columns) >= 0
         and imaginary in (0, 1)
         and 2 <= length <= 256
     )
-    name = raw[at + 20 : at + 20 + max(length, 0)] if plain else b""
+    name = raw[at + 20 : at + 20 + max(length, 0)] if valid else b""
     if len(name) < 2 or not name.endswith(b"\0"):
         return None
     text = name.rstrip(b"\0").decode("latin-1")
@@ -130,11 +130,11 @@ def read_version_5(raw: bytes) -> Iterator[Variable]:
         kind, body = reader.element()
         if kind == _COMPRESSED:
             try:
-                whole = zlib.decompress(body.raw[body.at : body.end])
+                unpacked = zlib.decompress(body.raw[body.at : body.end])
             except zlib.error as error:
                 msg = f"compressed data: {error}"
                 raise DamagedMat(msg) from error
-            kind, body = _Reader(whole, 0, len(whole), body.order).element()
+            kind, body = _Reader(unpacked, 0, len(unpacked), body.order).element()
         if kind != _MATRIX:
             msg = f"an element of type {kind} in place of a variable"
             raise DamagedMat(msg)
@@ -196,8 +196,8 @@ def _matrix(reader: _Reader, name: str | None, depth: int) -> Iterator[Variable]
     if flags.size < 1 or not 2 <= shape.size <= 32 or min(shape.tolist()) < 0:
         msg = "an array without a proper shape"
         raise DamagedMat(msg)
-    own = reader.bytes()[1].decode("latin-1")
-    name = own if name is None else name
+    stored = reader.bytes()[1].decode("latin-1")
+    name = stored if name is None else name
     kind, sizes = int(flags[0]) & 0xFF, tuple(shape.tolist())
     if not name.isprintable():
         msg = "a name that cannot be printed"

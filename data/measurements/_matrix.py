@@ -42,12 +42,12 @@ def _unnamed_corner(head: str) -> str | None:
     The cell is empty or 0, and ascending numbers stand behind it and below it. Where it is
     0, these also are of another size than all other numbers: it may be a plain table.
     """
-    top, _, rest = head.partition("\n")
+    top, _, below = head.partition("\n")
     if not top.strip():
         return None
-    mark = next((each for each in ";\t," if each in top), None)
+    mark = next((sign for sign in ";\t," if sign in top), None)
     rows = [
-        line.split(mark) for line in (top, *rest.split("\n")[:_LOOK]) if line.strip()
+        line.split(mark) for line in (top, *below.split("\n")[:_LOOK]) if line.strip()
     ]
     corner, *heads = (_plain_number(cell) for cell in rows[0])
     along = [value for value in heads if value is not None]
@@ -55,11 +55,11 @@ def _unnamed_corner(head: str) -> str | None:
         return None
     if not rows[0][0].strip(' "'):
         return ""
-    read = [[_plain_number(cell) for cell in row] for row in rows[1:]]
-    whole = [row for row in read if None not in row and len(row) == len(rows[0])]
-    if corner != 0.0 or len(whole) < _FEWEST or len(whole) < len(read) - 1:
+    numbers = [[_plain_number(cell) for cell in row] for row in rows[1:]]
+    full = [row for row in numbers if None not in row and len(row) == len(rows[0])]
+    if corner != 0.0 or len(full) < _FEWEST or len(full) < len(numbers) - 1:
         return None
-    body = np.array(whole, dtype=np.float64)
+    body = np.array(full, dtype=np.float64)
     jumps = np.abs(np.array(along) - np.median(body[:, 1:], axis=0))
     rises = bool(np.all(np.diff(body[:, 0]) > 0.0))
     larger = jumps.sum() > _LARGER * np.ptp(body[:, 1:], axis=0).sum()
@@ -92,8 +92,8 @@ def read_matrix(path: Path, text: str, encoding: str) -> Table:
         if cell:
             found = f"ascending numbers along the top and down the side beside '{cell}'"
         expected = "both axes in that cell, the one down the side first: Y\\X"
-        table = "header = [] where it is no surface" if cell else ""
-        raise LineError(str(path), 1, found, expected, table)
+        advice = "header = [] where it is no surface" if cell else ""
+        raise LineError(str(path), 1, found, expected, advice)
     lines = text.split("\n")
     top = text.count("\n", 0, corner.start())
     body = [(n, line) for n, line in enumerate(lines[top:], top + 1) if line.strip()]
@@ -132,24 +132,24 @@ def read_matrix(path: Path, text: str, encoding: str) -> Table:
     )
     axes = (np.array(along), np.array(list(sides)))
     form = "matrix of a surface"
-    read = surface(path, form, names, axes, points, [remark], _EMPTY)
+    table = surface(path, form, names, axes, points, [remark], _EMPTY)
     stated = next(filter(None, map(unit_of_title, lines[:top])), None)
-    every = [*units, stated]
+    column_units = [*units, stated]
     titles = (
         Skipped(n, "title") for n, line in enumerate(lines[:top], 1) if line.strip()
     )
     return dataclasses.replace(
-        read,
+        table,
         columns=tuple(
-            dataclasses.replace(column, unit=unit, role=own)
-            for column, unit, own in zip(
-                read.columns,
-                every,
+            dataclasses.replace(column, unit=unit, role=kind)
+            for column, unit, kind in zip(
+                table.columns,
+                column_units,
                 (*(f"{name}.position" for name in names), role),
                 strict=True,
             )
         ),
-        skipped=(*titles, *read.skipped),
+        skipped=(*titles, *table.skipped),
     )
 
 

@@ -43,8 +43,8 @@ def with_meaning(
         titles: Lines above the header.
     """
     for layout in (laser_without_header, one_column_per_run, one_row_per_run):
-        if (found := layout(table, names)) is not None:
-            return with_titles(found, titles)
+        if (result := layout(table, names)) is not None:
+            return with_titles(result, titles)
     if (trims := triplets(table, names)) is not None:
         return trims
     roles, laser = roles_of(names)
@@ -53,8 +53,8 @@ def with_meaning(
         column if role is None else dataclasses.replace(column, role=role)
         for column, role in zip(table.columns, roles, strict=True)
     ]
-    columns, said = _as_they_are(columns)
-    remarks = (*table.remarks, *said)
+    columns, notes = _as_they_are(columns)
+    remarks = (*table.remarks, *notes)
     above = table.form.titles if table.form else ()
     if above and not any(name.header for name in names):
         line = max(above)
@@ -82,28 +82,28 @@ def _as_they_are(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
     A run of one reading only is a number of the row; words of which each is a direction are
     the directions of the readings beside them, and those of which none is one are not.
     """
-    found, remarks = list(columns), []
+    result, remarks = list(columns), []
     kinds = set(map(kind_of, columns))
     for at, column in enumerate(columns):
         values = column.values[:_TELLING]
         if column.role == "run" and column.text is None and values.size > _SHORT:
             if np.unique(values).size == values.size:
-                found[at] = dataclasses.replace(column, role=None)
+                result[at] = dataclasses.replace(column, role=None)
                 remarks.append(f"'{column.name}' counts the rows, and is no run.")
         words = dict.fromkeys(column.text or ())
         sides = set(map(direction_of, words))
         if kind_of(column) == "direction" and sides == {None}:
-            found[at], said = _by_order(column, columns)
-            remarks.append(f"'{column.name}' holds {', '.join(words)[:40]}: {said}.")
+            result[at], reason = _by_order(column, columns)
+            remarks.append(f"'{column.name}' holds {', '.join(words)[:40]}: {reason}.")
         if column.role is None and sides and sides <= {1, -1} and values.size > _SHORT:
             place = next((c.role for c in columns if kind_of(c) == "position"), None)
             if place is not None and "direction" not in kinds:
                 role = place.replace("position", "direction")
-                found[at] = dataclasses.replace(column, role=role)
+                result[at] = dataclasses.replace(column, role=role)
                 listed = ", ".join(words)
                 remarks.append(f"'{column.name}' holds directions: {listed}.")
                 kinds.add("direction")
-    return found, remarks
+    return result, remarks
 
 
 def _by_order(column: Column, columns: Sequence[Column]) -> tuple[Column, str]:
@@ -117,20 +117,20 @@ def _by_order(column: Column, columns: Sequence[Column]) -> tuple[Column, str]:
     words = list(dict.fromkeys(cells.tolist()))
     signs = {}
     if place is not None and len(words) == 2:
-        step, same = np.diff(place), cells[1:] == cells[:-1]
+        step, unchanged = np.diff(place), cells[1:] == cells[:-1]
         for word in words:
-            own = np.sign(step[same & (cells[1:] == word)])
-            signs[word] = float(own.mean()) if own.size else 0.0
+            steps = np.sign(step[unchanged & (cells[1:] == word)])
+            signs[word] = float(steps.mean()) if steps.size else 0.0
     low, high = (
         end(words, key=lambda word: signs.get(word, 0.0)) for end in (min, max)
     )
     if not signs or signs[low] > -_SURE or signs[high] < _SURE:
         key = f'{{ column = "{column.header}", positive = "{words[0]}" }}'
-        said = f'no known directions; "<axis>.direction" = {key} says which is +'
-        return dataclasses.replace(column, role=None), said
+        reason = f'no known directions; "<axis>.direction" = {key} says which is +'
+        return dataclasses.replace(column, role=None), reason
     text = tuple("+" if cell == high else "-" for cell in cells)
-    said = f"'{high}' is the positive one, as the order of the targets shows"
-    return dataclasses.replace(column, text=text), said
+    reason = f"'{high}' is the positive one, as the order of the targets shows"
+    return dataclasses.replace(column, text=text), reason
 
 
 def _with_time(roles: Sequence[str | None], names: Sequence[Name]) -> list[str | None]:
@@ -161,8 +161,8 @@ def _with_clock(table: Table, names: Sequence[Name]) -> Table:
         for kind in ("date", "time", "both")
     )
     bare = [at for at, name in texts.items() if not name.header]
-    one = next((at for at in (both, hour, day, *bare) if at is not None), None)
-    if one is None:
+    chosen = next((at for at in (both, hour, day, *bare) if at is not None), None)
+    if chosen is None:
         return table
     if both is None and day is not None and hour is not None and day != hour:
         dates, times = columns[day].text, columns[hour].text
@@ -174,8 +174,8 @@ def _with_clock(table: Table, names: Sequence[Name]) -> Table:
             columns[hour] = dataclasses.replace(
                 columns[hour], name=name, header=name, text=cells
             )
-            one = hour
-    columns[one] = dataclasses.replace(columns[one], role="time")
+            chosen = hour
+    columns[chosen] = dataclasses.replace(columns[chosen], role="time")
     for at, column in enumerate(columns):
         if column.unit == "degC" and column.role is None and column.text is None:
             sensor = re.sub(r"\W+", "_", names[at].stem.casefold()).strip("_")

@@ -109,9 +109,9 @@ class Measurement:
         for role in seen:
             bad = role in seen.unusable
             values = np.zeros(0) if bad else np.asarray(seen[role], float)
-            known = values[np.isfinite(values)]
+            valid = values[np.isfinite(values)]
             ends = (
-                [f"{known.min():.6g}", f"{known.max():.6g}"] if known.size else ["", ""]
+                [f"{valid.min():.6g}", f"{valid.max():.6g}"] if valid.size else ["", ""]
             )
             rows.append([role, self.units.get(role, ""), *ends])
         parts = [f"<p><b>{html.escape(self.name)}</b>: {self.rows} rows</p>"]
@@ -281,8 +281,8 @@ def measurement(
 
 def advice(table: Table) -> str:
     """Return what a job may say in ``columns`` of a file without roles, as written there."""
-    stated = table.advice
-    if not stated:
+    columns = table.advice
+    if not columns:
         first, last = table.columns[0], table.columns[-1]
         for column in table.columns:
             if "error" in kinds_in(words_in([column.name])) or says_correction(
@@ -290,19 +290,19 @@ def advice(table: Table) -> str:
             ):
                 last = column
         sign = -1 if says_correction(last.name) else 1
-        stated = {
+        columns = {
             "position": ColumnSpec(first.header or first.name),
             "error": ColumnSpec(last.header or last.name, sign=sign),
         }
-    said = (f'"<axis>.{kind}" = {spec.words()}' for kind, spec in stated.items())
-    return f"{', '.join(said)}{'' if table.advice else ' or others'}"
+    texts = (f'"<axis>.{kind}" = {spec.words()}' for kind, spec in columns.items())
+    return f"{', '.join(texts)}{'' if table.advice else ' or others'}"
 
 
 def _counted(
     table: Table, mapping: Mapping[str, ColumnSpec]
 ) -> tuple[Table, dict[str, ColumnSpec]]:
     """Return the table with a column for each role that is counted row by row."""
-    found = dict(mapping)
+    result = dict(mapping)
     for text, spec in mapping.items():
         if spec.value is None or not spec.interval:
             continue
@@ -317,8 +317,8 @@ def _counted(
             columns=(*table.columns, Column(name, None, None, values, header=name)),
             remarks=(*table.remarks, remark),
         )
-        found[text] = ColumnSpec(name, spec.unit, sign=spec.sign)
-    return table, found
+        result[text] = ColumnSpec(name, spec.unit, sign=spec.sign)
+    return table, result
 
 
 def _constant(
@@ -337,14 +337,14 @@ def _constant(
 
 def _angular_axes(table: Table, mapping: Mapping[str, ColumnSpec]) -> set[str]:
     """Return the axes of which any unit, of the job or the file, is one of angles."""
-    found = set()
+    axes = set()
     for text, spec in mapping.items():
         role = named_role(text, str(table.path))
         stated = table.column(spec.column).unit if spec.column else None
         unit = find_unit(spec.unit or stated or "")
         if role.axis and unit is not None and unit.dimension.startswith("ang"):
-            found.add(role.axis)
-    return found
+            axes.add(role.axis)
+    return axes
 
 
 def own_roles(
@@ -356,8 +356,8 @@ def own_roles(
         MeasurementError: If it cannot tell what is meant.
     """
     mesh = table.format in MESH_FORMATS
-    found: dict[str, ColumnSpec] = {}
-    given = iter(masters)
+    result: dict[str, ColumnSpec] = {}
+    names = iter(masters)
     for column in table.columns:
         if column.role is None:
             continue
@@ -374,18 +374,18 @@ def own_roles(
         elif mesh and role.kind == "error" and axis is not None:
             text = f"{axis}.error"
         elif mesh and role.kind == "position":
-            text = f"{next(given, role.axis)}.position"
+            text = f"{next(names, role.axis)}.position"
         spec = ColumnSpec(
             column.header or column.name, run=column.run, direction=column.direction
         )
         if column.run is not None:
-            parts = found[text].parts if text in found else ()
-            found[text] = ColumnSpec("", parts=(*parts, spec))
+            parts = result[text].parts if text in result else ()
+            result[text] = ColumnSpec("", parts=(*parts, spec))
             continue
-        if text in found:
+        if text in result:
             reason = (
-                f"found columns '{found[text].column}' and '{column.name}' for {text}"
+                f"found columns '{result[text].column}' and '{column.name}' for {text}"
             )
             raise MeasurementError(str(table.path), f"{reason}, expected one")
-        found[text] = spec
-    return found
+        result[text] = spec
+    return result

@@ -59,25 +59,25 @@ def read_bed_mesh(path: Path, text: str, profile: str | None) -> Table:
     if not profiles:
         reason = "found [bed_mesh] without points, expected a saved profile"
         raise MeasurementError(str(path), reason)
-    wanted = profile or ("default" if "default" in names else names[0])
-    if wanted not in names:
-        reason = f"found profiles {', '.join(names)}, expected '{wanted}'"
+    chosen = profile or ("default" if "default" in names else names[0])
+    if chosen not in names:
+        reason = f"found profiles {', '.join(names)}, expected '{chosen}'"
         raise MeasurementError(str(path), reason)
-    taken = profiles[names.index(wanted)]
+    mesh = profiles[names.index(chosen)]
     remarks = []
     if len(profiles) > 1:
-        others = ", ".join(name for name in names if name != wanted)
-        remarks.append(f"Profile '{wanted}' was taken; the file also holds {others}.")
+        others = ", ".join(name for name in names if name != chosen)
+        remarks.append(f"Profile '{chosen}' was taken; the file also holds {others}.")
     axes = [
         np.linspace(
-            _setting(path, taken, f"min_{a}"),
-            _setting(path, taken, f"max_{a}"),
-            int(_setting(path, taken, f"{a}_count")),
+            _setting(path, mesh, f"min_{a}"),
+            _setting(path, mesh, f"max_{a}"),
+            int(_setting(path, mesh, f"{a}_count")),
         )
         for a in "xy"
     ]
     return surface(
-        path, "Klipper bed mesh", ("x", "y"), axes, taken.points, remarks, _ABSENT
+        path, "Klipper bed mesh", ("x", "y"), axes, mesh.points, remarks, _ABSENT
     )
 
 

@@ -79,8 +79,8 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
         MeasurementError: If an axis moves all the time and its error cannot be told
             from what it lags behind, or times do not ascend.
     """
-    wanted = [axis for axis in axes if _moves(measurement, axis)]
-    if not wanted:
+    moving = [axis for axis in axes if _moves(measurement, axis)]
+    if not moving:
         return measurement
     time = np.asarray(measurement.require("time"), dtype=float)
     if np.any(np.diff(time) <= 0):
@@ -90,25 +90,25 @@ def without_motion(measurement: Measurement, axes: Sequence[str]) -> Measurement
             " log in the order of time"
         )
         raise MeasurementError(str(measurement.source), reason)
-    found = {axis: _error_of(measurement.with_gaps(), axis, time) for axis in wanted}
-    common = next((one.instants for one in found.values() if one.clock), time)
+    errors = {axis: _error_of(measurement.with_gaps(), axis, time) for axis in moving}
+    common = next((part.instants for part in errors.values() if part.clock), time)
     values = _at(measurement, time, common)
     remarks = list(measurement.remarks)
     units = dict(measurement.units)
     gaps = {}
-    for axis, one in found.items():
-        error = one.error
-        if np.abs(one.instants - common).max() > _APART:
-            error = np.interp(common, one.instants, error)
+    for axis, part in errors.items():
+        error = part.error
+        if np.abs(part.instants - common).max() > _APART:
+            error = np.interp(common, part.instants, error)
         gaps[f"{axis}.error"] = error
         units[f"{axis}.error"] = measurement.units[f"{axis}.actual"]
-        remarks.append(one.words)
+        remarks.append(part.words)
     for role in values:
         units.setdefault(role, _unit(role, units))
     late = {
-        axis: one.clock.standard_deviation * values[f"{axis}.velocity"]
-        for axis, one in found.items()
-        if one.clock is not None and f"{axis}.velocity" in values
+        axis: part.clock.standard_deviation * values[f"{axis}.velocity"]
+        for axis, part in errors.items()
+        if part.clock is not None and f"{axis}.velocity" in values
     }
     return dataclasses.replace(
         measurement,
@@ -124,16 +124,16 @@ def with_error(measurement: Measurement, axis: str) -> Measurement:
     role = f"{axis}.error"
     if role not in measurement.values:
         return measurement
-    known = np.isfinite(measurement.values[role])
-    if known.all():
+    finite = np.isfinite(measurement.values[role])
+    if finite.all():
         return measurement
-    values = {name: measurement.values[name][known] for name in measurement.values}
+    values = {name: measurement.values[name][finite] for name in measurement.values}
     return dataclasses.replace(
         measurement,
         values=RoleValues(values),
-        rows=int(known.sum()),
-        lines=measurement.lines[known],
-        late={name: each[known] for name, each in measurement.late.items()},
+        rows=int(finite.sum()),
+        lines=measurement.lines[finite],
+        late={name: delay[finite] for name, delay in measurement.late.items()},
     )
 
 
@@ -160,8 +160,8 @@ class _Found:
 
 def _moves(measurement: Measurement, axis: str) -> bool:
     values = measurement.values
-    has = f"{axis}.error" not in values and f"{axis}.actual" in values
-    return has and is_log(measurement, axis)
+    is_missing = f"{axis}.error" not in values and f"{axis}.actual" in values
+    return is_missing and is_log(measurement, axis)
 
 
 def _place(measurement: Measurement, axis: str) -> np.ndarray | None:
@@ -196,11 +196,11 @@ def _error_of(
                 _aligned_words(axis, clock, aligned),
             )
         reason = clock.statement
-    still = standing(time, place)
-    error = np.where(still, actual - place, np.nan)
+    standstill = standing(time, place)
+    error = np.where(standstill, actual - place, np.nan)
     count = int(np.isfinite(error).sum())
     if count < _LEAST:
-        moving = int(np.flatnonzero(~still)[0])
+        moving = int(np.flatnonzero(~standstill)[0])
         why = (
             f"line {measurement.lines[moving]}: found {axis} moving, and {reason};"
             f" expected '{axis}.actual' and '{axis}.encoder' of a motion at changing"
@@ -222,8 +222,8 @@ def _others(measurement: Measurement, axis: str) -> np.ndarray | None:
         for name in measurement.axes
         if name != axis and (place := _place(measurement, name)) is not None
     ]
-    known = [place for place in places if np.isfinite(place).all()]
-    return np.stack(known, axis=1) if known else None
+    complete = [place for place in places if np.isfinite(place).all()]
+    return np.stack(complete, axis=1) if complete else None
 
 
 def _aligned_words(axis: str, clock: InstrumentClock, aligned: AlignedError) -> str:
@@ -248,23 +248,23 @@ def _at(
     """Return all columns at the instants; positions are those of the encoders."""
     gappy = measurement.with_gaps()
     shifted = instants is not time
-    found: dict[str, np.ndarray] = {}
+    columns: dict[str, np.ndarray] = {}
     for role in gappy.values:
         column = np.asarray(gappy.values[role])
         if shifted and column.dtype.kind == "f" and role != "run":
             column = np.interp(instants, time, column)
-        found[role] = column
-    found["time"] = instants
+        columns[role] = column
+    columns["time"] = instants
     for axis in measurement.axes:
         encoder = gappy.get(f"{axis}.encoder")
         if encoder is None or not np.isfinite(encoder).all():
             continue
         place, speed, rate = _motion(time, np.asarray(encoder, dtype=float), instants)
-        found[f"{axis}.encoder"] = found[f"{axis}.position"] = place
-        found[f"{axis}.velocity"], found[f"{axis}.acceleration"] = speed, rate
+        columns[f"{axis}.encoder"] = columns[f"{axis}.position"] = place
+        columns[f"{axis}.velocity"], columns[f"{axis}.acceleration"] = speed, rate
         slow = 1e-3 * float(np.abs(speed).max(initial=0.0))
-        found[f"{axis}.direction"] = last_direction(speed, slow).astype(np.int64)
-    return found
+        columns[f"{axis}.direction"] = last_direction(speed, slow).astype(np.int64)
+    return columns
 
 
 def _motion(
@@ -275,8 +275,8 @@ def _motion(
     """Return position, velocity and acceleration of an encoder at the instants."""
     spline = encoder_spline(time, encoder)
     if spline is None:
-        none = np.zeros(len(time))
-        return encoder, none, none.copy()
+        zeros = np.zeros(len(time))
+        return encoder, zeros, zeros.copy()
     place, speed, rate = (np.asarray(spline(instants, k)) for k in range(3))
     step = float(np.median(np.diff(time)))
     noise = 3.0 * noise_of(encoder) / step**2

@@ -25,10 +25,10 @@ def read_parquet(path: Path) -> Table:
     import pyarrow.parquet as pq
 
     try:
-        read: Any = pq.read_table(path, use_threads=True)
+        table: Any = pq.read_table(path, use_threads=True)
     except pa.ArrowException as error:
         raise damaged(path, error) from error
-    return table_of_arrow(path, read)
+    return table_of_arrow(path, table)
 
 
 def damaged(path: Path, error: Exception) -> MeasurementError:
@@ -38,12 +38,12 @@ def damaged(path: Path, error: Exception) -> MeasurementError:
     return MeasurementError(str(path), reason)
 
 
-def table_of_arrow(path: Path, read: Any, row: int = 0) -> Table:
+def table_of_arrow(path: Path, table: Any, row: int = 0) -> Table:
     """Return the columns of an Arrow table: a whole file, or some rows of it.
 
     Args:
         path: The file.
-        read: A `pyarrow.Table`.
+        table: A `pyarrow.Table`.
         row: Rows of the file before the first one.
 
     Raises:
@@ -51,17 +51,17 @@ def table_of_arrow(path: Path, read: Any, row: int = 0) -> Table:
     """
     import pyarrow as pa
 
-    if not read.num_rows or not read.num_columns:
+    if not table.num_rows or not table.num_columns:
         raise MeasurementError(str(path), "found no rows, expected at least one")
     columns: list[Column] = []
     names = []
     skipped: list[Skipped] = []
-    for field in read.schema:
+    for field in table.schema:
         name = parse_name(field.name)
         stated = (field.metadata or {}).get(b"unit")
         if stated is not None and (unit := find_unit(stated.decode())) is not None:
             name = dataclasses.replace(name, unit=unit.name, doubtful=False)
-        cells: Any = read.column(field.name)
+        cells: Any = table.column(field.name)
         if pa.types.is_timestamp(field.type) or pa.types.is_duration(field.type):
             ticks = cells.to_numpy().astype(
                 f"<{'M' if pa.types.is_timestamp(field.type) else 'm'}8[ns]"
@@ -82,13 +82,13 @@ def table_of_arrow(path: Path, read: Any, row: int = 0) -> Table:
             reason = f"column '{field.name}' holds {field.type}, which is no number"
             skipped.append(Skipped(0, reason))
             continue
-        wrong = np.flatnonzero(~np.isfinite(values))
+        invalid = np.flatnonzero(~np.isfinite(values))
         bad = (
             BadCell(
-                row + int(wrong[0]) + 1,
-                _shown(float(values[wrong[0]]), cells, int(wrong[0])),
+                row + int(invalid[0]) + 1,
+                _text(float(values[invalid[0]]), cells, int(invalid[0])),
             )
-            if wrong.size
+            if invalid.size
             else None
         )
         names.append(name)
@@ -112,8 +112,8 @@ def table_of_arrow(path: Path, read: Any, row: int = 0) -> Table:
             dataclasses.replace(column, role=role)
             for column, role in zip(columns, roles, strict=True)
         ),
-        rows=read.num_rows,
-        lines=np.arange(row + 1, row + read.num_rows + 1, dtype=np.int64),
+        rows=table.num_rows,
+        lines=np.arange(row + 1, row + table.num_rows + 1, dtype=np.int64),
         skipped=tuple(skipped),
         counts_rows=True,
     )
@@ -129,5 +129,5 @@ def _is_number(pa: Any, kind: Any) -> bool:
     )
 
 
-def _shown(value: float, cells: Any, at: int) -> str:
+def _text(value: float, cells: Any, at: int) -> str:
     return "" if cells[at].as_py() is None else f"{value}"

@@ -22,20 +22,20 @@ def problems_of(table: Table) -> list[CellError]:
     and a row that stands there twice. An empty cell of a table with one column per run is
     no reading.
     """
-    found: dict[int, CellError] = {}
-    for error in _every(table):
-        found.setdefault(error.line, error)
-    return list(found.values())
+    by_line: dict[int, CellError] = {}
+    for error in _cell_errors(table):
+        by_line.setdefault(error.line, error)
+    return list(by_line.values())
 
 
-def _every(table: Table) -> Iterator[CellError]:
+def _cell_errors(table: Table) -> Iterator[CellError]:
     for column in table.columns:
         try:
             _use(table, column)
         except CellError as error:
             yield error
-    if (again := _repeated_row(table)) is not None:
-        yield again
+    if (repeated := _repeated_row(table)) is not None:
+        yield repeated
 
 
 def _use(table: Table, column: Column) -> None:
@@ -73,13 +73,13 @@ def _repeated_row(table: Table) -> CellError | None:
     wide = any(column.run is not None for column in table.columns)
     if "position" not in kinds or not (wide or {"run", "direction"} & kinds.keys()):
         return None  # that a probe is read twice at a place is no damage
-    found = _row_above(table) or _row_before(table)
-    if found is None:
+    pair = _row_above(table) or _row_before(table)
+    if pair is None:
         return None
-    at, before = found
+    at, earlier = pair
     key = kinds["position"]
     bad = BadCell(int(table.lines[at]), f"{key.values[at]:.10g}")
-    expected = f"another reading than in {_place(table, before)}, which it repeats"
+    expected = f"another reading than in {_place(table, earlier)}, which it repeats"
     return table.cell_error(key, bad, expected, damaged=True)
 
 
@@ -104,8 +104,8 @@ def _late_row(table: Table, time: Column, run: Column | None) -> CellError | Non
 
 def _row_above(table: Table) -> tuple[int, int] | None:
     """Return the first row that is the same as the one above it, and that one."""
-    same = np.logical_and.reduce([_repeats(column) for column in table.columns])
-    rows = np.flatnonzero(same) + 1
+    equal = np.logical_and.reduce([_repeats(column) for column in table.columns])
+    rows = np.flatnonzero(equal) + 1
     if not 0 < rows.size <= max(1.0, _FEW * table.rows):
         return None
     return int(rows[0]), int(rows[0]) - 1
@@ -127,10 +127,10 @@ def _row_before(table: Table) -> tuple[int, int] | None:
         return None
     place, whole = _first_rows(places), _first_rows([*places, *readings])
     rows = np.arange(table.rows)
-    again = np.flatnonzero(whole != rows)
-    if not 0.9 * np.count_nonzero(place != rows) <= again.size < 0.5 * table.rows:
+    repeated = np.flatnonzero(whole != rows)
+    if not 0.9 * np.count_nonzero(place != rows) <= repeated.size < 0.5 * table.rows:
         return None
-    return None if not again.size else (int(again[0]), int(whole[again[0]]))
+    return None if not repeated.size else (int(repeated[0]), int(whole[repeated[0]]))
 
 
 def _first_rows(columns: list[Column]) -> np.ndarray:

@@ -100,19 +100,19 @@ def _bulk_table(path: Path) -> Table | None:
         offset = start.index(b"\n", offset) + 1
     with pa.memory_map(str(path)) as file:
         body = file.read_buffer()[offset:]
-        read = read_cells(body, layout, blank_lines=False, threads=True)
-        if read is None:
+        cells = read_cells(body, layout, blank_lines=False, threads=True)
+        if cells is None:
             return None
-        values = [np.asarray(column.to_numpy()) for column in read.columns]
+        values = [np.asarray(column.to_numpy()) for column in cells.columns]
     with np.errstate(all="ignore"):
         # Summing up finds any cell that is no number.
         if not all(np.isfinite(column.sum()) for column in values):
             return None
     columns = [
-        number_column(name, own, None)
-        for name, own in zip(layout.names, values, strict=True)
+        number_column(name, array, None)
+        for name, array in zip(layout.names, values, strict=True)
     ]
-    rows = read.num_rows
+    rows = cells.num_rows
     lines = np.arange(layout.body_line, layout.body_line + rows)
     assert ended or rows  # a last line without its end is a row like the others
     return table_of(path, layout, columns, lines, (), head.encoding)
@@ -124,9 +124,9 @@ def _is_bulk(layout: Layout, text: str) -> bool:
     return plain and len(layout.names) > 1 and all(layout.numeric)
 
 
-def is_special(read: Text) -> bool:
+def is_special(decoded: Text) -> bool:
     """Whether the first part of a text is of a format of its own, and no plain table."""
-    text, words = read.text, read.words
+    text, words = decoded.text, decoded.words
     return (
         is_scope(text, words)
         or is_run_table(text, words)
@@ -144,10 +144,10 @@ def _any_table(
         return _without_lines(read_mat(path, raw), lines)
     if is_capture(raw):
         return _without_lines(read_capture(path, raw), lines)
-    read = decode(raw, path)
-    text, words = read.text, read.words
+    decoded = decode(raw, path)
+    text, words = decoded.text, decoded.words
     if lines is not None:
-        return read_csv(path, text, encoding=read.encoding, lines=lines)
+        return read_csv(path, text, encoding=decoded.encoding, lines=lines)
     head = text[:200_000]
     if is_scope(head, words):
         return read_scope(path, text)
@@ -159,5 +159,5 @@ def _any_table(
         return read_bed_mesh(path, text, profile)
     for format in INSTRUMENTS:
         if format.matches(head):
-            return format.read(path, text, read.encoding)
-    return read_csv(path, text, encoding=read.encoding)
+            return format.read(path, text, decoded.encoding)
+    return read_csv(path, text, encoding=decoded.encoding)

@@ -87,12 +87,12 @@ class ColumnSpec:
     def of_job(self) -> Any:
         """Return what a job says: a name, a table, or a list of one table per run."""
         if self.parts:
-            return [each.of_job() for each in self.parts]
-        plain = ColumnSpec("")
+            return [part.of_job() for part in self.parts]
+        default = ColumnSpec("")
         stated = {
             field.name: getattr(self, field.name)
             for field in dataclasses.fields(self)
-            if getattr(self, field.name) != getattr(plain, field.name)
+            if getattr(self, field.name) != getattr(default, field.name)
         }
         if "unit" in stated and find_unit(stated["unit"]) is None:
             del stated["unit"]
@@ -107,8 +107,8 @@ def _inline(value: Any) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(_inline, value))}]"
     if isinstance(value, dict):
-        inside = ", ".join(f"{key} = {_inline(each)}" for key, each in value.items())
-        return f"{{ {inside} }}"
+        pairs = ", ".join(f"{key} = {_inline(item)}" for key, item in value.items())
+        return f"{{ {pairs} }}"
     return json.dumps(value, ensure_ascii=False)
 
 
@@ -130,9 +130,9 @@ def role(text: str, source: str) -> Role:
     Raises:
         RoleError: If there is none; names the nearest.
     """
-    found = find_role(text)
-    if found is not None:
-        return found
+    result = find_role(text)
+    if result is not None:
+        return result
     head, dot, tail = text.partition(".")
     if dot and _AXIS.fullmatch(head) and head != "temperature":
         close = f"{head}.{nearest(tail, KINDS)}"

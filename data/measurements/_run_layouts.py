@@ -55,7 +55,11 @@ def laser_without_header(table: Table, names: Sequence[Name]) -> Table | None:
 
 
 def triplets(table: Table, names: Sequence[Name]) -> Table | None:
-    """Return a LinuxCNC table of nominal, forward and reverse positions, or None."""
+    """Return a LinuxCNC table of nominal, forward and reverse positions or trims, or None.
+
+    Raises:
+        LineError: If nominal positions do not ascend.
+    """
     columns = table.columns
     if len(columns) != 3 or table.rows < 2 or any(name.header for name in names):
         return None
@@ -65,8 +69,8 @@ def triplets(table: Table, names: Sequence[Name]) -> Table | None:
     if 2 * rising.size < spacing.size or not rising.size:
         return None
     values = np.array([column.values for column in columns[1:]])
-    near = 0.5 * rising.min()
-    if np.all(np.abs(values) < near) and not np.any(spacing <= 0.0):
+    tolerance = 0.5 * rising.min()
+    if np.all(np.abs(values) < tolerance) and not np.any(spacing <= 0.0):
         parts = tuple(
             ColumnSpec(column, sign=-1, run=1, direction=side)
             for column, side in (("2", 1), ("3", -1))
@@ -79,7 +83,7 @@ def triplets(table: Table, names: Sequence[Name]) -> Table | None:
         return dataclasses.replace(
             table, advice=advice, remarks=(*table.remarks, remark)
         )
-    if not np.all(np.abs(values - nominal) < near):
+    if not np.all(np.abs(values - nominal) < tolerance):
         return None
     if np.any(spacing <= 0.0):
         at = int(np.flatnonzero(spacing <= 0.0)[0]) + 1
@@ -87,8 +91,8 @@ def triplets(table: Table, names: Sequence[Name]) -> Table | None:
         again = " a second time" * (nominal[at] in nominal[:at])
         found = f"the nominal position {nominal[at]:g}{again}"
         expected = f"LinuxCNC triplets in ascending order ({nominal[at - 1]:g} in line {before})"
-        alone = spacing[at - 1] == 0.0
-        key = f"skip = [{line}]" if alone else f"rows = [{table.lines[0]}, {before}]"
+        repeated = spacing[at - 1] == 0.0
+        key = f"skip = [{line}]" if repeated else f"rows = [{table.lines[0]}, {before}]"
         raise LineError(str(table.path), line, found, expected, key)
     titles = ("nominal", "forward", "reverse")
     roles = ("position", "actual", "actual")
@@ -130,44 +134,44 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     )
     if target is None or table.columns[target].text is not None:
         return None
-    found = {
+    runs = {
         at: item
         for at, item in enumerate(headings)
         if item is not None and at != target and table.columns[at].text is None
     }
-    named = kinds[target] == "position" and len(found) == len(names) - 1
-    if not named:
-        found = {at: item for at, item in found.items() if item.named}
-    if len(found) < 2 or {"error", "actual"} & set(kinds):
+    certain = kinds[target] == "position" and len(runs) == len(names) - 1
+    if not certain:
+        runs = {at: item for at, item in runs.items() if item.named}
+    if len(runs) < 2 or {"error", "actual"} & set(kinds):
         return None
-    return _with_runs(table, target, numbered(found))
+    return _with_runs(table, target, numbered(runs))
 
 
-def _with_runs(table: Table, target: int, found: Mapping[int, Heading]) -> Table:
+def _with_runs(table: Table, target: int, headings: Mapping[int, Heading]) -> Table:
     columns = list(table.columns)
     place = columns[target].values
-    first = next(iter(found))
-    stated = next((item.kind for item in found.values() if item.kind), None)
-    values = np.concatenate([columns[at].values for at in found])
-    follows = _follow(values, np.tile(place, len(found)), float(np.ptp(place)))
+    first = next(iter(headings))
+    stated = next((item.kind for item in headings.values() if item.kind), None)
+    values = np.concatenate([columns[at].values for at in headings])
+    follows = _follow(values, np.tile(place, len(headings)), float(np.ptp(place)))
     follows &= columns[first].unit in (None, columns[target].unit)
     kind = stated or ("actual" if follows else "error")
     columns[target] = dataclasses.replace(columns[target], role="position")
-    names = [columns[at].name for at in found]
-    for at, item in found.items():
+    names = [columns[at].name for at in headings]
+    for at, item in headings.items():
         columns[at] = dataclasses.replace(
             columns[at], role=kind, run=item.run, direction=item.direction
         )
         if names.count(columns[at].name) > 1:
             name = f"{columns[at].name} (run {item.run})"
             columns[at] = dataclasses.replace(columns[at], name=name, header=name)
-    runs = len({item.run for item in found.values()})
-    both = len({item.direction for item in found.values()} - {None})
+    runs = len({item.run for item in headings.values()})
+    sides = len({item.direction for item in headings.values()} - {None})
     words = _KINDS[kind]
     remark = (
-        f"One column per run: {len(found)} columns of {words}, {runs} runs"
+        f"One column per run: {len(headings)} columns of {words}, {runs} runs"
         + {0: ", direction not named", 1: " in one direction", 2: ", both directions"}[
-            both
+            sides
         ]
         + ("." if stated else f", taken as {words} by their size.")
     )
@@ -189,28 +193,28 @@ def one_row_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     steps = np.diff(targets)
     if len(along) < _FEWEST or not labels or not np.all(steps * steps[0] > 0.0):
         return None
-    found = _runs_of_rows([table.columns[at] for at in labels], table.rows)
-    if found is None or any(table.columns[at].text is not None for at in along):
+    headings = _runs_of_rows([table.columns[at] for at in labels], table.rows)
+    if headings is None or any(table.columns[at].text is not None for at in along):
         return None
-    ways = np.array([item.direction or 0 for item in found.values()])
+    directions = np.array([item.direction or 0 for item in headings.values()])
     order = np.argsort(targets)
-    rows = [order[::-1] if way < 0 else order for way in ways]
+    rows = [order[::-1] if direction < 0 else order for direction in directions]
     values = np.array([table.columns[at].values for at in along]).T
-    readings = np.concatenate([own[row] for own, row in zip(values, rows, strict=True)])
+    readings = np.concatenate([run[row] for run, row in zip(values, rows, strict=True)])
     place = targets[np.concatenate(rows)]
     lines = np.repeat(table.lines, len(along))
     kind = "actual" if _follow(readings, place, float(np.ptp(targets))) else "error"
-    wrong = np.flatnonzero(~np.isfinite(readings))
-    bad = BadCell(int(lines[wrong[0]]), "nan") if wrong.size else None
+    invalid = np.flatnonzero(~np.isfinite(readings))
+    bad = BadCell(int(lines[invalid[0]]), "nan") if invalid.size else None
     unit = next((names[at].unit for at in labels if names[at].unit), None)
-    runs = np.repeat([float(item.run or 0) for item in found.values()], len(along))
+    runs = np.repeat([float(item.run or 0) for item in headings.values()], len(along))
     columns = [
         Column("target", "position", unit, place, header="target"),
         Column(kind, kind, None, readings, bad=bad, header=kind),
         Column("run", "run", None, runs, header="run"),
     ]
-    if np.all(ways != 0):
-        sides = np.repeat(ways.astype(np.float64), len(along))
+    if np.all(directions != 0):
+        sides = np.repeat(directions.astype(np.float64), len(along))
         columns.append(
             Column("direction", "direction", None, sides, header="direction")
         )
@@ -234,9 +238,9 @@ def _runs_of_rows(labels: Sequence[Column], rows: int) -> dict[int, Heading] | N
         column.text or tuple(f"{value:g}" for value in column.values)
         for column in labels
     ]
-    found = {row: heading(" ".join(each[row] for each in cells)) for row in range(rows)}
-    known = {row: item for row, item in found.items() if item is not None}
-    return numbered(known) if len(known) == rows else None
+    named = {row: heading(" ".join(text[row] for text in cells)) for row in range(rows)}
+    valid = {row: item for row, item in named.items() if item is not None}
+    return numbered(valid) if len(valid) == rows else None
 
 
 def _follow(

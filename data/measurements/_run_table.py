@@ -24,8 +24,8 @@ _PLAIN = {"REF_PV", "TEST_PV", "TGT_SET_PV", "UNIT", "CYCLES", "POSITIONS", "DEC
 
 def is_run_table(text: str, words: bytes) -> bool:
     """Whether a text, with its words, assigns targets or readings in this form."""
-    told = b"TGT_DATA" in words or b"REF_DATA_" in words
-    return told and _READING.search(text) is not None
+    has_data = b"TGT_DATA" in words or b"REF_DATA_" in words
+    return has_data and _READING.search(text) is not None
 
 
 def read_run_table(path: Path, text: str) -> Table:
@@ -51,11 +51,11 @@ def read_run_table(path: Path, text: str) -> Table:
             raise LineError(str(path), line, f"a reading at position {at}", expected)
     cycles = max(run for _, _, run in readings)
     count = max(targets)
-    for key, seen in (("CYCLES", cycles), ("POSITIONS", count)):
+    for key, largest in (("CYCLES", cycles), ("POSITIONS", count)):
         stated, line = settings.get(key, ("", 0))
-        if stated and (not stated.isdigit() or int(stated) < seen):
-            found = f"{key}={stated} and {key.lower()[:-1]} {seen} among the data"
-            raise LineError(str(path), line, found, f"at least {seen}")
+        if stated and (not stated.isdigit() or int(stated) < largest):
+            found = f"{key}={stated} and {key.lower()[:-1]} {largest} among the data"
+            raise LineError(str(path), line, found, f"at least {largest}")
         if stated and key == "CYCLES":
             cycles = int(stated)
         elif stated:
@@ -98,8 +98,8 @@ def read_run_table(path: Path, text: str) -> Table:
         path=path,
         format="ISO 230-2 run table",
         columns=tuple(
-            Column(name, role, own, np.ascontiguousarray(body[:, at]), header=name)
-            for at, (name, role, own) in enumerate(names)
+            Column(name, role, unit, np.ascontiguousarray(body[:, at]), header=name)
+            for at, (name, role, unit) in enumerate(names)
         ),
         rows=len(rows),
         lines=body[:, 4].astype(np.int64),
@@ -148,15 +148,15 @@ def _assignments(
             name = f"{key}[{','.join(index)}]"
             raise CellError(str(path), number, name, value, "a finite number")
         if depth == 1:
-            known, place = targets, int(index[0])
-            earlier = known.get(place)
-            known[place] = (float(value), number)
+            place = int(index[0])
+            previous = targets.get(place)
+            targets[place] = (float(value), number)
         else:
             spot = (_SIDES[key], int(index[0]), int(index[1]))
-            earlier = readings.get(spot)
+            previous = readings.get(spot)
             readings[spot] = (float(value), number)
-        if earlier is not None:
+        if previous is not None:
             found = f"{key}[{','.join(index)}] a second time"
-            expected = f"it once (first in line {earlier[1]})"
+            expected = f"it once (first in line {previous[1]})"
             raise LineError(str(path), number, found, expected)
     return targets, readings, settings, skipped

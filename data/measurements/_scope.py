@@ -55,13 +55,13 @@ def read_scope(path: Path, text: str) -> Table:
     ]
     if header.rescaled:
         remarks.append(
-            f"The header states a scale or an offset for {_some(header.rescaled)}, not"
+            f"The header states a scale or an offset for {_listed(header.rescaled)}, not"
             " whether it was applied before the export; values are taken as they stand."
         )
     unknown = [c.name for c in named if c.unit and find_unit(c.unit) is None]
     if unknown:
         remarks.append(
-            f"The units of {_some(unknown)} are none that can be converted: state them"
+            f"The units of {_listed(unknown)} are none that can be converted: state them"
             " where these channels are used."
         )
     repeated = sum(samples.repeated for samples in groups)
@@ -87,8 +87,8 @@ def _clocks(
     clock_of = []
     for samples in groups:
         time = np.round(samples.time, _DECIMALS)
-        for at, known in enumerate(clocks):
-            if np.array_equal(known, time):
+        for at, other in enumerate(clocks):
+            if np.array_equal(other, time):
                 clock_of.append(at)
                 break
         else:
@@ -110,8 +110,8 @@ def _instants(
 def _time_column(
     instants: Float[np.ndarray, " t"], groups: Sequence[Sequence[Channel]]
 ) -> Column:
-    taken = {channel.name.casefold() for group in groups for channel in group}
-    name = next(n for n in ("time", "scope time", "time of export") if n not in taken)
+    used = {channel.name.casefold() for group in groups for channel in group}
+    name = next(n for n in ("time", "scope time", "time of export") if n not in used)
     return Column(name, "time", "ms", instants, header=name)
 
 
@@ -131,11 +131,11 @@ def _column(
         spread = np.full(rows, np.nan)
         spread[place] = values
         values = spread
-    known = find_unit(channel.unit) if channel.unit else None
+    unit = find_unit(channel.unit) if channel.unit else None
     return Column(
         name=channel.name,
         role=None,
-        unit=known.name if known else channel.unit,
+        unit=unit.name if unit else channel.unit,
         values=values,
         bad=samples.bad[k],
         header=channel.name,
@@ -153,6 +153,6 @@ def _name(column: Column) -> Name:
     return Name(column.name, column.unit, False, column.name, column.header)
 
 
-def _some(names: Sequence[str]) -> str:
-    shown = ", ".join(f"'{name}'" for name in names[:4])
-    return shown if len(names) <= 4 else f"{shown} and {len(names) - 4} more"
+def _listed(names: Sequence[str]) -> str:
+    text = ", ".join(f"'{name}'" for name in names[:4])
+    return text if len(names) <= 4 else f"{text} and {len(names) - 4} more"

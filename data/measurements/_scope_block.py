@@ -100,8 +100,8 @@ def _end_of_head(text: str) -> int:
 
 def _separator(lines: Sequence[str]) -> str:
     """Return the character that follows most of the properties' names."""
-    found = [match[1] for line in lines[:200] if (match := _BEHIND.match(line))]
-    return Counter(found).most_common(1)[0][0]
+    marks = [match[1] for line in lines[:200] if (match := _BEHIND.match(line))]
+    return Counter(marks).most_common(1)[0][0]
 
 
 def _times(path: Path, lines: Sequence[str], separator: str) -> tuple[int, int]:

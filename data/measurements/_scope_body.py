@@ -48,20 +48,20 @@ def read_body(path: Path, header: Header, text: str) -> list[GroupSamples]:
         for name in (f"time of group {at}", *(channel.name for channel in group))
     ]
     parts = [body.piece(rows, keys) for rows in body.pieces()]
-    found = []
+    groups = []
     first = 0
     for group in header.groups:
         width = 1 + len(group)
-        own = [part for part in parts if len(part.values) >= first + width]
-        if not own:
+        members = [part for part in parts if len(part.values) >= first + width]
+        if not members:
             reason = f"found no samples of '{group[0].name}', expected some"
             raise MeasurementError(str(path), reason)
         columns = range(first, first + width)
         start = header.start if body.ticks else None
-        found.append(join_group(path, own, keys, columns, start))
+        groups.append(join_group(path, members, keys, columns, start))
         first += width
-    body.complain_of_cut(found)
-    return found
+    body.complain_of_cut(groups)
+    return groups
 
 
 class _Body:
@@ -119,15 +119,15 @@ class _Body:
                 trailing[np.searchsorted(self.rows, row)] = False
                 break
         widths = widths - trailing
-        wrong = np.flatnonzero(~np.isin(widths, allowed))
+        invalid = np.flatnonzero(~np.isin(widths, allowed))
         grown = 1 + np.flatnonzero(np.diff(widths) > 0)
-        if grown.size and not (wrong.size and wrong[0] <= grown[0]):
+        if grown.size and not (invalid.size and invalid[0] <= grown[0]):
             at = int(grown[0])
             found = f"{widths[at]} cells below a line with {widths[at - 1]}"
             expected = "no more than there: a group that has ended does not go on"
             raise LineError(str(self.path), self.number(self.rows[at]), found, expected)
-        if wrong.size:
-            self._refuse_width(int(self.rows[wrong[0]]), int(widths[wrong[0]]))
+        if invalid.size:
+            self._refuse_width(int(self.rows[invalid[0]]), int(widths[invalid[0]]))
         if not widths.size:
             reason = "found a header and no samples, expected lines of numbers"
             raise MeasurementError(str(self.path), reason)
@@ -136,8 +136,8 @@ class _Body:
 
     def _refuse_width(self, row: int, width: int) -> None:
         choices = [str(width) for width in self.header.widths[::-1]]
-        wanted = " or ".join(choices) if len(choices) < 5 else choices[0]
-        expected = f"{wanted} with {self.header.between} between"
+        counts = " or ".join(choices) if len(choices) < 5 else choices[0]
+        expected = f"{counts} with {self.header.between} between"
         if row == self.ends.size - 1 and not self.closed:
             expected += "; the file is cut off here"
         found = f"{width} cell{'s' if width != 1 else ''}"
@@ -151,11 +151,11 @@ class _Body:
         """
         width = int(self.widths[rows[0]])
         usable = max(w for w in self.header.widths if w <= width)
-        found = self._parse(rows, width)
-        if found is None:
+        columns = self._parse(rows, width)
+        if columns is None:
             raise self._wrong_cell(rows, keys, width)
-        values = [np.asarray(cells.to_numpy()) for cells in found[:usable]]
-        blank = [np.asarray(cells.is_null().to_numpy()) for cells in found[:usable]]
+        values = [np.asarray(cells.to_numpy()) for cells in columns[:usable]]
+        blank = [np.asarray(cells.is_null().to_numpy()) for cells in columns[:usable]]
         return Piece(values, blank, rows + self.header.body_line)
 
     def _parse(self, rows: Int[np.ndarray, " _"], width: int) -> list[Any] | None:
@@ -170,7 +170,7 @@ class _Body:
             kinds |= {str(at): pa.int64() for at in starts if at < width}
         body = self.raw[self.starts[rows[0]] : self.ends[rows[-1]]]
         try:
-            read: Any = pv.read_csv(
+            table: Any = pv.read_csv(
                 io.BytesIO(body),
                 # Threads cost more than a small file does.
                 read_options=pv.ReadOptions(
@@ -187,19 +187,19 @@ class _Body:
             )
         except pa.ArrowInvalid:
             return None
-        if read.num_rows != rows.size:
+        if table.num_rows != rows.size:
             return None
-        return [read.column(at) for at in range(width)]
+        return [table.column(at) for at in range(width)]
 
     def _wrong_cell(
         self, rows: Int[np.ndarray, " _"], keys: Sequence[str], width: int
     ) -> MeasurementError:
         """Return the error that the first cell is which is no number."""
         for at in range(0, rows.size, _STEP):
-            some = rows[at : at + _STEP]
-            if rows.size > _STEP and self._parse(some, width) is not None:
+            batch = rows[at : at + _STEP]
+            if rows.size > _STEP and self._parse(batch, width) is not None:
                 continue
-            for row in some.tolist():
+            for row in batch.tolist():
                 cells = self.line(row).split(self.header.separator)
                 for name, cell in zip(keys, cells, strict=False):
                     text = cell.strip()

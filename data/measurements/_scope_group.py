@@ -65,12 +65,12 @@ def join_group(
     first, width = columns.start, len(columns)
     blank = [np.concatenate([part.blank[k] for part in pieces]) for k in columns]
     lines = np.concatenate([part.lines for part in pieces])
-    there = ~np.logical_and.reduce(blank)
-    count = int(there.sum())
-    partly = np.logical_or.reduce(blank) & there
-    if not there[:count].all() or partly.any():
-        late = np.flatnonzero(~there[:count])
-        row = min([*late[:1].tolist(), *np.flatnonzero(partly)[:1].tolist()])
+    present = ~np.logical_and.reduce(blank)
+    count = int(present.sum())
+    partly = np.logical_or.reduce(blank) & present
+    if not present[:count].all() or partly.any():
+        missing = np.flatnonzero(~present[:count])
+        row = min([*missing[:1].tolist(), *np.flatnonzero(partly)[:1].tolist()])
         k = next(k for k in range(width) if blank[k][row])
         expected = "a number, as a later line of the group has one"
         if partly[row]:
@@ -109,9 +109,9 @@ def _time(
     if start is not None:
         return (column.astype(np.int64) - start) / _TICKS_PER_MS
     time = np.asarray(column, dtype=np.float64)
-    wrong = np.flatnonzero(~np.isfinite(time))
-    if wrong.size:
-        found, line = f"{time[wrong[0]]}", int(lines[wrong[0]])
+    invalid = np.flatnonzero(~np.isfinite(time))
+    if invalid.size:
+        found, line = f"{time[invalid[0]]}", int(lines[invalid[0]])
         raise CellError(str(path), line, name, found, "a time in ms")
     return time
 
@@ -130,13 +130,13 @@ def _rising(
     """
     step = np.diff(time)
     new = np.concatenate([[True], step != 0.0])
-    same = np.ones(step.size, dtype=bool)
+    equal = np.ones(step.size, dtype=bool)
     if (step == 0.0).any():
         for value in values:
-            same &= (value[1:] == value[:-1]) | ~np.isfinite(value[1:])
-    wrong = np.flatnonzero((step < 0.0) | ((step == 0.0) & ~same))
-    if wrong.size:
-        at = int(wrong[0]) + 1
+            equal &= (value[1:] == value[:-1]) | ~np.isfinite(value[1:])
+    invalid = np.flatnonzero((step < 0.0) | ((step == 0.0) & ~equal))
+    if invalid.size:
+        at = int(invalid[0]) + 1
         found = f"time {time[at]:.10g} ms of '{name}' after {time[at - 1]:.10g} ms"
         raise LineError(str(path), int(lines[at]), found, "times that rise")
     return new

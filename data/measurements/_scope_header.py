@@ -52,11 +52,11 @@ class Header:
     @property
     def widths(self) -> tuple[int, ...]:
         """Cells of a line that holds the first 1, 2, … groups."""
-        ends, width = [], 0
+        widths, width = [], 0
         for group in self.groups:
             width += 1 + len(group)
-            ends.append(width)
-        return tuple(ends)
+            widths.append(width)
+        return tuple(widths)
 
     @property
     def between(self) -> str:
@@ -72,8 +72,8 @@ def read_header(path: Path, text: str) -> Header:
             twice.
         MeasurementError: If the text ends before the samples.
     """
-    read = read_rows(path, text)
-    rows, separator = read.rows, read.separator
+    block = read_rows(path, text)
+    rows, separator = block.rows, block.separator
     sizes = _sizes(path, rows, separator)
     values = {
         key: _by_group(path, key, row, sizes, separator) for key, row in rows.items()
@@ -88,9 +88,9 @@ def read_header(path: Path, text: str) -> Header:
             )
             for at, size in enumerate(sizes)
         ),
-        start=read.start,
-        duration=(read.end - read.start) / _TICKS_PER_SECOND,
-        body_line=read.body_line,
+        start=block.start,
+        duration=(block.end - block.start) / _TICKS_PER_SECOND,
+        body_line=block.body_line,
         rescaled=tuple(_rescaled(values, names)),
     )
 
@@ -111,8 +111,8 @@ def _sizes(path: Path, rows: dict[str, Row], separator: str) -> list[int]:
 
 
 def _starts(key: str, cells: Sequence[str]) -> list[int]:
-    wanted = key.casefold()
-    return [at for at, cell in enumerate(cells) if cell.casefold() == wanted]
+    name = key.casefold()
+    return [at for at, cell in enumerate(cells) if cell.casefold() == name]
 
 
 def _by_group(
@@ -145,11 +145,11 @@ def _by_group(
             found = f"a line '{key}' without '{key}' above each time column"
             expected = "it there"
         raise LineError(str(path), row.line, found, expected)
-    own = _starts(key, cells)
-    if len(own) != len(sizes):
+    marks = _starts(key, cells)
+    if len(marks) != len(sizes):
         return [None] * len(sizes)
     pieces = [
-        cells[a + 1 : b] for a, b in zip(own, [*own[1:], len(cells)], strict=True)
+        cells[a + 1 : b] for a, b in zip(marks, [*marks[1:], len(cells)], strict=True)
     ]
     if key == "Unit":
         pieces = [_units_together(piece) for piece in pieces]
@@ -163,13 +163,13 @@ def _by_group(
 
 def _units_together(cells: Sequence[str]) -> list[str]:
     """Return ``V``, ``(Voltage)`` as one cell."""
-    joined: list[str] = []
+    merged: list[str] = []
     for cell in cells:
-        if joined and cell.startswith("(") and not joined[-1].endswith(")"):
-            joined[-1] += " " + cell
+        if merged and cell.startswith("(") and not merged[-1].endswith(")"):
+            merged[-1] += " " + cell
         else:
-            joined.append(cell)
-    return joined
+            merged.append(cell)
+    return merged
 
 
 _Values = dict[str, list[list[str] | None]]
@@ -180,7 +180,7 @@ def _names(
 ) -> list[list[str]]:
     """Return the names of the channels, each once."""
     names: list[list[str]] = []
-    seen: dict[str, int] = {}
+    index: dict[str, int] = {}
     for at, size in enumerate(sizes):
         group = values["Name"][at]
         if group is None:
@@ -189,12 +189,12 @@ def _names(
             raise LineError(str(path), row.line, found, expected)
         names.append([])
         for k in range(size):
-            number = len(seen) + 1
+            number = len(index) + 1
             name = group[k].strip() or f"channel {number}"
-            if name in seen:
-                found = f"channel '{name}' twice, as number {seen[name]} and {number}"
+            if name in index:
+                found = f"channel '{name}' twice, as number {index[name]} and {number}"
                 raise LineError(str(path), row.line, found, "each name once")
-            seen[name] = number
+            index[name] = number
             names[-1].append(name)
     return names
 
@@ -230,7 +230,7 @@ def _rescaled(values: _Values, names: Sequence[Sequence[str]]) -> list[str]:
         for at, group in enumerate(names)
         for k, name in enumerate(group)
         if any(
-            _number(_value(values, key, at, k)) not in (None, usual)
-            for key, usual in neutral.items()
+            _number(_value(values, key, at, k)) not in (None, default)
+            for key, default in neutral.items()
         )
     ]

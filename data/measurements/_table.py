@@ -45,11 +45,11 @@ class Lines:
             header: Which lines; an empty sequence: none.
             rows: First and last.
         """
-        left = tuple(range(1, skip + 1)) if isinstance(skip, int) else tuple(skip)
-        if not left and header is None and rows is None:
+        omitted = tuple(range(1, skip + 1)) if isinstance(skip, int) else tuple(skip)
+        if not omitted and header is None and rows is None:
             return None
         names = (header,) if isinstance(header, int) else header
-        return Lines(left, None if names is None else tuple(names), rows)
+        return Lines(omitted, None if names is None else tuple(names), rows)
 
     def keep(self, text: str) -> str:
         """Return a text with the lines blank that are left out; the others keep their place."""
@@ -204,22 +204,22 @@ class Table:
         Raises:
             ColumnError: If there is none, or several of that name.
         """
-        wanted = name.strip()
+        label = name.strip()
         for form in (str.strip, str.casefold):
             hits = [
                 column
                 for column in self.columns
-                if form(wanted) in (form(column.name), form(column.header))
+                if form(label) in (form(column.name), form(column.header))
             ]
             if len(hits) == 1:
                 return hits[0]
             if hits:
                 break
         names = [column.name for column in self.columns]
-        wanted = hits[0].name if hits else wanted
-        close = difflib.get_close_matches(wanted, names, n=1, cutoff=0.4)
+        label = hits[0].name if hits else label
+        close = difflib.get_close_matches(label, names, n=1, cutoff=0.4)
         raise ColumnError(
-            str(self.path), wanted, names, close[0] if close and not hits else None
+            str(self.path), label, names, close[0] if close and not hits else None
         )
 
     def cell_error(

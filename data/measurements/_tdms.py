@@ -32,15 +32,15 @@ def read_tdms(path: Path) -> Table:
     except ImportError:
         raise missing_library(path, "TDMS", "npTDMS") from None
     log_manager.set_level(logging.ERROR)  # what it warns of is refused below, in a line
-    found: list[Array] = []
+    arrays: list[Array] = []
     try:
         with nptdms.TdmsFile.open(path) as file:
             groups = [group for group in file.groups() if group.channels()]
             for group in groups:
                 for channel in group.channels():
-                    alone = len(groups) == 1
-                    name = channel.name if alone else f"{group.name}.{channel.name}"
-                    found += _arrays(channel, name, first=not found)
+                    single = len(groups) == 1
+                    name = channel.name if single else f"{group.name}.{channel.name}"
+                    arrays += _arrays(channel, name, first=not arrays)
             cut = file.file_status.incomplete_final_segment
     except (OSError, ValueError, KeyError, IndexError, EOFError, struct.error) as error:
         words = str(error).splitlines()[0][:80] if str(error) else "unreadable"
@@ -49,7 +49,7 @@ def read_tdms(path: Path) -> Table:
     if cut:
         reason = "found a TDMS file that was cut off, expected a whole file"
         raise MeasurementError(str(path), reason)
-    return table_of_arrays(path, "TDMS", found, _EXPECTED)
+    return table_of_arrays(path, "TDMS", arrays, _EXPECTED)
 
 
 def _arrays(channel: Any, name: str, *, first: bool) -> list[Array]:
@@ -63,9 +63,9 @@ def _arrays(channel: Any, name: str, *, first: bool) -> list[Array]:
     about = channel.properties
     unit = next((str(about[key]) for key in _UNITS if about.get(key)), None)
     step = float(about.get("wf_increment", 0.0))
-    found = [Array(name, values, "", unit)]
+    arrays = [Array(name, values, "", unit)]
     if first and step > 0.0:
         start = float(about.get("wf_start_offset", 0.0))
         time = start + step * np.arange(values.size)
-        found.insert(0, Array("time", time, "", "s"))
-    return found
+        arrays.insert(0, Array("time", time, "", "s"))
+    return arrays

@@ -106,8 +106,8 @@ def decode(raw: bytes, path: Path) -> Text:
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     if not text.isascii():
-        for sign, plain in _SIGNS:
-            text = text.replace(sign, plain)
+        for sign, letter in _SIGNS:
+            text = text.replace(sign, letter)
     return Text(text, words, encoding)
 
 

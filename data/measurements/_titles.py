@@ -43,9 +43,9 @@ def with_titles(table: Table, titles: Mapping[int, str]) -> Table:
     """Return the table with what the lines above its header say: axis, unit, direction."""
     table = _straight(table, " \n ".join(titles.values()))
     for line, text in titles.items():
-        named = _AXIS.search(text)
-        if named is not None and table.axis is None and not table.across:
-            axis = named["axis"] or named["before"]
+        match = _AXIS.search(text)
+        if match is not None and table.axis is None and not table.across:
+            axis = match["axis"] or match["before"]
             remark = f"Line {line} says that the axis is {axis}."
             table = _noted(table, table.columns, remark, axis)
         pair = _PAIR.fullmatch(text)
@@ -54,16 +54,16 @@ def with_titles(table: Table, titles: Mapping[int, str]) -> Table:
             table = _in_unit(table, line, pair["value"])
         elif pair is not None and key in WORDS["direction"]:
             table = _in_direction(table, line, pair["value"])
-        elif _WORD.search(text) and (way := heading(text)) and way.direction:
-            table = _in_direction(table, line, "+" if way.direction > 0 else "-")
+        elif _WORD.search(text) and (title := heading(text)) and title.direction:
+            table = _in_direction(table, line, "+" if title.direction > 0 else "-")
         elif (unit := unit_of_title(text)) is not None and (
             unit in _INCHES or "error" in kinds_in(words_in([text]))
         ):
             table = _in_unit(table, line, unit)
     inches = [f"'{c.name}'" for c in table.columns if c.unit in _INCHES]
     if inches:
-        said = f"In inches, of which one is 25.4 mm: {', '.join(inches[:6])}."
-        table = _noted(table, table.columns, said)
+        note = f"In inches, of which one is 25.4 mm: {', '.join(inches[:6])}."
+        table = _noted(table, table.columns, note)
     return table
 
 
@@ -102,8 +102,8 @@ def _in_unit(table: Table, line: int, text: str) -> Table:
     if not names:
         return table
     more = f" and {len(names) - 4} more" if len(names) > 4 else ""
-    said = f"{', '.join(names[:4])}{more}, as line {line} says."
-    return _noted(table, columns, said)
+    note = f"{', '.join(names[:4])}{more}, as line {line} says."
+    return _noted(table, columns, note)
 
 
 def _in_direction(table: Table, line: int, text: str) -> Table:
@@ -144,9 +144,9 @@ def _straight(table: Table, titles: str) -> Table:
         return table
     columns = [
         dataclasses.replace(column, role=f"{axes[kind]}.{kind}" if axes[kind] else None)
-        if own
+        if is_bare
         else column
-        for column, kind, own in zip(table.columns, kinds, bare, strict=True)
+        for column, kind, is_bare in zip(table.columns, kinds, bare, strict=True)
     ]
     if across and along:
         remark = (
@@ -173,5 +173,5 @@ def _axes_of_straightness(titles: str) -> tuple[str | None, str | None]:
         return iso["across"], iso["along"]
     moves = _MOVES.search(titles)
     along = (moves["axis"] or moves["before"]) if moves else None
-    found = [match["axis"] for match in _DEVIATES.finditer(titles)]
-    return next((axis for axis in found if axis != along), None), along
+    axes = [match["axis"] for match in _DEVIATES.finditer(titles)]
+    return next((axis for axis in axes if axis != along), None), along

@@ -42,7 +42,7 @@ class Unit:
             increment: mm or ° per encoder increment; needed for ``inc`` and its rates.
         """
         if self.dimension.startswith("increment"):
-            return values * _known(increment)
+            return values * _checked(increment)
         return (values - self.zero) * self.numerator / self.denominator
 
     def from_library(
@@ -50,7 +50,7 @@ class Unit:
     ) -> Float[np.ndarray, " t"]:
         """Return values of the library unit in this unit; inverse of `to_library`."""
         if self.dimension.startswith("increment"):
-            return values / _known(increment)
+            return values / _checked(increment)
         return values * self.denominator / self.numerator + self.zero
 
 
@@ -215,9 +215,9 @@ def unit(text: str, dimensions: Iterable[str], source: str, what: str) -> Unit:
             ones and the nearest.
     """
     allowed = set(dimensions)
-    found = find_unit(text)
-    if found is not None and found.dimension in allowed:
-        return found
+    result = find_unit(text)
+    if result is not None and result.dimension in allowed:
+        return result
     accepted = [name for name, unit in UNITS.items() if unit.dimension in allowed]
     # To "ft" and "ppm" no unit is near, and one that looks alike would be wrong.
     close = "" if is_foreign(text) else nearest(text, accepted)
@@ -231,7 +231,7 @@ def nearest(text: str, names: Iterable[str]) -> str:
     return close[0] if close else choices[0]
 
 
-def _known(increment: float | None) -> float:
+def _checked(increment: float | None) -> float:
     if increment is None:
         msg = "a value in increments needs the axis's increment in mm or °"
         raise ValueError(msg)

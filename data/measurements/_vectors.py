@@ -65,8 +65,8 @@ def table_of_arrays(
             vectors[name] = _numbers(value)
             units[name] = array.unit
     if not vectors:
-        held = ", ".join(array.name for array in arrays) or "nothing"
-        reason = f"found {held[:80]} and no vector of numbers, expected {expected}"
+        names = ", ".join(array.name for array in arrays) or "nothing"
+        reason = f"found {names[:80]} and no vector of numbers, expected {expected}"
         raise MeasurementError(str(path), reason)
     counts = Counter(vector.size for vector in vectors.values())
     length = max(counts, key=lambda size: (counts[size], size))
@@ -76,8 +76,8 @@ def table_of_arrays(
                 f"variable '{name}': {vector.size} values beside {length} of others"
             )
             skipped.append(Skipped(0, reason))
-    taken = {name: v for name, v in vectors.items() if v.size == length}
-    columns = _columns(taken, units)
+    chosen = {name: v for name, v in vectors.items() if v.size == length}
+    columns = _columns(chosen, units)
     return Table(
         path=path,
         format=format_name,
@@ -92,10 +92,10 @@ def table_of_arrays(
 
 
 def _columns(
-    taken: Mapping[str, np.ndarray], units: Mapping[str, str | None]
+    vectors: Mapping[str, np.ndarray], units: Mapping[str, str | None]
 ) -> tuple[Column, ...]:
     names = []
-    for label in taken:
+    for label in vectors:
         name, stated = parse_name(label), units[label]
         if stated:
             unit = find_unit(stated)
@@ -113,7 +113,7 @@ def _columns(
             header=name.header,
             doubtful_unit=name.doubtful,
         )
-        for name, role, values in zip(names, roles, taken.values(), strict=True)
+        for name, role, values in zip(names, roles, vectors.values(), strict=True)
     )
 
 
@@ -134,7 +134,7 @@ def _numbers(values: np.ndarray) -> np.ndarray:
 
 
 def _bad(values: np.ndarray) -> BadCell | None:
-    wrong = np.flatnonzero(~np.isfinite(values))
-    if not wrong.size:
+    invalid = np.flatnonzero(~np.isfinite(values))
+    if not invalid.size:
         return None
-    return BadCell(int(wrong[0]) + 1, f"{values[wrong[0]]}")
+    return BadCell(int(invalid[0]) + 1, f"{values[invalid[0]]}")

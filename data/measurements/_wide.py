@@ -36,50 +36,50 @@ def unfolded(
         reason = f"found columns per run for {' and '.join(wide)}, expected one role"
         raise MeasurementError(source, reason)
     ((role, spec),) = wide.items()
-    beside = f"{role.partition('.')[0]}.direction"
+    direction_key = f"{role.partition('.')[0]}.direction"
     parts = sorted(spec.parts, key=lambda part: part.run or 0)
     sides = [part.direction for part in parts]
-    for key, stated in (("run", parts[0].run), (beside, sides[0])):
+    for key, stated in (("run", parts[0].run), (direction_key, sides[0])):
         if key in mapping and stated is not None:
             reason = f"found {key} as a column and beside each column of {role}"
             raise MeasurementError(source, f"{reason}, expected one of them")
     columns = [table.column(part.column) for part in parts]
     _refuse_mixed(table, role, parts, columns)
     orders = [_order(table, mapping, role, side) for side in sides]
-    kept = [
+    filled = [
         order[np.isfinite(column.values[order])] if _has_gaps(column) else order
         for column, order in zip(columns, orders, strict=True)
     ]
-    rows = np.concatenate(kept)
+    rows = np.concatenate(filled)
     values = np.concatenate(
-        [column.values[own] for column, own in zip(columns, kept, strict=True)]
+        [column.values[order] for column, order in zip(columns, filled, strict=True)]
     )
     name = f"{role} of all runs"
     bad = next((c.bad for c in columns if c.bad and not _has_gaps(c)), None)
-    made = [
+    new = [
         dataclasses.replace(columns[0], name=name, header=name, values=values, bad=bad)
     ]
-    found = {key: one for key, one in mapping.items() if key != role}
-    found[role] = ColumnSpec(name, parts[0].unit, sign=parts[0].sign)
-    for key, numbers in (("run", [p.run for p in parts]), (beside, sides)):
+    result = {key: value for key, value in mapping.items() if key != role}
+    result[role] = ColumnSpec(name, parts[0].unit, sign=parts[0].sign)
+    for key, numbers in (("run", [p.run for p in parts]), (direction_key, sides)):
         if None not in numbers:
             label = f"{key} of the column"
-            each = [float(number or 0) for number in numbers]
-            sizes = [own.size for own in kept]
-            made.append(Column(label, None, None, np.repeat(each, sizes), header=label))
-            found[key] = ColumnSpec(label)
-    others = [_taken(column, rows) for column in table.columns]
+            codes = [float(number or 0) for number in numbers]
+            sizes = [order.size for order in filled]
+            new.append(Column(label, None, None, np.repeat(codes, sizes), header=label))
+            result[key] = ColumnSpec(label)
+    remaining = [_at_rows(column, rows) for column in table.columns]
     missing = sum(order.size for order in orders) - rows.size
     remarks = table.remarks
     if missing:
         remarks = (*remarks, f"{missing} empty cells of {role} hold no reading.")
     return dataclasses.replace(
         table,
-        columns=(*others, *made),
+        columns=(*remaining, *new),
         rows=int(rows.size),
         lines=table.lines[rows],
         remarks=remarks,
-    ), found
+    ), result
 
 
 def _refuse_mixed(
@@ -117,7 +117,7 @@ def _has_gaps(column: Column) -> bool:
     return column.bad is not None and not column.bad.found.strip()
 
 
-def _taken(column: Column, rows: np.ndarray) -> Column:
+def _at_rows(column: Column, rows: np.ndarray) -> Column:
     """Return a column at some rows."""
     text = column.text and tuple(column.text[row] for row in rows.tolist())
     return dataclasses.replace(column, values=column.values[rows], text=text)

@@ -114,7 +114,7 @@ def _split(piece: str) -> list[str]:
 
 def kinds_in(words: set[str]) -> list[str]:
     """Return the kinds that any of some words names, the first one going before."""
-    return [kind for kind, known in WORDS.items() if words & known]
+    return [kind for kind, names in WORDS.items() if words & names]
 
 
 def is_warm(text: str) -> bool:
@@ -139,26 +139,26 @@ def kind_said(text: str) -> str | None:
 
     A position, an actual position, an error, a run, a direction or a time.
     """
-    found = set()
+    kinds = set()
     words = [piece.casefold() for piece in pieces(text)]
     if is_difference(words):
-        least = min(words.index(word) for word in words if word in _SHOWN)
-        first = not any(word in _TARGETS for word in words[:least])
+        start = min(words.index(word) for word in words if word in _SHOWN)
+        first = not any(word in _TARGETS for word in words[:start])
         return "error" if first and _MINUS.search(text) else None
     counted = bool(_COUNTERS & {*words})
     for piece, word in zip(pieces(text), words, strict=True):
         if word in _COUNTERS or word in _SAY_NOTHING:
             continue
         if counted and word in _COUNTED:
-            found.add("run")
+            kinds.add("run")
             continue
         parts = (
             [word] if word in _KIND else [p.casefold() for p in _CAMEL.findall(piece)]
         )
         if not parts or not all(part in _KIND for part in parts):
             return "time" if words == ["t"] else None
-        found |= {_KIND[part] for part in parts}
-    kind = next((each for each in WORDS if each in found), None)
+        kinds |= {_KIND[part] for part in parts}
+    kind = next((name for name in WORDS if name in kinds), None)
     kind = _ROLE.get(kind or "", kind)
     if kind not in _ROLES or (counted and kind == "position"):
         return None  # "Pos. No." counts the positions
@@ -167,8 +167,8 @@ def kind_said(text: str) -> str | None:
 
 def is_difference(words: Iterable[str]) -> bool:
     """Whether words in small letters name both a target and what was reached."""
-    known = {*words}
-    return bool(known & _TARGETS and known & _SHOWN)
+    names = {*words}
+    return bool(names & _TARGETS and names & _SHOWN)
 
 
 def says_correction(name: str) -> bool:
@@ -181,10 +181,10 @@ def says_correction(name: str) -> bool:
 
 def all_position(texts: Iterable[str]) -> bool:
     """Whether names consist of nothing but words for a position."""
-    known = WORDS["position"] | WORDS["encoder"] | WORDS["shown"]
+    names = WORDS["position"] | WORDS["encoder"] | WORDS["shown"]
     return all(
-        piece.casefold() in known
-        or all(w.casefold() in known for w in _CAMEL.findall(piece))
+        piece.casefold() in names
+        or all(w.casefold() in names for w in _CAMEL.findall(piece))
         for text in texts
         for piece in pieces(text)
         if _CAMEL.findall(piece)

@@ -1,8 +1,8 @@
 """Signals of a recording: motion from positions, delays, phases, faults of a current.
 
-Arrays in, typed results out; no files, and NumPy and SciPy only. A room of the
-measurement wing: `axcomp.data.measurements` reads what is worked on here. Positions are
-in mm or °, times in s, currents in any unit.
+Arrays in, typed results out; no files, and NumPy and SciPy only. What is worked
+on here `axcomp.data.measurements` reads. Positions are in mm or °, times in s, currents
+in any unit.
 
 * `read_clock`: sample time, jumps and continuous segments.
 * `filtered_motion`, `smoothed_motion`: velocity and acceleration with their noise.

@@ -115,8 +115,8 @@ def _scatter(
     """Return how far neighbouring errors scatter where the encoder is known best."""
     if valid.sum() < 8:
         return 0.0
-    good = valid & (doubt <= np.percentile(doubt[valid], 20.0))
-    pairs = good[1:] & good[:-1]
+    best = valid & (doubt <= np.percentile(doubt[valid], 20.0))
+    pairs = best[1:] & best[:-1]
     steps = np.abs(np.diff(error))[pairs]
     return _HALF * float(np.median(steps)) / 2.0**0.5 if steps.size else 0.0
 

@@ -84,15 +84,15 @@ def read_clock(time: Float[np.ndarray, " t"]) -> Clock:
         what, found = "clock", f"{back} of {steps.size} steps that go back"
         raise SignalError(what, found, "samples in the order of their times")
     usual = median(steps[rising])
-    away = np.abs(steps - usual)
-    spread = 1.4826 * median(away[rising])
+    deviation = np.abs(steps - usual)
+    spread = 1.4826 * median(deviation[rising])
     bound = max(_JUMP * usual, _JITTER * spread)
-    even = away <= bound
+    even = deviation <= bound
     rows = 1 + np.flatnonzero(~(even & rising))
-    plain = steps[even]
-    # `np.std` of them, which takes longer than all the rest here.
-    about = plain - plain.sum() / max(plain.size, 1)
-    jitter = math.sqrt((about * about).sum() / max(plain.size, 1))
+    regular = steps[even]
+    # The result of `np.std`, a call of which takes longer than all the rest here.
+    about = regular - regular.sum() / max(regular.size, 1)
+    jitter = math.sqrt((about * about).sum() / max(regular.size, 1))
     jumps = tuple(
         Jump(int(row), float(steps[row - 1]), _kind(float(steps[row - 1]), usual))
         for row in rows
@@ -111,14 +111,14 @@ def _kind(step: float, usual: float) -> str:
 
 
 def _words(usual: float, jumps: tuple[Jump, ...]) -> str:
-    every = f"one sample every {1e3 * usual:.4g} ms"
+    rate = f"one sample every {1e3 * usual:.4g} ms"
     if not jumps:
-        return f"{every}, without a jump"
+        return f"{rate}, without a jump"
     counts = []
-    for kind, (one, many) in _KINDS.items():
+    for kind, (singular, plural) in _KINDS.items():
         count = sum(jump.kind == kind for jump in jumps)
         if count:
-            counts.append(f"{count} {one if count == 1 else many}")
+            counts.append(f"{count} {singular if count == 1 else plural}")
     worst = max(jumps, key=lambda jump: abs(jump.step - usual))
     largest = f"the largest of {worst.step:.4g} s before sample {worst.row + 1}"
-    return f"{every}, with {', '.join(counts)}; {largest}"
+    return f"{rate}, with {', '.join(counts)}; {largest}"

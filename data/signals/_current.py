@@ -95,25 +95,25 @@ def find_polarity(
     if side.min() < side.max():
         names.append("friction")
         columns.append(side)
-    push = None if acceleration is None else acceleration[use]
-    if push is not None and push.min() < push.max():
+    rate = None if acceleration is None else acceleration[use]
+    if rate is not None and rate.min() < rate.max():
         names.append("inertia")
-        columns.append(push)
+        columns.append(rate)
     if len(columns) == 1:
         return _unknown("only one direction is recorded, and no acceleration")
     values, scores = _regress(np.stack(columns), current[use], correlated)
-    told = dict(zip(names, values.tolist(), strict=True))
+    estimates = dict(zip(names, values.tolist(), strict=True))
     ratio = dict(zip(names, scores.tolist(), strict=True))
-    friction, inertia = told.get("friction", 0.0), told.get("inertia", 0.0)
+    friction, inertia = estimates.get("friction", 0.0), estimates.get("inertia", 0.0)
     certain = [n for n in names[1:] if abs(ratio[n]) >= _SURE]
-    signs = {int(np.sign(told[name])) for name in certain}
+    signs = {int(np.sign(estimates[name])) for name in certain}
     best = max(names[1:], key=lambda name: abs(ratio[name]))
     confidence = 0.5 * (1.0 + math.erf(abs(ratio[best]) / 2.0**0.5))
     if len(signs) == 2:
         # Friction that builds up behind reversals, or comes late, takes from the current
         # where the acceleration is largest: that looks like a small negative inertia.
-        assert push is not None
-        pushed = abs(inertia) * float(np.sqrt(np.mean(push**2)))
+        assert rate is not None
+        pushed = abs(inertia) * float(np.sqrt(np.mean(rate**2)))
         if abs(friction) >= _OUTWEIGHS * pushed:
             certain = ["friction"]
             signs = {int(np.sign(friction))}
@@ -122,8 +122,8 @@ def find_polarity(
         return dataclasses.replace(_unknown(reason), friction=friction, inertia=inertia)
     if not signs:
         reason = f"its {best} is {abs(ratio[best]):.1f} standard deviations from 0"
-        found = dataclasses.replace(_unknown(reason), friction=friction)
-        return dataclasses.replace(found, inertia=inertia, confidence=confidence)
+        unknown = dataclasses.replace(_unknown(reason), friction=friction)
+        return dataclasses.replace(unknown, inertia=inertia, confidence=confidence)
     sign = signs.pop()
     word = "supports the motion" if sign > 0 else "opposes the motion"
     evidence = " and ".join(certain)
@@ -146,20 +146,20 @@ def _regress(
     scale = np.sqrt(np.einsum("kt,kt->k", columns, columns))
     unit = columns / scale[:, None]
     spread, axes = np.linalg.eigh(unit @ unit.T)
-    shown = spread > _SAME
-    inverse = axes[:, shown] / spread[shown] @ axes[:, shown].T
+    significant = spread > _SAME
+    inverse = axes[:, significant] / spread[significant] @ axes[:, significant].T
     fit = inverse @ (unit @ target)
     # Once more for what rounding leaves, which the inverse of squares has doubled.
     fit += inverse @ (unit @ (target - fit @ unit))
     residual = target - fit @ unit
     # Of each column what the others do not have; its power is what tells of it.
     power = 1.0 / (axes**2 @ (1.0 / np.maximum(spread, _SAME)))
-    own = (inverse @ unit) * power[:, None]
-    deviation = long_run_deviations(own * residual, lag) / power
+    unique = (inverse @ unit) * power[:, None]
+    deviation = long_run_deviations(unique * residual, lag) / power
     # A remainder of nothing but rounding must not give an infinite ratio.
     floor = 1e-12 * float(np.linalg.norm(target)) + 1e-300
-    told = power >= _LEAST_POWER
-    return fit / scale, np.where(told, fit / np.maximum(deviation, floor), 0.0)
+    determined = power >= _LEAST_POWER
+    return fit / scale, np.where(determined, fit / np.maximum(deviation, floor), 0.0)
 
 
 def find_saturation(
@@ -202,10 +202,10 @@ def _held(values: Float[np.ndarray, " t"], shortest: int) -> Bool[np.ndarray, " 
     nothing = np.zeros(values.size, dtype=bool)
     if values.size < 4 * shortest or span == 0.0:
         return nothing
-    near = values >= top - 1e-6 * span
-    if np.count_nonzero(near) < shortest:
+    at_top = values >= top - 1e-6 * span
+    if np.count_nonzero(at_top) < shortest:
         return nothing
-    edges = np.diff(np.concatenate([[0], near.astype(np.int8), [0]]))
+    edges = np.diff(np.concatenate([[0], at_top.astype(np.int8), [0]]))
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     long = stops - starts >= shortest
     held = nothing.copy()
@@ -223,8 +223,8 @@ def _held(values: Float[np.ndarray, " t"], shortest: int) -> Bool[np.ndarray, " 
     steps = np.abs(np.diff(values))
     outside = ~(held[1:] | held[:-1])
     restless = median(steps[outside]) if outside.any() else 0.0
-    still = median(steps[held[1:] & held[:-1]])
-    return held if restless > 3.0 * still and restless > 0.0 else nothing
+    quiet = median(steps[held[1:] & held[:-1]])
+    return held if restless > 3.0 * quiet and restless > 0.0 else nothing
 
 
 def _say(rows: Bool[np.ndarray, " t"], lower: float | None, upper: float | None) -> str:

@@ -71,9 +71,9 @@ def estimate_delay(
     if min(np.ptp(x[inner]), np.ptp(y[inner])) == 0.0:
         return _nothing("one of the channels does not change")
     start, second = _coarse(np.gradient(x), np.gradient(y), most, edge)
-    found = _refine(x, y, start, most, edge)
+    refined = _refine(x, y, start, most, edge)
     lag = max(3, round(3.0 / cutoff / sample_time))
-    samples, deviation, gain, correlation = _judge(x, y, found, edge, lag)
+    samples, deviation, gain, correlation = _judge(x, y, refined, edge, lag)
     seconds, sigma = samples * sample_time, deviation * sample_time
     reason = ""
     if correlation < _LEAST_CORRELATION:
@@ -112,16 +112,16 @@ def advanced(
     from scipy.interpolate import CubicSpline
 
     check_lengths("shift", values.size, least=4)
-    whole = sample_time * (values.size - 1)
-    if abs(delay) >= whole:
-        found = f"a delay of {delay:g} s in a record of {whole:g} s"
+    duration = sample_time * (values.size - 1)
+    if abs(delay) >= duration:
+        found = f"a delay of {delay:g} s in a record of {duration:g} s"
         what = "shift"
         raise SignalError(what, found, "a shorter one")
     at = np.arange(values.size) + delay / sample_time
     valid = (at >= 0.0) & (at <= values.size - 1)
-    inside = np.clip(at, 0.0, values.size - 1)
-    moved = np.asarray(CubicSpline(np.arange(values.size), values)(inside))
-    return Shifted(moved, valid)
+    clipped = np.clip(at, 0.0, values.size - 1)
+    shifted = np.asarray(CubicSpline(np.arange(values.size), values)(clipped))
+    return Shifted(shifted, valid)
 
 
 def _nothing(reason: str) -> Delay:
@@ -141,9 +141,9 @@ def _coarse(
         x, y - y.mean(), mode="valid"
     )  # sum of y over each window of x
     size = y.size
-    ends = np.concatenate([[0.0], np.cumsum(x)])
+    sums = np.concatenate([[0.0], np.cumsum(x)])
     squares = np.concatenate([[0.0], np.cumsum(x * x)])
-    mean = (ends[size:] - ends[:-size]) / size
+    mean = (sums[size:] - sums[:-size]) / size
     power = (squares[size:] - squares[:-size]) - size * mean**2
     # Window k of x is late by k - edge: y(t) meets x(t - τ) with τ = edge - k.
     scores = np.abs(products) / np.sqrt(np.maximum(power, 1e-300))
@@ -198,11 +198,11 @@ def _judge(
     spline = CubicSpline(np.arange(x.size), x)
     rows = np.arange(edge, x.size - edge)
     model, slope, target = spline(rows - delay), spline(rows - delay, 1), y[rows]
-    plain = np.column_stack([np.ones(rows.size), model - model.mean()])
-    fit = np.linalg.lstsq(plain, target, rcond=None)[0]
-    residual = target - plain @ fit
-    own = slope - plain @ np.linalg.lstsq(plain, slope, rcond=None)[0]
-    gradient = fit[1] * own
+    design = np.column_stack([np.ones(rows.size), model - model.mean()])
+    fit = np.linalg.lstsq(design, target, rcond=None)[0]
+    residual = target - design @ fit
+    projected = slope - design @ np.linalg.lstsq(design, slope, rcond=None)[0]
+    gradient = fit[1] * projected
     power = float(gradient @ gradient)
     spread = float(np.linalg.norm(target - target.mean()))
     if power == 0.0 or spread == 0.0:

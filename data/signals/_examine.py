@@ -104,16 +104,16 @@ def examine(
     check_lengths("recording", motion.time.size, current.size, least=8)
     clock, phases = motion.clock, find_phases(motion)
     saturation = find_saturation(current, limit=limit)
-    sure = np.where(motion.settled & ~saturation.rows, phases.direction, 0)
-    usable: Bool[np.ndarray, " t"] = sure != 0
-    polarity = find_polarity(current, sure, motion.acceleration)
+    certain = np.where(motion.settled & ~saturation.rows, phases.direction, 0)
+    usable: Bool[np.ndarray, " t"] = certain != 0
+    polarity = find_polarity(current, certain, motion.acceleration)
     moving = motion.settled & (phases.direction != 0)
     held = _held_at_limit(saturation, moving)
     findings = [
-        # With the current held all the time no sample is sure, though the axis moves.
-        *(held or _directions(sure)),
+        # With the current held all the time no sample is certain, though the axis moves.
+        *(held or _directions(certain)),
         *_slow_samples(motion, usable, slow, unit),
-        *_sign(current[usable], sure, polarity),
+        *_sign(current[usable], certain, polarity),
         *([] if held else _limits(saturation, motion, usable)),
     ]
     if clock.jumps:
@@ -121,20 +121,21 @@ def examine(
     return Examination(clock, phases, polarity, saturation, usable, tuple(findings))
 
 
-def _directions(sure: Int[np.ndarray, " t"]) -> list[Finding]:
-    counts = {sign: np.count_nonzero(sure == sign) for sign in (1, -1)}
+def _directions(certain: Int[np.ndarray, " t"]) -> list[Finding]:
+    counts = {sign: np.count_nonzero(certain == sign) for sign in (1, -1)}
     if max(counts.values()) < _FEW:
         sentence = (
             "The axis does not move, or not faster than the noise of its positions."
         )
         return [Finding("no motion", sentence, ("inertia", "offset", *_LAW))]
-    for sign, word, lost in ((1, "positive", "negative"), (-1, "negative", "positive")):
+    words = {1: "positive", -1: "negative"}
+    for sign, word in words.items():
         if counts[-sign] < _FEW:
             sentence = (
                 f"Only motion in {word} direction is recorded: the offset cannot be told"
-                f" from the Coulomb friction, and nothing of the {lost} direction."
+                f" from the Coulomb friction, and nothing of the {words[-sign]} direction."
             )
-            missing = tuple(f"{name}_{lost}" for name in _LAW)
+            missing = tuple(f"{name}_{words[-sign]}" for name in _LAW)
             return [Finding("one direction", sentence, ("offset", *missing))]
     return []
 
@@ -159,27 +160,27 @@ def _slow_samples(
 
 
 def _sign(
-    driven: Float[np.ndarray, " u"], sure: Int[np.ndarray, " t"], polarity: Polarity
+    driven: Float[np.ndarray, " u"], certain: Int[np.ndarray, " t"], polarity: Polarity
 ) -> list[Finding]:
     """Return what is wrong with the sign of the current of the usable samples."""
     findings = []
     if not driven.size:
         return []
     low, high = quantile(driven, 0.001), quantile(driven, 0.999)
-    both = bool((sure > 0).any() and (sure < 0).any())
+    both = bool((certain > 0).any() and (certain < 0).any())
     if both and low * high > 0.0:
-        told = polarity.sign is not None and polarity.friction != 0.0
-        why = (
+        has_sign = polarity.sign is not None and polarity.friction != 0.0
+        reason = (
             "a constant load is larger than the friction"
-            if told
+            if has_sign
             else "its amount was recorded, or a constant load hides the friction"
         )
         sentence = (
             f"The current keeps its sign ({low:.3g} to {high:.3g}) in both directions:"
-            f" {why}."
+            f" {reason}."
         )
-        lost = () if told else ("offset", *_LAW)
-        findings.append(Finding("current keeps its sign", sentence, lost))
+        unknown = () if has_sign else ("offset", *_LAW)
+        findings.append(Finding("current keeps its sign", sentence, unknown))
     if polarity.sign is None:
         sentence = f"{polarity.statement[0].upper()}{polarity.statement[1:]}."
         findings.append(Finding("sign of the current unknown", sentence))
@@ -212,16 +213,16 @@ def _limits(
 ) -> list[Finding]:
     if not saturation.rows.any():
         return []
-    lost: tuple[str, ...] = ()
-    push = np.abs(motion.acceleration)
-    if push.max() > 0.0:
+    unknown: tuple[str, ...] = ()
+    size = np.abs(motion.acceleration)
+    if size.max() > 0.0:
         strong = (
-            push > 0.5 * quantile(push[motion.settled], 0.99)
+            size > 0.5 * quantile(size[motion.settled], 0.99)
             if (motion.settled.any())
-            else push > 0.0
+            else size > 0.0
         )
         if np.count_nonzero(strong & usable) < _FEW:
-            lost = ("inertia",)
+            unknown = ("inertia",)
     sentence = f"{saturation.statement[0].upper()}{saturation.statement[1:]}"
     sentence += ": these are left out."
-    return [Finding("saturated", sentence, lost)]
+    return [Finding("saturated", sentence, unknown)]

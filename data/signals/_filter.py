@@ -48,16 +48,16 @@ def zero_phase(
         what = "zero-phase filter"
         raise SignalError(what, f"a cutoff of {cutoff:g} Hz", expected)
     check_lengths("zero-phase filter", len(values), least=_PAD * (order + 1) + 1)
-    over, under, state = _low_pass(order, cutoff / nyquist)
+    numerator, denominator, state = _low_pass(order, cutoff / nyquist)
     state = state.reshape(-1, *(1,) * (values.ndim - 1))
-    reach = _PAD * (order + 1)
-    before = 2.0 * values[:1] - values[reach:0:-1]
-    behind = 2.0 * values[-1:] - values[-2 : -reach - 2 : -1]
+    pad = _PAD * (order + 1)
+    before = 2.0 * values[:1] - values[pad:0:-1]
+    behind = 2.0 * values[-1:] - values[-2 : -pad - 2 : -1]
     smooth: np.ndarray = np.concatenate([before, values, behind])
     for _ in ("forwards", "backwards"):
         start = state * smooth[:1]
-        smooth = lfilter(over, under, smooth, axis=0, zi=start)[0][::-1]
-    return smooth[reach:-reach]
+        smooth = lfilter(numerator, denominator, smooth, axis=0, zi=start)[0][::-1]
+    return smooth[pad:-pad]
 
 
 @functools.lru_cache(maxsize=64)

@@ -60,79 +60,79 @@ def estimate_instrument(
     clock = InstrumentClock(0.0, 0.0, middle, np.inf, np.inf, False, "")
     if spline is None:
         return _judged(clock, None, half, longest, "nothing moves")
-    beside = _beside(time, others)
+    splines = _splines(time, others)
     row = np.arange(time.size)
     chosen = row % max(1, time.size // _MOST_ROWS) == 0
     # From which side the axis came before its first motion, nobody knows.
     chosen &= row >= first_motion(time, encoder)
-    found = None
+    solution = None
     for with_rate in (True, False):
         clock = dataclasses.replace(clock, rate=0.0)
         for _ in range(_STEPS):
-            seen = aligned_error(time, encoder, reference, clock, spline=spline)
-            rows = chosen & seen.valid
-            system = Windows(seen, rows, spline, beside, middle, half)
+            aligned = aligned_error(time, encoder, reference, clock, spline=spline)
+            rows = chosen & aligned.valid
+            system = Windows(aligned, rows, spline, splines, middle, half)
             if system.count < _LEAST_WINDOWS:
                 return _judged(clock, None, half, longest, "its speed hardly changes")
-            found = system.solve(with_rate)
-            if found.independent < _INDEPENDENT:
+            solution = system.solve(with_rate)
+            if solution.independent < _INDEPENDENT:
                 reason = "at one speed a backlash looks like a delay"
-                return _judged(clock, found, half, longest, reason)
+                return _judged(clock, solution, half, longest, reason)
             clock = dataclasses.replace(
                 clock,
-                delay=float(np.clip(clock.delay + found.delay, -longest, longest)),
-                rate=clock.rate + found.rate / half,
+                delay=float(np.clip(clock.delay + solution.delay, -longest, longest)),
+                rate=clock.rate + solution.rate / half,
             )
-            if abs(found.delay) < 1e-3 * found.deviation:
+            if abs(solution.delay) < 1e-3 * solution.deviation:
                 break
         # A rate that does not show is none.
-        if found is None or abs(clock.rate) * half > _SURE * found.rate_deviation:
+        if solution is None or abs(clock.rate) * half > _SURE * solution.rate_deviation:
             break
-    return _judged(clock, found, half, longest, "")
+    return _judged(clock, solution, half, longest, "")
 
 
 def _judged(
     clock: InstrumentClock,
-    found: Solution | None,
+    solution: Solution | None,
     half: float,
     longest: float,
     reason: str,
 ) -> InstrumentClock:
     """Return the clock with its verdict: is it known well enough to be taken off?"""
-    if found is not None:
+    if solution is not None:
         clock = dataclasses.replace(
             clock,
-            standard_deviation=found.deviation,
-            rate_deviation=found.rate_deviation / half if clock.rate else 0.0,
+            standard_deviation=solution.deviation,
+            rate_deviation=solution.rate_deviation / half if clock.rate else 0.0,
         )
-        doubt = found.deviation * found.speed
+        doubt = solution.deviation * solution.speed
         if not reason and abs(clock.delay) >= longest:
             reason = f"it is longer than the {1e3 * longest:g} ms that were looked for"
-        elif not reason and not doubt < _DOUBT * found.scatter:
+        elif not reason and not doubt < _DOUBT * solution.scatter:
             reason = (
-                f"{1e6 * found.deviation:.2g} µs of doubt are {1e3 * doubt:.2g} µm (or"
-                f" m°) at {found.speed:.3g} per s"
+                f"{1e6 * solution.deviation:.2g} µs of doubt are {1e3 * doubt:.2g} µm (or"
+                f" m°) at {solution.speed:.3g} per s"
             )
     return dataclasses.replace(
         clock, determined=not reason, statement=_words(clock, reason)
     )
 
 
-def _words(found: InstrumentClock, reason: str) -> str:
+def _words(clock: InstrumentClock, reason: str) -> str:
     if reason:
         return f"the delay of the instrument cannot be told: {reason}"
-    late = "late" if found.delay >= 0 else "early"
+    word = "late" if clock.delay >= 0 else "early"
     words = (
-        f"the instrument is {1e3 * abs(found.delay):.4f} ms ±"
-        f" {1e3 * found.standard_deviation:.2g} ms {late}"
+        f"the instrument is {1e3 * abs(clock.delay):.4f} ms ±"
+        f" {1e3 * clock.standard_deviation:.2g} ms {word}"
     )
-    if found.rate:
-        slow = "slow" if found.rate > 0 else "fast"
-        words += f", its clock {1e6 * abs(found.rate):.3g} ppm {slow}"
+    if clock.rate:
+        slow = "slow" if clock.rate > 0 else "fast"
+        words += f", its clock {1e6 * abs(clock.rate):.3g} ppm {slow}"
     return words
 
 
-def _beside(
+def _splines(
     time: Float[np.ndarray, " t"], others: Float[np.ndarray, "t k"] | None
 ) -> list[Any]:
     """Return the splines of the other axes that move."""

@@ -13,7 +13,7 @@ from ._noise import noise_gain, noise_of
 from ._order import median
 
 _SETTLING = 2.0
-"""The same for a spline, whose ends are free: in periods of its bandwidth."""
+"""As `SETTLING`, for a spline, whose ends are free: in periods of its bandwidth."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,8 +87,8 @@ def filtered_motion(
         what = "filtered motion"
         raise SignalError(what, found, "equal steps, or `smoothed_motion`")
     step = clock.sample_time
-    reach = max(2, round(SETTLING / cutoff / step))
-    least = max(3 * (order + 1) + 1, 2 * reach + 1)
+    margin = max(2, round(SETTLING / cutoff / step))
+    least = max(3 * (order + 1) + 1, 2 * margin + 1)
     rows = np.zeros((3, time.size))
     settled = np.zeros(time.size, dtype=bool)
     for segment in clock.segments:
@@ -99,9 +99,9 @@ def filtered_motion(
                 rows[1, segment] = central_differences(part, step)
             continue
         rows[:, segment] = _by_filter(part, step, cutoff, order)
-        settled[segment.start + reach : segment.stop - reach] = True
+        settled[segment.start + margin : segment.stop - margin] = True
     noise = noise_of(position)
-    gains = _gains(step, cutoff, order, 10 * max(reach, 20))
+    gains = _gains(step, cutoff, order, 10 * max(margin, 20))
     return Motion(
         time=time,
         position=rows[0],
@@ -175,23 +175,23 @@ def smoothed_motion(
         what = "smoothed motion"
         raise SignalError(what, found, expected)
     strength = (2.0**0.5 - 1.0) / (step * (2.0 * np.pi * bandwidth) ** 4)
-    reach = max(2, round(_SETTLING / bandwidth / step))
+    margin = max(2, round(_SETTLING / bandwidth / step))
     rows = np.zeros((3, time.size))
     settled = np.zeros(time.size, dtype=bool)
     for segment in clock.segments:
-        part, own = position[segment], time[segment]
-        if part.size < max(8, 2 * reach + 1):
+        part, instants = position[segment], time[segment]
+        if part.size < max(8, 2 * margin + 1):
             rows[0, segment] = part
             if part.size > 1:
-                rows[1, segment] = np.gradient(part, own)
+                rows[1, segment] = np.gradient(part, instants)
             continue
-        spline = make_smoothing_spline(own - own[0], part, lam=strength)
+        spline = make_smoothing_spline(instants - instants[0], part, lam=strength)
         for order in range(3):
-            rows[order, segment] = spline(own - own[0], nu=order)
-        settled[segment.start + reach : segment.stop - reach] = True
+            rows[order, segment] = spline(instants - instants[0], nu=order)
+        settled[segment.start + margin : segment.stop - margin] = True
 
     def gain(order: int) -> float:
-        length = 10 * max(reach, 20)
+        length = 10 * max(margin, 20)
         grid = step * np.arange(2 * length + 1)
         return noise_gain(
             lambda x: make_smoothing_spline(grid, x, lam=strength)(grid, nu=order),

@@ -38,11 +38,11 @@ def _divided(
     scale = median(np.abs(np.diff(time))) or 1.0
     places = [time[k : time.size - 3 + k] / scale for k in range(4)]
     total, power = np.zeros(time.size - 3), np.zeros(time.size - 3)
-    for k, own in enumerate(places):
+    for k, place in enumerate(places):
         product = np.ones(time.size - 3)
         for other in range(4):
             if other != k:
-                product *= own - places[other]
+                product *= place - places[other]
         # The same time twice tells nothing; its quotient is left out below.
         weight = 1.0 / np.where(product == 0.0, np.nan, product)
         total += weight * values[k : time.size - 3 + k]
@@ -62,8 +62,8 @@ def resolution(values: Float[np.ndarray, " t"]) -> float:
     levels = np.sort(values)
     gaps = levels[1:] - levels[:-1]
     # Equal numbers may differ in the last bits after a conversion of units.
-    real = gaps[gaps > 1e-9 * float(levels[-1] - levels[0])]
-    return float(real.min()) if real.size else 0.0
+    distinct = gaps[gaps > 1e-9 * float(levels[-1] - levels[0])]
+    return float(distinct.min()) if distinct.size else 0.0
 
 
 def noise_gain(

@@ -31,8 +31,8 @@ def _neighbours(values: Float[np.ndarray, " t"], at: int) -> tuple[float, float]
     if not values.size:
         return math.nan, math.nan
     last = values.size - 1
-    beside = min(at + 1, last)
-    parted = np.partition(values, (at, beside, last))
+    following = min(at + 1, last)
+    parted = np.partition(values, (at, following, last))
     if math.isnan(parted.item(last)):  # NaN comes last
         return math.nan, math.nan
-    return parted.item(at), parted.item(beside)
+    return parted.item(at), parted.item(following)

@@ -91,9 +91,9 @@ class Phases:
     @functools.cached_property
     def rest(self) -> Bool[np.ndarray, " t"]:
         """Standstill: no direction for at least the shortest rest."""
-        still = (self.direction == 0) & self.motion.settled
+        standing = (self.direction == 0) & self.motion.settled
         least = max(1, round(self.shortest_rest / self.motion.step))
-        return _long_runs(still, least)
+        return _long_runs(standing, least)
 
     @functools.cached_property
     def reversals(self) -> tuple[Reversal, ...]:
@@ -139,8 +139,8 @@ def find_phases(
             out, ten times the noise of the positions, or what the filter may ring with.
     """
     slowest = _SURE * motion.velocity_noise
-    sure = motion.settled & (np.abs(motion.velocity) > slowest + _ringing(motion))
-    direction = np.where(sure, np.sign(motion.velocity), 0.0).astype(np.int64)
+    certain = motion.settled & (np.abs(motion.velocity) > slowest + _ringing(motion))
+    direction = np.where(certain, np.sign(motion.velocity), 0.0).astype(np.int64)
     return Phases(
         motion=motion,
         direction=direction,
@@ -171,10 +171,10 @@ def _runs(mask: Bool[np.ndarray, " t"]) -> Int[np.ndarray, "n 2"]:
 
 
 def _long_runs(mask: Bool[np.ndarray, " t"], least: int) -> Bool[np.ndarray, " t"]:
-    kept = np.zeros(mask.size, dtype=bool)
+    long = np.zeros(mask.size, dtype=bool)
     for start, stop in _runs(mask).tolist():
-        kept[start:stop] = stop - start >= least
-    return kept
+        long[start:stop] = stop - start >= least
+    return long
 
 
 def _reversals(
@@ -197,7 +197,7 @@ def _reversals(
     first, last = first[far], last[far]
     # Legs in the same direction, one after the other, are one.
     turns = np.flatnonzero(np.diff(direction[first]))
-    found = []
+    reversals = []
     for before, after in zip(
         last[turns].tolist(), first[turns + 1].tolist(), strict=True
     ):
@@ -205,8 +205,8 @@ def _reversals(
         span = slice(before, after + 1)
         row = span.start + int((sign * motion.position[span]).argmax())
         dwell = float(motion.time[after] - motion.time[before])
-        found.append(Reversal(row, sign, float(motion.position[row]), dwell))
-    return tuple(found)
+        reversals.append(Reversal(row, sign, float(motion.position[row]), dwell))
+    return tuple(reversals)
 
 
 def _plateaus(
@@ -218,15 +218,15 @@ def _plateaus(
     step = motion.step
     least = max(4, round(shortest / step))
     cut = max(1, round(0.5 / motion.bandwidth / step))
-    found: list[Plateau] = []
+    plateaus: list[Plateau] = []
     for sign in (1, -1):
         one_way = (direction == sign) & motion.settled
         for start, stop in _runs(one_way).tolist():
             for a, b in _steady(motion.velocity[start:stop], tolerance, motion, least):
                 first, last = start + a + cut, start + b - cut
                 if last - first >= least:
-                    found.append(_plateau(motion, first, last))
-    return tuple(sorted(found, key=lambda plateau: plateau.start))
+                    plateaus.append(_plateau(motion, first, last))
+    return tuple(sorted(plateaus, key=lambda plateau: plateau.start))
 
 
 def _steady(
@@ -248,7 +248,7 @@ def _steady(
     level = 0.5 * np.abs(means[width:] + means[:-width])
     noise = _SURE * motion.velocity_noise / width**0.5
     quiet = change <= np.maximum(tolerance * level, noise)
-    found = []
+    stretches = []
     for start, stop in _runs(quiet).tolist():
         # Test k compares samples k … k + width with k + width … k + 2 width.
         a, b = start, stop - 1 + 2 * width
@@ -256,8 +256,8 @@ def _steady(
         bound = max(tolerance * abs(middle), _SURE * motion.velocity_noise)
         close = np.abs(velocity[a:b] - middle) <= bound
         longest = max(_runs(close).tolist(), key=lambda run: run[1] - run[0])
-        found.append((a + longest[0], a + longest[1]))
-    return found
+        stretches.append((a + longest[0], a + longest[1]))
+    return stretches
 
 
 def _even(velocity: Float[np.ndarray, " n"], tolerance: float, motion: Motion) -> bool:
@@ -269,11 +269,11 @@ def _even(velocity: Float[np.ndarray, " n"], tolerance: float, motion: Motion) -
 def _plateau(motion: Motion, start: int, stop: int) -> Plateau:
     """Return the mean speed as the way over the time, and how well it is known."""
     duration = float(motion.time[stop - 1] - motion.time[start])
-    way = float(motion.position[stop - 1] - motion.position[start])
+    distance = float(motion.position[stop - 1] - motion.position[start])
     return Plateau(
         start=start,
         stop=stop,
-        velocity=way / duration,
+        velocity=distance / duration,
         velocity_deviation=2.0**0.5 * motion.position_noise / duration,
         ripple=float(np.std(motion.velocity[start:stop])),
     )

@@ -46,7 +46,7 @@ class _Pass:
     """One weighted regression.
 
     Attributes:
-        own: Columns less the lines of the windows.
+        design: Columns less the lines of the windows.
         normal: Their normal matrix.
         values: Per column.
         residual: Of the error.
@@ -54,7 +54,7 @@ class _Pass:
         weight: For the next one.
     """
 
-    own: Float[np.ndarray, "n k"]
+    design: Float[np.ndarray, "n k"]
     normal: Float[np.ndarray, "k k"]
     values: Float[np.ndarray, " k"]
     residual: Float[np.ndarray, " n"]
@@ -67,35 +67,35 @@ class Windows:
 
     def __init__(
         self,
-        seen: AlignedError,
-        known: Bool[np.ndarray, " t"],
+        aligned: AlignedError,
+        valid: Bool[np.ndarray, " t"],
         spline: Any,
-        beside: Sequence[Any],
+        others: Sequence[Any],
         middle: float,
         half: float,
     ) -> None:
-        rows = np.flatnonzero(known)
-        at = seen.instants[rows]
+        rows = np.flatnonzero(valid)
+        at = aligned.instants[rows]
         speed = np.asarray(spline(at, 1))
-        way = last_direction(speed, 1e-3 * float(np.abs(speed).max(initial=0.0)))
+        sign = last_direction(speed, 1e-3 * float(np.abs(speed).max(initial=0.0)))
         number = np.floor((at - at[:1]) / _WINDOW).astype(np.int64)
         number = np.unique(number, return_inverse=True)[1].reshape(-1)
         keep = _changing(number, speed)
-        rows, at, speed, way = (each[keep] for each in (rows, at, speed, way))
+        rows, at, speed, sign = (array[keep] for array in (rows, at, speed, sign))
         self.number = np.unique(number[keep], return_inverse=True)[1].reshape(-1)
         self.count = int(self.number.max(initial=-1)) + 1
         self.speed = float(np.percentile(np.abs(speed), 90)) if rows.size else 0.0
-        self.error = seen.error[rows]
-        axes = [spline, *beside]
+        self.error = aligned.error[rows]
+        axes = [spline, *others]
         self.places = [np.asarray(axis(at)) for axis in axes]
         place = self.places[0]
         span = max(float(np.ptp(place)), 1e-12) if rows.size else 1.0
-        away = (place - place.mean()) / span if rows.size else place
-        late = (at - middle) / half
+        centred = (place - place.mean()) / span if rows.size else place
+        elapsed = (at - middle) / half
         rates = [np.asarray(axis(at, 2)) for axis in axes]
         # The first two are what is asked for; e = −τ v.
         self.columns = np.stack(
-            [-speed, -speed * late, way, way * away, *rates], axis=1
+            [-speed, -speed * elapsed, sign, sign * centred, *rates], axis=1
         )
 
     def solve(self, with_rate: bool) -> "Solution":
@@ -104,68 +104,68 @@ class Windows:
         columns = self.columns[:, use]
         scale = np.maximum(np.sqrt((columns**2).mean(axis=0)), 1e-300)
         columns = columns / scale
-        found = self._weighted(columns, np.ones(len(self.error)))
+        fit = self._weighted(columns, np.ones(len(self.error)))
         for _ in range(_REWEIGHTED):
-            found = self._weighted(columns, found.weight)
-        own, residual, weight = found.own, found.residual, found.weight
+            fit = self._weighted(columns, fit.weight)
+        design, residual, weight = fit.design, fit.residual, fit.weight
         scores = np.stack(
             [
                 np.bincount(self.number, weight * residual * c, self.count)
-                for c in own.T
+                for c in design.T
             ],
             axis=1,
         )
-        inverse = np.linalg.inv(found.normal)
+        inverse = np.linalg.inv(fit.normal)
         spread = np.diag(inverse @ (scores.T @ scores) @ inverse)
         deviation = np.sqrt(np.maximum(spread, 0.0)) / scale
-        values = found.values / scale
+        values = fit.values / scale
         return Solution(
             delay=float(values[0]),
             rate=float(values[1]) if with_rate else 0.0,
             deviation=float(deviation[0]),
             rate_deviation=float(deviation[1]) if with_rate else np.inf,
-            scatter=found.scatter,
+            scatter=fit.scatter,
             speed=self.speed,
-            independent=float(1.0 / (inverse[0, 0] * found.normal[0, 0])),
+            independent=float(1.0 / (inverse[0, 0] * fit.normal[0, 0])),
         )
 
     def _weighted(
         self, columns: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
     ) -> "_Pass":
         """Return one weighted regression, and the weights that its residuals ask for."""
-        flat, own = self._without_lines(columns, weight)
-        normal = (own * weight[:, None]).T @ own
+        flat, design = self._without_lines(columns, weight)
+        normal = (design * weight[:, None]).T @ design
         normal += 1e-12 * np.trace(normal) * np.eye(columns.shape[1])
-        values = np.linalg.solve(normal, own.T @ (weight * flat))
-        residual = flat - own @ values
+        values = np.linalg.solve(normal, design.T @ (weight * flat))
+        residual = flat - design @ values
         scatter = _HALF * float(np.median(np.abs(residual)))
         new = 1.0 / (1.0 + (residual / max(_HEAVY * scatter, 1e-15)) ** 2)
-        return _Pass(own, normal, values, residual, scatter, new)
+        return _Pass(design, normal, values, residual, scatter, new)
 
     def _without_lines(
         self, columns: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n k"]]:
         """Return error and columns less each window's line over the positions."""
-        whole = np.maximum(np.bincount(self.number, weight, self.count), 1e-12)
+        total = np.maximum(np.bincount(self.number, weight, self.count), 1e-12)
 
         def mean(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
             sums = np.bincount(self.number, weight * values, self.count)
-            return np.asarray((sums / whole)[self.number])
+            return np.asarray((sums / total)[self.number])
 
         def flat(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-            left = values - mean(values)
+            residual = values - mean(values)
             for base, power in lines:
-                left = left - base * mean(base * left) / power
-            return np.asarray(left)
+                residual = residual - base * mean(base * residual) / power
+            return np.asarray(residual)
 
         lines: list[tuple[np.ndarray, np.ndarray]] = []
         for place in self.places:
-            before = place - mean(place)
+            centred = place - mean(place)
             base = flat(place)
             # What moves along with another axis has no line of its own.
-            own = mean(base * base)
-            tiny = own <= 1e-6 * mean(before * before) + 1e-12
-            lines.append((np.where(tiny, 0.0, base), np.where(tiny, 1.0, own)))
+            square = mean(base * base)
+            tiny = square <= 1e-6 * mean(centred * centred) + 1e-12
+            lines.append((np.where(tiny, 0.0, base), np.where(tiny, 1.0, square)))
         return flat(self.error), np.stack([flat(c) for c in columns.T], axis=1)
 
 
@@ -179,6 +179,6 @@ def _changing(
     size = np.bincount(number, minlength=count)
     mean = np.bincount(number, speed, count) / np.maximum(size, 1)
     spread = np.bincount(number, (speed - mean[number]) ** 2, count)
-    most = np.abs(speed).max()
-    good = (size >= _LEAST_ROWS) & (spread / np.maximum(size, 1) > (0.02 * most) ** 2)
-    return np.asarray(good[number] & (most > 0))
+    peak = np.abs(speed).max()
+    valid = (size >= _LEAST_ROWS) & (spread / np.maximum(size, 1) > (0.02 * peak) ** 2)
+    return np.asarray(valid[number] & (peak > 0))

@@ -6,8 +6,8 @@ knows no files. To be read in this order: `_data` (readings in, those of `ident.
 what a drive draws; findings out), `_terms` (what an error may depend on, and which
 compensations hold it), `_view` (readings of one axis, and what they could show), `_columns`
 (features of terms, by libraries of pysindy), `_evidence` (how large each term is), `_select`
-(which terms are there, by optimisers of pysindy; sensor and lag), `_left` (what the data cannot
-tell apart, and what stays), `_discover` (the whole, for an axis and a drive).
+(which terms are there, by optimisers of pysindy; sensor and lag), `_unexplained` (what the data
+cannot tell apart, and what stays), `_discover` (the whole, for an axis and a drive).
 """
 
 from ._data import (
@@ -22,7 +22,7 @@ from ._data import (
     stack as stack,
 )
 from ._discover import discover as discover
-from ._left import (
+from ._unexplained import (
     AgainstDrift as AgainstDrift,
     against_drift as against_drift,
     heat_or_drift as heat_or_drift,

@@ -55,21 +55,21 @@ def columns_of(view: AxisView, term: Term) -> Float[np.ndarray, "t k"]:
     from pysindy import CustomLibrary, TensoredLibrary
 
     factors: list[Factor] = []
-    for name, owner, most in term.facts.factors:
-        whose = term.owners[owner]
+    for name, owner, limit in term.facts.factors:
+        subject = term.owners[owner]
         if name in _SHAPES:
-            values = getattr(view.data, CHANNELS[name])[whose]
+            values = getattr(view.data, CHANNELS[name])[subject]
             factors.append((_SHAPES[name](values), [_SAME]))
         else:
-            factors.append(_FACTORS[name](view, term, whose, most))
+            factors.append(_FACTORS[name](view, term, subject, limit))
     inputs = np.stack([channel for channel, _ in factors], axis=1)
-    known = np.isfinite(inputs).all(axis=1)
+    finite = np.isfinite(inputs).all(axis=1)
     parts = [CustomLibrary(functions) for _, functions in factors]
     library = TensoredLibrary(parts, [[k] for k in range(len(parts))])
     library.fit(np.zeros((1, len(parts))))
     result = np.full((len(inputs), library.n_output_features_), np.nan)
-    if known.any():
-        result[known] = np.asarray(library.transform(inputs[known]))
+    if finite.any():
+        result[finite] = np.asarray(library.transform(inputs[finite]))
     return view.centred(result)
 
 
@@ -84,19 +84,19 @@ def smooth(count: int, periodic: bool = False) -> list[Function]:
     return [_wave(1 + k // 2, 1 + k // 2, 0.25 * (k % 2)) for k in range(count)]
 
 
-def _wave(order: int, turns: float, late: float) -> Function:
+def _wave(order: int, turns: float, phase: float) -> Function:
     size = np.sqrt(2.0) / order**_DECAY
-    return lambda u: size * np.cos(2.0 * np.pi * (turns * u - late))
+    return lambda u: size * np.cos(2.0 * np.pi * (turns * u - phase))
 
 
-def _line(view: AxisView, term: Term, axis: str, most: int) -> Factor:
+def _line(view: AxisView, term: Term, axis: str, limit: int) -> Factor:
     rows = len(view.data) // _EACH
     # Several factors share the rows.
     if term.kind in (Kind.SURFACE, Kind.OWN_LINE):
         rows = int(np.sqrt(rows))
     elif len(term.facts.factors) > 1:
         rows //= 4
-    count = max(1, min(most, view.places(axis) - 1, rows))
+    count = max(1, min(limit, view.places(axis) - 1, rows))
     return view.scaled(axis), smooth(count, view.goes_round(axis))
 
 
@@ -111,7 +111,7 @@ def _time(view: AxisView) -> Float[np.ndarray, " t"]:
     return np.asarray((clock - clock.mean()) / (float(np.std(clock)) or 1.0))
 
 
-def _push(view: AxisView, term: Term, axis: str, most: int) -> Factor:
+def _push(view: AxisView, term: Term, axis: str, limit: int) -> Factor:
     """Return laws over an acceleration: linear to a full or an early entry, then held.
 
     Accelerations of either sign have entries of their own.
@@ -124,15 +124,15 @@ def _push(view: AxisView, term: Term, axis: str, most: int) -> Factor:
     def law(sign: float, share: float) -> Function:
         return lambda hard: np.clip(sign * hard / share, 0.0, 1.0)
 
-    shares = (1.0, _EARLY)[: most // 2]
+    shares = (1.0, _EARLY)[: limit // 2]
     return values / full, [law(sign, share) for sign in (1.0, -1.0) for share in shares]
 
 
 def _decay(share: float, power: int) -> Function:
-    return lambda gone: np.exp(-((gone / share) ** power))
+    return lambda distance: np.exp(-((distance / share) ** power))
 
 
-def _heat(view: AxisView, term: Term, sensor: str, most: int) -> Factor:
+def _heat(view: AxisView, term: Term, sensor: str, limit: int) -> Factor:
     """Return laws over the temperature of the structure behind a sensor.
 
     Laws of a coefficient are zero at the reference: what is there, is the leadscrew's;
@@ -149,9 +149,9 @@ def _heat(view: AxisView, term: Term, sensor: str, most: int) -> Factor:
     mean, spread = float(finite.mean()), float(np.std(finite)) or 1.0
     zero = float(np.clip(_REFERENCE, finite.min(), finite.max())) if heated else mean
     middle = (mean - zero) / spread
-    rest = middle**2 if heated else 1.0
-    bent: Function = lambda warm: _BEND * ((warm - middle) ** 2 - rest)  # noqa: E731
-    return (body - zero) / spread, [_SAME, bent][:most]
+    constant = middle**2 if heated else 1.0
+    bent: Function = lambda warm: _BEND * ((warm - middle) ** 2 - constant)  # noqa: E731
+    return (body - zero) / spread, [_SAME, bent][:limit]
 
 
 _FACTORS: Mapping[str, Callable[[AxisView, Term, str, int], Factor]] = {
@@ -201,9 +201,9 @@ def followed(
     courses = courses - courses.mean(axis=0)
     columns = columns - columns.mean(axis=0)
     residual = courses - columns @ np.linalg.lstsq(columns, courses)[0]
-    whole = np.sum(courses**2, axis=0)
-    share = 1.0 - np.sum(residual**2, axis=0) / np.where(whole > 0, whole, 1.0)
-    return np.asarray(np.where(whole > 0, share, 0.0))
+    square = np.sum(courses**2, axis=0)
+    share = 1.0 - np.sum(residual**2, axis=0) / np.where(square > 0, square, 1.0)
+    return np.asarray(np.where(square > 0, share, 0.0))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -244,14 +244,14 @@ class Columns:
 
     def __init__(self, view: AxisView) -> None:
         self.view = view
-        self._known: dict[Term, np.ndarray] = {}
+        self._blocks: dict[Term, np.ndarray] = {}
         self.weight = np.ones(len(view.error))
 
     def of(self, term: Term) -> Float[np.ndarray, "t k"]:
         """Return the columns of a term."""
-        if term not in self._known:
-            self._known[term] = columns_of(self.view, term)
-        return self._known[term]
+        if term not in self._blocks:
+            self._blocks[term] = columns_of(self.view, term)
+        return self._blocks[term]
 
     def design(self, terms: Sequence[Term]) -> Design:
         """Return the columns of terms, zeros, runs and drifts."""
@@ -282,17 +282,17 @@ class Columns:
         what there is, is taken for the latter.
         """
         kinds = (Kind.OWN, Kind.LINE, Kind.REVERSAL)
-        places = [block for term, block in self._known.items() if term.kind in kinds]
+        places = [block for term, block in self._blocks.items() if term.kind in kinds]
         result = [np.zeros((len(self.view.data), 0))]
         for rows in self.view.sources if self.view.channel == "error" else ():
-            own = slow_functions(self.view.data.clock[rows])
-            slow = np.zeros((len(self.view.data), own.shape[1]))
-            slow[rows] = own
+            functions = slow_functions(self.view.data.clock[rows])
+            slow = np.zeros((len(self.view.data), functions.shape[1]))
+            slow[rows] = functions
             slow = self.view.centred(slow)
-            some = rows[some_of(len(rows), _MOST)]
-            if places and own.shape[1]:
-                beside = np.concatenate([block[some] for block in places], axis=1)
-                if np.any(followed(slow[some, :2], beside) > _PLACED):
+            sample = rows[some_of(len(rows), _MOST)]
+            if places and functions.shape[1]:
+                placed = np.concatenate([block[sample] for block in places], axis=1)
+                if np.any(followed(slow[sample, :2], placed) > _PLACED):
                     continue
             result.append(slow)
         return np.concatenate(result, axis=1)

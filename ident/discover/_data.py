@@ -43,45 +43,45 @@ class Observed(JointData):
     def clock(self) -> Float[np.ndarray, " t"]:
         """Instants, those between known ones where one was missed; without, the row numbers."""
         number = np.arange(len(self), dtype=float)
-        known = np.isfinite(number if self.time is None else self.time)
-        if self.time is None or not known.any():
+        finite = np.isfinite(number if self.time is None else self.time)
+        if self.time is None or not finite.any():
             return number
-        return np.asarray(np.interp(number, number[known], self.time[known]))
+        return np.asarray(np.interp(number, number[finite], self.time[finite]))
 
     def unit(self, axis: str) -> str:
         """Return the unit of positions and errors of an axis."""
         return "°" if axis in self.rotary else "mm"
 
 
-def stack(parts: Iterable[Observed]) -> Observed:
+def stack(recordings: Iterable[Observed]) -> Observed:
     """Return the rows of several recordings one after the other.
 
     What a recording does not have is NaN in its rows; runs and sources stay apart, and
     each clock starts where the one before has ended.
     """
-    every = list(parts)
-    if not every:
+    parts = list(recordings)
+    if not parts:
         where, expected = "job", "at least one"
         raise DiscoverError(where, "no measurement", expected)
-    counts = [len(part) for part in every]
-    owner = np.repeat(np.arange(len(every)), counts)
+    counts = [len(part) for part in parts]
+    owner = np.repeat(np.arange(len(parts)), counts)
 
     def numbered(labels: Sequence[np.ndarray]) -> Int[np.ndarray, " t"]:
         pairs = np.stack([owner, np.concatenate(labels)])
         return np.unique(pairs, axis=1, return_inverse=True)[1].reshape(-1)
 
     clocks, start = [], 0.0
-    for part in every:
+    for part in parts:
         clocks.append(part.clock - part.clock.min(initial=np.inf) + start)
         start = float(clocks[-1].max(initial=start)) + 1.0
     return Observed(
-        time=None if any(p.time is None for p in every) else np.concatenate(clocks),
+        time=None if any(p.time is None for p in parts) else np.concatenate(clocks),
         clock_number=None,
-        run=numbered([part.run for part in every]),
-        source=numbered([part.source for part in every]),
-        rotary=frozenset().union(*(part.rotary for part in every)),
-        modulo={key: span for part in every for key, span in part.modulo.items()},
-        **{channel: stacked(every, channel, counts) for channel in Observed.channels},
+        run=numbered([part.run for part in parts]),
+        source=numbered([part.source for part in parts]),
+        rotary=frozenset().union(*(part.rotary for part in parts)),
+        modulo={key: span for part in parts for key, span in part.modulo.items()},
+        **{channel: stacked(parts, channel, counts) for channel in Observed.channels},
     )
 
 
@@ -128,9 +128,9 @@ class Found(Finding):
     @property
     def sensors(self) -> tuple[str, ...]:
         """Temperatures that it follows."""
-        both = self.keys.get("sensors")
-        if isinstance(both, Mapping):
-            return tuple(dict.fromkeys(map(str, both.values())))
+        sensors = self.keys.get("sensors")
+        if isinstance(sensors, Mapping):
+            return tuple(dict.fromkeys(map(str, sensors.values())))
         return () if self.sensor is None else (self.sensor,)
 
 

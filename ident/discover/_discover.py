@@ -16,7 +16,9 @@ from ._data import (
     Rejected,
     Unexplained,
 )
-from ._left import (
+from ._select import STABLE, Selection, choose_heat, select_terms
+from ._terms import HEAT, PUSHES, Kind, Need, Term, compose
+from ._unexplained import (
     Confusion,
     amount,
     drifts,
@@ -26,8 +28,6 @@ from ._left import (
     sensors_alike,
     stays,
 )
-from ._select import STABLE, Selection, choose_heat, select_terms
-from ._terms import HEAT, PUSHES, Kind, Need, Term, compose
 from ._view import Channel, candidates_of, late_terms, view_of
 
 _LEAST = 20
@@ -99,23 +99,23 @@ def examine(
     axes: tuple[str, ...],
 ) -> Discovery:
     """Return which compensations the error, or the current, of an axis, one of all, asks for."""
-    kept: Bool[np.ndarray, " t"] | str = np.isfinite(getattr(observed, channel)[axis])
+    rows: Bool[np.ndarray, " t"] | str = np.isfinite(getattr(observed, channel)[axis])
     if channel == "current":
-        kept = _moving_rows(observed, axis)
-    if isinstance(kept, str):
-        why = f"could not be looked for: {kept}"
-        return Discovery((), rejected=(Rejected("friction", axis, (), None, why),))
-    view = view_of(observed, axis, kept, channel)
+        rows = _moving_rows(observed, axis)
+    if isinstance(rows, str):
+        reason = f"could not be looked for: {rows}"
+        return Discovery((), rejected=(Rejected("friction", axis, (), None, reason),))
+    view = view_of(observed, axis, rows, channel)
     terms, heat, absent = candidates_of(view, axes)
     columns = Columns(view)
     if heat:
         terms += choose_heat(columns, terms, heat)
     chosen = select_terms(columns, terms)
-    late = list(late_terms(view, axes, chosen.terms))
-    if late:
-        second = select_terms(columns, [*chosen.terms, *late], terms)
-        if any(term in late for term in second.terms):
-            chosen = second
+    further = list(late_terms(view, axes, chosen.terms))
+    if further:
+        revised = select_terms(columns, [*chosen.terms, *further], terms)
+        if any(term in further for term in revised.terms):
+            chosen = revised
     turning = [name for name in axes if view.goes_round(name)]
     composed = compose({t: chosen.size_of([t])[0] for t in chosen.terms}, turning)
     needs = [need for need in composed if need.compensation is not None]
@@ -126,29 +126,29 @@ def examine(
     drift, warm = confusion.drift, [n for n in needs if n.terms == confusion.heat]
     if drift is not None and drift.slight and not drift.known:
         doubtful.update(warm)
-        why = "no more than a drift of the instrument, which changes alike"
-        rejected += [Rejected("temperature", axis, (), n.sensor, why) for n in warm]
-    sure = [need for need in needs if need not in doubtful]
+        reason = "no more than a drift of the instrument, which changes alike"
+        rejected += [Rejected("temperature", axis, (), n.sensor, reason) for n in warm]
+    certain = [need for need in needs if need not in doubtful]
     wanders = tuple(drifts(chosen))
     # A fit of a group knows of the drift, even if it is the only one.
-    group = axis if len(sure) > 1 or wanders else None
-    named = sorted(
-        (_found(chosen, each, group) for each in sure), key=lambda e: -e.share
+    group = axis if len(certain) > 1 or wanders else None
+    records = sorted(
+        (_found(chosen, need, group) for need in certain), key=lambda e: -e.share
     )
-    unexplained = [each for _, each in doubts]
+    unexplained = [entry for _, entry in doubts]
     for need in composed:
         rms, share = chosen.size_of(need.terms)
         if need.compensation is None and rms > _WORTH_WORDS * chosen.noise:
             text = f"{need.words.removesuffix('.')} ({amount(chosen, rms)} rms)."
             if need.lead.kind is Kind.VISCOUS_WAY:
                 text += _steeper(chosen, need.lead)
-            what = need.lead.words
-            unexplained.append(stays(chosen, what, need.masters, rms, text, share))
+            label = need.lead.words
+            unexplained.append(stays(chosen, label, need.masters, rms, text, share))
     unexplained += ripples(chosen)
     size = float(np.sqrt(chosen.square))
-    summary = AxisSummary(axis, channel, int(kept.sum()), size, chosen.noise, view.unit)
+    summary = AxisSummary(axis, channel, int(rows.sum()), size, chosen.noise, view.unit)
     return Discovery(
-        (summary,), tuple(named), tuple(rejected), tuple(unexplained), wanders
+        (summary,), tuple(records), tuple(rejected), tuple(unexplained), wanders
     )
 
 
@@ -156,10 +156,10 @@ def _found(chosen: Selection, need: Need, group: str | None) -> Found:
     """Return a compensation that the error asks for."""
     name, axis = str(need.compensation), chosen.view.axis
     rms, share = chosen.size_of(need.terms)
-    over = f" over {' and '.join(need.masters)}" if need.masters else ""
+    along = f" over {' and '.join(need.masters)}" if need.masters else ""
     if need.lead.kind in PUSHES:
-        over = f" from {need.masters[0]}"
-    sentence = f"{name} of {axis}{over}: {amount(chosen, rms)} rms,"
+        along = f" from {need.masters[0]}"
+    sentence = f"{name} of {axis}{along}: {amount(chosen, rms)} rms,"
     sentence += f" {share:.0%} of the {chosen.view.channel}. {need.words}"
     return Found(
         axis=axis, masters=need.masters, rms=rms, share=share, unit=chosen.view.unit,
@@ -169,44 +169,44 @@ def _found(chosen: Selection, need: Need, group: str | None) -> Found:
 
 
 def _doubts(
-    found: Selection, confusion: Confusion, needs: Sequence[Need]
+    chosen: Selection, confusion: Confusion, needs: Sequence[Need]
 ) -> Iterator[tuple[Need | None, Unexplained]]:
     """Yield what several could explain, with the compensation that it would be."""
 
     def cannot_tell(
         names: Sequence[str], masters: Sequence[str], rms: float, remedy: str
     ) -> Unexplained:
-        what = " or ".join(names)
-        text = f"The data cannot tell: {what} ({amount(found, rms)} rms). {remedy}"
-        return stays(found, what, masters, rms, text, verdict="the data cannot tell")
+        label = " or ".join(names)
+        text = f"The data cannot tell: {label} ({amount(chosen, rms)} rms). {remedy}"
+        return stays(chosen, label, masters, rms, text, verdict="the data cannot tell")
 
     for need, others in confusion.others.items():
         names = [need.lead.words, *(other.words for other in others)]
         lines = [other for other in others if other.kind is Kind.LINE]
         if "masters" in need.keys and lines:
             # A plane gives way to the lines that suffice.
-            inside = [term for term in need.terms if term.kind is Kind.LINE]
-            names = [term.words for term in dict.fromkeys([*inside, *lines])]
+            contained = [term for term in need.terms if term.kind is Kind.LINE]
+            names = [term.words for term in dict.fromkeys([*contained, *lines])]
         masters = [*need.masters, *(name for other in others for name in other.masters)]
-        rms, remedy = found.size_of(need.terms)[0], _remedy(need, others)
+        rms, remedy = chosen.size_of(need.terms)[0], _remedy(need, others)
         yield need, cannot_tell(names, masters, rms, remedy)
     drift, heat = confusion.drift, confusion.heat
-    named = next((other for other in needs if other.terms == heat), None)
-    if drift is not None and drift.doubtful and named not in confusion.others:
-        what, remedy = heat_or_drift(heat[0].words, found.view.axis)
-        yield named, cannot_tell([what], (), drift.rms, remedy)
+    heated = next((other for other in needs if other.terms == heat), None)
+    if drift is not None and drift.doubtful and heated not in confusion.others:
+        label, remedy = heat_or_drift(heat[0].words, chosen.view.axis)
+        yield heated, cannot_tell([label], (), drift.rms, remedy)
     for need in needs:
-        alike = sensors_alike(found, need)
+        alike = sensors_alike(chosen, need)
         if alike and need not in confusion.others:
-            names = [f"temperature of {found.view.axis} by {name}" for name in alike]
+            names = [f"temperature of {chosen.view.axis} by {name}" for name in alike]
             remedy = f"{' and '.join(alike)} changed alike; measure once while they do"
-            rms, _ = found.size_of(need.terms)
+            rms, _ = chosen.size_of(need.terms)
             yield need, cannot_tell(names, (), rms, f"{remedy} not, as after a pause.")
-    if found.view.channel == "current":
+    if chosen.view.channel == "current":
         law = needs[0] if needs else None
-        for what, remedy in _undetermined_friction(found, law is not None):
-            rms = max((found.size_of([term])[0] for term in found.terms), default=0.0)
-            yield law, cannot_tell([what], (), rms, remedy)
+        for label, remedy in _undetermined_friction(chosen, law is not None):
+            rms = max((chosen.size_of([term])[0] for term in chosen.terms), default=0.0)
+            yield law, cannot_tell([label], (), rms, remedy)
 
 
 def _remedy(need: Need, others: Sequence[Term]) -> str:
@@ -223,25 +223,25 @@ def _remedy(need: Need, others: Sequence[Term]) -> str:
 
 
 def _rejected(
-    found: Selection, needs: Sequence[Need], confusion: Confusion
+    chosen: Selection, needs: Sequence[Need], confusion: Confusion
 ) -> Iterator[Rejected]:
     """Yield the compensations that are not there, and why each is not."""
-    axis, names = found.view.axis, {need.compensation for need in needs}
+    axis, names = chosen.view.axis, {need.compensation for need in needs}
     pushing = {need.masters[0] for need in needs if need.lead.kind in PUSHES}
-    held = {term for need in needs for term in need.terms}
-    held |= {term for others in confusion.others.values() for term in others}
-    often = dict(zip(found.design.terms, found.frequency.tolist(), strict=True))
+    used = {term for need in needs for term in need.terms}
+    used |= {term for others in confusion.others.values() for term in others}
+    frequency = dict(zip(chosen.design.terms, chosen.frequency.tolist(), strict=True))
     drift = confusion.drift
     likely = drift is not None and not drift.known and drift.alike >= _ALIKE
     reasons: dict[tuple[str, tuple[str, ...], str | None], str] = {}
-    for term in found.looked:
-        name, share = term.facts.compensation, often.get(term, 0.0)
+    for term in chosen.looked:
+        name, share = term.facts.compensation, frequency.get(term, 0.0)
         # What an axis has once, whatever it is over, is spoken of once.
-        if name is None or term in held or (len(term.masters) != 1 and name in names):
+        if name is None or term in used or (len(term.masters) != 1 and name in names):
             continue
         if term.kind in PUSHES and term.masters[0] in pushing:
             continue
-        reason = f"nothing of it in the {found.view.channel}"
+        reason = f"nothing of it in the {chosen.view.channel}"
         if likely and term in confusion.heat:
             reason = "a drift of the instrument explains the same"
         elif term in confusion.hidden:
@@ -267,8 +267,8 @@ def _steeper(chosen: Selection, term: Term) -> str:
     right = data.current[term.axis] * root
     factors = np.linalg.lstsq(columns * root[:, None], right, rcond=None)[0]
     slope = float(factors[0] / np.sqrt(np.mean(data.velocity[term.axis] ** 2)))
-    way = "forwards" if slope > 0 else "backwards"
-    return f" It is steeper {way} by {2.0 * abs(slope):.3g} per unit of velocity."
+    direction = "forwards" if slope > 0 else "backwards"
+    return f" It is steeper {direction} by {2.0 * abs(slope):.3g} per unit of velocity."
 
 
 def _moving_rows(observed: Observed, axis: str) -> Bool[np.ndarray, " t"] | str:
@@ -277,19 +277,19 @@ def _moving_rows(observed: Observed, axis: str) -> Bool[np.ndarray, " t"] | str:
         if axis not in getattr(observed, channel):
             return f"no {channel} of {axis} was recorded, nor time to derive it from"
     velocity = observed.velocity[axis]
-    known = np.isfinite(observed.current[axis] + velocity)
-    known &= np.isfinite(observed.acceleration[axis] + observed.position[axis])
-    if not known.any():
+    finite = np.isfinite(observed.current[axis] + velocity)
+    finite &= np.isfinite(observed.acceleration[axis] + observed.position[axis])
+    if not finite.any():
         return f"current and motion of {axis} were never recorded together"
-    rows = known & (np.abs(velocity) > _SLOW * np.max(np.abs(velocity[known])))
+    rows = finite & (np.abs(velocity) > _SLOW * np.max(np.abs(velocity[finite])))
     if rows.sum() < _MOVING:
         return f"{axis} moves in {rows.sum()} readings of its current only"
     return np.asarray(rows)
 
 
-def _undetermined_friction(found: Selection, law: bool) -> Iterator[tuple[str, str]]:
+def _undetermined_friction(chosen: Selection, law: bool) -> Iterator[tuple[str, str]]:
     """Yield what the motion of a drive cannot tell apart, and what to record."""
-    axis, velocity = found.view.axis, found.view.data.velocity[found.view.axis]
+    axis, velocity = chosen.view.axis, chosen.view.data.velocity[chosen.view.axis]
     speeds = np.abs(velocity)
     cruise = speeds[speeds > 0.5 * speeds.max()]
     one_speed = np.mean(speeds > 0.9 * speeds.max()) > 0.97

@@ -104,20 +104,20 @@ class Groups:
                 return dataclasses.replace(result, noise=float(np.sqrt(square / count)))
             inverse = np.diag(_INVERSE(result._factor[0], lower=True)[0])
             used = 1.0 - result.noise**2 * inverse / result.variance[owner]
-            free, part = np.bincount(owner, used, groups), result.values
+            freedom, part = np.bincount(owner, used, groups), result.values
             square_of = np.bincount(owner, part[index] ** 2, groups)
-            variance = square_of / np.maximum(free, 1e-9)
+            variance = square_of / np.maximum(freedom, 1e-9)
             power = [part[s] @ self.gram[s, s] @ part[s] for s in self.slices]
-            before, rms = rms, np.sqrt(np.maximum(power, 0.0) / count)
+            previous, rms = rms, np.sqrt(np.maximum(power, 0.0) / count)
             absent = ~(variance > 0) | ((step >= _WARM) & (rms < least))
             variance[absent] = rms[absent] = 0.0
             # Coefficients of the residual: minus the values, and 1 of the error.
             residual = np.append(-part, 1.0)
             residual[index[absent[owner]]] = 0.0
             square_left = max(float(residual @ self.gram @ residual), 1e-12 * square)
-            noise = float(np.sqrt(square_left / max(count - float(free.sum()), 1.0)))
+            noise = float(np.sqrt(square_left / max(count - float(freedom.sum()), 1.0)))
             result = dataclasses.replace(result, variance=variance, noise=noise)
-            change = np.abs(rms - before)
+            change = np.abs(rms - previous)
             if step > _WARM and np.all(change <= _CHANGE * np.maximum(rms, least)):
                 break
         return result
@@ -157,10 +157,10 @@ class Groups:
     def reduced(self, keep: slice) -> Float[np.ndarray, "k k"]:
         """Return the products of some columns and the error, all present groups taken out."""
         index, _ = self.present
-        kept = np.r_[keep, len(self.gram) - 1]
-        result = self.gram[np.ix_(kept, kept)]
+        rows = np.r_[keep, len(self.gram) - 1]
+        result = self.gram[np.ix_(rows, rows)]
         if index.size:
-            cross = self.gram[np.ix_(index, kept)]
+            cross = self.gram[np.ix_(index, rows)]
             result = result - cross.T @ cho_solve(self._factor, cross)
         return np.asarray(result)
 
@@ -180,8 +180,8 @@ class Groups:
         """
         variance = self.variance.copy()
         variance[nuisance:] = self.size**2
-        both = dataclasses.replace(self, variance=variance)
-        return both.estimated(least), both.without([group]).estimated(least)
+        full = dataclasses.replace(self, variance=variance)
+        return full.estimated(least), full.without([group]).estimated(least)
 
 
 def robust_groups(

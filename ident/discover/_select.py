@@ -84,8 +84,8 @@ def choose_heat(
         others = tuple(term for term in best if term.kind is not kind)
         for term in (term for term in best if term.kind is kind):
             lags = term.lag * factor, term.lag / factor, _SOON * (term.lag == 0.0)
-            inside = [each for each in lags if 0.0 < each <= longest]
-            lagged = [(*others, dataclasses.replace(term, lag=lag)) for lag in inside]
+            allowed = [lag for lag in lags if 0.0 < lag <= longest]
+            lagged = [(*others, dataclasses.replace(term, lag=lag)) for lag in allowed]
             best = max([best, *lagged], key=evidence)
     return best
 
@@ -104,20 +104,20 @@ def _evidence_of(
     base = np.concatenate([design.columns[np.ix_(rows, index)] * root, prior])
     base = np.linalg.qr(base)[0]
 
-    def beside(values: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "m k"]:
+    def projected(values: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "m k"]:
         block = np.zeros((len(base), values.shape[1]))
         block[: len(rows)] = values[rows] * root
         return np.asarray(block - base @ (base.T @ block))
 
-    error, idle = beside(columns.view.error[:, None])[:, 0], beside(columns.drift)
-    block = functools.cache(lambda term: beside(columns.of(term)))
+    error, idle = projected(columns.view.error[:, None])[:, 0], projected(columns.drift)
+    block = functools.cache(lambda term: projected(columns.of(term)))
 
     @functools.cache
-    def evidence(some: tuple[Term, ...]) -> float:
-        mine = Design.of(some, [block(term) for term in some], (idle,))
-        found = Groups.of(mine.columns, mine.slices, error, np.ones(len(error)))
-        found = dataclasses.replace(found, weight=float(weight.sum()))
-        return found.estimated(1e-3 * groups.noise).evidence
+    def evidence(chosen: tuple[Term, ...]) -> float:
+        local = Design.of(chosen, [block(term) for term in chosen], (idle,))
+        fitted = Groups.of(local.columns, local.slices, error, np.ones(len(error)))
+        fitted = dataclasses.replace(fitted, weight=float(weight.sum()))
+        return fitted.estimated(1e-3 * groups.noise).evidence
 
     return evidence
 
@@ -162,9 +162,9 @@ class Selection:
     @cached_property
     def clean(self) -> Float[np.ndarray, " t"]:
         """The error without the zeros of the instruments and without wild readings."""
-        reach = 6.0 * self.noise
+        limit = 6.0 * self.noise
         explained = self.view.error - self.residual
-        error = explained + np.clip(self.residual, -reach, reach)
+        error = explained + np.clip(self.residual, -limit, limit)
         return self.view.centred(error[:, None])[:, 0]
 
     @property
@@ -207,24 +207,24 @@ def select_terms(
 
     Where others have been looked for already, the weights of readings serve again.
     """
-    kept = list(terms)
+    retained = list(terms)
     if looked is None:
         variance = look_at(columns, terms)[2].variance
-        kept = [term for term, var in zip(terms, variance, strict=False) if var > 0]
-    view, design = columns.view, columns.design(kept)
+        retained = [term for term, var in zip(terms, variance, strict=False) if var > 0]
+    view, design = columns.view, columns.design(retained)
     groups = Groups.of(design.columns, design.slices, view.error, columns.weight)
     size = groups.size
     groups = groups.estimated(0.1 * view.least(size))
     least = view.least(size, groups.noise)
     frequency = _selection_frequency(columns, design, groups, least)
-    chosen = _without_needless(groups, kept, frequency >= STABLE, least)
+    chosen = _without_needless(groups, retained, frequency >= STABLE, least)
     variance = groups.without(np.flatnonzero(~chosen).tolist()).variance
     # A drift is there again where the term that took its place is not.
-    variance[len(kept) :] = size**2
+    variance[len(retained) :] = size**2
     groups = dataclasses.replace(groups, variance=variance).estimated(0.1 * least)
-    named = tuple(term for term, on in zip(kept, chosen, strict=True) if on)
-    every = tuple(terms if looked is None else looked)
-    return Selection(columns, design, groups, frequency, named, least, every)
+    selected = tuple(term for term, on in zip(retained, chosen, strict=True) if on)
+    all_terms = tuple(terms if looked is None else looked)
+    return Selection(columns, design, groups, frequency, selected, least, all_terms)
 
 
 def _selection_frequency(
@@ -258,19 +258,19 @@ def _selected(
 
     nuisance = slice(0, groups.slices[terms].start)
     shapes = np.zeros((nuisance.stop, terms))
-    for g, here in enumerate(groups.slices[:terms]):
-        shapes[here, g] = values[here]
+    for g, part in enumerate(groups.slices[:terms]):
+        shapes[part, g] = values[part]
     # Scaled by what a term does in all, not by what the drift leaves of a slow one.
     size = np.sum(shapes * (groups.gram[nuisance, nuisance] @ shapes), axis=0)
     size = np.sqrt(np.maximum(size, 0.0) / groups.weight)
-    known = size > 1e-3 * least
+    active = size > 1e-3 * least
     chosen = np.zeros(terms, dtype=bool)
-    if not known.any():
+    if not active.any():
         return chosen
-    free = groups.without(range(terms)).reduced(nuisance)
-    shapes, scale = shapes[:, known], size[known] * np.sqrt(groups.weight)
-    matrix = shapes.T @ free[:-1, :-1] @ shapes / np.outer(scale, scale)
-    right = shapes.T @ free[:-1, -1] / scale / np.sqrt(groups.weight) / least
+    reduced = groups.without(range(terms)).reduced(nuisance)
+    shapes, scale = shapes[:, active], size[active] * np.sqrt(groups.weight)
+    matrix = shapes.T @ reduced[:-1, :-1] @ shapes / np.outer(scale, scale)
+    right = shapes.T @ reduced[:-1, -1] / scale / np.sqrt(groups.weight) / least
     # A square root of the sums gives the same regression as the rows, at any length.
     squares, axes = np.linalg.eigh(matrix)
     root = np.sqrt(np.maximum(squares, 1e-12))
@@ -280,7 +280,7 @@ def _selected(
         warnings.filterwarnings("ignore", "Sparsity parameter is too big")
         optimizer.fit((axes * root).T, (axes.T @ right / root)[:, None])
     factors = np.asarray(optimizer.coef_)[0]
-    chosen[known] = (factors >= 1.0) & (factors * least > _FOLLOWS * size[known])
+    chosen[active] = (factors >= 1.0) & (factors * least > _FOLLOWS * size[active])
     return chosen
 
 
@@ -305,8 +305,8 @@ def _without_needless(
             cost, heated = float(np.sqrt(gain / free.weight)), terms[g].kind in HEAT
             idle = cost < least and not heated
             if heated or (not idle and gain < _PLAIN * groups.noise**2):
-                both, single = rest_of.with_and_without(g, nuisance, 0.1 * least)
-                worth = 2.0 * (both.evidence - single.evidence)
+                full, single = rest_of.with_and_without(g, nuisance, 0.1 * least)
+                worth = 2.0 * (full.evidence - single.evidence)
                 place = groups.slices[g]
                 chance = _BEYOND_CHANCE + place.stop - place.start
                 idle = worth < (BEYOND_CHANCE if heated else chance)

@@ -35,7 +35,7 @@ class Facts:
     def factors(self) -> list[tuple[str, str, int]]:
         """Name, owner and largest number of functions of each factor."""
         parts = [f"{factor} 1".split() for factor in self.functions.split(" x ")]
-        return [(name, owner, int(most)) for name, owner, most, *_ in parts]
+        return [(name, owner, int(limit)) for name, owner, limit, *_ in parts]
 
 
 class Kind(enum.Enum):
@@ -249,35 +249,35 @@ def compose(sizes: Mapping[Term, float], turning: Collection[str] = ()) -> list[
         *_by_heat(sizes),
         *_by_pushes(sizes),
         *_by_friction(sizes),
-        *(_none(term, term.facts.why) for term in sizes if term.facts.why),
+        *(_unmatched(term, term.facts.why) for term in sizes if term.facts.why),
     ]
 
 
-def _none(term: Term, why: str, *more: Term) -> Need:
-    return Need(None, (term, *more), term.masters, words=f"{term.start}{why}")
+def _unmatched(term: Term, reason: str, *others: Term) -> Need:
+    return Need(None, (term, *others), term.masters, words=f"{term.start}{reason}")
 
 
 def _of(sizes: Mapping[Term, float], *kinds: Kind) -> tuple[Term, ...]:
     """Return the terms of some kinds, the largest first."""
-    mine = [term for term in sizes if term.kind in kinds]
-    return tuple(sorted(mine, key=lambda term: -sizes[term]))
+    terms = [term for term in sizes if term.kind in kinds]
+    return tuple(sorted(terms, key=lambda term: -sizes[term]))
 
 
 def _along_itself(sizes: Mapping[Term, float]) -> Iterator[Need]:
-    offset, turn = _of(sizes, Kind.OWN), _of(sizes, Kind.REVERSAL)
-    both = _of(sizes, Kind.OWN_REVERSAL)
-    if both:
+    offset, reversal = _of(sizes, Kind.OWN), _of(sizes, Kind.REVERSAL)
+    separate = _of(sizes, Kind.OWN_REVERSAL)
+    if separate:
         words = (
             "Its two directions differ along the travel, so one table for each takes the"
             " lost motion as well: no backlash beside it."
         )
         keys = {"bilateral": True}
-        yield Need("leadscrew", (*offset, *turn, *both), keys=keys, words=words)
+        yield Need("leadscrew", (*offset, *reversal, *separate), keys=keys, words=words)
         return
     if offset:
         yield Need("leadscrew", offset)
-    if turn:
-        yield Need("backlash", turn)
+    if reversal:
+        yield Need("backlash", reversal)
 
 
 def _over_others(
@@ -286,11 +286,11 @@ def _over_others(
     lines, surfaces = _of(sizes, Kind.LINE), _of(sizes, Kind.SURFACE)
     pair = tuple(sorted(line.masters[0] for line in lines[:2]))
     if surfaces:
-        inside = [line for line in lines if line.masters[0] in surfaces[0].masters]
-        lines = tuple(line for line in lines if line not in inside)
+        contained = [line for line in lines if line.masters[0] in surfaces[0].masters]
+        lines = tuple(line for line in lines if line not in contained)
         masters = surfaces[0].masters
         keys: dict[str, object] = {"masters": list(masters)}
-        yield Need("plane", (surfaces[0], *inside), masters, keys=keys)
+        yield Need("plane", (surfaces[0], *contained), masters, keys=keys)
     elif len(pair) > 1 and not {*pair} & {*turning}:
         words = (
             f"It is a sum of a part over {pair[0]} and one over {pair[1]}; an axis has one"
@@ -299,11 +299,11 @@ def _over_others(
         yield Need("plane", lines[:2], pair, keys={"masters": list(pair)}, words=words)
         lines = lines[2:]
     for term in surfaces[1:]:
-        yield _none(term, ": an axis has one plane only.")
+        yield _unmatched(term, ": an axis has one plane only.")
     for term in lines[:1]:
         yield Need("cross", (term,), term.masters, keys={"master": term.masters[0]})
     for term in lines[1:]:
-        yield _none(term, ": an axis has one cross table only.")
+        yield _unmatched(term, ": an axis has one cross table only.")
 
 
 def _by_heat(sizes: Mapping[Term, float]) -> Iterator[Need]:
@@ -337,21 +337,21 @@ def _by_pushes(sizes: Mapping[Term, float]) -> Iterator[Need]:
         name = term.masters[0]
         square[name] = square.get(name, 0.0) + sizes[term] ** 2
     for k, master in enumerate(sorted(square, key=lambda name: -square[name])):
-        mine = tuple(term for term in terms if term.masters[0] == master)
+        members = tuple(term for term in terms if term.masters[0] == master)
         if k > 0:
-            why = ": an axis has one crosstalk list, with one master, only."
-            yield _none(mine[0], why, *mine[1:])
+            reason = ": an axis has one crosstalk list, with one master, only."
+            yield _unmatched(members[0], reason, *members[1:])
             continue
-        places = dict.fromkeys(name for term in mine for name in term.masters[1:])
+        places = dict.fromkeys(name for term in members for name in term.masters[1:])
         adaptation = list(places)[:2]
         keys: dict[str, object] = {"master": master, "mode": 1 + len(adaptation)}
         words = f"Mode {1 + len(adaptation)}"
         if adaptation:
             keys["adaptation"] = adaptation if len(adaptation) > 1 else adaptation[0]
             words += f", adapted to the position of {' and '.join(adaptation)}"
-        if any(term.kind is Kind.PUSH_WAY for term in mine):
+        if any(term.kind is Kind.PUSH_WAY for term in members):
             keys["velocity_dependent"] = True
-        yield Need("crosstalk", mine, (master, *adaptation), None, keys, f"{words}.")
+        yield Need("crosstalk", members, (master, *adaptation), None, keys, f"{words}.")
 
 
 def _by_friction(sizes: Mapping[Term, float]) -> Iterator[Need]:

@@ -61,11 +61,11 @@ class AxisView:
         """First and last position, by axis that moves; a whole turn of one that goes round."""
         result: dict[str, tuple[float, float]] = {}
         for name, values in self.data.position.items():
-            known = values[np.isfinite(values)]
-            if known.size and float(np.ptp(known)) > _STILL:
+            finite = values[np.isfinite(values)]
+            if finite.size and float(np.ptp(finite)) > _STILL:
                 start, end = self.data.modulo.get(name, (-np.inf, np.inf))
-                round_about = float(np.ptp(known)) > 0.8 * (end - start)
-                ends = float(known.min()), float(known.max())
+                round_about = float(np.ptp(finite)) > 0.8 * (end - start)
+                ends = float(finite.min()), float(finite.max())
                 result[name] = (start, end) if round_about else ends
         return result
 
@@ -101,8 +101,8 @@ class AxisView:
 
     def places(self, axis: str) -> int:
         """Return at how many different places of an axis there are readings."""
-        known = self.data.position.get(axis, np.zeros(0))
-        return len(np.unique(np.round(known[np.isfinite(known)], 4)))
+        values = self.data.position.get(axis, np.zeros(0))
+        return len(np.unique(np.round(values[np.isfinite(values)], 4)))
 
     @cached_property
     def sources(self) -> list[Int[np.ndarray, " n"]]:
@@ -129,12 +129,12 @@ class AxisView:
         Each measurement has a zero of its own, so a mean says nothing; and a column that a
         measurement lacks is the same as one that is constant in it.
         """
-        known = np.asarray(np.isfinite(columns).all(axis=1))
-        result = np.where(known[:, None], columns, 0.0)
+        finite = np.asarray(np.isfinite(columns).all(axis=1))
+        result = np.where(finite[:, None], columns, 0.0)
         for rows in self.sources:
-            mine = rows[known[rows]]
-            if mine.size:
-                result[mine] -= result[mine].mean(axis=0)
+            members = rows[finite[rows]]
+            if members.size:
+                result[members] -= result[members].mean(axis=0)
         return result
 
 
@@ -145,8 +145,8 @@ def view_of(
     channel: Channel = "error",
 ) -> AxisView:
     """Return the kept readings of one axis, in the order of their measuring."""
-    known = np.flatnonzero(kept)
-    order = known[np.lexsort((observed.clock[known], observed.source[known]))]
+    indices = np.flatnonzero(kept)
+    order = indices[np.lexsort((observed.clock[indices], observed.source[indices]))]
     rows = order[some_of(len(order), _MOST)]
     distance, data = _distance(observed, axis), observed.take(rows)
     # What stands still is no clock.
@@ -166,13 +166,13 @@ def _distance(observed: Observed, axis: str) -> Float[np.ndarray, " t"]:
     result = np.full(len(observed), np.nan)
     if axis not in observed.direction or axis not in observed.position:
         return result
-    known = np.isfinite(observed.position[axis] + observed.direction[axis])
+    finite = np.isfinite(observed.position[axis] + observed.direction[axis])
     order = np.lexsort((observed.clock, observed.run, observed.source))
-    order = order[known[order]]
-    place, way = observed.position[axis][order], observed.direction[axis][order]
+    order = order[finite[order]]
+    place, direction = observed.position[axis][order], observed.direction[axis][order]
     run, number = observed.run[order], np.arange(len(order))
     turned = np.ones(len(order), dtype=bool)
-    turned[1:] = (way[1:] != way[:-1]) | (run[1:] != run[:-1])
+    turned[1:] = (direction[1:] != direction[:-1]) | (run[1:] != run[:-1])
     first = np.maximum.accumulate(np.where(turned, number, 0))
     # The reversal itself lies between this row and the one before it.
     start = np.maximum(first - 1, 0)
@@ -266,13 +266,13 @@ def _lacking(view: AxisView, term: Term) -> str:
     if term.kind is Kind.MEMORY and not view.shows_reversals:
         return f"{term.axis} was seldom read shortly after a reversal"
     for name, owner, _ in term.facts.factors:
-        channel, whose = CHANNELS.get(name), term.owners[owner]
+        channel, subject = CHANNELS.get(name), term.owners[owner]
         if channel is None:
             continue
-        values = getattr(view.data, channel).get(whose)
-        there = whose in view.span if channel == "position" else moving(values)
-        if not there:
-            return _LACKING[channel][values is not None].format(whose)
+        values = getattr(view.data, channel).get(subject)
+        present = subject in view.span if channel == "position" else moving(values)
+        if not present:
+            return _LACKING[channel][values is not None].format(subject)
     return ""
 
 

@@ -36,13 +36,13 @@ def kind(name: str) -> Kind:
     if name not in NAMES:
         raise KeyError(name)
     folder = importlib.import_module(f".{name}", __name__)
-    found: Kind = folder.KIND
-    own = pathlib.Path(folder.__path__[0], "parameters.toml")
-    if own.is_file():
+    record: Kind = folder.KIND
+    parameters = pathlib.Path(folder.__path__[0], "parameters.toml")
+    if parameters.is_file():
         from ...data.lists import add_parameters
 
-        add_parameters(own)
-    return found
+        add_parameters(parameters)
+    return record
 
 
 def kinds() -> tuple[Kind, ...]:

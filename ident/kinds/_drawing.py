@@ -11,29 +11,29 @@ from ..report._style import marks as marks
 
 def directed_marks(
     panel: Axes,
-    way: int,
-    across: Float[np.ndarray, " t"],
-    up: Float[np.ndarray, " t"],
+    direction: int,
+    x: Float[np.ndarray, " t"],
+    y: Float[np.ndarray, " t"],
     size: float = 3.0,
     alpha: float = 0.7,
 ) -> None:
     """Draw readings of one direction of motion, ±1, in its colour and with its marker."""
     marks(
-        panel, across, up, color=style.DIRECTION_COLOR[way], size=size, alpha=alpha,
-        marker=style.DIRECTION_MARKER[way], label=style.DIRECTION_NAME[way],
+        panel, x, y, color=style.DIRECTION_COLOR[direction], size=size, alpha=alpha,
+        marker=style.DIRECTION_MARKER[direction], label=style.DIRECTION_NAME[direction],
     )  # fmt: skip
 
 
 def side_by_side(
-    height: float, titles: tuple[str, str], across: str, up: str
+    height: float, titles: tuple[str, str], x_label: str, y_label: str
 ) -> tuple[Figure, list[Axes]]:
     """Return two panels with a line at 0, what each shows above it, and labels."""
     figure, panels = style.new_figure(height, columns=2, sharey=True)
     for panel, title in zip(panels, titles, strict=True):
         panel.axhline(0, color=style.INK, linewidth=0.7)
         panel.set_title(title)
-        panel.set_xlabel(across)
-    panels[0].set_ylabel(up)
+        panel.set_xlabel(x_label)
+    panels[0].set_ylabel(y_label)
     return figure, panels
 
 

@@ -244,7 +244,7 @@ def not_linear(job: "JobFile", name: str, where: KeyPath, why: str) -> Iterator[
 def unknown(name: str, known: Iterable[str], what: str) -> str:
     """Return that a name is none of those that are known, and the nearest of them."""
     names = list(known)
-    close = [known for known in names if known.casefold() == name.casefold()]
+    close = [other for other in names if other.casefold() == name.casefold()]
     close = close or difflib.get_close_matches(name, names, 1, cutoff=0.0)
     hint = f" (nearest: {close[0]!r})" if close else ""
     return f"found {name!r}, expected {what}: {', '.join(names) or 'none'}{hint}"

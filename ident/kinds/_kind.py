@@ -92,26 +92,26 @@ class Kind:
     @functools.cached_property
     def entries(self) -> "AbstractEntries":
         """Between its list and its model."""
-        found: AbstractEntries = self.part("entries").ENTRIES
-        return found
+        entries: AbstractEntries = self.part("entries").ENTRIES
+        return entries
 
     @property
     def log_channel(self) -> "type[AbstractChannel]":
         """What a log shows of it."""
-        found: type[AbstractChannel] = self.part("channel").CHANNEL
-        return found
+        channel: type[AbstractChannel] = self.part("channel").CHANNEL
+        return channel
 
     @functools.cached_property
     def probe(self) -> "AbstractProbe":
         """Its step of a probe."""
-        found: AbstractProbe = self.part("probe").PROBE
-        return found
+        probe: AbstractProbe = self.part("probe").PROBE
+        return probe
 
     @property
     def keys(self) -> "type[FitSpec]":
         """The keys of a fit in a job."""
-        found: type[FitSpec] = self.part("keys").Spec
-        return found
+        spec: type[FitSpec] = self.part("keys").Spec
+        return spec
 
     @property
     def planner(self) -> "PlanPart":

@@ -233,16 +233,16 @@ class AbstractEntries(abc.ABC):
         """Whether it looks up the position with what the others add (S-23)."""
         return False
 
-    def lacks(self, one: InUse, motion: Motion, reading: Reading) -> str | None:
+    def lacks(self, in_use: InUse, motion: Motion, reading: Reading) -> str | None:
         """Return what a motion lacks to compute it at all, in words; None: nothing.
 
         Positions are not looked for here (`looks_at`): a motion without one is refused.
         """
         return None
 
-    def looks_at(self, one: InUse, motion: Motion) -> Axes:
+    def looks_at(self, in_use: InUse, motion: Motion) -> Axes:
         """Return the axes whose positions it takes from a motion."""
-        return one.masters
+        return in_use.masters
 
     # --------------------------------------------------------------------- for the proofs
 
@@ -273,21 +273,22 @@ class AbstractProbe(abc.ABC):
     checks: tuple[str, ...] = ()
     plateaus: tuple[tuple[int, int], ...] = ()
 
-    def probed(self, one: InUse) -> Probed:
+    def probed(self, in_use: InUse) -> Probed:
         """Return what of it is probed."""
-        return Probed(one.axis, one.name, one.masters)
+        return Probed(in_use.axis, in_use.name, in_use.masters)
 
     def entries(
-        self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
+        self, probed: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
     ) -> Mapping[str, Value]:
         """Return the entries of the compensation list, 10 µm whatever sign they get."""
-        own = kind(one.name).entries.table
-        if own is None:
+        table_of = kind(probed.name).entries.table
+        if table_of is None:
             return {}
-        masters = [axes[number] for number in one.masters]
-        nodes, turns = (each.grid for each in masters), any(m.modulo for m in masters)
-        table = own(one.axis, one.masters, tuple(nodes), conventions, turns)
-        shares = [plateau(each) / HEIGHT for each in reversed(self.plateaus)]
+        masters = [axes[number] for number in probed.masters]
+        nodes = tuple(master.grid for master in masters)
+        turns = any(master.modulo for master in masters)
+        table = table_of(probed.axis, probed.masters, nodes, conventions, turns)
+        shares = [plateau(bounds) / HEIGHT for bounds in reversed(self.plateaus)]
         heights = HEIGHT * functools.reduce(np.multiply.outer, shares)
         return table.entries(np.rint(heights * LIST_UNITS).astype(np.int64))
 
@@ -297,13 +298,13 @@ class AbstractProbe(abc.ABC):
 
     def places(self, axis: ProbeAxis, masters: Masters) -> tuple[Places, Places]:
         """Return where nothing is added and where the plateau is, by axis name."""
-        middles = [0.5 * sum(between) for between in self.plateaus]
-        there = zip(masters, middles or [10.0] * len(masters), strict=True)
-        start = {one.name: one.at(0.0) for one in masters}
-        return start, {one.name: one.at(middle) for one, middle in there}
+        middles = [0.5 * sum(bounds) for bounds in self.plateaus]
+        pairs = zip(masters, middles or [10.0] * len(masters), strict=True)
+        start = {master.name: master.at(0.0) for master in masters}
+        return start, {master.name: master.at(middle) for master, middle in pairs}
 
     @abc.abstractmethod
-    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
+    def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         """Return what may be seen, and what follows from it."""
 
 

@@ -32,12 +32,12 @@ _SPREAD = "lr_param.n_backlash_cyc"
 
 def sides_of(share: "Share") -> Sides:
     """Return the readings of a fitted backlash about the mean of both directions."""
-    axis, way = share.axis, share.column("direction", share.axis)
+    axis, direction = share.axis, share.column("direction", share.axis)
     width = float(share.part.values[0])
     return Sides(
         share.column("position", axis),
-        way.astype(np.int64),
-        share.fit.residual[axis][share.rows] - 0.5 * way * width,
+        direction.astype(np.int64),
+        share.fit.residual[axis][share.rows] - 0.5 * direction * width,
         share.wild,
     )
 
@@ -109,8 +109,8 @@ class BacklashDraft(AbstractDraft):
         self, tables: Tables, fit: FitSpec
     ) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
-        again = dataclasses.replace(self.plan, job=tables.job, fit=fit)
-        draft = again.fit_single(tables, {})
+        plan = dataclasses.replace(self.plan, job=tables.job, fit=fit)
+        draft = plan.fit_single(tables, {})
         assert isinstance(draft, BacklashDraft)  # its own
         sides = sides_of(draft.share)
         return SecondMeasurement(
@@ -142,24 +142,24 @@ class BacklashDraft(AbstractDraft):
             from_file=from_file,
             dependence=change_along(float(share.part.values[0]), sides),
         )
-        said = remarks_of(result, self.plan.old is not None, self.plan.active)
-        remarks = (*share.remarks(), *said, *done.remarks)
+        fit_remarks = remarks_of(result, self.plan.old is not None, self.plan.active)
+        remarks = (*share.remarks(), *fit_remarks, *done.remarks)
         return dataclasses.replace(result, remarks=remarks)
 
     def _held_out(self) -> Float[np.ndarray, " t"]:
         """Return the error under a fit to the others, about the middle of each run."""
         share, run = self.share, self.share.recording.data.run
-        left = np.array(share.predicted[share.rows])
+        residual = np.array(share.predicted[share.rows])
         if run is not None:
             for label in np.unique(run):
-                own = run[share.rows] == label
-                left[own] -= np.median(left[own]) if own.any() else 0.0
-        return left
+                rows = run[share.rows] == label
+                residual[rows] -= np.median(residual[rows]) if rows.any() else 0.0
+        return residual
 
     def _read_back(self, done: "AxisFiles") -> float:
         """Return the width that the written file holds."""
         listing = done.machine
         if listing is None:
             return 0.0 if self.plan.old is None else float(self.plan.old.width)
-        back = backlash_from_list(listing, self.job.conventions)
-        return 0.0 if back is None else float(back.width)
+        backlash = backlash_from_list(listing, self.job.conventions)
+        return 0.0 if backlash is None else float(backlash.width)

@@ -69,25 +69,25 @@ def change_along(width: float, sides: Sides) -> Dependence | None:
 
     By Legendre polynomials over the measured range.
     """
-    few = np.flatnonzero(np.isfinite(sides.position))
-    few = few[:: max(len(few) // _MOST, 1)]
-    place, way, half = sides.position[few], sides.direction[few], sides.before[few]
+    rows = np.flatnonzero(np.isfinite(sides.position))
+    rows = rows[:: max(len(rows) // _MOST, 1)]
+    place, sign, half = sides.position[rows], sides.direction[rows], sides.before[rows]
     order = min(_HIGHEST, len(np.unique(place)) - 1)
     if order < 1:
         return None
     place = 2.0 * (place - place.min()) / np.ptp(place) - 1.0
     try:
-        found = regress(-0.5 * way[:, None] * legendre.legvander(place, order), half)
+        fit = regress(-0.5 * sign[:, None] * legendre.legvander(place, order), half)
     except FitError:
         return None
-    if found.undetermined.any():
+    if fit.undetermined.any():
         return None
-    values, covariance = found.coefficients[1:], found.covariance[1:, 1:]
+    values, covariance = fit.coefficients[1:], fit.covariance[1:, 1:]
     square = float(values @ np.linalg.pinv(covariance, hermitian=True) @ values)
     # Readings without any scatter fit exactly: what they show is what there is.
     square = square if covariance.any() else (np.inf if values.any() else 0.0)
-    free = max(float(found.independent.min()) - order - 1.0, 1.0)
-    probability = float(fdtrc(order, free, square / order))
+    freedom = max(float(fit.independent.min()) - order - 1.0, 1.0)
+    probability = float(fdtrc(order, freedom, square / order))
     orders = np.arange(1, order + 1)
     variation = float(np.sqrt((values**2 / (2 * orders + 1)).sum()))
     matters = variation > _MATTERS * abs(width)
@@ -147,8 +147,8 @@ class BacklashResult(AbstractResult):
     @property
     def support(self) -> tuple[int, int]:
         """Readings that count, moving positive and moving negative."""
-        way = self.sides.direction[~self.sides.wild]
-        return int((way > 0).sum()), int((way < 0).sum())
+        direction = self.sides.direction[~self.sides.wild]
+        return int((direction > 0).sum()), int((direction < 0).sum())
 
     @property
     def expectation(self) -> Expectation | None:
@@ -165,7 +165,7 @@ class BacklashResult(AbstractResult):
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
         width, deviation = self.measured_width
-        along = self.dependence
+        dependence = self.dependence
         return {
             "parameters": {
                 "backlash": self.width,
@@ -177,20 +177,20 @@ class BacklashResult(AbstractResult):
             "standard_deviations": {"backlash": deviation},
             "support": dict(zip(("positive", "negative"), self.support, strict=True)),
             "noise": self.noise,
-            "dependence": None if along is None else vars(along),
+            "dependence": None if dependence is None else vars(dependence),
         }
 
 
-def remarks_of(result: BacklashResult, known: bool, active: bool) -> Iterator[Remark]:
+def remarks_of(result: BacklashResult, listed: bool, active: bool) -> Iterator[Remark]:
     """Return all that a fit has to say for itself.
 
     Args:
         result: Of the job, its remarks left out.
-        known: An axis list says in which direction the axis is right.
+        listed: An axis list says in which direction the axis is right.
         active: Whether backlash was active while measuring.
     """
     unit = small_unit(result.unit)
-    along = result.dependence
+    dependence = result.dependence
     if result.significant:
         yield Remark.info(f"{result.type.capitalize()}.")
     else:
@@ -199,15 +199,15 @@ def remarks_of(result: BacklashResult, known: bool, active: bool) -> Iterator[Re
             f"No backlash shows: {1e3 * width:.2f} {unit} ± {1e3 * deviation:.2f} {unit} is"
             " less than 3 standard deviations. Nothing is written."
         )
-    if along is not None and along.significant:
+    if dependence is not None and dependence.significant:
         yield Remark.warning(
-            f"The backlash changes along the axis by {1e3 * along.variation:.1f} {unit} rms"
-            f" ({1e3 * along.slope:+.1f} {unit} from one end to the other): one number"
+            f"The backlash changes along the axis by {1e3 * dependence.variation:.1f} {unit} rms"
+            f" ({1e3 * dependence.slope:+.1f} {unit} from one end to the other): one number"
             " cannot take it away, a bilateral leadscrew table is the better answer. A drift"
             " of the readings from the way out to the way back looks the same and counts as"
             " backlash: measure again in another order to tell."
         )
-    if not known and result.significant:
+    if not listed and result.significant:
         yield Remark.warning(
             "The axis is taken as right when it moves in positive direction"
             " (anwahl_losekomp 1), since no axis list says otherwise. Where it"

@@ -21,8 +21,8 @@ class BacklashChannel(AbstractChannel):
     def parts(self, change: Change, rows: LogRows) -> Parts:
         count = len(self.motion.position(self.axis, "for its backlash")[rows])
         law = self.law(change.conventions)
-        ways = np.asarray(law.offset(jnp.array([1.0, -1.0])))
-        return Parts(np.full(count, ways[0]), np.full(count, ways[1] - ways[0]))
+        offset = np.asarray(law.offset(jnp.array([1.0, -1.0])))
+        return Parts(np.full(count, offset[0]), np.full(count, offset[1] - offset[0]))
 
 
 CHANNEL = BacklashChannel

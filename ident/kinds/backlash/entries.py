@@ -44,11 +44,11 @@ class BacklashEntries(AbstractEntries):
         expect(selection in (0, 1, 2), name, selection, "0, 1 or 2")
         if selection == 0:
             return None
-        first: Literal[1, -1] = reading.conventions.backlash_reference
-        second: Literal[1, -1] = -1 if first == 1 else 1
+        reference: Literal[1, -1] = reading.conventions.backlash_reference
+        opposite: Literal[1, -1] = -1 if reference == 1 else 1
         return Backlash(
             width=as_array(optional(listing, WIDTH) / LIST_UNITS),
-            reference=first if selection == 1 else second,
+            reference=reference if selection == 1 else opposite,
             cycles=not_negative(listing, REVERSAL_CYCLES),
         )
 
@@ -68,8 +68,8 @@ class BacklashEntries(AbstractEntries):
             REVERSAL_CYCLES: model.cycles,
         }
 
-    def looks_at(self, one: InUse, motion: Motion) -> Axes:
-        return () if one.axis in motion.directions else one.masters
+    def looks_at(self, in_use: InUse, motion: Motion) -> Axes:
+        return () if in_use.axis in motion.directions else in_use.masters
 
     def inputs(self, masters: Axes) -> Axes:
         return ()

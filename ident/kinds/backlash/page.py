@@ -19,17 +19,17 @@ def body(fit: BacklashResult, scale: Scale) -> Body:
 
 def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
     """Draw each reading about the mean of both directions, before and after."""
-    across = f"{fit.axis} in {scale.position}"
-    up = f"about the mean of both directions in {scale.error}"
-    figure, panels = side_by_side(3.0, ("before", "from the file"), across, up)
+    x_label = f"{fit.axis} in {scale.position}"
+    y_label = f"about the mean of both directions in {scale.error}"
+    figure, panels = side_by_side(3.0, ("before", "from the file"), x_label, y_label)
     view, width = fit.sides, fit.measured_width[0]
-    for way in (1, -1):
-        rows = view.direction == way
+    for direction in (1, -1):
+        rows = view.direction == direction
         for panel, values in zip(panels, (view.before, fit.from_file), strict=True):
-            shown = values[rows] * scale.factor
-            directed_marks(panel, way, view.position[rows], shown)
-        half = -0.5 * way * width * scale.factor
-        panels[0].axhline(half, color=style.DIRECTION_COLOR[way], linewidth=1.0)
+            scaled = values[rows] * scale.factor
+            directed_marks(panel, direction, view.position[rows], scaled)
+        half = -0.5 * direction * width * scale.factor
+        panels[0].axhline(half, color=style.DIRECTION_COLOR[direction], linewidth=1.0)
     panels[0].legend(loc="best")
     caption = (
         "Each reading about the mean of both directions: the two lie"
@@ -48,34 +48,34 @@ def _facts(fit: BacklashResult, scale: Scale) -> Iterator[tuple[str, str]]:
     width, deviation = fit.measured_width
     size = number(width * scale.factor, signed=True)
     yield ("Size", f"{size} ± {scale.shown(deviation)} (1 sd): {fit.type}.")
-    forth, back = fit.support
+    positive, negative = fit.support
     yield (
         "Readings",
-        f"{count(forth, 'reading')} moving +, {back} moving −;"
+        f"{count(positive, 'reading')} moving +, {negative} moving −;"
         f" their scatter is {scale.shown(fit.noise)}.",
     )
     yield ("Along the axis", _dependence(fit, scale))
     if fit.width:
-        way = "positive" if fit.reference > 0 else "negative"
+        direction = "positive" if fit.reference > 0 else "negative"
         yield (
             "As written",
             f"{scale.shown(fit.width, signed=True)}; the axis"
-            f" is taken as right when it moves in {way} direction; a reversal is"
+            f" is taken as right when it moves in {direction} direction; a reversal is"
             f" spread over {fit.cycles} cycles (n_backlash_cyc, P-AXIS-00243).",
         )
 
 
 def _dependence(fit: BacklashResult, scale: Scale) -> str:
-    along = fit.dependence
-    if along is None:
+    dependence = fit.dependence
+    if dependence is None:
         return "Too few places to say whether it changes along the axis."
-    size = scale.shown(along.variation)
-    if along.significant:
+    size = scale.shown(dependence.variation)
+    if dependence.significant:
         return (
             f"It changes along the axis by {size} rms: a bilateral"
             " leadscrew table follows that, one number does not."
         )
     return (
         f"No change along the axis beyond chance ({size} rms, probability"
-        f" {along.probability:.2g})."
+        f" {dependence.probability:.2g})."
     )

@@ -30,7 +30,7 @@ class BacklashProbe(AbstractProbe):
         # Down, against the direction in which nothing is added.
         return {axis.name: axis.at(6.0)}, {axis.name: axis.at(5.0)}
 
-    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
+    def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         return (
             Outcome(
                 f"−{axis.height_text}, and nothing when it is done coming from below",

@@ -13,8 +13,8 @@ class CrossChannel(TableChannel):
 
     def prepare(self) -> None:
         super().prepare()
-        known = sorted(self.motion.positions)
-        self.swaps = tuple((axis,) for axis in known if (axis,) != self.masters)
+        axes = sorted(self.motion.positions)
+        self.swaps = tuple((axis,) for axis in axes if (axis,) != self.masters)
         self.relevant = ("table_filter",) if self.listed > 1 else ()
 
 

@@ -44,8 +44,8 @@ def _axes(listing: ListFile, conventions: Conventions) -> tuple[int, int]:
     The list is that of the first one, and names the second; or, by the older manuals,
     the other way round (S-10).
     """
-    own, named = axis_number(listing), required(listing, f"{PREFIX}.master_ax_nr")
-    return (own, named) if conventions.cross_list == "slave" else (named, own)
+    number, partner = axis_number(listing), required(listing, f"{PREFIX}.master_ax_nr")
+    return (number, partner) if conventions.cross_list == "slave" else (partner, number)
 
 
 @final

@@ -21,25 +21,25 @@ class CrossProbe(AbstractProbe):
 
     plateaus = (SECOND,)
 
-    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
+    def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         (master,) = masters
-        between = [master.at(float(tenths)) for tenths in SECOND]
-        there = f"{number_text(between[0])} to {number_text(between[1])}"
-        if axis.at(0.0) <= between[0] and between[1] <= axis.at(10.0):
-            seen = (
+        bounds = [master.at(float(tenths)) for tenths in SECOND]
+        span = f"{number_text(bounds[0])} to {number_text(bounds[1])}"
+        if axis.at(0.0) <= bounds[0] and bounds[1] <= axis.at(10.0):
+            observed = (
                 f"nothing on {axis.name}, but {master.name} moves by {axis.height_text} when"
-                f" {axis.name} stands at {there}"
+                f" {axis.name} stands at {span}"
             )
         else:
-            seen = (
-                f"nothing on {axis.name}, which does not reach {there}, and a list of"
+            observed = (
+                f"nothing on {axis.name}, which does not reach {span}, and a list of"
                 f" {master.name} with the number of {axis.name} as its master acts on"
                 f" {axis.name}"
             )
         return (
             *both_signs(axis, "cross_sign", entry="offset"),
             Outcome(
-                seen,
+                observed,
                 "the list belongs to the master axis and names its slave",
                 {"cross_list": "master"},
             ),

@@ -109,16 +109,14 @@ class CrosstalkDraft(AbstractDraft):
         """How far that jumps in mm where the master turns under full acceleration."""
         assert self.list_model is not None  # it is written
         # A turn keeps the sign of the acceleration and changes the direction.
-        first, second = (
-            ((0, 2), (3, 1)) if self.list_model.by_speed else ((0, 2), (1, 3))
-        )
-        return np.asarray(np.abs(self._full[[*first]] - self._full[[*second]]))
+        after = [3, 1] if self.list_model.by_speed else [1, 3]
+        return np.asarray(np.abs(self._full[[0, 2]] - self._full[after]))
 
     @property
     def _jump(self) -> float:
         """The largest jump in mm when the acceleration of the master steps at will."""
         sizes = self._full, self._full[:2] - self._full[2:], self._turns
-        return max(float(np.abs(each).max(initial=0.0)) for each in sizes)
+        return max(float(np.abs(size).max(initial=0.0)) for size in sizes)
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         model, limits = self.model, self.job.limits
@@ -143,10 +141,10 @@ class CrosstalkDraft(AbstractDraft):
         ]
         if self.masters:
             steepest, along = max(self._slopes(points))
-            where, added = f"along {along} under full acceleration", limits.feed / 60.0
+            where, feed = f"along {along} under full acceleration", limits.feed / 60.0
             lines += [
                 ("max_slope", 1e3 * steepest, "µm/mm", where),
-                ("max_velocity by position", steepest * added, "mm/s", where),
+                ("max_velocity by position", steepest * feed, "mm/s", where),
             ]
         old = self.plan.old if self.plan.masters == self._masters else None
         if limits.max_change is not None and old is not None:
@@ -170,12 +168,12 @@ class CrosstalkDraft(AbstractDraft):
     def prove(self, done: "AxisFiles") -> CrosstalkResult:
         fit, log = self.found, self.log
         error = {self.axis: log.error[self.axis] + self.added_to_log(done)}
-        left = cut_events(dataclasses.replace(log, error=error), fit.effect).value
+        residual = cut_events(dataclasses.replace(log, error=error), fit.effect).value
         # Without a list nothing changes.
         predicted = fit.predicted if self.written else fit.events.value
         return CrosstalkResult(
             **self.frame(done),
-            error=staged(fit.events.value, predicted, left, fit.events.wild),
+            error=staged(fit.events.value, predicted, residual, fit.events.wild),
             remarks=(*remarks_of(self), *done.remarks),
             files=self.files_in(done),
             held_out="event",
@@ -183,7 +181,7 @@ class CrosstalkDraft(AbstractDraft):
             written=fit.kept(self.plan.acting) & self.written,
             coverage=self.coverage,
             fit=fit,
-            from_file=left,
+            from_file=residual,
             time=log.clock_for(fit.effect.name)[fit.events.start],
         )
 

@@ -55,26 +55,26 @@ def directed(data: JointData, form: Crosstalk) -> JointData:
     sign = np.where(share < _QUIET, 0, np.sign(acceleration))
     for start, stop in _stretches(sign, _logs(data)):
         rows = slice(start, stop)
-        push, speed = share[rows], np.abs(velocity[rows])
-        net = push * np.sign(velocity[rows])
-        forward, back = float(net[net > 0].sum()), float(-net[net < 0].sum())
-        if sign[start] == 0 or forward == back:
+        shares, speed = share[rows], np.abs(velocity[rows])
+        net = shares * np.sign(velocity[rows])
+        forward, backward = float(net[net > 0].sum()), float(-net[net < 0].sum())
+        if sign[start] == 0 or forward == backward:
             continue
-        turn, lead = stop - start, 1.0 if forward > back else -1.0
-        if min(forward, back) >= _TURN * float(push.sum()):
+        turn, lead = stop - start, 1.0 if forward > backward else -1.0
+        if min(forward, backward) >= _TURN * float(shares.sum()):
             # The master turns: one direction before, the other one after.
             lead = -float(sign[start])
             turn = 1 + int(np.argmax(np.cumsum(net * lead)))
-        way = np.where(np.arange(stop - start) < turn, lead, -lead)
-        velocity[rows] = way * np.maximum(speed, _LEAST_SPEED)
+        direction = np.where(np.arange(stop - start) < turn, lead, -lead)
+        velocity[rows] = direction * np.maximum(speed, _LEAST_SPEED)
     (_, mover) = form.inputs[1]
     return dataclasses.replace(data, velocity={**data.velocity, mover: velocity})
 
 
 def _logs(data: JointData) -> Int[np.ndarray, " t"]:
     """Return the number of the log that each row belongs to: no event sees another log."""
-    none = np.zeros(len(data), dtype=np.int64)
-    return none if data.clock_number is None else data.clock_number
+    zeros = np.zeros(len(data), dtype=np.int64)
+    return zeros if data.clock_number is None else data.clock_number
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,8 +112,8 @@ class Events:
     @functools.cached_property
     def weight(self) -> Float[np.ndarray, " n"]:
         """Relative weights, median 1: none is so sure of itself that it outvotes the others."""
-        least = np.maximum(self.standard_deviation, 0.3 * self.own_noise)
-        return np.asarray(np.square(self.own_noise / least))
+        deviation = np.maximum(self.standard_deviation, 0.3 * self.own_noise)
+        return np.asarray(np.square(self.own_noise / deviation))
 
     def take(self, rows: Bool[np.ndarray, " n"]) -> "Events":
         """Return some of the events."""
@@ -171,28 +171,28 @@ def cut_events(data: JointData, form: Crosstalk, over: Sequence[str] = ()) -> Ev
     )
     motion = {"acceleration": acceleration, "velocity": velocity, "positions": places}
     for name, values in {"time": time, **motion}.items():
-        bad = ~np.isfinite(values.reshape(len(data), -1))
-        if bad.any():
-            row = int(np.flatnonzero(bad.any(axis=1))[0])
+        invalid = ~np.isfinite(values.reshape(len(data), -1))
+        if invalid.any():
+            row = int(np.flatnonzero(invalid.any(axis=1))[0])
             msg = f"reading {row + 1}: {name} is not finite, expected numbers."
             raise FitError(msg)
-    back = np.flatnonzero((np.diff(time) <= 0) & (np.diff(_logs(data)) == 0))
-    if back.size:
+    falling = np.flatnonzero((np.diff(time) <= 0) & (np.diff(_logs(data)) == 0))
+    if falling.size:
         msg = (
-            f"reading {back[0] + 2}: found time that does not ascend, expected a log in the"
+            f"reading {falling[0] + 2}: found time that does not ascend, expected a log in the"
             " order of time."
         )
         raise FitError(msg)
     cut, error = [], data.error[form.axis]
-    for one in _windows(data, form):
-        sound = _sound(one.design, error[one.rows])
-        found = _amplitude(one.design[sound], error[one.rows][sound])
-        if found is None:
+    for event in _windows(data, form):
+        sound = _sound(event.design, error[event.rows])
+        size = _amplitude(event.design[sound], error[event.rows][sound])
+        if size is None:
             continue
-        rows, weight = slice(one.start, one.stop), one.push**2
-        place, push = weight @ places[rows] / weight.sum(), acceleration[rows]
-        peak = push[np.argmax(np.abs(push))]
-        cut.append((one.start, one.stop, one.branch, place, peak, *found, False))
+        rows, weight = slice(event.start, event.stop), event.share**2
+        place, signal = weight @ places[rows] / weight.sum(), acceleration[rows]
+        peak = signal[np.argmax(np.abs(signal))]
+        cut.append((event.start, event.stop, event.branch, place, peak, *size, False))
     if not cut:
         msg = (
             f"no acceleration of the master reaches {100 * _LEAST:.0f} % of "
@@ -211,7 +211,7 @@ class _Window:
         start: First row of the event.
         stop: Row after the last.
         branch: Row of `BRANCHES`.
-        push: Share of the specified acceleration in each of them.
+        share: Share of the specified acceleration in each of them.
         rows: Those of the window in which the slave was read.
         design: What they may show: an amplitude of each event in them, this one first, then
             level and drift.
@@ -220,7 +220,7 @@ class _Window:
     start: int
     stop: int
     branch: int
-    push: Float[np.ndarray, " e"]
+    share: Float[np.ndarray, " e"]
     rows: Int[np.ndarray, " w"]
     design: Float[np.ndarray, "w c"]
 
@@ -228,26 +228,27 @@ class _Window:
 def _windows(data: JointData, form: Crosstalk) -> Iterator[_Window]:
     """Yield the events of a log that are strong and long enough."""
     share, label = _shares_of(data, form)
-    log, time, known = _logs(data), data.clock_for(form.name), data.error[form.axis]
+    log, time, error = _logs(data), data.clock_for(form.name), data.error[form.axis]
     for start, stop in _stretches(label, log):
-        push, length = share[start:stop], stop - start
-        if label[start] < 0 or push.max() < _LEAST:
+        shares, length = share[start:stop], stop - start
+        if label[start] < 0 or shares.max() < _LEAST:
             continue
         rows = np.arange(max(start - length, 0), min(stop + length, len(share)))
-        rows = rows[(log[rows] == log[start]) & np.isfinite(known[rows])]
-        own = (rows >= start) & (rows < stop)
-        if own.sum() < _ROWS:
+        rows = rows[(log[rows] == log[start]) & np.isfinite(error[rows])]
+        event = (rows >= start) & (rows < stop)
+        if event.sum() < _ROWS:
             continue
-        beside = [~own & (label[rows] == other) for other in range(len(BRANCHES))]
-        each = np.stack([own, *(one for one in beside if one.sum() >= _ROWS)], axis=1)
-        keep = each.any(axis=1) | (label[rows] < 0)
-        rows, events = rows[keep], each[keep]
+        others = [~event & (label[rows] == branch) for branch in range(len(BRANCHES))]
+        others = [other for other in others if other.sum() >= _ROWS]
+        events = np.stack([event, *others], axis=1)
+        keep = events.any(axis=1) | (label[rows] < 0)
+        rows, events = rows[keep], events[keep]
         clock = time[rows] - time[rows].mean()
         clock /= max(float(np.abs(clock).max()), 1e-300)
         design = np.column_stack(
             [events * share[rows, None], np.ones(len(rows)), clock]
         )
-        yield _Window(start, stop, int(label[start]), push, rows, design)
+        yield _Window(start, stop, int(label[start]), shares, rows, design)
 
 
 def _shares_of(
@@ -278,9 +279,9 @@ def _sound(
     design: Float[np.ndarray, "w c"], error: Float[np.ndarray, " w"]
 ) -> Bool[np.ndarray, " w"]:
     """Return which readings of a window are not wild; one of them would spoil its event."""
-    left = np.abs(error - design @ np.linalg.lstsq(design, error, rcond=None)[0])
-    if left.max(initial=0.0) <= _FAR * float(np.median(left)):
-        return np.ones(len(left), bool)
+    residual = np.abs(error - design @ np.linalg.lstsq(design, error, rcond=None)[0])
+    if residual.max(initial=0.0) <= _FAR * float(np.median(residual)):
+        return np.ones(len(residual), bool)
     return ~regress(design, error, noise=0.0).wild
 
 
@@ -295,24 +296,24 @@ def _amplitude(
     that hit the factor all the same (A. Wald, Ann. Math. Stat. 11, 1940). Where the master
     accelerates all the time they tell no level, and least squares have to do.
     """
-    free = len(error) - design.shape[1]
-    if free <= 0 or np.linalg.matrix_rank(design, 1.0 / _BLIND) < design.shape[1]:
+    freedom = len(error) - design.shape[1]
+    if freedom <= 0 or np.linalg.matrix_rank(design, 1.0 / _BLIND) < design.shape[1]:
         return None
-    impulses, found = design.copy(), []
+    impulses, solutions = design.copy(), []
     impulses[:, :-2] = design[:, :-2] > 0
     for instruments in (design, impulses):
         matrix = instruments.T @ design
         if np.linalg.cond(matrix) > _BLIND**2:
             continue
         inverse = np.linalg.inv(matrix)
-        left = error - design @ (inverse @ (instruments.T @ error))
-        row = instruments @ inverse[0]
-        found.append((float(row @ row), float(row @ error), float(left @ left) / free))
-    if len(found) == 2 and found[1][0] <= _DEARER * found[0][0]:
-        found = found[1:]
-    if not found or found[0][0] > _BLIND:
+        residual = error - design @ (inverse @ (instruments.T @ error))
+        row, square = instruments @ inverse[0], float(residual @ residual) / freedom
+        solutions.append((float(row @ row), float(row @ error), square))
+    if len(solutions) == 2 and solutions[1][0] <= _DEARER * solutions[0][0]:
+        solutions = solutions[1:]
+    if not solutions or solutions[0][0] > _BLIND:
         return None
-    variance, value, square = found[0]
+    variance, value, square = solutions[0]
     return value, math.sqrt(max(square * variance, 1e-18))
 
 
@@ -332,18 +333,18 @@ def without_delay(data: JointData, form: Crosstalk) -> tuple[JointData, float]:
     cost, count = np.zeros(len(lags)), 0
     for window in windows[:: max(-(-len(windows) // _MOST_EVENTS), 1)]:
         shifted = padded[window.rows[:, None] + reach + lags]
-        known = np.isfinite(shifted).all(axis=1)
-        shifted, design = shifted[known], window.design[known]
+        finite = np.isfinite(shifted).all(axis=1)
+        shifted, design = shifted[finite], window.design[finite]
         if len(shifted) > 2 * design.shape[1]:
             base, _ = np.linalg.qr(design)
-            left = shifted - base @ (base.T @ shifted)
-            spread = np.maximum((left**2).mean(axis=0), 1e-24)
+            residual = shifted - base @ (base.T @ shifted)
+            spread = np.maximum((residual**2).mean(axis=0), 1e-24)
             # A contradicting event has large residuals whatever the delay.
             cost += 0.5 * len(shifted) * np.log(spread)
             count += len(shifted)
-    late = int(lags[np.argmin(cost)])
+    lag = int(lags[np.argmin(cost)])
     # Mean fall of the logarithm of the standard deviation.
-    if not late or cost[reach] - cost.min() <= _GAIN * count:
+    if not lag or cost[reach] - cost.min() <= _GAIN * count:
         return data, 0.0
-    moved = padded[reach + late :][: len(error)]
-    return dataclasses.replace(data, error={form.axis: moved}), late * step
+    aligned = padded[reach + lag :][: len(error)]
+    return dataclasses.replace(data, error={form.axis: aligned}), lag * step

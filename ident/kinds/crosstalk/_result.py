@@ -148,9 +148,9 @@ def remarks_of(draft: "CrosstalkDraft") -> Iterator[Remark]:
         yield from _of_the_list(draft)
     else:
         yield from _why_nothing(draft.found)
-    if why := draft.plan.unread:
+    if reason := draft.plan.unread:
         yield Remark.warning(
-            f"The new crosstalk replaces one that cannot be read: {why}"
+            f"The new crosstalk replaces one that cannot be read: {reason}"
         )
     elif draft.plan.old is not None:
         words = "off while measuring: the new one replaces it."
@@ -170,11 +170,11 @@ def _of_the_list(draft: "CrosstalkDraft") -> Iterator[Remark]:
             " hold the nearest (S-37, S-38)."
         )
     if cycles > 1:
-        late = 0.5e3 * cycles * draft.job.spec.controller.cycle_time
+        delay = 0.5e3 * cycles * draft.job.spec.controller.cycle_time
         yield Remark.info(
             f"The values pass a filter over {cycles} cycles (n_cycles,"
             f" P-COMP-00064), so that a step of the acceleration of {master} is"
-            f" no jump of {axis}: the correction comes {late:.3g} ms late."
+            f" no jump of {axis}: the correction comes {delay:.3g} ms late."
             " The figures from the file are those without this delay."
         )
     if not draft.job.verified >= _QUADRANTS:
@@ -198,18 +198,18 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
         words = f"{events.wild.sum()} events contradict the others and were left out."
         yield Remark.warning(words)
     if delay:
-        way = "late" if delay > 0 else "early"
+        word = "late" if delay > 0 else "early"
         yield Remark.warning(
-            f"The error of {draft.axis} comes {1e3 * abs(delay):.3g} ms {way}"
+            f"The error of {draft.axis} comes {1e3 * abs(delay):.3g} ms {word}"
             f" against the acceleration of {master}; that was taken off, as the delay of"
             " an instrument is. If it is the machine that follows late, the correction"
             " will come too early by as much."
         )
-    over = float(np.max(np.abs(events.peak) / draft.found.full))
-    if over > _ABOVE:
+    excess = float(np.max(np.abs(events.peak) / draft.found.full))
+    if excess > _ABOVE:
         up, down = draft.found.rates
         yield Remark.warning(
-            f"{master} accelerates up to {over:.0%} of the specified acceleration"
+            f"{master} accelerates up to {excess:.0%} of the specified acceleration"
             f" ({up:g} and {down:g} mm/s²). Above it the controller is taken to hold the"
             " correction (S-36): state the largest one as acceleration and deceleration"
             " in the job."

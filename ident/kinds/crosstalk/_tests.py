@@ -38,17 +38,17 @@ def fitted(
         loss: As for `regress`.
     """
     for number in np.unique(group).tolist():
-        mine = group == number
-        own = columns[mine]
-        spare = len(own) - int((own > TOUCHED).any(axis=0).sum())
+        members = group == number
+        design = columns[members]
+        spare = len(design) - int((design > TOUCHED).any(axis=0).sum())
         yield (
             number,
-            mine,
+            members,
             regress(
-                own,
-                events.value[mine],
-                weight=events.weight[mine],
-                loss=loss if spare >= max(4, own.shape[1]) else "gauss",
+                design,
+                events.value[members],
+                weight=events.weight[members],
+                loss=loss if spare >= max(4, design.shape[1]) else "gauss",
                 noise=events.own_noise,
             ),
         )
@@ -63,8 +63,8 @@ def held_out(
 ) -> Float[np.ndarray, " n"]:
     """Return what values fitted to other events leave of each, in mm.
 
-    Of all values that fit, those nearest to the median: it is that of a test that no event
-    tells.
+    Where the others leave values open, those nearest to the median of these events are
+    taken: a test that none of them touches has the median.
 
     Args:
         events: As for `fitted`.
@@ -73,19 +73,19 @@ def held_out(
         place: Of each event; those of one are held out together.
         wild: Events to which no values are fitted.
     """
-    left, root = np.zeros(len(events)), np.sqrt(events.weight)
-    turns = np.arange(int(place.max()) + 1) % _FOLDS
-    turn = np.random.default_rng(0).permutation(turns)[place]
-    for each, number in itertools.product(range(_FOLDS), np.unique(group)):
-        out = (turn == each) & (group == number)
-        others = ~wild & (turn != each) & (group == number)
-        known = events.value[others]
-        centre = float(np.median(known)) if known.size else 0.0
-        design = columns[others] * root[others, None]
-        aim = (known - centre) * root[others]
+    residual, root = np.zeros(len(events)), np.sqrt(events.weight)
+    folds = np.arange(int(place.max()) + 1) % _FOLDS
+    fold = np.random.default_rng(0).permutation(folds)[place]
+    for held, number in itertools.product(range(_FOLDS), np.unique(group)):
+        rows = (fold == held) & (group == number)
+        training = ~wild & (fold != held) & (group == number)
+        observed = events.value[training]
+        centre = float(np.median(observed)) if observed.size else 0.0
+        design = columns[training] * root[training, None]
+        aim = (observed - centre) * root[training]
         value = np.linalg.lstsq(design, aim, rcond=1e-6)[0]
-        left[out] = events.value[out] - centre - columns[out] @ value
-    return left
+        residual[rows] = events.value[rows] - centre - columns[rows] @ value
+    return residual
 
 
 def columns_of(
@@ -117,9 +117,9 @@ def choose_tests(
     most = min(most, int(np.unique(group, return_counts=True)[1].min()))
     candidates = _candidates(events.positions, modes, most)
     if not candidates:
-        wanted = " or ".join(str(mode) for mode in modes)
+        names = " or ".join(str(mode) for mode in modes)
         msg = (
-            f"mode {wanted} cannot be fitted: the events do not spread over the adaptation "
+            f"mode {names} cannot be fitted: the events do not spread over the adaptation "
             "axes that it needs."
         )
         raise FitError(msg)
@@ -127,16 +127,16 @@ def choose_tests(
     # What the finest choice rejects has no part in the search.
     columns = columns_of(events.positions, *candidates[int(np.argmax(sizes))])
     sound = np.ones(len(events), bool)
-    for _, mine, found in fitted(events, group, columns, "student"):
-        sound[mine] = ~found.wild
+    for _, members, regression in fitted(events, group, columns, "student"):
+        sound[members] = ~regression.wild
     events, group = events.take(sound), group[sound]
-    cell, none = _cells(events.positions), np.zeros(len(events), bool)
+    cell, no_wild = _cells(events.positions), np.zeros(len(events), bool)
     tried = []
     for candidate in candidates:
         columns = columns_of(events.positions, *candidate)
-        left = held_out(events, group, columns, cell, none)
-        tried.append(left * np.sqrt(events.weight))
-    scale = min(max(1.4826 * float(np.median(np.abs(left))), 1e-9) for left in tried)
+        residual = held_out(events, group, columns, cell, no_wild)
+        tried.append(residual * np.sqrt(events.weight))
+    scale = min(max(1.4826 * float(np.median(np.abs(loss))), 1e-9) for loss in tried)
     chosen, _ = simplest(tried, sizes, scale, cell)
     axes, grid = candidates[chosen]
     return axes, np.array([*itertools.product(*grid)])

@@ -35,27 +35,27 @@ class CrosstalkChannel(AbstractChannel):
         timed = self.motion.cycle is not None
         if timed and self.motion.has_actual(dynamic, self.axis):
             self.relevant = (*self.relevant, "crosstalk_input")
-        known = sorted(self.motion.positions)
-        swaps = [(number, *places) for number in known if number != dynamic]
+        axes = sorted(self.motion.positions)
+        swaps = [(number, *places) for number in axes if number != dynamic]
         if len(places) == 2:
             swaps.insert(0, (dynamic, places[1], places[0]))
         self.swaps = tuple(swaps)
         _ = self.parts(self.plain, slice(0, 1))  # a log without a master is refused
 
     def parts(self, change: Change, rows: LogRows) -> Parts:
-        why = f"for the crosstalk of A{self.axis}"
+        purpose = f"for the crosstalk of A{self.axis}"
         dynamic, *places = change.masters or self.masters
         actual = change.conventions.crosstalk_input == "actual"
-        velocity, acceleration = self.motion.required_rates(dynamic, why, actual)
+        velocity, acceleration = self.motion.required_rates(dynamic, purpose, actual)
         if change.conventions.crosstalk_velocity == "slave":
-            velocity = self.motion.required_rates(self.axis, why, actual)[0]
+            velocity = self.motion.required_rates(self.axis, purpose, actual)[0]
         law = self.law(change.conventions)
-        columns = [self.motion.position(axis, why)[rows] for axis in places]
-        where: Float[np.ndarray, "r k"] | None = None
+        columns = [self.motion.position(axis, purpose)[rows] for axis in places]
+        place: Float[np.ndarray, "r k"] | None = None
         if columns:
-            where = change.moved(np.stack(columns, axis=1))
-        found = law.offset(acceleration[rows], velocity[rows], where)
-        return Parts(np.asarray(found))
+            place = change.moved(np.stack(columns, axis=1))
+        offset = law.offset(acceleration[rows], velocity[rows], place)
+        return Parts(np.asarray(offset))
 
 
 CHANNEL = CrosstalkChannel

@@ -25,7 +25,7 @@ _CHANCE = 0.05
 """Probability under equal directions below which they differ."""
 _SURE = 0.0027
 """Probability of three standard deviations, shared by all values that are looked at."""
-_APART, _ALIKE = (0, 1, 2, 3), (0, 0, 1, 1)
+_DIRECTED, _UNDIRECTED = (0, 1, 2, 3), (0, 0, 1, 1)
 """Values per branch: each its own, or both directions alike."""
 _SAME = 1e-6
 """mm within which two tests stand at the same place."""
@@ -76,22 +76,22 @@ class CrosstalkFit:
         """Whether any value is more than chance over all of them would show."""
         rows = slice(None) if self.effect.velocity_dependent else slice(0, 4, 2)
         value, spread = self.values[rows], self.standard_deviation[rows]
-        known = np.isfinite(value) & np.isfinite(spread)
-        if not known.any():
+        finite = np.isfinite(value) & np.isfinite(spread)
+        if not finite.any():
             return False
-        limit = -float(ndtri(0.5 * _SURE / int(known.sum())))
-        return bool((np.abs(value[known]) > limit * spread[known]).any())
+        limit = -float(ndtri(0.5 * _SURE / int(finite.sum())))
+        return bool((np.abs(value[finite]) > limit * spread[finite]).any())
 
     @property
     def directed(self) -> bool:
         """Whether values differ by direction, by more than chance or as far as is known."""
-        apart = self.values[::2] - self.values[1::2]
+        difference = self.values[::2] - self.values[1::2]
         spread = np.hypot(self.standard_deviation[::2], self.standard_deviation[1::2])
-        known = np.isfinite(apart)
-        if not known.any(axis=1).all():
+        finite = np.isfinite(difference)
+        if not finite.any(axis=1).all():
             return True
-        square = float(np.square(apart[known] / spread[known]).sum())
-        return bool(chdtrc(int(known.sum()), square) < _CHANCE)
+        square = float(np.square(difference[finite] / spread[finite]).sum())
+        return bool(chdtrc(int(finite.sum()), square) < _CHANCE)
 
     def kept(self, active: models.Crosstalk | None) -> Bool[np.ndarray, " p"]:
         """Return which tests are written: all four values measured, or known from before.
@@ -102,8 +102,8 @@ class CrosstalkFit:
         """
         if active is None:
             return self.complete
-        known = are_among(self.effect.points, np.asarray(active.surface.points))
-        return np.asarray(self.complete | known)
+        installed = are_among(self.effect.points, np.asarray(active.surface.points))
+        return np.asarray(self.complete | installed)
 
     def compensation(
         self, active: models.Crosstalk | None = None
@@ -124,20 +124,20 @@ class CrosstalkFit:
         if active is not None:
             offset = offset + full_offsets(active, active, points)
         try:
-            written = dataclasses.replace(
+            form = dataclasses.replace(
                 effect, positions=points, velocity_dependent=True
             )
-            return written.to_model(offset, float(effect.rules.crosstalk_sign))
+            return form.to_model(offset, float(effect.rules.crosstalk_sign))
         except FitError:
             return None
 
 
 def are_among(
-    points: Float[np.ndarray, "q k"], others: Float[np.ndarray, "p k"]
+    points: Float[np.ndarray, "q k"], tests: Float[np.ndarray, "p k"]
 ) -> Bool[np.ndarray, " q"]:
     """Return which of these places are tests of another list."""
-    apart = np.abs(points[:, None, :] - others[None, :, :])
-    return np.asarray((apart <= _SAME).all(axis=-1).any(axis=-1))
+    distance = np.abs(points[:, None, :] - tests[None, :, :])
+    return np.asarray((distance <= _SAME).all(axis=-1).any(axis=-1))
 
 
 def full_offsets(
@@ -158,8 +158,8 @@ def full_offsets(
     pull = np.repeat([float(by.acceleration), float(by.deceleration)], 2 * count)
     if by.by_speed:
         pull = pull * velocity
-    added = model.offset(pull, velocity, np.tile(places, (4, 1)))
-    return np.asarray(added).reshape(4, count)
+    offset = model.offset(pull, velocity, np.tile(places, (4, 1)))
+    return np.asarray(offset).reshape(4, count)
 
 
 @one_blas_thread()
@@ -198,15 +198,15 @@ def fit_crosstalk(
             fit_crosstalk, events, form, adaptation, mode=mode, positions=positions,
             most_tests=most_tests, loss=loss,
         )  # fmt: skip
-        apart = fit(velocity_dependent=True)
-        return apart if apart.directed else fit(velocity_dependent=False)
-    groups = _APART if velocity_dependent else _ALIKE
+        directed = fit(velocity_dependent=True)
+        return directed if directed.directed else fit(velocity_dependent=False)
+    groups = _DIRECTED if velocity_dependent else _UNDIRECTED
     group = np.array(groups)[events.branch]
     if positions is not None:
         axes, points = tuple(range(positions.shape[1])), positions
     else:
-        every = tuple(range(1, events.positions.shape[1] + 2))
-        modes = (mode,) if isinstance(mode, int) else every
+        available = tuple(range(1, events.positions.shape[1] + 2))
+        modes = (mode,) if isinstance(mode, int) else available
         axes, points = choose_tests(events, group, modes, most_tests)
     places = events.positions[:, list(axes)]
     try:
@@ -218,15 +218,15 @@ def fit_crosstalk(
     values, deviation = np.full(shape, np.nan), np.full(shape, np.inf)
     support, noise = np.zeros(shape, np.int64), np.full(len(BRANCHES), np.nan)
     wild, converged = np.zeros(len(events), bool), True
-    for number, mine, found in fitted(events, group, columns, loss):
+    for number, members, result in fitted(events, group, columns, loss):
         rows = np.array(groups) == number
-        wild[mine] = found.wild
-        converged &= found.converged
-        touching = (columns[mine][~found.wild] > TOUCHED).sum(axis=0)
-        known = ~found.undetermined & (touching > 0)
-        values[rows] = np.where(known, found.coefficients, np.nan)
-        deviation[rows] = np.where(known, found.standard_deviation, np.inf)
-        support[rows], noise[rows] = np.where(known, touching, 0), found.noise.white
+        wild[members] = result.wild
+        converged &= result.converged
+        counts = (columns[members][~result.wild] > TOUCHED).sum(axis=0)
+        determined = ~result.undetermined & (counts > 0)
+        values[rows] = np.where(determined, result.coefficients, np.nan)
+        deviation[rows] = np.where(determined, result.standard_deviation, np.inf)
+        support[rows], noise[rows] = np.where(determined, counts, 0), result.noise.white
     return CrosstalkFit(
         effect=dataclasses.replace(
             form,

@@ -102,7 +102,7 @@ def _tests(listing: ListFile) -> int:
         used: list[dict[Any, int]] = [
             dict(values_of(listing, PREFIX, name)) for name in VALUES
         ]
-        count = 1 + max(max(given, default=-1) for given in used)
+        count = 1 + max(max(indices, default=-1) for indices in used)
     refuse_huge(count, f"{listing.source}: {PREFIX}.max_points")
     return count
 
@@ -198,10 +198,10 @@ class CrosstalkEntries(AbstractEntries):
         count, axes = points.shape
         words = f"{axes + 1}: the axis that accelerates and {axes} adaptation axes"
         expect(len(masters) == axes + 1, f"{PREFIX} masters", len(masters), words)
-        words, most = f"{count} tests", f"at most {SAFE_TESTS}"
-        expect(count <= SAFE_TESTS, f"{PREFIX}.max_points", words, most)
-        most = f"at most {MOST_CYCLES}"
-        expect(model.cycles <= MOST_CYCLES, f"{PREFIX}.n_cycles", model.cycles, most)
+        words, bound = f"{count} tests", f"at most {SAFE_TESTS}"
+        expect(count <= SAFE_TESTS, f"{PREFIX}.max_points", words, bound)
+        bound = f"at most {MOST_CYCLES}"
+        expect(model.cycles <= MOST_CYCLES, f"{PREFIX}.n_cycles", model.cycles, bound)
         entries: dict[str, int | str] = {f"{PREFIX}.mode": axes + 1}
         entries |= {f"{PREFIX}.{n}": k for n, k in zip(_MASTERS, masters, strict=False)}
         if axes:
@@ -227,18 +227,18 @@ class CrosstalkEntries(AbstractEntries):
             entries |= {f"{at}.{n}": int(values[b, test]) for b, n in enumerate(VALUES)}
         return entries
 
-    def lacks(self, one: InUse, motion: Motion, reading: Reading) -> str | None:
-        master = one.masters[0]
+    def lacks(self, in_use: InUse, motion: Motion, reading: Reading) -> str | None:
+        master = in_use.masters[0]
         if motion.rates(master)[1] is None:
             return motion.lacks(master, "acceleration")
         by_slave = reading.conventions.crosstalk_velocity == "slave"
-        mover = one.axis if by_slave else master
+        mover = in_use.axis if by_slave else master
         if motion.rates(mover)[0] is None:
             return motion.lacks(mover, "velocity")
         return None
 
-    def looks_at(self, one: InUse, motion: Motion) -> Axes:
-        return one.masters[1:]
+    def looks_at(self, in_use: InUse, motion: Motion) -> Axes:
+        return in_use.masters[1:]
 
     def inputs(self, masters: Axes) -> Axes:
         return ()

@@ -48,9 +48,9 @@ class Spec(FitSpec, frozen=True):
         return self.axis if rules.crosstalk_velocity == "slave" else self.master
 
     def faults(self, job: "JobFile", where: KeyPath) -> Iterator[Fault]:
-        named = [("master", self.master)]
-        named += [("adaptation", name) for name in self.adapts_to]
-        for key, name in named:
+        pairs = [("master", self.master)]
+        pairs += [("adaptation", name) for name in self.adapts_to]
+        for key, name in pairs:
             if name not in job.axes:
                 yield (*where, key), unknown(name, job.axes, "an axis")
         if self.master == self.axis:
@@ -59,7 +59,7 @@ class Spec(FitSpec, frozen=True):
             )
             yield (*where, "master"), reason
         why = "the units of a crosstalk list are not defined for others"
-        for key, name in (("axis", self.axis), *named):
+        for key, name in (("axis", self.axis), *pairs):
             yield from not_linear(job, name, (*where, key), why)
         yield from self._tests(where)
 

@@ -11,7 +11,7 @@ from ...report._scale import Scale, count, number, percent, place
 from .._drawing import directed_marks, left_out_words, side_by_side
 from ._result import SHORT, CrosstalkResult
 
-_WAY = (1, -1, 1, -1)
+_SIGN = (1, -1, 1, -1)
 """Direction of the master in each row of `BRANCHES`."""
 
 
@@ -25,9 +25,9 @@ def body(fit: CrosstalkResult, scale: Scale) -> Body:
 
 
 def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
-    own, form = fit.fit, fit.fit.effect
+    crosstalk, form = fit.fit, fit.fit.effect
     where = f" over {' and '.join(fit.adaptation)}" if fit.adaptation else ""
-    ways = (
+    directions = (
         "each direction has entries of its own"
         if form.velocity_dependent
         else "both directions have the same entries"
@@ -36,7 +36,7 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
         "Law",
         f"Mode {form.mode}{where}: {fit.axis} is moved when {fit.master} accelerates, in"
         f" full at {form.acceleration:g} and {form.deceleration:g} mm/s² and in"
-        f" proportion below; {ways}.".replace("-", "−"),
+        f" proportion below; {directions}.".replace("-", "−"),
     )
     numbers = fit.entries, fit.standard_deviation, fit.support
     for k, point in enumerate(fit.points):
@@ -46,34 +46,34 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f"{name} {number(entry * scale.factor, signed=True)} ± {scale.shown(sd)}"
             f" ({count(int(support), 'event')})"
             for name, entry, sd, support in zip(
-                SHORT, *(each[:, k] for each in numbers), strict=True
+                SHORT, *(column[:, k] for column in numbers), strict=True
             )
         ]
         where = f" at {where} mm" if where else ""
         yield (f"Test {k + 1}{where}", "; ".join(parts) + ".")
-    noise = own.noise[np.isfinite(own.noise)]
+    noise = crosstalk.noise[np.isfinite(crosstalk.noise)]
     if noise.size:
         yield (
             "Events",
-            f"{count(len(own.events), 'acceleration')} cut out of the log; one scatters"
+            f"{count(len(crosstalk.events), 'acceleration')} cut out of the log; one scatters"
             f" by {scale.shown(float(noise.max()))} (1 sd) about the list at most.",
         )
 
 
 def _events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     """Draw the error that each event shows over its acceleration, before and after."""
-    own, sound = fit.fit, ~fit.wild
-    across = f"acceleration of {fit.master} in mm/s²"
-    up = f"error of {fit.axis} in {scale.error}"
-    figure, panels = side_by_side(3.2, ("before", "from the file"), across, up)
-    branch, peak = own.events.branch, np.abs(own.events.peak)
-    share = np.minimum(peak / own.full, 1.0) * scale.factor
+    crosstalk, sound = fit.fit, ~fit.wild
+    x_label = f"acceleration of {fit.master} in mm/s²"
+    y_label = f"error of {fit.axis} in {scale.error}"
+    figure, panels = side_by_side(3.2, ("before", "from the file"), x_label, y_label)
+    branch, peak = crosstalk.events.branch, np.abs(crosstalk.events.peak)
+    share = np.minimum(peak / crosstalk.full, 1.0) * scale.factor
     # Of accelerations by speed the sign of the peak does not tell the entry.
-    reach = np.where(branch < 2, 1.0, -1.0) * peak
+    signed = np.where(branch < 2, 1.0, -1.0) * peak
     for panel, values in zip(panels, (fit.before, fit.from_file), strict=True):
-        for way in (1, -1):
-            rows = (np.array(_WAY)[branch] == way) & sound
-            directed_marks(panel, way, reach[rows], (values * share)[rows], 4.0)
+        for direction in (1, -1):
+            rows = (np.array(_SIGN)[branch] == direction) & sound
+            directed_marks(panel, direction, signed[rows], (values * share)[rows], 4.0)
         panel.locator_params(axis="x", nbins=5)
     _mean_lines(panels[0], fit, scale)
     panels[0].legend(loc="best")
@@ -102,20 +102,20 @@ def _mean_lines(panel: Axes, fit: CrosstalkResult, scale: Scale) -> None:
     """Draw the fitted lines through 0, mean of the tests, held above."""
     form = fit.fit.effect
     for row, values in enumerate(fit.fit.values):
-        known = values[np.isfinite(values)]
-        if not known.size:
+        finite = values[np.isfinite(values)]
+        if not finite.size:
             continue
         full = float(form.acceleration if row < 2 else form.deceleration)
-        top = float(known.mean()) * scale.factor
+        top = float(finite.mean()) * scale.factor
         panel.plot(
             [0.0, full, 1.15 * full], [0.0, top, top], linewidth=1.0,
-            color=style.DIRECTION_COLOR[_WAY[row]],
+            color=style.DIRECTION_COLOR[_SIGN[row]],
         )  # fmt: skip
 
 
 def _tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     """Draw the tests over each adaptation axis with the events that tell them."""
-    own, sound, points = fit.fit, ~fit.wild, fit.fit.effect.points
+    crosstalk, sound, points = fit.fit, ~fit.wild, fit.fit.effect.points
     columns = len(fit.adaptation)
     figure, panels = style.new_figure(
         5.5, rows=2, columns=columns, sharex="col", sharey=True
@@ -123,17 +123,15 @@ def _tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     for k, panel in enumerate(panels):
         pair, axis = divmod(k, columns)
         for row in (2 * pair, 2 * pair + 1):
-            rows, told = (
-                (own.events.branch == row) & sound,
-                np.isfinite(own.values[row]),
-            )
-            places, errors = own.events.positions[rows, axis], fit.before[rows]
-            directed_marks(panel, _WAY[row], places, errors * scale.factor, 3.5, 0.45)
+            rows = (crosstalk.events.branch == row) & sound
+            finite = np.isfinite(crosstalk.values[row])
+            places, errors = crosstalk.events.positions[rows, axis], fit.before[rows]
+            directed_marks(panel, _SIGN[row], places, errors * scale.factor, 3.5, 0.45)
             panel.errorbar(
-                points[told, axis], own.values[row, told] * scale.factor,
-                yerr=own.standard_deviation[row, told] * scale.factor,
+                points[finite, axis], crosstalk.values[row, finite] * scale.factor,
+                yerr=crosstalk.standard_deviation[row, finite] * scale.factor,
                 fmt="s", markersize=5, capsize=2, markeredgecolor=style.INK,
-                color=style.DIRECTION_COLOR[_WAY[row]],
+                color=style.DIRECTION_COLOR[_SIGN[row]],
             )  # fmt: skip
         panel.set_title(("accelerating", "decelerating")[pair], fontsize=10)
         if pair:

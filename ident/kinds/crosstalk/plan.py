@@ -45,10 +45,10 @@ def plan(tables: Tables, index: int, fit: Spec) -> "CrosstalkPlan":
         except ExchangeError as error:
             unread = str(error)
     active = was_active(job, index, fit, holder)
-    one = CrosstalkPlan(job, index, fit, old, masters, unread, active)
+    planned = CrosstalkPlan(job, index, fit, old, masters, unread, active)
     if active:
-        one.refuse_unlike()
-    return one
+        planned.refuse_unlike()
+    return planned
 
 
 @final
@@ -97,24 +97,24 @@ class CrosstalkPlan(AbstractPlan):
                 " be added, expected a measurement with COMP OFF CROSSTALK",
             )
         names = (fit.master, *fit.adapts_to)
-        named = [job.spec.axes[name].number for name in names]
-        if named != [*self.masters]:
+        numbers = [job.spec.axes[name].number for name in names]
+        if numbers != [*self.masters]:
             raise job.error(
                 where,
-                f"found master and adaptation axes {named}, expected {[*self.masters]} as"
+                f"found master and adaptation axes {numbers}, expected {[*self.masters]} as"
                 " in the list that was active",
             )
         for key in ("acceleration", "deceleration"):
-            given, own = getattr(fit, key), float(getattr(old, key))
-            if given is not None and given != own:
-                words = f"found {given:g}, expected {own:g} as in the list that was"
+            value, active = getattr(fit, key), float(getattr(old, key))
+            if value is not None and value != active:
+                words = f"found {value:g}, expected {active:g} as in the list that was"
                 raise job.error((*where, key), f"{words} active")
 
     @functools.cached_property
     def rates(self) -> tuple[float | None, float | None]:
         """Specified acceleration and deceleration in mm/s²; None = as measured."""
-        own = self.acting or self.fit
-        rates = own.acceleration, own.deceleration
+        source = self.acting or self.fit
+        rates = source.acceleration, source.deceleration
         up, down = (None if rate is None else float(rate) for rate in rates)
         return up, down
 
@@ -132,9 +132,9 @@ class CrosstalkPlan(AbstractPlan):
                 f"mode: found {fit.mode}, expected {mode} as the tests that are given."
             )
             raise FitError(msg)
-        apart = fit.velocity_dependent
+        directed = fit.velocity_dependent
         return {
-            "velocity_dependent": "auto" if apart is None else apart,
+            "velocity_dependent": "auto" if directed is None else directed,
             "most_tests": fit.max_points or SAFE_TESTS,
             "loss": fit.loss,
             "mode": mode,
@@ -152,10 +152,10 @@ class CrosstalkPlan(AbstractPlan):
         points = None if wished is None else np.array(wished, dtype=float)
         if self.acting is None:
             return points
-        own = np.asarray(self.acting.surface.points, dtype=float)
+        active = np.asarray(self.acting.surface.points, dtype=float)
         if points is None:
-            return own
-        if points.shape[1] == own.shape[1] and are_among(own, points).all():
+            return active
+        if points.shape[1] == active.shape[1] and are_among(active, points).all():
             return points
         msg = (
             "positions: found others than the tests of the list that was active while"
@@ -177,19 +177,19 @@ class CrosstalkPlan(AbstractPlan):
             form = Crosstalk(fit.axis, fit.master, *rates, conventions=rules)
         else:
             names = form.adaptation
-            apart = {"velocity_dependent": form.velocity_dependent}
-            options = {**options, "positions": form.points, **apart}
+            directed = {"velocity_dependent": form.velocity_dependent}
+            options = {**options, "positions": form.points, **directed}
         return fit_crosstalk(cut_events(log, form, names), form, names, **options)
 
     def fit_single(self, tables: Tables, left: Leftovers) -> CrosstalkDraft:
         recording = read_group(tables, [self])
         log = self._log(recording, recording.data.error[self.axis])
-        found = self._found(log)
-        log, delay = without_delay(log, found.effect)
+        fitted = self._found(log)
+        log, delay = without_delay(log, fitted.effect)
         if delay:
-            found = self._found(log)
-        own, remarks = (self.job, self.index, self.fit, self), recording.remarks
-        return CrosstalkDraft(*own, found, log, remarks, delay)
+            fitted = self._found(log)
+        base, remarks = (self.job, self.index, self.fit, self), recording.remarks
+        return CrosstalkDraft(*base, fitted, log, remarks, delay)
 
     def draft(self, share: "Share") -> CrosstalkDraft:
         part, form, rows = share.part, share.part.effect, share.rows
@@ -197,13 +197,13 @@ class CrosstalkPlan(AbstractPlan):
         error = np.full(len(rows), np.nan)
         error[rows] = share.error
         log = self._log(share.recording, error)
-        found = self._found(log, form)
-        told = form.table(part.determined.astype(float)) > 0.5
-        values = np.where(told, found.values, np.nan)
-        deviation = np.where(told, found.standard_deviation, np.inf)
-        found = dataclasses.replace(found, values=values, standard_deviation=deviation)
-        own, remarks = (self.job, self.index, self.fit, self), share.remarks()
-        return CrosstalkDraft(*own, found, log, tuple(remarks))
+        fitted = self._found(log, form)
+        determined = form.table(part.determined.astype(float)) > 0.5
+        values = np.where(determined, fitted.values, np.nan)
+        spread = np.where(determined, fitted.standard_deviation, np.inf)
+        fitted = dataclasses.replace(fitted, values=values, standard_deviation=spread)
+        base, remarks = (self.job, self.index, self.fit, self), share.remarks()
+        return CrosstalkDraft(*base, fitted, log, tuple(remarks))
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -215,9 +215,9 @@ class CrosstalkPlan(AbstractPlan):
 
     def unfit(self, recording: "GroupRecording") -> str:
         rate = recording.data.acceleration[self.fit.master]
-        known = np.isfinite(recording.data.error[self.axis]) & np.isfinite(rate)
+        finite = np.isfinite(recording.data.error[self.axis]) & np.isfinite(rate)
         for sign, words in ((1.0, "speeds up"), (-1.0, "slows down")):
-            if not (sign * rate[known] > 0).any():
+            if not (sign * rate[finite] > 0).any():
                 return (
                     f"{self.fit.master} never {words} in these readings, expected"
                     " accelerations of both signs."
@@ -233,14 +233,14 @@ class CrosstalkPlan(AbstractPlan):
     ) -> "Crosstalk | None":
         options, names = self.options, self.fit.adapts_to
         (up, down), points = self.rates, options["positions"]
-        apart, mode = options["velocity_dependent"], options["mode"]
+        directed, mode = options["velocity_dependent"], options["mode"]
         # A list is written with all four entries of a test (S-35).
         rules = dataclasses.replace(self.job.conventions, crosstalk_undirected="own")
-        plain = apart != "auto" and (mode == 1 or points is not None)
-        if plain and up is not None and down is not None:
+        is_fixed = directed != "auto" and (mode == 1 or points is not None)
+        if is_fixed and up is not None and down is not None:
             return Crosstalk(
                 self.axis, self.fit.master, up, down, names[: mode - 1], points,
-                bool(apart), rules,
+                bool(directed), rules,
             )  # fmt: skip
         if left is None:
             return None

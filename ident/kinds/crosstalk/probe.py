@@ -24,31 +24,31 @@ class CrosstalkProbe(AbstractProbe):
 
     moving = True
 
-    def probed(self, one: InUse) -> Probed:
-        rate = optional(one.listing, f"{PREFIX}.acceleration")
-        found = Probed(one.axis, one.name, one.masters[:1])
-        return dataclasses.replace(found, acceleration=rate) if rate > 0 else found
+    def probed(self, in_use: InUse) -> Probed:
+        rate = optional(in_use.listing, f"{PREFIX}.acceleration")
+        probed = Probed(in_use.axis, in_use.name, in_use.masters[:1])
+        return dataclasses.replace(probed, acceleration=rate) if rate > 0 else probed
 
     def entries(
-        self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
+        self, probed: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
     ) -> dict[str, int | str]:
-        rate = float(one.acceleration)
+        rate = float(probed.acceleration)
         crosstalk = Crosstalk(
             surface=BilinearGrid((), (0,)),
             values=as_array(np.array(QUADRANTS)[:, None]),
             acceleration=as_array(rate),
             deceleration=as_array(-rate),
         )
-        return entries_of_crosstalk(crosstalk, one.masters)
+        return entries_of_crosstalk(crosstalk, probed.masters)
 
-    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
+    def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         first, second, third, fourth = (f"{1000 * value:g}" for value in QUADRANTS)
         name = masters[0].name
         return (
             Outcome(
                 f"+{first} µm for a > 0, v > 0; +{second} for a > 0, v < 0;"
                 f" +{third} for a < 0, v > 0; +{fourth} for a < 0, v < 0 of {name} (in"
-                f" proportion to a, up to {one.acceleration} mm/s²)",
+                f" proportion to a, up to {probed.acceleration} mm/s²)",
                 "the sign of a decides; entries are added as they stand",
                 {"crosstalk_accelerate": "sign", "crosstalk_sign": 1},
             ),

@@ -102,16 +102,16 @@ def _reversal(
     step = np.diff(place, prepend=place[:1]) / samples.cycle
     central = np.gradient(place, samples.cycle)
     try:
-        found = min(
+        reversal = min(
             (
                 fit_reversal(samples, place, velocity, known=known)
                 for velocity in (step, central)
             ),
-            key=lambda each: each.noise,
+            key=lambda fit: fit.noise,
         )
     except FitError as error:
         return None, [Remark.error(f"reversal: {error}")]
-    return found, [
+    return reversal, [
         Remark.error(f"reversal: {name} is not known: {reason}")
-        for name, reason in found.undetermined.items()
+        for name, reason in reversal.undetermined.items()
     ]

@@ -88,7 +88,7 @@ class LawCurve:
     def mean_of(self, laws: Laws) -> Float[np.ndarray, "v n"]:
         """Return what a list can say of other laws."""
         friction = laws.friction(self.velocity)
-        return np.asarray(_read(friction, self.positive_share, self.common)[2])
+        return np.asarray(_by_direction(friction, self.positive_share, self.common)[2])
 
     def deviation_of(self, knots: Knots, level: float) -> Float[np.ndarray, " k"]:
         """Return the standard deviations of entries that give a share of the friction.
@@ -97,48 +97,48 @@ class LawCurve:
         """
         speed = knots.velocity / 1000.0
         law, deviation = (
-            level * np.interp(speed, self.speed, each[2])
-            for each in (self.currents, self.deviations)
+            level * np.interp(speed, self.speed, curve[2])
+            for curve in (self.currents, self.deviations)
         )
-        beside = np.square(knots.out * knots.unit - law)
-        beside = np.maximum(beside, knots.rms**2)
-        return np.asarray(np.sqrt(deviation**2 + beside))
+        misfit = np.square(knots.out * knots.unit - law)
+        misfit = np.maximum(misfit, knots.rms**2)
+        return np.asarray(np.sqrt(deviation**2 + misfit))
 
     @property
     def difference(self) -> float:
         """Mean difference of the directions, as a share of the friction, where both count."""
-        both = self.weight * 4.0 * self.positive_share * (1.0 - self.positive_share)
-        apart = float(both @ np.abs(self.currents[0] - self.currents[1]))
-        return apart / max(float(both @ np.abs(self.mean)), 1e-300)
+        overlap = self.weight * 4.0 * self.positive_share * (1.0 - self.positive_share)
+        difference = float(overlap @ np.abs(self.currents[0] - self.currents[1]))
+        return difference / max(float(overlap @ np.abs(self.mean)), 1e-300)
 
 
-def _read(
+def _by_direction(
     friction: Float[np.ndarray, "v2 *n"],
     positive_share: Float[np.ndarray, " v"],
     common: Float[np.ndarray, " v"],
 ) -> Float[np.ndarray, "3 v *n"]:
     """Return `LawCurve.currents` of friction at `LawCurve.velocity`."""
-    ahead, back = np.split(friction, 2)
-    load = np.tensordot(common, 0.5 * (ahead + back), 1)
-    ahead, back = ahead - load, load - back
+    forward, backward = np.split(friction, 2)
+    load = np.tensordot(common, 0.5 * (forward + backward), 1)
+    forward, backward = forward - load, load - backward
     share = positive_share.reshape(-1, *[1] * (friction.ndim - 1))
-    return np.stack([ahead, back, share * ahead + (1.0 - share) * back])
+    return np.stack([forward, backward, share * forward + (1.0 - share) * backward])
 
 
-def law_curve(found: Identified, samples: DriveSamples) -> LawCurve | None:
+def law_curve(result: Identified, samples: DriveSamples) -> LawCurve | None:
     """Return the law over the speeds that were driven.
 
     None where it is not determined, or one direction was never driven.
     """
-    velocity, fit = samples.velocity[samples.in_motion], found.fit
-    driven = [np.sort(way * velocity[way * velocity > 0]) for way in (1, -1)]
-    if not fit.has_law or any(len(each) == 0 for each in driven):
+    velocity, fit = samples.velocity[samples.in_motion], result.fit
+    driven = [np.sort(sign * velocity[sign * velocity > 0]) for sign in (1, -1)]
+    if not fit.has_law or any(len(speeds) == 0 for speeds in driven):
         return None
     low = max(quantile(np.abs(velocity), 0.001), 1e-3)
-    high = max(each[-1] for each in driven)
+    high = max(speeds[-1] for speeds in driven)
     half = _POINTS // 2
-    ways = np.geomspace(low, high, half), np.linspace(low, high, half)
-    speed = np.unique(np.concatenate(ways))
+    grids = np.geomspace(low, high, half), np.linspace(low, high, half)
+    speed = np.unique(np.concatenate(grids))
     # What is slower or faster than all speeds counts with the first and the last.
     edges = np.geomspace(low, high * (1 + 1e-9), _BINS + 1)
     inner = edges[1:-1]
@@ -146,47 +146,47 @@ def law_curve(found: Identified, samples: DriveSamples) -> LawCurve | None:
     def counted(values: np.ndarray) -> np.ndarray:
         return np.diff(values.searchsorted(inner), prepend=0, append=len(values))
 
-    counts, points = np.stack([counted(each) for each in driven]), counted(speed)
+    counts, points = np.stack([counted(speeds) for speeds in driven]), counted(speed)
     weight = np.repeat(counts.sum(axis=0) / np.maximum(points, 1), points)
     # Two directions that both saw a speed well count alike, however often they did.
     enough = _ENOUGH * counts.sum() / _BINS
-    seen = counts / (counts + enough)
-    some = seen.sum(axis=0) > 0
-    share = seen[0, some] / seen[:, some].sum(axis=0)
-    middle = np.log(np.sqrt(edges[1:] * edges[:-1]))[some]
+    confidence = counts / (counts + enough)
+    covered = confidence.sum(axis=0) > 0
+    share = confidence[0, covered] / confidence[:, covered].sum(axis=0)
+    middle = np.log(np.sqrt(edges[1:] * edges[:-1]))[covered]
     share = np.interp(np.log(speed), middle, share)
-    held = [np.clip(speed, each[0], each[-1]) for each in driven]
-    both = np.concatenate([held[0], -held[1]])
+    clipped = [np.clip(speed, speeds[0], speeds[-1]) for speeds in driven]
+    signed = np.concatenate([clipped[0], -clipped[1]])
 
     # Where directions saw other speeds, equal levels of both are an extrapolation: that of a
     # table says nothing, that of a law is used while it is known better than both differ.
-    common, apart = np.zeros(len(speed)), fit.friction(both).reshape(2, -1).sum(axis=0)
-    alike = weight * share * (1.0 - share)
-    if fit.parted and alike.any():
-        alike /= alike.sum()
-        differing = 0.5 * np.sqrt(alike @ (apart - alike @ apart) ** 2)
+    common, sums = np.zeros(len(speed)), fit.friction(signed).reshape(2, -1).sum(axis=0)
+    overlap = weight * share * (1.0 - share)
+    if fit.parted and overlap.any():
+        overlap /= overlap.sum()
+        differing = 0.5 * np.sqrt(overlap @ (sums - overlap @ sums) ** 2)
         sd = fit.standard_deviations.get("offset", np.inf)
         if not fit.structure.parametric or sd > differing:
-            common = alike
+            common = overlap
 
-    def read(friction: np.ndarray) -> np.ndarray:
-        return _read(friction, share, common)
+    def currents(friction: np.ndarray) -> np.ndarray:
+        return _by_direction(friction, share, common)
 
     return LawCurve(
         speed=speed,
         weight=weight / weight.sum(),
         positive_share=share,
         common=common,
-        velocity=both,
-        currents=read(fit.friction(both)),
-        deviations=found.choice.deviation(fit, found.without, both, read),
+        velocity=signed,
+        currents=currents(fit.friction(signed)),
+        deviations=result.choice.deviation(fit, result.without, signed, currents),
     )
 
 
 def compensation_of(
     knots: Knots,
     reversal: ReversalFit | None,
-    before: FrictionCompensation | None,
+    previous: FrictionCompensation | None,
     sign: int = 1,
 ) -> FrictionCompensation:
     """Return what the list says, currents in list units.
@@ -194,17 +194,17 @@ def compensation_of(
     Args:
         knots: Entries.
         reversal: What was found around reversals; where None, all stays as it was.
-        before: What the list said, or None where there was none.
+        previous: What the list said, or None where there was none.
         sign: Of the current that the controller adds per entry.
     """
     nodes = Setpoints(knots.velocity / 1000.0)
     law = FrictionTable(nodes, sign * knots.out.astype(float))
-    if reversal is None and before is not None:
-        return dataclasses.replace(before, law=law)
+    if reversal is None and previous is not None:
+        return dataclasses.replace(previous, law=law)
     around: dict[str, Any] = {}
     if reversal is not None:
-        found, unknown = reversal.numbers, reversal.undetermined
-        around = {name: found[name] for name in found if name not in unknown}
+        numbers, unknown = reversal.numbers, reversal.undetermined
+        around = {name: numbers[name] for name in numbers if name not in unknown}
         if "position_delay" in around:
             around["position_delay"] = min(around["position_delay"], _MOST_DELAY)
     return FrictionCompensation(law, **around)

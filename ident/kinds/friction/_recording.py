@@ -52,8 +52,8 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
     """Return the recording of a friction fit.
 
     Raises:
-        MeasurementError: If a role is missing, there are several measurements, or the
-            motion cannot be derived.
+        MeasurementError: If a role is missing, there are several measurements, the motion
+            cannot be derived, or no sample tells of kinetic friction.
     """
     name, axis = fit.sources[0], fit.axis
     measured = tables.measured(name, axis)
@@ -62,53 +62,53 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
         reason = "found several recordings for a friction fit, expected one"
         raise MeasurementError(source, reason)
     role = f"{axis}.current"
-    why = f"for the friction fit of {axis}"
-    current = np.asarray(measured.require(role, why), dtype=float)
+    purpose = f"for the friction fit of {axis}"
+    current = np.asarray(measured.require(role, purpose), dtype=float)
     motion = _motion(measured, axis)
     spec = tables.job.spec.axes[axis]
     unit = "mm" if spec.kind == "linear" else "°"
-    seen = examine(motion, current, unit=unit)
-    if not seen.usable.any():
-        words = seen.findings[0].sentence if seen.findings else "nothing moves"
+    examined = examine(motion, current, unit=unit)
+    if not examined.usable.any():
+        words = examined.findings[0].sentence if examined.findings else "nothing moves"
         raise MeasurementError(source, words)
-    turned = seen.polarity.sign == -1 and seen.polarity.confidence >= _SURE
-    given = measured.get(f"{axis}.position")
-    commanded = motion.position if given is None else np.asarray(given, dtype=float)
+    turned = examined.polarity.sign == -1 and examined.polarity.confidence >= _SURE
+    nominal = measured.get(f"{axis}.position")
+    commanded = motion.position if nominal is None else np.asarray(nominal, dtype=float)
     noisy = f"{axis}.encoder" in measured.values or f"{axis}.actual" in measured.values
-    free = None
-    if noisy and given is not None:
+    smoothed = None
+    if noisy and nominal is not None:
         with contextlib.suppress(SignalError, MissingRole):
-            free = filtered_motion(motion.time, commanded, cutoff=motion.bandwidth)
+            smoothed = filtered_motion(motion.time, commanded, cutoff=motion.bandwidth)
     samples = DriveSamples(
         time=motion.time,
         velocity=motion.velocity,
         current=-current if turned else current,
         acceleration=motion.acceleration,
         position=motion.position,
-        instrument_velocity=None if free is None else free.velocity,
-        instrument_acceleration=None if free is None else free.acceleration,
-        moving=seen.usable,
+        instrument_velocity=None if smoothed is None else smoothed.velocity,
+        instrument_acceleration=None if smoothed is None else smoothed.acceleration,
+        moving=examined.usable,
         unit=unit,
     )
     remarks = [Remark.info(words) for words in measured.remarks]
     remarks += [
         Remark.warning(finding.sentence)
-        for finding in seen.findings
+        for finding in examined.findings
         if finding.kind not in _NO_LIST
     ]
     if turned:
         remarks.append(
             Remark.info(
                 "The recorded current opposes the motion, as torque feedback does"
-                f" ([001] p.74): it was turned round. {seen.polarity.statement}"
+                f" ([001] p.74): it was turned round. {examined.polarity.statement}"
             )
         )
-    wrong = [f.sentence for f in seen.findings if f.kind in _NO_LIST]
+    faults = [f.sentence for f in examined.findings if f.kind in _NO_LIST]
     return DriveRecording(
         samples=samples,
         commanded=commanded,
         unit=measured.units.get(role, ""),
-        unsure=" ".join(wrong),
+        unsure=" ".join(faults),
         remarks=tuple(remarks),
     )
 
@@ -117,7 +117,7 @@ def _motion(measured: Measurement, axis: str) -> Motion:
     """Return the motion as recorded, where velocity and acceleration were, or derived."""
     motion = derive_motion(measured, axis)
     fast, hard = (
-        measured.get(f"{axis}.{what}") for what in ("velocity", "acceleration")
+        measured.get(f"{axis}.{quantity}") for quantity in ("velocity", "acceleration")
     )
     if fast is None or hard is None:
         return motion

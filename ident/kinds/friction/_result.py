@@ -79,16 +79,16 @@ class FrictionView:
             unit: What one unit of the list is: so much may rounding cost.
             name: Of the unit of the current.
         """
-        found = self.figures(self.from_file).sound.rms
+        rms = self.figures(self.from_file).sound.rms
         limit = _AS_PREDICTED * self.figures(self.predicted).sound.rms + unit
         return gate_check(
-            "from_file", found, limit, name, "over all speeds, limit as predicted"
+            "from_file", rms, limit, name, "over all speeds, limit as predicted"
         )
 
 
 def view_of(
     recording: DriveRecording,
-    found: Identified,
+    identified: Identified,
     curve: LawCurve | None,
     knots: Knots | None,
     level: float,
@@ -97,46 +97,46 @@ def view_of(
 
     Args:
         recording: The recording.
-        found: The law.
+        identified: The law.
         curve: The law over the speeds that were driven; None where it is not determined.
         knots: Entries of the list; without them the curve stands for it, at level 1.
         level: Share of the friction that the entries give.
     """
-    samples, parameters = recording.samples, found.fit.parameters
+    samples, parameters = recording.samples, identified.fit.parameters
     sign, speed = np.sign(samples.velocity), np.abs(samples.velocity)
-    push: np.ndarray | float = 0.0
+    acceleration: np.ndarray | float = 0.0
     if samples.acceleration is not None:
-        push = samples.acceleration
-    left = samples.current - parameters.get("inertia", 0.0) * push
-    window, predicted = found.choice.window, np.empty(len(speed))
-    full, offset, sound = np.zeros(len(speed)), None, samples.in_motion
-    before = left - parameters.get("offset", 0.0)
+        acceleration = samples.acceleration
+    friction = samples.current - parameters.get("inertia", 0.0) * acceleration
+    window, predicted = identified.choice.window, np.empty(len(speed))
+    listed, offset, sound = np.zeros(len(speed)), None, samples.in_motion
+    before = friction - parameters.get("offset", 0.0)
     if knots is None or curve is None:
         level = 1.0
     # What is linear in the curve needs the places of the samples once.
     first, weights = linear_weights(np.ones(1) if curve is None else curve.speed, speed)
-    ahead = sign * weights
+    basis = sign * weights
     if curve is not None:
         if knots is None:
-            full = ahead[0] * curve.mean[first] + ahead[1] * curve.mean[first + 1]
+            listed = basis[0] * curve.mean[first] + basis[1] * curve.mean[first + 1]
         else:
-            full = sign * knots.current(speed) / level
-        far = np.abs(left - full - median((left - full)[sound]))
+            listed = sign * knots.current(speed) / level
+        far = np.abs(friction - listed - median((friction - listed)[sound]))
         # What belongs to no list is the mean of what it leaves, without faults.
         sound = sound & (far <= _WILD * 1.4826 * median(far[sound]))
-        offset = float((left - full)[sound].mean())
-        before = left - offset
-    laws = found.without
+        offset = float((friction - listed)[sound].mean())
+        before = friction - offset
+    laws = identified.without
     curves = laws.friction(samples.velocity) if curve is None else curve.mean_of(laws)
     for number, (inertia, constant) in enumerate(
         zip(laws.inertia, laws.offset, strict=True)
     ):
-        own, given = window == number, curves[:, number]
-        rest = samples.current - inertia * push
+        rows, law = window == number, curves[:, number]
+        remainder = samples.current - inertia * acceleration
         if curve is not None:
-            given = ahead[0] * given[first] + ahead[1] * given[first + 1]
-            constant = float((rest - given)[sound & ~own].mean())
-        predicted[own] = (rest - constant - level * given)[own]
+            law = basis[0] * law[first] + basis[1] * law[first + 1]
+            constant = float((remainder - law)[sound & ~rows].mean())
+        predicted[rows] = (remainder - constant - level * law)[rows]
     return FrictionView(
         samples=samples,
         position=recording.commanded,
@@ -144,7 +144,7 @@ def view_of(
         offset=offset,
         before=before,
         predicted=predicted,
-        listed=level * full,
+        listed=level * listed,
     )
 
 
@@ -210,9 +210,9 @@ class FrictionResult(AbstractResult):
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
-        found, law, fit = self.identified, self.law, self.fit
-        own = _law(law)
-        parameters, deviations = own["parameters"], own["standard_deviations"]
+        result, law, fit = self.identified, self.law, self.fit
+        record = _law(law)
+        parameters, deviations = record["parameters"], record["standard_deviations"]
         structure = law.structure
         if isinstance(structure, Stribeck) and structure.exponent is not None:
             parameters["stribeck_shape"] = structure.exponent  # assumed, not fitted
@@ -227,16 +227,16 @@ class FrictionResult(AbstractResult):
                 "out": self.knots.out,
             }
             deviations["table"] = {"current": self.entry_deviations}
-        reversal = found.reversal
+        reversal = result.reversal
         if reversal is not None:
             undetermined = {"undetermined": reversal.undetermined}
             parameters["reversal"] = reversal.numbers | undetermined
             deviations["position_delay"] = reversal.position_delay_sd
         circle = self.circle
-        return own | {
+        return record | {
             "list_follows": fit.structure.words,
             "method": law.method,
-            "laws": [_law(each) for each in found.choice.laws],
+            "laws": [_law(candidate) for candidate in result.choice.laws],
             "support": fit.count,
             "noise": fit.noise,
             "relative_error": fit.relative_error,
@@ -245,16 +245,16 @@ class FrictionResult(AbstractResult):
             "gauges": list(law.gauges),
             "choice": [
                 {
-                    "law": each.structure.words,
-                    "parameters": each.parameters,
-                    "held_out": each.error,
-                    "standard_error": each.standard_error,
-                    "fitted": each.fitted_error,
-                    "chosen": place == found.choice.chosen,
+                    "law": candidate.structure.words,
+                    "parameters": candidate.parameters,
+                    "held_out": candidate.error,
+                    "standard_error": candidate.standard_error,
+                    "fitted": candidate.fitted_error,
+                    "chosen": place == result.choice.chosen,
                 }
-                for place, each in enumerate(found.choice.candidates)
+                for place, candidate in enumerate(result.choice.candidates)
             ],
-            "free_run": None if found.output is None else found.output.free_run,
+            "free_run": None if result.output is None else result.output.free_run,
             "circle": None
             if circle is None
             else {
@@ -281,15 +281,15 @@ def _law(fit: FrictionFit) -> dict[str, Any]:
 
 def choice_sentence(choice: Choice) -> str:
     """Return which law was chosen and why."""
-    one, other = (choice.candidates[place] for place in (choice.chosen, choice.best))
-    low, high = one.spread
+    law, best = (choice.candidates[place] for place in (choice.chosen, choice.best))
+    low, high = law.spread
     text = (
-        f"{one.structure.words}: force error {100 * one.error:.2f} % on {len(one.window_error)} "
+        f"{law.structure.words}: force error {100 * law.error:.2f} % on {len(law.window_error)} "
         f"windows held out in turn ({100 * low:.2f} to {100 * high:.2f} %)"
     )
     if choice.chosen == choice.best:
         return f"{text}, the smallest of all."
     return (
-        f"{text}; {other.structure.words} has {100 * other.error:.2f} %, which is not "
+        f"{text}; {best.structure.words} has {100 * best.error:.2f} %, which is not "
         "better by more than one standard error."
     )

@@ -26,12 +26,12 @@ class FrictionChannel(AbstractChannel):
         _ = self.motion.required_rates(self.axis, "for its friction compensation")
 
     def parts(self, change: Change, rows: LogRows) -> Parts:
-        why = "for its friction compensation"
-        velocity, _ = self.motion.required_rates(self.axis, why)
+        purpose = "for its friction compensation"
+        velocity, _ = self.motion.required_rates(self.axis, purpose)
         law = self.law(change.conventions)
         if self.motion.cycle is None:
             return Parts(np.asarray(law.current(velocity))[rows])
-        place = self.motion.position(self.axis, why)
+        place = self.motion.position(self.axis, purpose)
         current, _ = law.run(law.start(), place, velocity)
         return Parts(np.asarray(current)[rows])
 

@@ -62,10 +62,10 @@ def _with_ends(
     level = np.asarray(table.scaling) * np.asarray(table.values)
     speeds = _round(knots * VELOCITY_UNITS, f"{PREFIX}.table[].in", (0, _FASTEST_ENTRY))
     if (np.diff(speeds) <= 0).any():
-        at = int(np.argmax(np.diff(speeds) <= 0))
+        k = int(np.argmax(np.diff(speeds) <= 0))
         raise ExchangeError(
             where=f"{PREFIX}.table[].in",
-            found=f"{knots[at]:.6g} and {knots[at + 1]:.6g} mm/s",
+            found=f"{knots[k]:.6g} and {knots[k + 1]:.6g} mm/s",
             expected="velocities that differ by 0.001 mm/s or more (110591)",
         )
     currents = _round(level, f"{PREFIX}.table[].out", (SGN32[0] + 1, SGN32[1]))
@@ -95,11 +95,11 @@ def _round(
 ) -> Int[np.ndarray, " n"]:
     """Round what is in units of its own (µm/s, current) to integers that fit."""
     rounded = np.rint(values)
-    bad = ~((rounded >= bounds[0]) & (rounded <= bounds[1]))
-    if bad.any():
+    outside = ~((rounded >= bounds[0]) & (rounded <= bounds[1]))
+    if outside.any():
         raise ExchangeError(
             where=name,
-            found=f"{values[bad][0]:.6g}",
+            found=f"{values[outside][0]:.6g}",
             expected=f"a number from {bounds[0]} to {bounds[1]}",
         )
     return np.asarray(rounded, dtype=np.int64)
@@ -117,8 +117,8 @@ class FrictionEntries(AbstractEntries):
 
     def is_in(self, listing: ListFile) -> bool:
         # Its mode may switch the table off.
-        there = bool(listing.table(PREFIX, "out"))
-        return there and optional(listing, f"{PREFIX}.mode") != 0
+        present = bool(listing.table(PREFIX, "out"))
+        return present and optional(listing, f"{PREFIX}.mode") != 0
 
     def model(
         self, listing: ListFile, axis: int, reading: Reading
@@ -136,7 +136,7 @@ class FrictionEntries(AbstractEntries):
             "ascending velocities, none below 0 (110591)",
         )
         scale = optional(listing, f"{PREFIX}.scaling_factor")
-        delay, ahead, late = (
+        delay, lookahead, cycles = (
             not_negative(listing, f"{PREFIX}.{name}") for name in _MOST
         )
         return FrictionCompensation(
@@ -147,9 +147,9 @@ class FrictionEntries(AbstractEntries):
                 held_below=rules.friction_below == "hold",
                 held_above=rules.friction_above == "hold",
             ),
-            reversal_lookahead=ahead,
+            reversal_lookahead=lookahead,
             position_delay=delay / LIST_UNITS,
-            delay_cycles=late,
+            delay_cycles=cycles,
             sign=float(rules.friction_sign),
             first_builds_up=rules.friction_build_up != "reversal",
             restart_builds_up=rules.friction_build_up == "start",
@@ -182,8 +182,8 @@ class FrictionEntries(AbstractEntries):
             "delay_cycles": model.delay_cycles,
         }
         for name, number in numbers.items():
-            most = _MOST[name]
-            expect(number <= most, f"{PREFIX}.{name}", number, f"0 to {most}")
+            limit = _MOST[name]
+            expect(number <= limit, f"{PREFIX}.{name}", number, f"0 to {limit}")
         entries |= {
             f"{PREFIX}.mode": BY_SPEED,
             f"{PREFIX}.table_entries": len(speeds),
@@ -205,10 +205,10 @@ class FrictionEntries(AbstractEntries):
             return model
         if unit.size and isinstance(model.law, FrictionTable):
             scaling = model.law.scaling / unit.size
-            found: FrictionCompensation = eqx.tree_at(
+            scaled: FrictionCompensation = eqx.tree_at(
                 lambda friction: friction.law.scaling, model, scaling
             )
-            return found
+            return scaled
         expected = (
             "currents in units of the list (units={'friction': 'list'}), which are"
             " shares of the rated torque, or what one of them is:"
@@ -216,13 +216,13 @@ class FrictionEntries(AbstractEntries):
         )
         raise ExchangeError(self.value, f"values in {unit.name}", expected)
 
-    def lacks(self, one: InUse, motion: Motion, reading: Reading) -> str | None:
-        if motion.rates(one.axis)[0] is None:
-            return motion.lacks(one.axis, "velocity")
+    def lacks(self, in_use: InUse, motion: Motion, reading: Reading) -> str | None:
+        if motion.rates(in_use.axis)[0] is None:
+            return motion.lacks(in_use.axis, "velocity")
         return None
 
-    def looks_at(self, one: InUse, motion: Motion) -> Axes:
-        return () if motion.time is None else one.masters
+    def looks_at(self, in_use: InUse, motion: Motion) -> Axes:
+        return () if motion.time is None else in_use.masters
 
 
 ENTRIES = FrictionEntries()

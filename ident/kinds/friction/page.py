@@ -37,7 +37,7 @@ def body(fit: FrictionResult, scale: Scale) -> Body:
 
 
 def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
-    found = fit.law
+    law = fit.law
     yield ("Law", _law(fit, scale))
     if fit.fit is not fit.law and fit.fit.structure != fit.law.structure:
         yield (
@@ -48,13 +48,13 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
     yield (
         "Recording",
         f"{grouped(int(np.sum(fit.view.moving)))} samples in motion; the force error"
-        f" of the fit is {percent(found.relative_error)} of the load.",
+        f" of the fit is {percent(law.relative_error)} of the load.",
     )
-    if found.undetermined:
-        lines = [f"{_plain(n)}: {why}" for n, why in found.undetermined.items()]
+    if law.undetermined:
+        lines = [f"{_plain(n)}: {why}" for n, why in law.undetermined.items()]
         yield ("Not known", " ".join(_sentence(line) for line in lines))
-    if found.gauges:
-        yield ("Told only together", " ".join(found.gauges))
+    if law.gauges:
+        yield ("Told only together", " ".join(law.gauges))
     if fit.knots is not None:
         rounded = fit.knots.rms / fit.knots.unit
         slowest = f"1 {small_unit(fit.length_unit)}/s"
@@ -65,17 +65,17 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f" {fit.knots.unit:.4g} {scale.error}; the list follows the curve to"
             f" {rounded:.2f} units rms.",
         )
-    around = fit.identified.reversal
-    if around is not None:
+    reversal = fit.identified.reversal
+    if reversal is not None:
         small = small_unit(fit.length_unit)
         yield (
             "Reversal",
-            f"{count(around.reversals, 'reversal')}: look-ahead {around.lookahead}"
-            f" cycles (probability {around.lookahead_probability:.0%}), build-up over"
-            f" {1e3 * around.position_delay:.2f} ±"
-            f" {1e3 * around.position_delay_sd:.2f} {small}, delay"
-            f" {around.delay_cycles} cycles (probability"
-            f" {around.delay_probability:.0%}).",
+            f"{count(reversal.reversals, 'reversal')}: look-ahead {reversal.lookahead}"
+            f" cycles (probability {reversal.lookahead_probability:.0%}), build-up over"
+            f" {1e3 * reversal.position_delay:.2f} ±"
+            f" {1e3 * reversal.position_delay_sd:.2f} {small}, delay"
+            f" {reversal.delay_cycles} cycles (probability"
+            f" {reversal.delay_probability:.0%}).",
         )
     output = fit.identified.output
     if output is not None:
@@ -84,24 +84,24 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
             "Driven by the recorded current alone, the simulated axis stays within"
             f" {output.free_run:.3g} {fit.length_unit} rms of the measured one.",
         )
-    yield ("The fit itself", _sentence(found.message))
+    yield ("The fit itself", _sentence(law.message))
 
 
 def _law(fit: FrictionResult, scale: Scale) -> str:
-    found = fit.law
+    law = fit.law
     per = fit.length_unit
     units = {"inertia": f"{scale.error}/({per}/s²)", "stribeck_velocity": f"{per}/s"}
     parts = []
-    for name, value in found.parameters.items():
+    for name, value in law.parameters.items():
         unit = units.get(name, scale.error)
         if name.startswith("viscous"):
             unit = f"{scale.error}/({per}/s)"
         if name == "stribeck_shape":
             unit = ""
-        sd = found.standard_deviations.get(name)
+        sd = law.standard_deviations.get(name)
         spread = "" if sd is None else f" ± {sd:.2g}"
         parts.append(f"{_plain(name)} {value:.4g}{spread} {unit}".rstrip())
-    words = found.structure.words
+    words = law.structure.words
     return f"{words[0].upper()}{words[1:]}: {', '.join(parts)}."
 
 
@@ -115,23 +115,23 @@ def _sentence(text: str) -> str:
 
 
 def _binned(
-    where: Float[np.ndarray, " t"], values: Float[np.ndarray, " t"], bins: int
+    x: Float[np.ndarray, " t"], values: Float[np.ndarray, " t"], bins: int
 ) -> Float[np.ndarray, "3 b"]:
     """Return place, median and spread of values in bins of equal counts.
 
     Wild samples hardly move them; bins of too few samples are left out.
     """
-    found = []
-    if where.size >= _FEW:
-        edges = np.unique(np.quantile(where, np.linspace(0, 1, bins + 1)))
-        index = np.searchsorted(edges[1:-1], where, "right")
+    rows = []
+    if x.size >= _FEW:
+        edges = np.unique(np.quantile(x, np.linspace(0, 1, bins + 1)))
+        index = np.searchsorted(edges[1:-1], x, "right")
         for k in range(max(len(edges) - 1, 0)):
-            own = values[index == k]
-            if own.size >= _FEW:
-                middle = float(np.median(own))
-                spread = 1.4826 * float(np.median(np.abs(own - middle)))
-                found.append((float(np.median(where[index == k])), middle, spread))
-    return np.array(found).reshape(-1, 3).T
+            inside = values[index == k]
+            if inside.size >= _FEW:
+                middle = float(np.median(inside))
+                spread = 1.4826 * float(np.median(np.abs(inside - middle)))
+                rows.append((float(np.median(x[index == k])), middle, spread))
+    return np.array(rows).reshape(-1, 3).T
 
 
 def curve_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
@@ -140,15 +140,15 @@ def curve_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     if curve is None:
         return None
     figure, panels = style.new_figure(3.4, columns=2)
-    every, view = {}, fit.view
-    for way in (1, -1):
-        rows = view.moving & (np.sign(view.velocity) == way)
-        speed, current = np.abs(view.velocity[rows]), way * view.before[rows]
-        every[way] = _binned(speed, current, _BINS)
+    binned, view = {}, fit.view
+    for direction in (1, -1):
+        rows = view.moving & (np.sign(view.velocity) == direction)
+        speed, current = np.abs(view.velocity[rows]), direction * view.before[rows]
+        binned[direction] = _binned(speed, current, _BINS)
     fast = float(curve.speed[-1])
     limits = (fast, max(_SLOW * fast, 4.0 * float(curve.speed[0])))
     for panel, limit in zip(panels, limits, strict=True):
-        _draw(panel, fit, curve, every, limit)
+        _draw(panel, fit, curve, binned, limit)
         panel.set_xlim(-0.02 * limit, 1.02 * limit)
         panel.set_xlabel(f"speed in {fit.length_unit}/s")
     panels[0].set_ylabel(f"friction in {scale.error}")
@@ -163,29 +163,27 @@ def _draw(
     panel: Axes,
     fit: FrictionResult,
     curve: LawCurve,
-    every: dict[int, Float[np.ndarray, "3 b"]],
+    binned: dict[int, Float[np.ndarray, "3 b"]],
     limit: float,
 ) -> None:
     laws = zip((1, -1), curve.currents, curve.deviations, strict=False)
-    near = curve.speed <= 1.05 * limit
+    visible = curve.speed <= 1.05 * limit
     heights = []
-    for way, law, sd in laws:
-        colour = style.DIRECTION_COLOR[way]
-        speed, mean, spread = every[way][:, every[way][0] <= limit]
+    for sign, law, sd in laws:
+        color = style.DIRECTION_COLOR[sign]
+        speed, mean, spread = binned[sign][:, binned[sign][0] <= limit]
         panel.errorbar(
             speed, mean, spread,
-            linestyle="none", marker=style.DIRECTION_MARKER[way], markersize=3.5,
-            linewidth=0.7, color=colour, alpha=0.8,
-            label=f"measured, {style.DIRECTION_NAME[way]}",
+            linestyle="none", marker=style.DIRECTION_MARKER[sign], markersize=3.5,
+            linewidth=0.7, color=color, alpha=0.8,
+            label=f"measured, {style.DIRECTION_NAME[sign]}",
         )  # fmt: skip
         panel.plot(
-            curve.speed, law, color=colour, linewidth=1.2, label=f"law, {'+−'[way < 0]}"
+            curve.speed, law, color=color, linewidth=1.2, label=f"law, {'+−'[sign < 0]}"
         )
         low, high = law - 2 * sd, law + 2 * sd
-        panel.fill_between(
-            curve.speed, low, high, color=colour, alpha=0.15, linewidth=0
-        )
-        heights += [law[near], mean]
+        panel.fill_between(curve.speed, low, high, color=color, alpha=0.15, linewidth=0)
+        heights += [law[visible], mean]
     if fit.knots is not None:
         listed = fit.knots.current(curve.speed)
         panel.plot(curve.speed, listed, color=style.INK, linewidth=0.9, label="list")
@@ -194,9 +192,9 @@ def _draw(
             2 * fit.entry_deviations, linestyle="none", marker="s", markersize=3.2,
             linewidth=0.7, color=style.INK, markerfacecolor="white", label="its entries",
         )  # fmt: skip
-        heights.append(listed[near])
-    joined = np.concatenate([each for each in heights if each.size])
-    low, high = float(joined.min()), float(joined.max())
+        heights.append(listed[visible])
+    values = np.concatenate([height for height in heights if height.size])
+    low, high = float(values.min()), float(values.max())
     room = 0.25 * (high - low) or 0.1 * abs(high) or 1.0
     panel.set_ylim(
         min(low - room, 0.0) if low < 0.4 * high else low - room, high + room
@@ -232,25 +230,25 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     if not rows.size:
         return None
     chosen = rows[style.thin(rows.size)]
-    left = view.predicted[chosen]
-    limit = min(_ROOM * float(np.median(np.abs(left))), 1.2 * float(np.abs(left).max()))
-    limit = limit or 1.0
-    outside = int(np.sum(np.abs(left) > limit))
-    given = 1.0 if fit.knots is None else fit.level
-    beyond = left - (1.0 / given - 1.0) * view.listed[chosen]
+    residual = view.predicted[chosen]
+    size = np.abs(residual)
+    limit = min(_ROOM * float(np.median(size)), 1.2 * float(size.max())) or 1.0
+    outside = int(np.sum(size > limit))
+    share = 1.0 if fit.knots is None else fit.level
+    beyond = residual - (1.0 / share - 1.0) * view.listed[chosen]
     figure, panels = style.new_figure(2.8, columns=2, sharey=True)
     unit = fit.length_unit
     views = {
-        f"velocity in {unit}/s": (view.velocity, left),
+        f"velocity in {unit}/s": (view.velocity, residual),
         f"position in {unit}": (view.position, beyond),
     }
     medians = []
-    for panel, (name, (where, value)) in zip(panels, views.items(), strict=True):
+    for panel, (name, (x, value)) in zip(panels, views.items(), strict=True):
         panel.plot(
-            where[chosen], value, linestyle="none", marker=".", markersize=1.6,
+            x[chosen], value, linestyle="none", marker=".", markersize=1.6,
             color=style.BLUE, alpha=0.35, markeredgewidth=0, rasterized=True,
         )  # fmt: skip
-        places, middle, _ = _binned(where[chosen], value, _FINE)
+        places, middle, _ = _binned(x[chosen], value, _FINE)
         panel.plot(places, middle, color=style.ORANGE, linewidth=1.3)
         panel.axhline(0, color=style.INK, linewidth=0.7)
         panel.set_ylim(-limit, limit)
@@ -258,11 +256,11 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
         medians.append(float(np.max(np.abs(middle), initial=0.0)))
     panels[0].set_ylabel(f"remaining in {scale.error}")
     level = float(np.median(np.abs(view.before[rows])))
-    over = percent(medians[1] / level) if level else "–"
+    percentage = percent(medians[1] / level) if level else "–"
     caption = (
         "Current that lists made of the other windows leave, sample by sample; the line"
         " is the running median. Over the position, where the whole law is taken off, it"
-        f" moves by up to {over} of the friction: what depends on the place, a friction"
+        f" moves by up to {percentage} of the friction: what depends on the place, a friction"
         " list cannot say."
     )
     if outside:
@@ -274,9 +272,9 @@ def choice_plot(fit: FrictionResult) -> Plot:
     """Draw how well each law predicts windows held out."""
     choice = fit.identified.choice
     figure, (panel,) = style.new_figure(2.4, columns=1)
-    names = [each.structure.words for each in choice.candidates]
-    errors = 100 * np.array([each.error for each in choice.candidates])
-    spreads = 100 * np.array([each.standard_error for each in choice.candidates])
+    names = [law.structure.words for law in choice.candidates]
+    errors = 100 * np.array([law.error for law in choice.candidates])
+    spreads = 100 * np.array([law.standard_error for law in choice.candidates])
     rows = np.arange(len(names))[::-1]
     colours = [
         style.ORANGE if k == choice.chosen else style.BLUE for k in range(len(names))
@@ -295,7 +293,7 @@ def circle_plot(fit: FrictionResult) -> Plot | None:
     circle = fit.circle
     if circle is None:
         return None
-    without, with_list = (_PER_MM * each for each in circle.spikes)
+    without, with_list = (_PER_MM * spike for spike in circle.spikes)
     figure, panels = style.new_figure(
         3.4, columns=2, subplot_kw={"projection": "polar"}
     )

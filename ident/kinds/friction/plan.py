@@ -54,8 +54,8 @@ class FrictionPlan(AbstractPlan):
         level = fit.level
         if level is None:
             level = 1.0 if "friction_sign" in job.verified else FIRST_LEVEL
-        found = identify(recording, fit, job.spec.controller.cycle_time)
-        curve, knots = law_curve(found, recording.samples), None
+        identified = identify(recording, fit, job.spec.controller.cycle_time)
+        curve, knots = law_curve(identified, recording.samples), None
         unit = out_unit(fit, recording.unit)
         if not recording.unsure and curve is not None and unit.current is not None:
             knots = place_knots(
@@ -71,9 +71,9 @@ class FrictionPlan(AbstractPlan):
                 knots = dataclasses.replace(knots, out=rising)
             # Friction never drives an axis, whatever a law says where little was measured.
             knots = dataclasses.replace(knots, out=np.maximum(knots.out, 0))
-        view = view_of(recording, found, curve, knots, level)
+        view = view_of(recording, identified, curve, knots, level)
         return FrictionDraft(
-            job, self.index, fit, recording, found, curve, unit, knots, view, level
+            job, self.index, fit, recording, identified, curve, unit, knots, view, level
         )
 
 
@@ -115,14 +115,14 @@ class FrictionDraft(AbstractDraft):
 
     def entries(self) -> dict[str, Value]:
         assert self.knots is not None  # it is written
-        existing, before = self.lists.compensation, None
+        existing, previous = self.lists.compensation, None
         rules = self.job.conventions
         if existing is not None and ENTRIES.is_in(existing):
-            before = friction_from_list(existing, rules)
-        found = compensation_of(
-            self.knots, self.found.reversal, before, rules.friction_sign
+            previous = friction_from_list(existing, rules)
+        compensation = compensation_of(
+            self.knots, self.found.reversal, previous, rules.friction_sign
         )
-        return dict(entries_of_friction(found, target=self.target))
+        return dict(entries_of_friction(compensation, target=self.target))
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         assert self.knots is not None  # it is written
@@ -137,11 +137,11 @@ class FrictionDraft(AbstractDraft):
         )
 
     def prove(self, done: "AxisFiles") -> FrictionResult:
-        view, listing, back = self.view, done.compensation, None
+        view, listing, model = self.view, done.compensation, None
         if listing is not None and self.knots is not None:
-            back = friction_from_list(listing, self.job.conventions)
-        if back is not None and self.unit.current is not None:
-            listed = self.unit.current * back.sign * back.law.evaluate(view.velocity)
+            model = friction_from_list(listing, self.job.conventions)
+        if model is not None and self.unit.current is not None:
+            listed = self.unit.current * model.sign * model.law.evaluate(view.velocity)
             view = dataclasses.replace(view, listed=listed)
         unit: dict[str, Any] = {"unit": self.recording.unit or "raw"}
         return FrictionResult(
@@ -158,22 +158,22 @@ class FrictionDraft(AbstractDraft):
             level=self.level,
             curve=self.curve,
             view=view,
-            circle=self._circle(back),
+            circle=self._circle(model),
         )
 
-    def _circle(self, back: FrictionCompensation | None) -> CircularTest | None:
+    def _circle(self, model: FrictionCompensation | None) -> CircularTest | None:
         """Return a simulated circle, where mass, law and list are known."""
         fit = self.found.fit
         inertia = fit.parameters.get("inertia", 0.0)
         law, unit = fit.law, self.unit.current
-        if back is None or law is None or unit is None:
+        if model is None or law is None or unit is None:
             return None
         if inertia <= _SURE * fit.standard_deviations.get("inertia", 0.0):
             return None  # without a mass nothing moves as an axis does
         if self.recording.samples.unit != "mm":
             return None  # a circle is drawn by linear axes
         cycle = self.job.spec.controller.cycle_time
-        return circular_test(law, inertia, back, out_unit=unit, cycle=cycle)
+        return circular_test(law, inertia, model, out_unit=unit, cycle=cycle)
 
     def _remarks(self) -> Iterator[Remark]:
         yield from self.recording.remarks
@@ -239,11 +239,11 @@ class FrictionDraft(AbstractDraft):
                 " as the figures say: once slow reversals with the list show less"
                 " following error, not more, raise level and fit again."
             )
-        found = self.found.reversal
-        if found is not None and found.position_delay > 0.001:
+        reversal = self.found.reversal
+        if reversal is not None and reversal.position_delay > 0.001:
             small = small_unit(self.recording.samples.unit)
             yield Remark.warning(
-                f"After a reversal friction takes {1e3 * found.position_delay:.1f}"
+                f"After a reversal friction takes {1e3 * reversal.position_delay:.1f}"
                 f" {small} to build up; the list goes no further than 1 {small}"
                 " (position_delay, P-COMP-00043)."
             )

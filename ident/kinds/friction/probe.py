@@ -28,33 +28,33 @@ class FrictionProbe(AbstractProbe):
         " value), CANopen 60B2 (torque offset) and 6077 (torque actual value).",
     )
 
-    def probed(self, one: InUse) -> Probed:
+    def probed(self, in_use: InUse) -> Probed:
         kept: dict[str, Value] = {}
-        for entry in one.listing.entries:
-            value = one.listing.integer(entry.name)
+        for entry in in_use.listing.entries:
+            value = in_use.listing.integer(entry.name)
             if entry.name.startswith(f"{PREFIX}.") and value is not None:
                 kept[entry.name] = value
-        full = optional(one.listing, f"{PREFIX}.scaling_factor")
-        low = round(LEVEL * full)
-        if not 0.1 <= low / max(full, 1) <= 0.2:
+        scaling = optional(in_use.listing, f"{PREFIX}.scaling_factor")
+        low = round(LEVEL * scaling)
+        if not 0.1 <= low / max(scaling, 1) <= 0.2:
             raise ExchangeError(
-                where=f"{one.listing.source}: {PREFIX}.scaling_factor",
-                found=str(full),
+                where=f"{in_use.listing.source}: {PREFIX}.scaling_factor",
+                found=str(scaling),
                 expected="10 or more, of which 10 to 20 % can be written",
             )
         return Probed(
-            one.axis,
-            one.name,
-            one.masters,
+            in_use.axis,
+            in_use.name,
+            in_use.masters,
             kept=kept | {f"{PREFIX}.scaling_factor": low},
         )
 
     def entries(
-        self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
+        self, probed: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
     ) -> Mapping[str, Value]:
-        return one.kept
+        return probed.kept
 
-    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
+    def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         return (
             Outcome(
                 f"a current of the sign of the entries while {axis.name} moves positive",

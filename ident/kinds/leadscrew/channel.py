@@ -20,14 +20,14 @@ class LeadscrewChannel(TableChannel):
         screw: Leadscrew = self.law(self.conventions)
         self.ways = ways_of(screw, ends=not screw.modulo)
         self.cycles = self.reversal if screw.bilateral else 0
-        alone = listing.boolean(f"{PREFIX}.set_pos_without_comp")
+        raw_input = listing.boolean(f"{PREFIX}.set_pos_without_comp")
         self._added: Float[np.ndarray, " t"] | None = None
-        if self.others and not alone:
+        if self.others and not raw_input:
             self._added = sum(
                 (
-                    other.column(other.plain)
-                    for other in self.others.values()
-                    if not other.one.kind.adds_current
+                    channel.column(channel.plain)
+                    for channel in self.others.values()
+                    if not channel.one.kind.adds_current
                 ),
                 np.zeros(self.motion.rows),
             )

@@ -78,14 +78,14 @@ def read_leadscrew(
     refuse_huge(count, f"{listing.source}: {PREFIX}.kw_nr_max")
     branches = ("pos", "neg") if flag(listing, f"{PREFIX}.bilateral") else ("pos",)
     values = scaled(
-        np.stack([column(listing, PREFIX, each, count) for each in branches]), size
+        np.stack([column(listing, PREFIX, branch, count) for branch in branches]), size
     )
     # An interval of 0, its default, asks for setpoints.
     interval = optional(listing, f"{PREFIX}.interval")
     places: tuple[np.ndarray, ...]
     if interval > 0:
         start = optional(listing, f"{PREFIX}.kw_startpos")
-        places = tuple(np.asarray(scaled(each, size)) for each in (start, interval))
+        places = tuple(np.asarray(scaled(number, size)) for number in (start, interval))
         ends = places[0], places[0] + (count - 1) * places[1]
     else:
         points = scaled(column(listing, PREFIX, "setpoint", count), size)
@@ -115,8 +115,8 @@ def leadscrew_of(
     structure = _structure(len(places), branches.shape, modulo, sign)
     # Setpoints are searched, which only JAX's own arrays can be where nothing is compiled.
     nodes = places if len(places) == 2 else map(as_array, places)
-    found: Leadscrew = jax.tree.unflatten(structure, [*nodes, *branches])
-    return found
+    leadscrew: Leadscrew = jax.tree.unflatten(structure, [*nodes, *branches])
+    return leadscrew
 
 
 @functools.lru_cache(maxsize=256)
@@ -132,9 +132,9 @@ def _structure(
     """
     branches, count = shape
     entries = as_array(np.arange(float(count)))
-    one, neg = as_array(1.0), entries if branches == 2 else None
-    nodes = EquidistantNodes(one, one, count) if places == 2 else Setpoints(entries)
-    return jax.tree.structure(Leadscrew(nodes, entries, neg, modulo, sign))
+    unit, negative = as_array(1.0), entries if branches == 2 else None
+    nodes = EquidistantNodes(unit, unit, count) if places == 2 else Setpoints(entries)
+    return jax.tree.structure(Leadscrew(nodes, entries, negative, modulo, sign))
 
 
 @final
@@ -204,7 +204,7 @@ class LeadscrewEntries(AbstractEntries):
     comes_last = True
 
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Leadscrew:
-        found: Leadscrew = jax.tree.map(
+        leadscrew: Leadscrew = jax.tree.map(
             as_array,
             read_leadscrew(
                 listing,
@@ -213,7 +213,7 @@ class LeadscrewEntries(AbstractEntries):
                 modulo=reading.modulo.get(axis),
             ),
         )
-        return found
+        return leadscrew
 
     def to_list(
         self,
@@ -267,12 +267,12 @@ class LeadscrewEntries(AbstractEntries):
     def installed(
         self, model: Leadscrew, masters: Axes, listing: ListFile
     ) -> dict[str, Any]:
-        alone = flag(listing, f"{PREFIX}.set_pos_without_comp")
-        return {KIND.name: model, "leadscrew_alone": alone}
+        raw_input = flag(listing, f"{PREFIX}.set_pos_without_comp")
+        return {KIND.name: model, "leadscrew_alone": raw_input}
 
     def sees_offsets(self, listing: ListFile, conventions: Conventions) -> bool:
-        alone = flag(listing, f"{PREFIX}.set_pos_without_comp")
-        return not alone and conventions.leadscrew_input == "all"
+        raw_input = flag(listing, f"{PREFIX}.set_pos_without_comp")
+        return not raw_input and conventions.leadscrew_input == "all"
 
     def turns(self, model: Leadscrew) -> bool:
         return model.bilateral

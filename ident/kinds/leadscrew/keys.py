@@ -49,11 +49,11 @@ class Spec(LineSpec, frozen=True):
 
     def refuse(self, job: "Job", index: int, table: "AbstractTable") -> None:
         for name in self.sources:
-            both = set(self.switches_off) & set(job.spec.measurements[name].active)
-            if both:
+            conflict = set(self.switches_off) & set(job.spec.measurements[name].active)
+            if conflict:
                 raise job.error(
                     ("measurements", name, "active"),
-                    f"found {both.pop()} for a bilateral leadscrew fit, which switches"
+                    f"found {conflict.pop()} for a bilateral leadscrew fit, which switches"
                     " it off (both would compensate the reversal), expected a"
                     " measurement without it",
                 )

@@ -24,13 +24,13 @@ class LeadscrewProbe(AbstractProbe):
     plateaus = (FIRST,)
 
     def entries(
-        self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
+        self, probed: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
     ) -> dict[str, Value]:
-        entries = super().entries(one, axes, conventions)
+        entries = super().entries(probed, axes, conventions)
         # The input without other offsets: the plateau stays where it is (S-23).
         return {**entries, f"{PREFIX}.set_pos_without_comp": 1}
 
-    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
+    def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         return both_signs(axis, "leadscrew_sign", entry="error")
 
 

@@ -16,8 +16,8 @@ class PlaneChannel(TableChannel):
         super().prepare()
         first, second = self.masters
         self.swaps = ((second, first),)
-        seen = self.motion.has_actual(first, second)
-        matters = {"table_filter": self.listed > 1, "plane_input": seen}
+        actual = self.motion.has_actual(first, second)
+        matters = {"table_filter": self.listed > 1, "plane_input": actual}
         self.relevant = ("plane_index", *(name for name, on in matters.items() if on))
 
     def positions(self, change: Change) -> Float[np.ndarray, "t d"]:

@@ -133,9 +133,9 @@ class PlaneEntries(AbstractEntries):
             grids.append(grid)
         g1, g2 = grids
         existing = target.existing
-        kept = None if existing is None else existing.text(f"{PREFIX}.grid")
+        form = None if existing is None else existing.text(f"{PREFIX}.grid")
         entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
-        if g1.interval == g2.interval and (kept or "").upper() != "RECTANGULAR":
+        if g1.interval == g2.interval and (form or "").upper() != "RECTANGULAR":
             entries[f"{PREFIX}.interval"] = g1.interval
         else:
             entries[f"{PREFIX}.grid"] = "RECTANGULAR"

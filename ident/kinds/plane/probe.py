@@ -22,7 +22,7 @@ class PlaneProbe(AbstractProbe):
 
     plateaus = (FIRST, SECOND)
 
-    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
+    def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         first, second = masters
         swapped = (
             f"{first.name} at {number_text(first.at(0.5 * sum(SECOND)))} and {second.name} at"

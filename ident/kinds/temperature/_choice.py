@@ -53,48 +53,48 @@ def choose_line(
     Raises:
         FitError: If not even the simplest law can be held to readings left out.
     """
-    given = {k: len(v) for k, v in line.placed(data).nodes.items() if k in line.law}
-    wanted = [sensor for sensor, lag in line.lags.items() if lag == "fit"]
-    line = line.lagging(dict.fromkeys(wanted, 0.0))
-    if not wanted and len(given) == len(line.sensors):
-        return dataclasses.replace(line, law=given)
-    few = rows[:: -(-len(rows) // _MANY)]
-    bent = dataclasses.replace(line, law={k: _BENT[k] for k in line.sensors} | given)
+    fixed = {k: len(v) for k, v in line.placed(data).nodes.items() if k in line.law}
+    lagged = [sensor for sensor, lag in line.lags.items() if lag == "fit"]
+    line = line.lagging(dict.fromkeys(lagged, 0.0))
+    if not lagged and len(fixed) == len(line.sensors):
+        return dataclasses.replace(line, law=fixed)
+    sample = rows[:: -(-len(rows) // _MANY)]
+    bent = dataclasses.replace(line, law={k: _BENT[k] for k in line.sensors} | fixed)
     try:
-        trial = place_nodes(bent, data, few)
+        trial = place_nodes(bent, data, sample)
     except FitError:
-        bent = dataclasses.replace(line, law=dict.fromkeys(line.sensors, 2) | given)
-        trial = place_nodes(bent, data, few)
-    if len(few) >= _FEW:
-        trial = trial.lagging(dict.fromkeys(wanted, "fit"))
-    places = [data.position[axis][few] for axis in line.masters]
-    screw = [Leadscrew(line.axis, np.array([own.min(), own.max()])) for own in places]
-    use = np.isin(np.arange(len(data)), few)
+        bent = dataclasses.replace(line, law=dict.fromkeys(line.sensors, 2) | fixed)
+        trial = place_nodes(bent, data, sample)
+    if len(sample) >= _FEW:
+        trial = trial.lagging(dict.fromkeys(lagged, "fit"))
+    places = [data.position[axis][sample] for axis in line.masters]
+    screw = [Leadscrew(line.axis, np.sort(place)[[0, -1]]) for place in places]
+    use = np.isin(np.arange(len(data)), sample)
     fit = fit_joint(data, [trial, *screw], loss=loss, use=use)
     # Readings without any scatter are told apart by what computing leaves of them.
     scale = max(fit.noise[line.axis], _LEAST)
-    held = _HeldOut(data, few, fit.share[line.axis][few], scale)
-    behind = {sensor: lag for sensor, (lag, _) in fit.parts[0].lags.items()}
-    if any(behind.values()):
-        shown = held.simplest([bent, bent.lagging(behind)], [0, 1])
-        line = line.lagging(behind if shown else {})
-    each = [
-        [given[law]] if law in given else range(_MOST_NODES[law], 0, -1)
+    judge = _HeldOut(data, sample, fit.share[line.axis][sample], scale)
+    lags = {sensor: lag for sensor, (lag, _) in fit.parts[0].lags.items()}
+    if any(lags.values()):
+        choice = judge.simplest([bent, bent.lagging(lags)], [0, 1])
+        line = line.lagging(lags if choice else {})
+    counts = [
+        [fixed[law]] if law in fixed else range(_MOST_NODES[law], 0, -1)
         for law in line.sensors
     ]
-    shapes = list(itertools.product(*each))
+    shapes = list(itertools.product(*counts))
     lines = [
         dataclasses.replace(line, law=dict(zip(line.sensors, shape, strict=True)))
         for shape in shapes
     ]
     best = 0
     if len(lines) > 1:
-        best = held.simplest(lines, [sum(shape) for shape in shapes])
+        best = judge.simplest(lines, [sum(shape) for shape in shapes])
     # A sensor that no law follows has no lag.
     followed = zip(line.sensors.values(), shapes[best], strict=True)
-    moved = {sensor for sensor, count in followed if count > 1}
-    still = {name: 0.0 for name in wanted if name not in moved}
-    return lines[best].lagging(still)
+    moving = {sensor for sensor, count in followed if count > 1}
+    no_lag = {name: 0.0 for name in lagged if name not in moving}
+    return lines[best].lagging(no_lag)
 
 
 def place_nodes(
@@ -138,21 +138,21 @@ class _HeldOut:
             FitError: If they tell none where some are left out.
         """
         blocks = np.arange(len(self.rows)) * _BLOCKS // len(self.rows)
-        left: dict[int, Float[np.ndarray, " t"]] = {}
+        residuals: dict[int, Float[np.ndarray, " t"]] = {}
         for number, line in enumerate(lines):
             try:
-                left[number] = self._left_out(line, blocks % _FOLDS)
+                residuals[number] = self._left_out(line, blocks % _FOLDS)
             except FitError:
                 continue
-        if not left:
+        if not residuals:
             msg = "too few readings to tell which law they follow: give the law."
             raise FitError(msg)
-        kept = [sizes[number] for number in left]
-        best, _ = simplest([*left.values()], kept, self.scale, blocks, _MATTERS)
-        return [*left][best]
+        nodes = [sizes[number] for number in residuals]
+        best, _ = simplest([*residuals.values()], nodes, self.scale, blocks, _MATTERS)
+        return [*residuals][best]
 
     def _left_out(
-        self, line: Temperature, turns: Int[np.ndarray, " t"]
+        self, line: Temperature, folds: Int[np.ndarray, " t"]
     ) -> Float[np.ndarray, " t"]:
         """Return what a line fitted without its turn leaves of each reading in mm.
 
@@ -162,24 +162,24 @@ class _HeldOut:
         Raises:
             FitError: If the others do not tell the line.
         """
-        own = self.data.take(self.rows)
+        data = self.data.take(self.rows)
         theta = {s: line.structure(self.data, s)[self.rows] for s in line.sensor_names}
-        own = dataclasses.replace(own, temperature=theta)
+        data = dataclasses.replace(data, temperature=theta)
         line = line.lagging(dict.fromkeys(theta, 0.0))
-        error, left = own.error[line.axis], np.zeros(len(turns))
-        for turn in np.unique(turns):
-            out, rest = turns == turn, np.flatnonzero(turns != turn)
-            placed = place_nodes(line, own, rest)
-            columns = placed.rows(placed.columns_of(own))[1]
+        error, residual = data.error[line.axis], np.zeros(len(folds))
+        for fold in np.unique(folds):
+            held, training = folds == fold, np.flatnonzero(folds != fold)
+            placed = place_nodes(line, data, training)
+            columns = placed.rows(placed.columns_of(data))[1]
             if "offset" not in line.sensors:
-                columns = np.column_stack([columns, np.ones(len(turns))])
-            root = np.sqrt(self.share[rest])
-            design = columns[rest] * root[:, None]
-            values, _, rank, _ = np.linalg.lstsq(design, error[rest] * root)
+                columns = np.column_stack([columns, np.ones(len(folds))])
+            root = np.sqrt(self.share[training])
+            design = columns[training] * root[:, None]
+            values, _, rank, _ = np.linalg.lstsq(design, error[training] * root)
             if rank < columns.shape[1]:
                 msg = "the others do not tell the law."
                 raise FitError(msg)
             for warm in theta.values():
-                out &= (warm >= warm[rest].min()) & (warm <= warm[rest].max())
-            left[out] = (error - columns @ values)[out]
-        return left
+                held &= (warm >= warm[training].min()) & (warm <= warm[training].max())
+            residual[held] = (error - columns @ values)[held]
+        return residual

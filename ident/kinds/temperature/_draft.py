@@ -92,8 +92,8 @@ class TemperatureDraft(AbstractDraft):
         return "Works once the axis is homed and the PLC program runs"
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
-        still = TemperatureLine(self._position, 0.0, 0.0, cycles=self._filter)
-        return {**entries_of_temperature(still), **self.manual_entry}
+        idle = TemperatureLine(self._position, 0.0, 0.0, cycles=self._filter)
+        return {**entries_of_temperature(idle), **self.manual_entry}
 
     def machine_remarks(self) -> list[Remark]:
         listing = self.lists.machine
@@ -109,30 +109,30 @@ class TemperatureDraft(AbstractDraft):
 
     def extra_files(self) -> Mapping[str, bytes]:
         table, program, *_ = temperature_names(self.axis)
-        own = self._program
-        objects = {f"{name}.TcPOU": text for name, text in plc_objects(own).items()}
-        texts = {table: self._law.csv(), program: structured_text(own)} | objects
+        plc = self._program
+        objects = {f"{name}.TcPOU": text for name, text in plc_objects(plc).items()}
+        texts = {table: self._law.csv(), program: structured_text(plc)} | objects
         return {name: text.encode() for name, text in texts.items()}
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         law, places, limits = self._law, self._places, self.job.limits
-        most, warm, place = law.largest(places - self._position)
+        correction, warm, place = law.largest(places - self._position)
         where = f"at {warm:.4g} °C"
         if len(places) > 1:
             where += f", {self.axis} = {places[place]:g}"
         steep = int(np.argmax(np.abs(law.coefficient)))
         slope = float(abs(law.coefficient[steep]))
-        there = f"at {law.temperature[steep]:.4g} °C"
-        added = 1e-6 * slope * limits.feed / 60.0
+        steepest = f"at {law.temperature[steep]:.4g} °C"
+        speed = 1e-6 * slope * limits.feed / 60.0
         follows = "while the PLC follows the temperature"
         entry = f"{_LINE}_n_cycles"
         switched = (
             "COMP ON/OFF, homing, reload or loss of power, while warm and standing"
         )
         return (
-            limits.check("max_correction", most, "mm", where),
-            limits.check("max_slope", 1e-3 * slope, "µm/mm", there),
-            limits.check("max_velocity", added, "mm/s", there),
+            limits.check("max_correction", correction, "mm", where),
+            limits.check("max_slope", 1e-3 * slope, "µm/mm", steepest),
+            limits.check("max_velocity", speed, "mm/s", steepest),
             limits.check("max_velocity by the PLC", RATE, "mm/s", follows),
             check_switching(self.jump, self._filter, limits, "mm", entry, switched),
         )
@@ -156,50 +156,49 @@ class TemperatureDraft(AbstractDraft):
         self, tables: Tables, fit: FitSpec
     ) -> SecondMeasurement | None:
         assert isinstance(fit, Spec)
-        own = self.plan
-        again = dataclasses.replace(own, job=tables.job, fit=fit, tables=tables)
-        recording, rows = read_thermal(again)
+        plan = dataclasses.replace(self.plan, job=tables.job, fit=fit, tables=tables)
+        recording, rows = read_thermal(plan)
         data, line = recording.data, self.found.line
-        read = data.take(rows)
+        readings = data.take(rows)
         warm = [line.structure(data, sensor)[rows] for sensor in self.sensors]
-        place = read.position.get(self.axis, np.zeros(len(rows)))
-        taken = self.found.predict(np.stack(warm, axis=1), place)
-        known = np.isfinite(read.error[self.axis]) & np.isfinite(taken)
-        error, taken = read.error[self.axis][known], taken[known]
+        place = readings.position.get(self.axis, np.zeros(len(rows)))
+        predicted = self.found.predict(np.stack(warm, axis=1), place)
+        finite = np.isfinite(readings.error[self.axis]) & np.isfinite(predicted)
+        error, predicted = readings.error[self.axis][finite], predicted[finite]
         # The zero is where the line takes nothing off, as in the first measurement: the
         # middle of the readings is another one, where the line is not what it should be.
         zero, factor = float(np.median(error)), None
         with contextlib.suppress(FitError):
-            fitted = regress(np.stack([np.ones(len(error)), taken], axis=1), error)
-            zero, left = map(float, fitted.coefficients)
-            factor = 1.0 - left, float(fitted.standard_deviation[1])
+            fitted = regress(np.stack([np.ones(len(error)), predicted], axis=1), error)
+            zero, remaining = map(float, fitted.coefficients)
+            factor = 1.0 - remaining, float(fitted.standard_deviation[1])
         return SecondMeasurement(
             ", ".join(fit.sources),
-            place[known, None],
+            place[finite, None],
             error - zero,
-            added=float(np.std(taken)),
+            added=float(np.std(predicted)),
             factor=factor,
         )
 
     def prove(self, done: "AxisFiles") -> TemperatureResult:
-        table, found = done.path(temperature_names(self.axis)[0]), self.found
-        before = predicted = from_file = found.error - np.median(found.error)
+        table, fit = done.path(temperature_names(self.axis)[0]), self.found
+        before = predicted = from_file = fit.error - np.median(fit.error)
         if self.written and table is not None:
             line = self._line_of(read_columns(table), done.machine)
-            place, warm = found.position, found.structure
-            before, predicted = found.error, found.predicted
-            away = np.zeros(len(before)) if place is None else place
-            from_file = before + np.asarray(line.offset(away, warm))
+            place, warm = fit.position, fit.structure
+            before, predicted = fit.error, fit.predicted
+            distance = np.zeros(len(before)) if place is None else place
+            from_file = before + np.asarray(line.offset(distance, warm))
         return TemperatureResult(
             **self.frame(done),
-            error=staged(before, predicted, from_file, found.wild),
+            error=staged(before, predicted, from_file, fit.wild),
             remarks=(*remarks_of(self), *done.remarks),
             files=self.files_in(done),
             held_out=self.share.recording.held_out,
             reference=self._position,
             zero=self.zero,
             law=self._law if self.written else None,
-            fit=found,
+            fit=fit,
             cycles=self._filter if self.written else 0,
             before=before,
             predicted=predicted,

@@ -69,31 +69,31 @@ class ThermalLaw:
         lines = [f"{warm:.4f},{offset:.6f},{slope:.4f}" for warm, offset, slope in rows]
         return "\n".join([",".join(COLUMNS), *lines]) + "\n"
 
-    def largest(self, away: Float[np.ndarray, " p"]) -> tuple[float, float, int]:
+    def largest(self, distance: Float[np.ndarray, " p"]) -> tuple[float, float, int]:
         """Return the largest correction in mm, its temperature in °C, and where.
 
         Args:
-            away: Places in mm from the reference position.
+            distance: Places in mm from the reference position.
         """
-        added = self.offset[:, None] + 1e-6 * np.outer(self.coefficient, away)
-        row, place = np.unravel_index(int(np.argmax(np.abs(added))), added.shape)
-        return abs(float(added[row, place])), float(self.temperature[row]), int(place)
+        offset = self.offset[:, None] + 1e-6 * np.outer(self.coefficient, distance)
+        row, place = np.unravel_index(int(np.argmax(np.abs(offset))), offset.shape)
+        return abs(float(offset[row, place])), float(self.temperature[row]), int(place)
 
 
-def thermal_law(found: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
+def thermal_law(fit: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
     """Return the law that takes the error of a line away.
 
     Args:
-        found: The line.
+        fit: The line.
         zero: Temperature in °C where it is 0; a row of its own where it lies inside.
         sign: Offset per Δs.
     """
-    nodes = np.concatenate([law.temperature for law in found.moving])
+    nodes = np.concatenate([law.temperature for law in fit.moving])
     if nodes.min() < zero < nodes.max():
         nodes = np.append(nodes, zero)
     rows = np.unique(np.round(nodes, 4))
     rows = rows[np.append(True, np.diff(rows) > _SAME)]
-    offset, slope = found.offset, found.coefficient
+    offset, slope = fit.offset, fit.coefficient
     none = np.zeros(len(rows))
     coefficient = none if slope is None else -sign * 1e6 * slope.at(rows)
     return ThermalLaw(
@@ -106,18 +106,18 @@ def thermal_law(found: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
     )
 
 
-def rates(away: Float[np.ndarray, " p"]) -> tuple[float, float]:
+def rates(distance: Float[np.ndarray, " p"]) -> tuple[float, float]:
     """Return what the PLC may change per second: offset in mm, coefficient in µm/m.
 
     Both together move the farthest position with `RATE` at most. Neither is 0: what an
     earlier program left in the controller must be able to go.
 
     Args:
-        away: Places in mm from the reference position; one: there is no coefficient.
+        distance: Places in mm from the reference position; one: there is no coefficient.
     """
-    if len(away) == 1:
+    if len(distance) == 1:
         return RATE, _IDLE
-    return 0.5 * RATE, 0.5 * RATE / (1e-6 * max(float(np.abs(away).max()), 1.0))
+    return 0.5 * RATE, 0.5 * RATE / (1e-6 * max(float(np.abs(distance).max()), 1.0))
 
 
 def structured_text(program: Mapping[str, Any]) -> str:

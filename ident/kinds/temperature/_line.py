@@ -167,7 +167,7 @@ class TemperatureFit:
 
     @property
     def position(self) -> Float[np.ndarray, " t"] | None:
-        """In mm; None where the error was measured at one position."""
+        """In mm; None where no coefficient was asked for."""
         return self.data.position.get(self.line.axis)
 
     @functools.cached_property
@@ -177,10 +177,10 @@ class TemperatureFit:
             name: Law(
                 self.line.sensors[name],
                 self.line.nodes[name],
-                self.values[own],
-                self.covariance[np.ix_(own, own)],
+                self.values[rows],
+                self.covariance[np.ix_(rows, rows)],
             )
-            for name, own in self.line.split(np.arange(self.line.size)).items()
+            for name, rows in self.line.split(np.arange(self.line.size)).items()
         }
 
     @property
@@ -188,13 +188,13 @@ class TemperatureFit:
         """$o(T)$ in mm: 0 where nothing but the coefficient was fitted."""
         if "offset" in self.laws:
             return self.laws["offset"]
-        other = self.laws["coefficient"]
-        none = np.zeros((1, 1))
-        return Law(other.sensor, other.temperature[:1], none[0], none)
+        coefficient = self.laws["coefficient"]
+        zeros = np.zeros((1, 1))
+        return Law(coefficient.sensor, coefficient.temperature[:1], zeros[0], zeros)
 
     @property
     def coefficient(self) -> Law | None:
-        """$c(T)$ in mm/mm; None where the error was measured at one position."""
+        """$c(T)$ in mm/mm; None where it was not asked for."""
         return self.laws.get("coefficient")
 
     @property
@@ -246,60 +246,60 @@ def about_meeting(fit: TemperatureFit) -> TemperatureFit:
     as the coefficient does.
     """
 
-    def stays(meeting: Meeting) -> TemperatureFit:
+    def unchanged(meeting: Meeting) -> TemperatureFit:
         return dataclasses.replace(fit, meeting=meeting)
 
     line, size = fit.line, fit.line.size
-    nodes, own = line.nodes, line.split(np.arange(size))
+    nodes, index = line.nodes, line.split(np.arange(size))
     assert fit.position is not None  # there is a coefficient
     span = float(np.ptp(fit.position))
     if len(fit.sensors) > 1:
-        return stays("two sensors")
+        return unchanged("two sensors")
     if len(nodes["offset"]) < len(nodes["coefficient"]):
         return fit
     warm = np.union1d(nodes["offset"], nodes["coefficient"])
     # Rows that make offset and slope at each temperature of all that was fitted.
     offset, slope = np.zeros((2, len(warm), size))
-    offset[:, own["offset"]] = node_shares(warm, nodes["offset"])
-    slope[:, own["coefficient"]] = node_shares(warm, nodes["coefficient"])
+    offset[:, index["offset"]] = node_shares(warm, nodes["offset"])
+    slope[:, index["coefficient"]] = node_shares(warm, nodes["coefficient"])
     rise, tilt = offset - offset.mean(axis=0), slope - slope.mean(axis=0)
     shift, change = rise @ fit.values, tilt @ fit.values
     variance = ((tilt @ fit.covariance) * tilt).sum(axis=1)
     if not (change**2 > _SURE**2 * variance).any():
-        return stays("parallel")
+        return unchanged("parallel")
     weight, rounds = np.eye(len(warm)), 0
     while True:
         rounds += 1
         pull = weight @ change
-        away = -float(pull @ shift) / float(pull @ change)
-        rows = rise + away * tilt
+        distance = -float(pull @ shift) / float(pull @ change)
+        rows = rise + distance * tilt
         spread = rows @ fit.covariance @ rows.T
         if rounds == _ROUNDS or not spread.any():
             break
         # What moves together counts once: the rows sum to zero.
         weight = np.linalg.pinv(spread, rcond=1e-6, hermitian=True)
     moves = -(pull @ rows) / float(pull @ change)
-    sure = float(np.sqrt(max(moves @ fit.covariance @ moves, 0.0)))
-    if abs(away) > _FAR * span:
-        return stays("parallel")
+    deviation = float(np.sqrt(max(moves @ fit.covariance @ moves, 0.0)))
+    if abs(distance) > _FAR * span:
+        return unchanged("parallel")
     if ((rows @ fit.values) ** 2 > _SURE**2 * np.maximum(np.diag(spread), 1e-18)).any():
-        return stays("not one point")
-    if not sure < max(10.0 * span, abs(fit.reference + away)):
-        return stays("uncertain")
+        return unchanged("not one point")
+    if not deviation < max(10.0 * span, abs(fit.reference + distance)):
+        return unchanged("uncertain")
     # The laws given that the lines meet.
     gain = fit.covariance @ rows.T @ weight
     value = fit.values - gain @ (rows @ fit.values)
-    given = np.eye(size) - gain @ (rows + np.outer(change, moves))
+    conditional = np.eye(size) - gain @ (rows + np.outer(change, moves))
     # Where they meet nothing is corrected at the reference temperature, so nowhere.
-    turn = np.vstack([np.zeros(size), given[own["coefficient"]]])
+    transform = np.vstack([np.zeros(size), conditional[index["coefficient"]]])
     warm = nodes["coefficient"]
     law = {"offset": warm.mean(keepdims=True), "coefficient": warm}
     return dataclasses.replace(
         fit,
-        line=dataclasses.replace(line, law=law, reference=fit.reference + away),
-        values=np.append(0.0, value[own["coefficient"]]),
-        covariance=turn @ fit.covariance @ turn.T,
-        support=(int((~fit.wild).sum()), *fit.support[len(own["offset"]) :]),
+        line=dataclasses.replace(line, law=law, reference=fit.reference + distance),
+        values=np.append(0.0, value[index["coefficient"]]),
+        covariance=transform @ fit.covariance @ transform.T,
+        support=(int((~fit.wild).sum()), *fit.support[len(index["offset"]) :]),
         meeting="met",
-        reference_deviation=sure,
+        reference_deviation=deviation,
     )

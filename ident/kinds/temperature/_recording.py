@@ -51,20 +51,20 @@ def read_thermal(
         remarks.append(Remark.info(f"{words} seen."))
     time = None if time is None or words else time - np.nanmin(time)
     clock = rows.astype(float) if time is None else time
-    if (asked := plan.fit.steady) is not None:
-        name = sensor_name(asked.sensor)
+    if (plateau := plan.fit.steady) is not None:
+        name = sensor_name(plateau.sensor)
         warm = data.temperature[name]
         try:
-            keep = steady(clock, warm, asked.within, asked.level)
+            keep = steady(clock, warm, plateau.within, plateau.level)
         except FitError as error:
-            msg = f"steady: {asked.sensor}: {error}"
+            msg = f"steady: {plateau.sensor}: {error}"
             raise FitError(msg) from None
-        told = (
+        sentence = (
             f"Only the {int(keep.sum())} of {len(keep)} readings count that were taken"
             f" while {name} stayed at {float(np.median(warm[keep])):.4g} °C within"
-            f" ±{asked.within:g} K (steady)."
+            f" ±{plateau.within:g} K (steady)."
         )
-        remarks.append(Remark.info(told))
+        remarks.append(Remark.info(sentence))
         rows = np.flatnonzero(keep)
     recording = dataclasses.replace(
         group,
@@ -83,12 +83,12 @@ def only_these(
     from ...job.joint._recording import folds  # takes long to load
 
     (axis, error), *_ = recording.data.error.items()
-    known = np.full(len(error), np.nan)
-    known[rows] = error[rows]
+    errors = np.full(len(error), np.nan)
+    errors[rows] = error[rows]
     fold = recording.fold.copy()
     if not recording.by_run:
         fold[rows], _ = folds(None, recording.order[rows])
-    data = dataclasses.replace(recording.data, error={axis: known})
+    data = dataclasses.replace(recording.data, error={axis: errors})
     return dataclasses.replace(recording, data=data, fold=fold)
 
 
@@ -109,15 +109,15 @@ def steady(
     Raises:
         FitError: If there is none.
     """
-    known = np.isfinite(value)
-    if level is None and known.any():
-        ordered = np.sort(value[known])
+    finite = np.isfinite(value)
+    if level is None and finite.any():
+        ordered = np.sort(value[finite])
         # The densest half: a plateau is where the signal spends its time.
         half = max(len(ordered) // 2, 1)
         width = ordered[half - 1 :] - ordered[: len(ordered) - half + 1]
         first = int(np.argmin(width))
         level = float(np.median(ordered[first : first + half]))
-    inside = known & (np.abs(value - (0.0 if level is None else level)) <= within)
+    inside = finite & (np.abs(value - (0.0 if level is None else level)) <= within)
     # A lone reading outside does not end a plateau.
     bridged = inside.copy()
     bridged[1:-1] |= inside[:-2] & inside[2:]
@@ -126,7 +126,7 @@ def steady(
     if not stretches:
         msg = f"no reading lies within ±{within:g} of a plateau, expected a steady stretch."
         raise FitError(msg)
-    longest = max(stretches, key=lambda own: float(np.ptp(time[own])))
+    longest = max(stretches, key=lambda rows: float(np.ptp(time[rows])))
     result = np.zeros(len(value), bool)
     result[longest] = inside[longest]
     return result
@@ -141,19 +141,19 @@ def complete_rows(
         FitError: If they cannot tell what is asked for.
     """
     clock = np.arange(len(data), dtype=float) if data.time is None else data.time
-    columns = [data.column(*each, line.name) for each in line.inputs]
+    columns = [data.column(*key, line.name) for key in line.inputs]
     error = data.column("error", line.axis, line.name)
-    known = np.asarray(np.isfinite([error, clock, *columns]).all(axis=0))
-    found = rows[known[rows]]
-    if len(found) < FEWEST:
+    complete = np.asarray(np.isfinite([error, clock, *columns]).all(axis=0))
+    usable = rows[complete[rows]]
+    if len(usable) < FEWEST:
         msg = (
-            f"{len(found)} of {len(rows)} readings are complete, expected at least"
+            f"{len(usable)} of {len(rows)} readings are complete, expected at least"
             f" {FEWEST}."
         )
         raise FitError(msg)
     for sensor in line.sensor_names:
         # What a noisy sensor shows of a temperature that stays is no range.
-        low, high = np.percentile(data.temperature[sensor][found], [1.0, 99.0])
+        low, high = np.percentile(data.temperature[sensor][usable], [1.0, 99.0])
         if high - low < _RANGE:
             msg = (
                 f"{sensor} stays at {0.5 * (low + high):.4g} °C within {high - low:.2g} K,"
@@ -161,13 +161,13 @@ def complete_rows(
             )
             raise FitError(msg)
     for axis in line.masters:
-        place = data.position[axis][found]
+        place = data.position[axis][usable]
         if np.ptp(place) == 0.0:
-            asked = line.sensor_names[0]
+            first = line.sensor_names[0]
             msg = (
                 f"found all readings at {place[0]:g} mm, expected two positions or more"
-                f" for the coefficient, or sensors = {{ offset = {asked!r} }}: at one position"
+                f" for the coefficient, or sensors = {{ offset = {first!r} }}: at one position"
                 " only the offset can be fitted"
             )
             raise FitError(msg)
-    return np.asarray(found[np.argsort(clock[found], kind="stable")])
+    return np.asarray(usable[np.argsort(clock[usable], kind="stable")])

@@ -74,54 +74,54 @@ class TemperatureResult(AbstractResult):
     @property
     def expectation(self) -> Expectation | None:
         """The largest correction of the written line at a place that was measured."""
-        added, places = self.from_file - self.before, self.fit.position
-        row = int(np.argmax(np.abs(added)))
+        correction, places = self.from_file - self.before, self.fit.position
+        row = int(np.argmax(np.abs(correction)))
         warm = self.fit.structure[row].tolist()
         return Expectation(
             {} if places is None else {self.axis: float(places[row])},
             None,
-            float(added[row]),
+            float(correction[row]),
             self.unit,
             temperatures=dict(zip(self.sensors, warm, strict=True)),
         )
 
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
-        found, law = self.fit, self.law
+        fit, law = self.fit, self.law
         table = spread = None
         if law is not None:
             table, spread = law.columns, law.deviations
-        slope, slope_deviation = found.offset.slope
+        slope, slope_deviation = fit.offset.slope
         return {
             "parameters": {
                 "position_0": self.reference,
                 "temperature_0": self.zero,
                 "table": table,
-                "intersects": found.intersects,
-                "meeting": found.meeting,
+                "intersects": fit.intersects,
+                "meeting": fit.meeting,
                 "n_cycles": self.cycles,
                 "rate": RATE,
-                "offset": _law(found.offset, 1.0),
-                "coefficient": _law(found.coefficient, 1e6),
+                "offset": _law(fit.offset, 1.0),
+                "coefficient": _law(fit.coefficient, 1e6),
                 "offset_per_kelvin": slope,
                 "lags": [
                     {**vars(lag), "interval": lag.interval, "applied": lag.applied}
-                    for lag in found.lags
+                    for lag in fit.lags
                 ],
             },
             "standard_deviations": {
                 "table": spread,
-                "position_0": found.reference_deviation,
+                "position_0": fit.reference_deviation,
                 "offset_per_kelvin": slope_deviation,
             },
-            "support": dict(zip(found.line.labels, found.support, strict=True)),
-            "noise": found.noise.white,
-            "drift": found.noise.drift,
-            "drift_time": found.noise.time_constant,
-            "independent": found.independent,
-            "converged": found.converged,
-            "wild": int(found.wild.sum()),
-            "missed": found.missed,
+            "support": dict(zip(fit.line.labels, fit.support, strict=True)),
+            "noise": fit.noise.white,
+            "drift": fit.noise.drift,
+            "drift_time": fit.noise.time_constant,
+            "independent": fit.independent,
+            "converged": fit.converged,
+            "wild": int(fit.wild.sum()),
+            "missed": fit.missed,
         }
 
 
@@ -174,8 +174,8 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
 
 def _meeting_words(fit: TemperatureFit) -> str:
     """Return whether the lines of all temperatures meet, and where the reference is."""
-    sure = fit.reference_deviation or 0.0
-    words = _MEETINGS[fit.meeting].format(at=fit.reference, sure=sure)
+    deviation = fit.reference_deviation or 0.0
+    words = _MEETINGS[fit.meeting].format(at=fit.reference, sure=deviation)
     if not fit.intersects:
         words += f": the reference is {fit.reference:.4g} mm"
     return f"{words}.".replace("-", "−")
@@ -195,7 +195,7 @@ def _lag_words(lag: Lag) -> str:
 
 def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
     """Return what these readings cannot say, however well they fit."""
-    fit, axis, asked = draft.found, draft.axis, draft.fit.effects
+    fit, axis, effects = draft.found, draft.axis, draft.fit.effects
     if fit.coefficient is None:
         yield Remark.warning(
             f"The coefficient of {axis} was not asked for: how the error grows along the"
@@ -203,7 +203,7 @@ def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
         )
     yield from _alike(fit)
     datum = draft.plan.datum
-    if datum is not None and (asked is None or "offset" in asked):
+    if datum is not None and (effects is None or "offset" in effects):
         yield Remark.warning(
             f"The instrument was set to zero at {datum:g} mm (datum): a"
             " shift of the whole axis is not seen, and only the growth from there"
@@ -223,34 +223,34 @@ def _or_drift(fit: TemperatureFit) -> Iterator[Remark]:
     """Return that a drift of the instrument would explain the error as well, if it would."""
     count, time, place = len(fit.error), fit.data.time, fit.position
     clock = np.arange(count, dtype=float) if time is None else time
-    away = np.zeros(count) if place is None else place - place.mean()
+    distance = np.zeros(count) if place is None else place - place.mean()
     warm = dict(zip(fit.sensors, fit.structure.T, strict=True))
     columns = {effect: warm[sensor] for effect, sensor in fit.line.sensors.items()}
     if "coefficient" in columns:
         change = columns["coefficient"] - columns["coefficient"].mean()
-        columns["coefficient"] = change * away
-    beside = np.stack([np.ones(count), away], axis=1)
+        columns["coefficient"] = change * distance
+    nuisance = np.stack([np.ones(count), distance], axis=1)
     heat = np.stack(list(columns.values()), axis=1)
     from ...discover import against_drift, heat_or_drift  # takes long to load
 
-    found = against_drift(clock, heat, fit.error, beside)
-    if found is None:
+    comparison = against_drift(clock, heat, fit.error, nuisance)
+    if comparison is None:
         from scipy.stats import rankdata  # takes long to load
 
         # Too few readings for a drift beside it: one way up or down is like one.
         first = next(iter(warm.values()))
-        alike = np.corrcoef(rankdata(clock), rankdata(first))[0, 1]
-        doubtful, rms = abs(float(alike)) > _ONE_WAY, float(np.std(fit.error))
+        correlation = np.corrcoef(rankdata(clock), rankdata(first))[0, 1]
+        doubtful, rms = abs(float(correlation)) > _ONE_WAY, float(np.std(fit.error))
     else:
-        doubtful, rms = found.doubtful, found.rms
+        doubtful, rms = comparison.doubtful, comparison.rms
     if not doubtful:
         return
     # The words of `discover`, which says so of the same readings.
     effect, sensor = next(iter(fit.line.sensors.items()))
     axis = fit.line.axis
-    what, remedy = heat_or_drift(f"temperature {effect} of {axis} by {sensor}", axis)
+    words, remedy = heat_or_drift(f"temperature {effect} of {axis} by {sensor}", axis)
     yield Remark.warning(
-        f"The data cannot tell: {what} ({1e3 * rms:.2g} µm rms). {remedy} What is"
+        f"The data cannot tell: {words} ({1e3 * rms:.2g} µm rms). {remedy} What is"
         " written takes all of it for the temperature."
     )
 
@@ -260,11 +260,11 @@ def _alike(fit: TemperatureFit) -> Iterator[Remark]:
     if len(fit.sensors) < 2:
         return
     first, second = fit.sensors
-    one, other = (fit.data.temperature[name] for name in fit.sensors)
-    alike = float(np.corrcoef(one, other)[0, 1])
-    if abs(alike) >= _SAME_COURSE:
+    courses = [fit.data.temperature[name] for name in fit.sensors]
+    correlation = float(np.corrcoef(courses[0], courses[1])[0, 1])
+    if abs(correlation) >= _SAME_COURSE:
         yield Remark.warning(
-            f"{first} and {second} changed alike (correlation {alike:.4f}): that the"
+            f"{first} and {second} changed alike (correlation {correlation:.4f}): that the"
             f" offset follows {first} and the coefficient {second} is the choice of"
             " the job, these readings cannot tell it. Measure once while they differ."
         )
@@ -274,12 +274,12 @@ def _state(draft: "TemperatureDraft") -> Iterator[Remark]:
     """Return where the law is zero, and what stays for the tables."""
     fit, zero = draft.found, draft.zero
     wished = fit.line.reference_temperature
-    held = {
+    nearest = {
         law.sensor: float(np.clip(zero, *law.temperature[[0, -1]]))
         for law in fit.moving
     }
-    if any(abs(warm - wished) > 0.05 for warm in held.values()):
-        at = " and ".join(f"{name} at {warm:.4g} °C" for name, warm in held.items())
+    if any(abs(warm - wished) > 0.05 for warm in nearest.values()):
+        at = " and ".join(f"{name} at {warm:.4g} °C" for name, warm in nearest.items())
         yield Remark.info(
             f"Nothing is corrected with {at}, measured next to the reference of"
             f" {wished:g} °C, which was not measured itself."

@@ -21,11 +21,11 @@ class TemperatureChannel(AbstractChannel):
 
     def law(self, conventions: Conventions) -> TemperatureLine:
         """Return the line of the list: what a log shows of it needs no unit."""
-        found: TemperatureLine | None = temperature_from_list(
+        line: TemperatureLine | None = temperature_from_list(
             self.one.listing, conventions
         )
-        assert found is not None  # the axis list switches it on
-        return found
+        assert line is not None  # the axis list switches it on
+        return line
 
     def cycles_under(self, conventions: Conventions) -> int:
         return self.listed if conventions.temperature_filter == "values" else 0
@@ -33,9 +33,9 @@ class TemperatureChannel(AbstractChannel):
     def parts(self, change: Change, rows: LogRows) -> Parts:
         place = self.motion.position(self.axis, "for its temperature compensation")
         line = self.law(change.conventions)
-        some: Float[np.ndarray, " r"] = place[rows]
-        cold = jnp.zeros((len(some), 0))
-        return Parts(np.asarray(line.offset(jnp.asarray(some), cold)))
+        positions: Float[np.ndarray, " r"] = place[rows]
+        cold = jnp.zeros((len(positions), 0))
+        return Parts(np.asarray(line.offset(jnp.asarray(positions), cold)))
 
 
 CHANNEL = TemperatureChannel

@@ -49,12 +49,12 @@ def read_temperature_table(
             is open which sensor counts.
     """
     table = read_columns(path)
-    wanted = sensors[0] if sensor is None and len(sensors) == 1 else sensor
-    if wanted is None or wanted not in sensors:
-        known = ", ".join(f"temperature.{name}" for name in sensors) or "no temperature"
+    chosen = sensors[0] if sensor is None and len(sensors) == 1 else sensor
+    if chosen is None or chosen not in sensors:
+        names = ", ".join(f"temperature.{name}" for name in sensors) or "no temperature"
         expected = "one column temperature.<sensor>" if sensor is None else sensor
-        raise ExchangeError(str(path), f"{known} in the motion", expected or "")
-    number = list(sensors).index(wanted)
+        raise ExchangeError(str(path), f"{names} in the motion", expected or "")
+    number = list(sensors).index(chosen)
     return temperature_line(table, (number, number), conventions, machine)
 
 
@@ -68,8 +68,8 @@ def read_columns(path: Path) -> dict[str, Float[np.ndarray, " n"]]:
 
     table = read_table(path)
     names = [column.name for column in table.columns]
-    found = f"columns {', '.join(names)}"
-    expect(set(COLUMNS) <= set(names), str(path), found, ", ".join(COLUMNS))
+    words = f"columns {', '.join(names)}"
+    expect(set(COLUMNS) <= set(names), str(path), words, ", ".join(COLUMNS))
     values = {name: table.numbers(table.column(name)) for name in COLUMNS}
     warmth = values["temperature"]
     expect(
@@ -166,14 +166,14 @@ class TemperatureEntries(AbstractEntries):
     ) -> dict[str, int | float | str]:
         values = {}
         for name in ("position_0", "offset_0", "coefficient"):
-            found = getattr(model, name)
-            if not isinstance(found, ConstantParameter):
+            parameter = getattr(model, name)
+            if not isinstance(parameter, ConstantParameter):
                 raise ExchangeError(
                     where=f"{KIND.prefix}_{name}",
                     found="a curve over the temperature",
                     expected="one number (the PLC writes TEMPC::* for the rest)",
                 )
-            values[name] = float(found.value)
+            values[name] = float(parameter.value)
         refuse_many(model.cycles, f"{KIND.prefix}_n_cycles")
         coefficient = values.pop("coefficient") / _PER_METRE
         words = f"{coefficient:.6g} µm/m"

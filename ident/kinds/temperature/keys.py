@@ -80,14 +80,14 @@ class Spec(FitSpec, frozen=True):
                 found = ", ".join(self.law) or "nothing"
                 reason = f"found {found}, expected a law for {' and '.join(expected)}"
                 yield (*where, "law"), reason
-        known = [name for name in self.sources if name in job.measurements]
-        if len({job.measurements[name].reference_temperature for name in known}) > 1:
+        measured = [name for name in self.sources if name in job.measurements]
+        if len({job.measurements[name].reference_temperature for name in measured}) > 1:
             reason = (
                 "found measurements with different reference temperatures, expected the"
                 " same one for all that are joined"
             )
             yield where, reason
-        for name in known:
+        for name in measured:
             yield from self._of_measurement(job, name)
 
     def _of_measurement(self, job: "JobFile", name: str) -> Iterator[Fault]:
@@ -119,8 +119,8 @@ class Spec(FitSpec, frozen=True):
 def plain_name(text: str) -> str:
     """Return a name that is safe in a file name and an identifier of the PLC."""
     # IEC 61131-3 knows neither doubled underscores nor one at the end.
-    plain = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")
-    return plain or "axis"
+    cleaned = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")
+    return cleaned or "axis"
 
 
 def block_names(axis: str) -> tuple[str, str]:

@@ -37,17 +37,17 @@ def body(fit: TemperatureResult, scale: Scale) -> Body:
 
 def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
     """Return the largest rejected readings."""
-    own, found = fit.fit, []
-    for row in largest_wild(fit.before, own.wild).tolist():
+    line, wild = fit.fit, []
+    for row in largest_wild(fit.before, line.wild).tolist():
         warm = [
-            f"{name} {own.data.temperature[name][row]:.1f} °C" for name in own.sensors
+            f"{name} {line.data.temperature[name][row]:.1f} °C" for name in line.sensors
         ]
-        if own.position is not None:
-            warm.insert(0, f"{fit.axis} = {place(float(own.position[row]))} mm")
+        if line.position is not None:
+            warm.insert(0, f"{fit.axis} = {place(float(line.position[row]))} mm")
         error = scale.shown(float(fit.before[row]), signed=True)
-        number_of = grouped(int(own.rows[row]) + 1)
-        found.append(WildRow(number_of, ", ".join(warm), "", error))
-    return found
+        number_of = grouped(int(line.rows[row]) + 1)
+        wild.append(WildRow(number_of, ", ".join(warm), "", error))
+    return wild
 
 
 def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
@@ -85,37 +85,37 @@ def _law_words(fit: TemperatureResult, scale: Scale) -> str:
 
 
 def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
-    own, noise = fit.fit, fit.fit.noise
+    line, noise = fit.fit, fit.fit.noise
     words = (
         f"{scale.shown(noise.white)} from reading to reading,"
-        f" {count(len(own.rows), 'complete reading')}."
+        f" {count(len(line.rows), 'complete reading')}."
     )
     if noise.drift > 0:
         unit = "rows"
-        if own.data.time is not None:
+        if line.data.time is not None:
             unit = f"{noise.time_constant / 60:.3g} minutes"
         words += (
             f" Beside it a drift of {scale.shown(noise.drift)}"
             f" that forgets in {unit}: the readings tell as much as"
-            f" {max(own.independent, 1):.0f} independent ones."
+            f" {max(line.independent, 1):.0f} independent ones."
         )
     return words
 
 
 def law_plot(fit: TemperatureResult, law: ThermalLaw) -> Plot:
     """Draw the written parameters over the temperature with their uncertainty."""
-    found = fit.fit
+    thermal = fit.fit
     parts = [
-        ("offset_0 in µm", found.offset, 1e3 * law.offset, 1e3 * law.offset_deviation)
+        ("offset_0 in µm", thermal.offset, 1e3 * law.offset, 1e3 * law.offset_deviation)
     ]
-    if found.coefficient is not None:
+    if thermal.coefficient is not None:
         slope = law.coefficient, law.coefficient_deviation
-        parts.append(("coefficient in µm/m", found.coefficient, *slope))
+        parts.append(("coefficient in µm/m", thermal.coefficient, *slope))
     shown = [part for part in parts if np.any(part[2])] or parts[:1]
     figure, panels = style.new_figure(2.8, columns=len(shown))
-    for panel, (name, own, values, deviation) in zip(panels, shown, strict=True):
+    for panel, (name, fitted, values, deviation) in zip(panels, shown, strict=True):
         # Beyond its own sensor's range a column of the common table repeats its end.
-        low, high = own.temperature[[0, -1]] + np.array([-0.01, 0.01])
+        low, high = fitted.temperature[[0, -1]] + np.array([-0.01, 0.01])
         rows = (law.temperature >= low) & (law.temperature <= high)
         warm, line, band = law.temperature[rows], values[rows], 2.0 * deviation[rows]
         panel.fill_between(
@@ -149,37 +149,37 @@ def errors_plot(fit: TemperatureResult, scale: Scale) -> Plot:
 
     Over the position, or over the temperature where no coefficient was fitted.
     """
-    found, own = fit.fit, fit.fit.coefficient or fit.fit.offset
-    warm = found.structure[:, fit.sensors.index(own.sensor)]
-    across, label = warm, _over(fit)
-    if along := found.coefficient is not None:
-        assert found.position is not None  # else there is no coefficient
-        across, label = found.position, f"{fit.axis} in {scale.position}"
-    up = f"error against {place(round(fit.zero, 1))} °C in {scale.error}"
+    thermal, followed = fit.fit, fit.fit.coefficient or fit.fit.offset
+    warm = thermal.structure[:, fit.sensors.index(followed.sensor)]
+    x, label = warm, _over(fit)
+    if along := thermal.coefficient is not None:
+        assert thermal.position is not None  # else there is no coefficient
+        x, label = thermal.position, f"{fit.axis} in {scale.position}"
+    y_label = f"error against {place(round(fit.zero, 1))} °C in {scale.error}"
     after = "from the file"
     if fit.law is None:
-        up, after = f"error about its median in {scale.error}", "nothing written"
-    figure, panels = side_by_side(3.2, ("before", after), label, up)
+        y_label, after = f"error about its median in {scale.error}", "nothing written"
+    figure, panels = side_by_side(3.2, ("before", after), label, y_label)
     colours = mpl.colormaps[style.SEQUENTIAL]
     norm = Normalize(float(warm.min()), float(warm.max()))
-    for rows in _by_temperature(warm, ~found.wild):
+    for rows in _by_temperature(warm, ~thermal.wild):
         middle = float(np.median(warm[rows]))
         colour = colours(0.9 * norm(middle))
         for panel, values in zip(panels, (fit.before, fit.from_file), strict=True):
             marks(
-                panel, across[rows], values[rows] * scale.factor,
+                panel, x[rows], values[rows] * scale.factor,
                 color=colour, label=f"{middle:.1f} °C",
             )  # fmt: skip
         if fit.law is not None:
-            where = np.linspace(across[rows].min(), across[rows].max())
-            heat = where[:, None]
+            positions = np.linspace(x[rows].min(), x[rows].max())
+            heat = positions[:, None]
             if along:
-                heat = np.tile(np.median(found.structure[rows], axis=0), (50, 1))
-            line = found.predict(heat, where) * scale.factor
-            panels[0].plot(where, line, color=colour, linewidth=1.0)
+                heat = np.tile(np.median(thermal.structure[rows], axis=0), (50, 1))
+            line = thermal.predict(heat, positions) * scale.factor
+            panels[0].plot(positions, line, color=colour, linewidth=1.0)
     handles = panels[0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside upper right", ncols=_GROUPS, markerscale=1.5)
-    caption = _errors_caption(fit, scale) + left_out_words(int(found.wild.sum()))
+    caption = _errors_caption(fit, scale) + left_out_words(int(thermal.wild.sum()))
     if along:
         title = "Error over the position, by temperature"
         return Plot("lines", title, figure, caption)
@@ -210,11 +210,11 @@ def _rms(fit: TemperatureResult, stage: str, scale: Scale) -> str:
 
 def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
     """Draw the error over the time before and after, and the temperatures below."""
-    own, sound = fit.fit, ~fit.fit.wild
-    clock, label = own.rows.astype(float), "row of the measurement"
-    if own.data.time is not None:
-        long = float(np.ptp(own.data.time)) > _MINUTES
-        clock = own.data.time / (3600.0 if long else 60.0)
+    thermal, sound = fit.fit, ~fit.fit.wild
+    clock, label = thermal.rows.astype(float), "row of the measurement"
+    if thermal.data.time is not None:
+        long = float(np.ptp(thermal.data.time)) > _MINUTES
+        clock = thermal.data.time / (3600.0 if long else 60.0)
         label = f"time in {'hours' if long else 'minutes'}"
     figure, panels = style.new_figure(4.2, rows=2, sharex=True, height_ratios=[1.4, 1])
     marks(
@@ -236,12 +236,12 @@ def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
     order = np.argsort(clock, kind="stable")
     colours = (style.ORANGE, style.GREEN, style.BLUE)
     for lag, structure, colour in zip(
-        own.lags, own.structure.T, itertools.cycle(colours), strict=False
+        thermal.lags, thermal.structure.T, itertools.cycle(colours), strict=False
     ):
-        shown = [("-", lag.sensor, own.data.temperature[lag.sensor])]
+        curves = [("-", lag.sensor, thermal.data.temperature[lag.sensor])]
         if lag.applied:
-            shown.append(("--", f"structure behind {lag.sensor}", structure))
-        for line, name, values in shown:
+            curves.append(("--", f"structure behind {lag.sensor}", structure))
+        for line, name, values in curves:
             panels[1].plot(
                 clock[order], values[order],
                 color=colour, linestyle=line, linewidth=1.0, label=name,
@@ -254,7 +254,7 @@ def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
         f"Above, each reading as measured ({_rms(fit, 'before', scale)} rms){after} Below,"
         " what the sensors showed."
     )
-    caption += left_out_words(int(own.wild.sum()))
+    caption += left_out_words(int(thermal.wild.sum()))
     return Plot("time", "Error over the time, before and after", figure, caption)
 
 

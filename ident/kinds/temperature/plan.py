@@ -61,8 +61,8 @@ class TemperaturePlan(AbstractPlan):
     @property
     def datum(self) -> float | None:
         """Where the instrument was set to zero at all temperatures, or None."""
-        found = datum_of(self.job, self.index, self.fit)
-        return None if found is None else found[0]
+        datum = datum_of(self.job, self.index, self.fit)
+        return None if datum is None else datum[0]
 
     @functools.cached_property
     def effects(self) -> dict[str, str]:
@@ -71,32 +71,32 @@ class TemperaturePlan(AbstractPlan):
         Raises:
             MeasurementError: If the only sensor is to be taken and there is none, or several.
         """
-        found = self.fit.effects
-        if found is None:
+        roles = self.fit.effects
+        if roles is None:
             only = self._only_sensor()
-            found = {"offset": only, "coefficient": only}
-        return {str(effect): sensor_name(role) for effect, role in found.items()}
+            roles = {"offset": only, "coefficient": only}
+        return {str(effect): sensor_name(role) for effect, role in roles.items()}
 
     def _only_sensor(self) -> str:
         """Return the role of the only sensor of the first measurement."""
         axis = self.axis
         measured = self.tables.measured(self.fit.sources[0], axis, (axis,))
-        found = [role for role in measured.values if sensor_name(role) != role]
-        if len(found) == 1:
-            return found[0]
-        listed = ", ".join(found) or "no temperature"
+        roles = [role for role in measured.values if sensor_name(role) != role]
+        if len(roles) == 1:
+            return roles[0]
+        listed = ", ".join(roles) or "no temperature"
         reason = f"found {listed}, expected sensor = the one that the error of {axis} follows"
         raise MeasurementError(str(measured.source), reason)
 
     def fit_single(self, tables: Tables, left: Leftovers) -> TemperatureDraft:
-        recording, kept = read_thermal(self)
+        recording, counted = read_thermal(self)
         line, data = self.line(recording.data), recording.data
         datum = self.datum
         if datum is not None and "coefficient" in line.sensors:
             # The instrument was set to zero there: what the offset does, nobody saw.
             only = {"coefficient": line.sensors["coefficient"]}
             line = dataclasses.replace(line, sensors=only, reference=datum)
-        rows = complete_rows(line, data, kept)
+        rows = complete_rows(line, data, counted)
         if confounded := self._confused(line, data):
             # Where the slope and its change are one, the offset may stand apart from both.
             line = dataclasses.replace(line, law={**line.law, "coefficient": 1})
@@ -109,9 +109,9 @@ class TemperaturePlan(AbstractPlan):
         meeting = draft.found.meeting
         if bent is not line and meeting != "met":
             draft = self._of(line, recording, rows)
-        missed = len(kept) - len(rows)
-        found = dataclasses.replace(draft.found, missed=missed, meeting=meeting)
-        return dataclasses.replace(draft, found=found, confounded=confounded)
+        missed = len(counted) - len(rows)
+        fit = dataclasses.replace(draft.found, missed=missed, meeting=meeting)
+        return dataclasses.replace(draft, found=fit, confounded=confounded)
 
     def _of(
         self,
@@ -122,11 +122,11 @@ class TemperaturePlan(AbstractPlan):
         """Return the draft of a line whose laws and lags are chosen."""
         from ...job.joint import fit_group_of_one  # takes long to load
 
-        asked = self.line(recording.data).lags
-        shown = {sensor: asked[sensor] for sensor, lag in line.lags.items() if lag}
-        line = place_nodes(line, recording.data, rows).lagging(shown)
-        one = dataclasses.replace(self, chosen=line)
-        return one.draft(fit_group_of_one(one, recording))
+        lags = self.line(recording.data).lags
+        applied = {sensor: lags[sensor] for sensor, lag in line.lags.items() if lag}
+        line = place_nodes(line, recording.data, rows).lagging(applied)
+        plan = dataclasses.replace(self, chosen=line)
+        return plan.draft(fit_group_of_one(plan, recording))
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -134,8 +134,8 @@ class TemperaturePlan(AbstractPlan):
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        asked = self.fit.steady
-        steady = () if asked is None else (sensor_name(asked.sensor),)
+        plateau = self.fit.steady
+        steady = () if plateau is None else (sensor_name(plateau.sensor),)
         return tuple(dict.fromkeys((*self.effects.values(), *steady)))
 
     @property
@@ -166,8 +166,8 @@ class TemperaturePlan(AbstractPlan):
 
         Beside a leadscrew of the same axis the readings show that themselves.
         """
-        beside = any(one.takes_line and one.axis == self.axis for one in members)
-        if beside or self.chosen is not None:
+        screw = any(plan.takes_line and plan.axis == self.axis for plan in members)
+        if screw or self.chosen is not None:
             return ""
         return self._confused(self.line(recording.data), recording.data)
 
@@ -180,9 +180,9 @@ class TemperaturePlan(AbstractPlan):
         from ...job.joint._group import at_once, few  # takes long to load
 
         screw = Leadscrew(self.axis, np.linspace(low, high, _NODES))
-        told = examine_design(few(data), [screw, at_once(line)])
-        own = [each for each in told.confusions if len(set(each.effects)) > 1]
-        return own[0].sentence if own else ""
+        design = examine_design(few(data), [screw, at_once(line)])
+        mixed = [pair for pair in design.confusions if len(set(pair.effects)) > 1]
+        return mixed[0].sentence if mixed else ""
 
     def effect(
         self, recording: "GroupRecording", left: Float[np.ndarray, " t"] | None
@@ -218,20 +218,20 @@ class TemperaturePlan(AbstractPlan):
     def draft(self, share: "Share") -> TemperatureDraft:
         line, part, rows = share.part.effect, share.part, share.rows
         assert isinstance(line, Temperature)  # of `effect`
-        whole, sensors = share.recording.data, line.sensor_names
-        own = whole.take(rows)
-        timed = own.time is not None and bool(np.isfinite(own.time).all())
+        recorded, sensors = share.recording.data, line.sensor_names
+        data = recorded.take(rows)
+        timed = data.time is not None and bool(np.isfinite(data.time).all())
         fit = TemperatureFit(
             line=line,
             data=dataclasses.replace(
-                own,
-                time=own.time if timed else None,
+                data,
+                time=data.time if timed else None,
                 error={self.axis: share.error},
-                position={axis: own.position[axis] for axis in self.positions},
+                position={axis: data.position[axis] for axis in self.positions},
             ),
             rows=np.flatnonzero(rows),
             structure=np.stack(
-                [line.structure(whole, s)[rows] for s in sensors], axis=1
+                [line.structure(recorded, s)[rows] for s in sensors], axis=1
             ),
             values=part.values,
             # Of what these readings do not tell nothing is written.

@@ -26,10 +26,10 @@ class TemperatureProbe(AbstractProbe):
             "coefficient": _slope(axis),
             "n_cycles": 10,
         }
-        stated = {f"{KIND.prefix}_{name}": value for name, value in line.items()}
-        return {KIND.activation: 1, **stated}
+        entries = {f"{KIND.prefix}_{name}": value for name, value in line.items()}
+        return {KIND.activation: 1, **entries}
 
-    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
+    def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         rise = 1e-3 * _slope(axis) * (axis.at(10.0) - axis.at(0.0))
         return (
             Outcome(

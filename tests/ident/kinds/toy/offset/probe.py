@@ -15,11 +15,11 @@ class OffsetProbe(AbstractProbe):
     """10 µm everywhere."""
 
     def entries(
-        self, one: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
+        self, probed: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
     ) -> dict[str, int | str]:
         return {VALUE: 100}
 
-    def outcomes(self, one: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
+    def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
         return (Outcome(f"+{axis.height_text}", "the value is added as it stands"),)
 
 

@@ -95,7 +95,7 @@ def against_drift(
     clock: Float[np.ndarray, " t"],
     heat: Float[np.ndarray, "t h"],
     error: Float[np.ndarray, " t"],
-    beside: Float[np.ndarray, "t b"],
+    nuisance: Float[np.ndarray, "t b"],
     slow: Float[np.ndarray, "t s"] | None = None,
 ) -> AgainstDrift | None:
     """Return whether an error follows a temperature or a drift; `discover` and `fit` ask it.
@@ -105,7 +105,7 @@ def against_drift(
         heat: What the temperature may do to the error: functions of it, or of it and a
             position.
         error: Readings in any unit, all else that is known of it taken off.
-        beside: Of what else the error may have a part: zeros, a line over the position.
+        nuisance: Of what else the error may have a part: zeros, a line over the position.
         slow: What the drift may do, of each measurement for itself; None = one measurement.
 
     Returns:
@@ -115,23 +115,23 @@ def against_drift(
     if not slow.shape[1]:
         return None
     error = error - np.median(error)
-    parts = [heat - heat.mean(axis=0), slow - slow.mean(axis=0), beside]
-    whole = Design.of((), parts)
-    size_of = np.sqrt(np.mean(whole.columns**2, axis=0))
-    columns = whole.columns / np.maximum(size_of, 1e-12)
-    groups = robust_groups(columns, whole.slices, error, lambda size: _LEAST * size)
-    both, alone = groups.with_and_without(0, 1, _LEAST * groups.size)
+    parts = [heat - heat.mean(axis=0), slow - slow.mean(axis=0), nuisance]
+    design = Design.of((), parts)
+    size_of = np.sqrt(np.mean(design.columns**2, axis=0))
+    columns = design.columns / np.maximum(size_of, 1e-12)
+    groups = robust_groups(columns, design.slices, error, lambda size: _LEAST * size)
+    heated_groups, drift_only = groups.with_and_without(0, 1, _LEAST * groups.size)
     weight = weights_about(error - columns @ groups.values)
-    heated, drifting, _ = whole.slices
+    heated, drifting, _ = design.slices
     # Set free, without any drift: the temperature takes all that it can.
-    free, root = np.delete(columns, drifting, axis=1), np.sqrt(weight)
-    full = np.linalg.lstsq(free * root[:, None], error * root)[0]
-    warm = columns[:, heated] @ full[heated]
-    course = columns[:, drifting] @ alone.values[drifting]
+    static, root = np.delete(columns, drifting, axis=1), np.sqrt(weight)
+    values = np.linalg.lstsq(static * root[:, None], error * root)[0]
+    warm = columns[:, heated] @ values[heated]
+    course = columns[:, drifting] @ drift_only.values[drifting]
     share = 2.0 * (clock - clock.min()) / (float(np.ptp(clock)) or 1.0) - 1.0
     rms, size = float(np.std(warm)), float(np.std(error[weight > 0]))
     return AgainstDrift(
-        gain=2.0 * (both.evidence - alone.evidence),
+        gain=2.0 * (heated_groups.evidence - drift_only.evidence),
         instead=float(followed(warm, np.vander(share, _SMOOTH + 1))),
         alike=float(followed(course, columns[:, heated])),
         rms=rms,
@@ -163,21 +163,21 @@ class Confusion:
 
 
 def look_for_confusion(
-    found: Selection, needs: Sequence[Need], heat: Sequence[Term]
+    chosen: Selection, needs: Sequence[Need], heat: Sequence[Term]
 ) -> Confusion:
     """Return what would replace the compensations that were found, or may be a drift."""
     others, hidden = dict[Need, list[Term]](), list[Term]()
-    if needs and found.view.channel == "error":
-        others, hidden = _substitutes(found, needs)
-    columns = found.columns
+    if needs and chosen.view.channel == "error":
+        others, hidden = _substitutes(chosen, needs)
+    columns = chosen.columns
     if not heat or not columns.drift.shape[1]:
         return Confusion(others, hidden)
     shifts = [term for term in heat if term.kind is Kind.HEAT_OFFSET]
     # Where no temperature was found, the offset that changes most like the drift.
-    like = max(shifts, key=lambda need: followed(found.drift, columns.of(need)))
+    closest = max(shifts, key=lambda need: followed(chosen.drift, columns.of(need)))
     warm = [need.terms for need in needs if need.lead.kind in HEAT]
-    terms = warm[0] if warm else (like,)
-    parts = [found.part(term) for term in found.terms if term not in terms]
+    terms = warm[0] if warm else (closest,)
+    parts = [chosen.part(term) for term in chosen.terms if term not in terms]
     drift = against_drift(
         columns.view.data.clock,
         np.concatenate([columns.of(term) for term in terms], axis=1),
@@ -189,33 +189,33 @@ def look_for_confusion(
 
 
 def _substitutes(
-    found: Selection, needs: Sequence[Need]
+    chosen: Selection, needs: Sequence[Need]
 ) -> tuple[dict[Need, list[Term]], list[Term]]:
     """Return what explains the same as a compensation, and what cannot be seen."""
-    columns, own, count = found.columns, found.groups.variance, len(found.terms)
-    others = [term for term in found.looked if term not in found.terms]
-    loose_ones = range(count, count + len(others))
-    whole = columns.design([*found.terms, *map(_changing, others)])
+    columns, prior, count = chosen.columns, chosen.groups.variance, len(chosen.terms)
+    others = [term for term in chosen.looked if term not in chosen.terms]
+    extra = range(count, count + len(others))
+    design = columns.design([*chosen.terms, *map(_changing, others)])
     rows = some_of(len(columns.view.error), _ROWS)
     error, weight = columns.view.error[rows], columns.weight[rows]
-    loose = Groups.of(whole.columns[rows], whole.slices, error, weight)
-    variance = _LOOSE * loose.variance
-    variance[:count] = own[found.index(found.terms)]
-    variance[loose_ones.stop :] = own[len(found.design.terms) :]
-    loose = dataclasses.replace(loose, variance=variance, noise=found.groups.noise)
-    beside = loose.without(loose_ones)
+    wide = Groups.of(design.columns[rows], design.slices, error, weight)
+    variance = _LOOSE * wide.variance
+    variance[:count] = prior[chosen.index(chosen.terms)]
+    variance[extra.stop :] = prior[len(chosen.design.terms) :]
+    wide = dataclasses.replace(wide, variance=variance, noise=chosen.groups.noise)
+    base = wide.without(extra)
     hidden: list[Term] = []
-    for k, term in zip(loose_ones, others, strict=True):
-        here = whole.slices[k]
-        trace = np.trace(beside.reduced(here)[:-1, :-1])
-        if trace < _HIDDEN * np.trace(loose.gram[here, here]):
+    for k, term in zip(extra, others, strict=True):
+        part = design.slices[k]
+        trace = np.trace(base.reduced(part)[:-1, :-1])
+        if trace < _HIDDEN * np.trace(wide.gram[part, part]):
             hidden.append(term)
     result: dict[Need, list[Term]] = {}
     for need in needs:
-        mine = [found.terms.index(term) for term in need.terms]
-        gain = max(beside.gain(mine), 1e-300)
-        for k, term in zip(loose_ones, others, strict=True):
-            instead = loose.without([*({*mine, *loose_ones} - {k})])
+        members = [chosen.terms.index(term) for term in need.terms]
+        gain = max(base.gain(members), 1e-300)
+        for k, term in zip(extra, others, strict=True):
+            instead = wide.without([*({*members, *extra} - {k})])
             share = _PARTLY if term in hidden else _AS_WELL
             if not _contained(need, term) and instead.gain([k]) >= share * gain:
                 result.setdefault(need, []).append(term)
@@ -241,31 +241,31 @@ def _contained(need: Need, other: Term) -> bool:
     )
 
 
-def sensors_alike(found: Selection, need: Need) -> list[str]:
+def sensors_alike(chosen: Selection, need: Need) -> list[str]:
     """Return the sensors of a temperature, where others changed in the same way."""
-    warm = found.view.data.temperature
+    warm = chosen.view.data.temperature
     for sensor in dict.fromkeys(term.sensor for term in need.terms if term.sensor):
-        alike = [sensor]
+        sensors = [sensor]
         for name, other in warm.items():
-            known = np.isfinite(warm[sensor]) & np.isfinite(other)
-            if name != sensor and known.sum() > 2:
-                same = followed(warm[sensor][known], other[known][:, None])
-                alike += [name] if same > _SAME_COURSE**2 else []
-        if len(alike) > 1:
-            return alike
+            finite = np.isfinite(warm[sensor]) & np.isfinite(other)
+            if name != sensor and finite.sum() > 2:
+                share = followed(warm[sensor][finite], other[finite][:, None])
+                sensors += [name] if share > _SAME_COURSE**2 else []
+        if len(sensors) > 1:
+            return sensors
     return []
 
 
-def amount(found: Selection, rms: float) -> str:
+def amount(chosen: Selection, rms: float) -> str:
     """Return a length, an angle or a current as a person writes it."""
-    if found.view.channel == "current":
+    if chosen.view.channel == "current":
         return f"{rms:.3g}"
-    return f"{1e3 * rms:.2g} {small_unit(found.view.unit)}"
+    return f"{1e3 * rms:.2g} {small_unit(chosen.view.unit)}"
 
 
 def stays(
-    found: Selection,
-    what: str,
+    chosen: Selection,
+    label: str,
     masters: Sequence[str],
     rms: float,
     sentence: str,
@@ -273,43 +273,43 @@ def stays(
     verdict: Verdict = "the kernel cannot express this",
 ) -> Unexplained:
     """Return what stays: no compensation holds it, or several could."""
-    view, axes = found.view, tuple(dict.fromkeys(masters))
-    part = min(rms**2 / found.square, 1.0) if share is None else share
+    view, axes = chosen.view, tuple(dict.fromkeys(masters))
+    part = min(rms**2 / chosen.square, 1.0) if share is None else share
     return Unexplained(
         axis=view.axis, masters=axes, rms=rms, share=part, unit=view.unit,
-        sentence=sentence, what=what, verdict=verdict,
+        sentence=sentence, what=label, verdict=verdict,
     )  # fmt: skip
 
 
-def drifts(found: Selection) -> Iterator[Drift]:
+def drifts(chosen: Selection) -> Iterator[Drift]:
     """Yield the drift of each measurement of an axis in which there is one.
 
     How large it is, the evidence says; its pieces are the fewest that follow it.
     """
-    view, course, time = found.view, found.drift, found.view.data.time
-    if time is None or not found.columns.drift.shape[1]:
+    view, course, time = chosen.view, chosen.drift, chosen.view.data.time
+    if time is None or not chosen.columns.drift.shape[1]:
         return
     for rows in view.sources:
         clock, rms = time[rows], float(np.std(course[rows]))
         # Runs have an offset each, which a fit allows for.
         several = len(np.unique(view.data.run[rows])) > 1
-        if several or not np.ptp(clock) > 0 or rms <= _FOLLOWED * found.noise:
+        if several or not np.ptp(clock) > 0 or rms <= _FOLLOWED * chosen.noise:
             continue
         pieces = _PIECES[-1]
         for pieces in _PIECES:
             knots = np.linspace(clock.min(), clock.max(), pieces + 1)
-            every = np.eye(pieces + 1)
-            lines = np.stack([np.interp(clock, knots, hat) for hat in every], axis=1)
+            basis = np.eye(pieces + 1)
+            lines = np.stack([np.interp(clock, knots, hat) for hat in basis], axis=1)
             residual = course[rows] - lines @ np.linalg.lstsq(lines, course[rows])[0]
-            if float(np.std(residual)) <= _FOLLOWED * found.noise:
+            if float(np.std(residual)) <= _FOLLOWED * chosen.noise:
                 break
         follow = f"{pieces} straight pieces follow it."
         sentence = (
             f"Beside what was found the error of {view.axis} wanders in time by"
-            f" {amount(found, rms)} rms, as the zero of an instrument does:"
+            f" {amount(chosen, rms)} rms, as the zero of an instrument does:"
             f" {'one straight piece follows it.' if pieces == 1 else follow}"
         )
-        if rms >= max(_SLIGHT * found.noise, _SLIGHT_SHARE * np.sqrt(found.square)):
+        if rms >= max(_SLIGHT * chosen.noise, _SLIGHT_SHARE * np.sqrt(chosen.square)):
             sentence += (
                 " That is much for an instrument: something may have warmed whose"
                 " temperature was not recorded, or cannot be told from this."
@@ -318,41 +318,41 @@ def drifts(found: Selection) -> Iterator[Drift]:
         yield Drift(view.axis, source, pieces, rms, view.unit, sentence)
 
 
-def ripples(found: Selection) -> Iterator[Unexplained]:
+def ripples(chosen: Selection) -> Iterator[Unexplained]:
     """Yield the strongest periodic error over each position that a table is too coarse for."""
-    view = found.view
+    view = chosen.view
     spans = view.span.items() if view.channel == "error" else ()
     for master, (low, high) in spans:
-        turns, amplitude = _ripple(found, master)
+        turns, amplitude = _ripple(chosen, master)
         if not turns:
             continue
-        along, unit = master == view.axis, view.unit
+        is_own, unit = master == view.axis, view.unit
         # Six entries per period follow it.
         nodes = int(np.ceil(6.0 * turns)) + 1
         remedy = f"more than the {_MOST_NODES} that a list has by default."
         if nodes <= _MOST_NODES:
-            kind = (Kind.OWN if along else Kind.LINE).value.compensation
+            kind = (Kind.OWN if is_own else Kind.LINE).value.compensation
             remedy = f"so a {kind} table of that many would hold it."
         rms = amplitude / float(np.sqrt(2.0))
         sentence = (
             f"The error of {view.axis} repeats every {(high - low) / turns:.4g} {unit} of"
-            f" {master} ({amount(found, rms)} rms), finer than a table that follows"
+            f" {master} ({amount(chosen, rms)} rms), finer than a table that follows"
             f" the rest: it takes {nodes} nodes, {remedy}"
         )
-        what = f"periodic error of {view.axis} over {master}"
-        yield stays(found, what, () if along else (master,), rms, sentence)
+        label = f"periodic error of {view.axis} over {master}"
+        yield stays(chosen, label, () if is_own else (master,), rms, sentence)
 
 
-def _ripple(found: Selection, axis: str) -> tuple[float, float]:
+def _ripple(chosen: Selection, axis: str) -> tuple[float, float]:
     """Return periods per travel and amplitude in mm or ° of a fine period; 0 where none."""
-    view, none = found.view, (0.0, 0.0)
+    view, absent = chosen.view, (0.0, 0.0)
     u = view.scaled(axis)
-    known = np.isfinite(u)
+    finite = np.isfinite(u)
     last = min(int(_FINEST * _BINS), view.places(axis) // 4)
     if view.places(axis) < 8 * _COARSE or last <= _COARSE + 1:
-        return none
-    u, block = u[known], view.block[known]
-    residual = np.clip(found.residual[known], -4.0 * found.noise, 4.0 * found.noise)
+        return absent
+    u, block = u[finite], view.block[finite]
+    residual = np.clip(chosen.residual[finite], -4.0 * chosen.noise, 4.0 * chosen.noise)
     # Where places lie in rows, what is slow over them would show as fine lines.
     slow = np.stack([wave(u) for wave in smooth(2 * _COARSE)], axis=1)
     residual = residual - slow @ np.linalg.lstsq(slow, residual)[0]
@@ -362,14 +362,14 @@ def _ripple(found: Selection, axis: str) -> tuple[float, float]:
     sums = [np.bincount(bins[half], residual[half], _BINS) for half in halves]
     lines = [np.fft.rfft(sum_of, _PADDED * _BINS) for sum_of in sums]
     first, power = _PADDED * (_COARSE + 1), np.abs(lines[0] + lines[1]) ** 2
-    at = first + int(np.argmax(power[first : _PADDED * last]))
+    peak = first + int(np.argmax(power[first : _PADDED * last]))
     chance = float(residual @ residual) * np.log((last - _COARSE - 1) / _CHANCE)
-    if not power[at] >= chance > 0:
-        return none
+    if not power[peak] >= chance > 0:
+        return absent
     counts = [max(int(half.sum()), 1) for half in halves]
-    ends = [2.0 * line[at] / n for line, n in zip(lines, counts, strict=True)]
-    amplitude = 2.0 * float(np.sqrt(power[at])) / len(u)
-    agreement = float(np.real(ends[0] * np.conj(ends[1])))
-    if amplitude / np.sqrt(2.0) < found.least or agreement < 0.25 * amplitude**2:
-        return none
-    return at / _PADDED, amplitude
+    phasors = [2.0 * line[peak] / n for line, n in zip(lines, counts, strict=True)]
+    amplitude = 2.0 * float(np.sqrt(power[peak])) / len(u)
+    agreement = float(np.real(phasors[0] * np.conj(phasors[1])))
+    if amplitude / np.sqrt(2.0) < chosen.least or agreement < 0.25 * amplitude**2:
+        return absent
+    return peak / _PADDED, amplitude
