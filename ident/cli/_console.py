@@ -21,18 +21,18 @@ _SOON, _LONG = 2.0, 10.0
 
 
 def print_remarks(
-    console: "Console", remarks: Iterable["Remark"], said: set[str]
+    console: "Console", remarks: Iterable["Remark"], printed: set[str]
 ) -> None:
     """Print remarks, errors first, without what was said before them; now they are said."""
     from ..job import by_level
 
     for remark in by_level(remarks):
         message = remark.message
-        for sentence in said:
+        for sentence in printed:
             message = message.replace(sentence, "").strip()
         if message:
             print_line(console, f"{remark.level}: {message}")
-        said.add(remark.message)
+        printed.add(remark.message)
 
 
 def print_line(console: "Console", line: str) -> None:

@@ -69,18 +69,18 @@ def _write(
     console: "Console",
     write: Path,
     job: "Job",
-    seen: "Observation",
-    found: "Discovery",
+    observation: "Observation",
+    discovery: "Discovery",
 ) -> None:
     """Write the job that fits what was found, and say what else it states."""
     from ..job import found_keys, job_with_fits, write_atomically
 
-    write_atomically(write, job_with_fits(job, seen, found).encode())
-    count = len(found.found)
+    write_atomically(write, job_with_fits(job, observation, discovery).encode())
+    count = len(discovery.found)
     print_line(
         console, f"Job with {'one fit' if count == 1 else f'{count} fits'}: {write}"
     )
-    for name, keys in found_keys(job, seen, found).items():
+    for name, keys in found_keys(job, observation, discovery).items():
         for key, value in keys.items():
             does = f"states {key} = {json.dumps(value)}"
             if value is None:
@@ -106,19 +106,19 @@ def _refuse_place(job: Path, write: Path) -> None:
     refuse_existing(write, "--write")
 
 
-def _json(found: "Discovery", names: tuple[str, ...]) -> dict[str, object]:
-    tree = dataclasses.asdict(found)
+def _json(discovery: "Discovery", names: tuple[str, ...]) -> dict[str, object]:
+    tree = dataclasses.asdict(discovery)
     for drift in tree["drifts"]:
         drift["measurement"] = names[drift.pop("source")]
     return tree
 
 
-def _print(console: "Console", found: "Discovery") -> None:
+def _print(console: "Console", discovery: "Discovery") -> None:
     """Print what a person wants to know: what to compensate, by how much, what stays."""
-    for axis in found.axes:
+    for axis in discovery.axes:
         mine = [
             fit
-            for fit in found.found
+            for fit in discovery.found
             if fit.axis == axis.axis
             and kind(fit.compensation).adds_current == (axis.channel == "current")
         ]
@@ -143,18 +143,18 @@ def _print(console: "Console", found: "Discovery") -> None:
             console.print(table_of(heads, rows, numbers=_NUMBERS))
         for fit in mine:
             print_line(console, fit.sentence)
-        for drift in found.drifts:
+        for drift in discovery.drifts:
             if drift.axis == axis.axis and axis.channel == "error":
                 print_line(console, drift.sentence)
         console.print()
-    if found.unexplained:
+    if discovery.unexplained:
         print_line(console, "Unexplained:")
-    for rest in found.unexplained:
+    for rest in discovery.unexplained:
         verdict = f"{rest.verdict[0].upper()}{rest.verdict[1:]}: "
         print_line(console, f"  {rest.verdict}: {rest.sentence.removeprefix(verdict)}")
-    if found.rejected:
+    if discovery.rejected:
         print_line(console, "Looked for and not taken:")
-    for no in found.rejected:
+    for no in discovery.rejected:
         by = [*no.masters, *([no.sensor] if no.sensor else [])]
         over = f" ({', '.join(by)})" if by else ""
         print_line(console, f"  {no.compensation} of {no.axis}{over}: {no.reason}")

@@ -70,12 +70,12 @@ def fit(
 def _print_fits(console: "Console", result: "JobResult") -> None:
     """Print what a person wants to know first; what several fits say alike, once."""
     printed = set[str]()
-    rest = dict(enumerate(result.fits))
+    fits = dict(enumerate(result.fits))
     for group in result.groups:
         _print_group(console, group, result.fits, printed)
         for index in group.fits:
-            _print_fit(console, rest.pop(index), printed, grouped=True)
-    for fit_result in rest.values():
+            _print_fit(console, fits.pop(index), printed, grouped=True)
+    for fit_result in fits.values():
         _print_fit(console, fit_result, printed)
     print_remarks(console, result.remarks, printed)
 
@@ -106,32 +106,32 @@ def _verdict_of(result: "JobResult") -> str:
 
 def _print_fit(
     console: "Console",
-    found: "AbstractResult",
-    said: set[str],
+    fit: "AbstractResult",
+    printed: set[str],
     *,
     grouped: bool = False,
 ) -> None:
     """Print figures, gate, verdict and remarks of a fit, without what is said elsewhere."""
     from ..report import headline_of
 
-    name = f"{found.compensation} of {found.axis}: " if grouped else ""
-    if not (grouped or found.left_out):
-        _print_figures(console, found)
-    if found.gate:
-        _print_gate(console, found, name)
-    if not found.left_out:
-        sentence = headline_of(found, scale_of(found.unit)).sentence
+    name = f"{fit.compensation} of {fit.axis}: " if grouped else ""
+    if not (grouped or fit.left_out):
+        _print_figures(console, fit)
+    if fit.gate:
+        _print_gate(console, fit, name)
+    if not fit.left_out:
+        sentence = headline_of(fit, scale_of(fit.unit)).sentence
         print_line(console, f"{name}verdict: {sentence}")
-    print_remarks(console, found.remarks, said)
+    print_remarks(console, fit.remarks, printed)
 
 
-def _print_figures(console: "Console", found: "AbstractResult") -> None:
+def _print_figures(console: "Console", fit: "AbstractResult") -> None:
     from ..report._section import figures_of
 
-    over = f" over {', '.join(found.over)}" if found.over else ""
-    scale = scale_of(found.unit)
+    over = f" over {', '.join(fit.over)}" if fit.over else ""
+    scale = scale_of(fit.unit)
     digits = ".3g" if scale.factor == 1.0 else ".1f"
-    stages, figures = figures_of(found.error)
+    stages, figures = figures_of(fit.error)
     heads = [stage.replace("_", " ") for stage in stages]
     rows = [
         (
@@ -140,14 +140,14 @@ def _print_figures(console: "Console", found: "AbstractResult") -> None:
         )
         for name, row in figures.items()
     ]
-    title = f"{found.compensation} of {found.axis}{over}, {scale.error}"
+    title = f"{fit.compensation} of {fit.axis}{over}, {scale.error}"
     console.print(table_of(["error", *heads], rows, numbers=heads, title=title))
 
 
-def _print_gate(console: "Console", found: "AbstractResult", name: str) -> None:
-    failed = [check for check in found.gate if not check.passed]
+def _print_gate(console: "Console", fit: "AbstractResult", name: str) -> None:
+    failed = [check for check in fit.gate if not check.passed]
     if not failed:
-        console.print(f"{name}gate: passed ({len(found.gate)} checks)", markup=False)
+        console.print(f"{name}gate: passed ({len(fit.gate)} checks)", markup=False)
     for check in failed:
         console.print(
             f"{name}gate: FAILED {check.name}: {check.value:.4g} {check.unit}, allowed"
@@ -170,9 +170,9 @@ def _print_group(
     confusions = dict.fromkeys(pair.sentence for pair in group.confusions)
     for sentence in confusions:
         print_line(console, f"undetermined: {sentence}")
-    for each in group.effects:
-        if each.written and each.why and each.name not in " ".join(confusions):
-            print_line(console, f"undetermined: of the {each.name}: {each.why}")
+    for effect in group.effects:
+        if effect.written and effect.why and effect.name not in " ".join(confusions):
+            print_line(console, f"undetermined: of the {effect.name}: {effect.why}")
     for freedom in group.freedoms:
         print_line(console, f"free: {freedom.sentence} {freedom.rule}")
     own = [remark.message for index in group.fits for remark in fits[index].remarks]
@@ -203,33 +203,33 @@ def _print_effects(
     console: "Console", group: "GroupResult", fits: Sequence["AbstractResult"]
 ) -> None:
     scales, rows = {axis.axis: scale_of(axis.unit) for axis in group.axes}, []
-    for each in group.effects:
-        scale = scales.get(each.axis, scale_of("mm"))
-        over = fits[each.index].over if each.index is not None else ()
+    for effect in group.effects:
+        scale = scales.get(effect.axis, scale_of("mm"))
+        over = fits[effect.index].over if effect.index is not None else ()
         rows.append(
             (
-                each.name,
+                effect.name,
                 ", ".join(over) or "–",
-                _size(each, fits, scale),
-                f"{each.information:.0%}",
-                _fate(each, fits),
+                _size(effect, fits, scale),
+                f"{effect.information:.0%}",
+                _fate(effect, fits),
             )
         )
     heads = ["effect", "over", "rms", "information", "list"]
     console.print(table_of(heads, rows, numbers=("rms", "information")))
 
 
-def _size(each: "EffectShare", fits: Sequence["AbstractResult"], scale: Scale) -> str:
-    if not each.determined or (each.index is not None and fits[each.index].left_out):
+def _size(share: "EffectShare", fits: Sequence["AbstractResult"], scale: Scale) -> str:
+    if not share.determined or (share.index is not None and fits[share.index].left_out):
         return "not known"
-    return f"{number(scale.factor * each.rms)} {scale.error}"
+    return f"{number(scale.factor * share.rms)} {scale.error}"
 
 
-def _fate(each: "EffectShare", fits: Sequence["AbstractResult"]) -> str:
-    if each.index is None:
-        return f"none: {each.why}"
-    if fits[each.index].left_out:
+def _fate(share: "EffectShare", fits: Sequence["AbstractResult"]) -> str:
+    if share.index is None:
+        return f"none: {share.why}"
+    if fits[share.index].left_out:
         return "LEFT OUT"
-    if not each.written:
+    if not share.written:
         return "nothing to write"
-    return "written in part" if each.why else "written"
+    return "written in part" if share.why else "written"

@@ -86,27 +86,27 @@ def verify(
     return answer.agrees
 
 
-def _json(one: "Verdict") -> Mapping[str, object]:
-    values = one.value
+def _json(verdict: "Verdict") -> Mapping[str, object]:
+    values = verdict.value
     return {
-        "axis": f"A{one.axis}",
-        "compensation": one.compensation,
-        "verdict": list(one.verdict),
+        "axis": f"A{verdict.axis}",
+        "compensation": verdict.compensation,
+        "verdict": list(verdict.verdict),
         "value": values[0] if len(values) == 1 else list(values) or None,
-        "sentence": one.sentence,
+        "sentence": verdict.sentence,
     }
 
 
-def _save(path: Path, stored: "StoredConventions", found: "Verification") -> None:
+def _save(path: Path, stored: "StoredConventions", answer: "Verification") -> None:
     """Add the rules that the log settled to a file; those that only fit stay assumed."""
     from ..job import write_atomically
 
-    values = found.conventions.to_dict()
-    settled = {name: values[name] for name in sorted(found.settled)}
+    values = answer.conventions.to_dict()
+    settled = {name: values[name] for name in sorted(answer.settled)}
     turned = stored.contradicted(settled)
     before = stored.conventions.to_dict()
     kept = {name: before[name] for name in stored.verified}
-    fitting = type(found.conventions).from_dict({**values, **kept})
+    fitting = type(answer.conventions).from_dict({**values, **kept})
     merged = dataclasses.replace(stored, conventions=fitting).with_verified(
         settled, saved_at=datetime.date.today().isoformat()
     )

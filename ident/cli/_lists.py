@@ -141,11 +141,11 @@ def diff(
         note((f"wrote {path}" for path in draw_tables(after, out, before)), "")
 
 
-def _lines(found: "Comparison") -> list[str]:
+def _lines(comparison: "Comparison") -> list[str]:
     """Return the comparison as lines for people."""
     lines: list[str] = []
     groups: dict[str, list[Change]] = {}
-    for change in found.changed:
+    for change in comparison.changed:
         head, bracket, tail = change.name.partition("[")
         key = f"{head}{bracket}{tail.rpartition(']')[2]}" if bracket else change.name
         groups.setdefault(key, []).append(change)
@@ -154,14 +154,14 @@ def _lines(found: "Comparison") -> list[str]:
         lines += map(str, shown)
         if len(changes) > len(shown):
             lines.append(f"  ... and {len(changes) - len(shown)} more of this table")
-    lines += map(str, found.curves)
+    lines += map(str, comparison.curves)
     actions = {
         "none": "No entry changed: nothing to load.",
         "reload": "A reload of the list is enough.",
         "restart": "The controller must be restarted:",
     }
-    lines.append(actions[found.action])
-    lines += [f"  {reason}" for reason in found.reasons]
+    lines.append(actions[comparison.action])
+    lines += [f"  {reason}" for reason in comparison.reasons]
     return lines
 
 

@@ -98,12 +98,12 @@ def _grid(
     """Return a table of numbers; of many rows, and of more columns than ``most``, some."""
     across = [0, *(1 + k for k in _some(len(heads) - 1, most or len(heads)))]
     down, notes = _some(len(rows), MOST_ROWS), [caption] if caption else []
-    for shown, every, what in (
+    for first, every, what in (
         (len(across) - 1, len(heads) - 1, "columns"),
         (len(down), len(rows), "rows"),
     ):
-        if shown < every:
-            notes.append(f"{shown} of {every} {what} are shown")
+        if first < every:
+            notes.append(f"{first} of {every} {what} are shown")
     return table_of(
         [heads[k] for k in across],
         ([rows[k][at] for at in across] for k in down),
@@ -199,9 +199,9 @@ def _some(count: int, most: int) -> list[int]:
     return sorted({round(k * (count - 1) / (most - 1)) for k in range(most)})
 
 
-def _raw_table(file: ListFile, one: Kind, table: str) -> Iterator[RenderableType]:
+def _raw_table(file: ListFile, kind_of: Kind, table: str) -> Iterator[RenderableType]:
     """Yield a table with its entries as they stand, such as that of friction."""
-    stem = f"{one.prefix}.{table}[]."
+    stem = f"{kind_of.prefix}.{table}[]."
     columns = {key: rows for key, rows in file.columns.items() if key.startswith(stem)}
     heads = ["index"]
     for key in columns:
@@ -214,7 +214,7 @@ def _raw_table(file: ListFile, one: Kind, table: str) -> Iterator[RenderableType
     if not places:
         return
     size = count(len(places), "entry", "entries")
-    yield Text(f"\n{one.name.capitalize()} table, {size}. {one.adds}")
+    yield Text(f"\n{kind_of.name.capitalize()} table, {size}. {kind_of.adds}")
     lines = [
         [
             ", ".join(map(str, place)),

@@ -140,14 +140,14 @@ def _lines(
 
 
 def _columns(
-    motion: "Motion", found: "tuple[AxisOffsets, ...]"
+    motion: "Motion", offsets: "tuple[AxisOffsets, ...]"
 ) -> "dict[str, np.ndarray]":
     import numpy as np
 
     columns: dict[str, np.ndarray] = {}
     if motion.time is not None:
         columns["time"] = motion.time
-    for axis in found:
+    for axis in offsets:
         parts = {**axis.parts, "offset": axis.total}
         if axis.current is not None:
             parts["friction"] = axis.current
@@ -159,7 +159,7 @@ def _columns(
 
 def _summary(
     columns: "dict[str, np.ndarray]",
-    found: "tuple[AxisOffsets, ...]",
+    offsets: "tuple[AxisOffsets, ...]",
     rules: "StoredConventions",
 ) -> dict[str, object]:
     import numpy as np
@@ -179,7 +179,7 @@ def _summary(
             }
             for rule in rules.conventions.listing()
         },
-        "remarks": [text for axis in found for text in axis.remarks],
+        "remarks": [text for axis in offsets for text in axis.remarks],
     }
 
 

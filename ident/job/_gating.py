@@ -38,19 +38,19 @@ def spread_over(
     return choose_cycles(jump, cycle_time, fastest, limits.max_acceleration, stated)
 
 
-def switching_remarks(one: "TableDraft") -> list[Remark]:
+def switching_remarks(draft: "TableDraft") -> list[Remark]:
     """Return what the user must know of switching a table; nothing where it is small."""
-    axis, jump, limit = one.axis, one.jump, one.job.limits.max_switching
+    axis, jump, limit = draft.axis, draft.jump, draft.job.limits.max_switching
     if largest_step(jump, 0) <= limit:
         return []
-    unit, spread = one.job.spec.axes[axis].unit, one.kind.cycles
-    cycles = one.spread[1]
+    unit, spread = draft.job.spec.axes[axis].unit, draft.kind.cycles
+    cycles = draft.spread[1]
     step = largest_step(jump, cycles)
     how = " in one cycle: the controller has no n_cycles for it"
     if spread is not None:
         how = f": {spread[0]} {cycles} spreads it, {step:.3g} {unit} per cycle at most"
     words = (
-        f"Switching the {one.kind.name} table of {axis} (COMP ON/OFF {one.kind.keyword},"
+        f"Switching the {draft.kind.name} table of {axis} (COMP ON/OFF {draft.kind.keyword},"
         f" homing, reload) moves {axis} by up to {jump:.4g} {unit}{how}. At standstill"
         " only, without a tool in cut, best where the table is near 0."
     )
@@ -67,18 +67,18 @@ def switching_remarks(one: "TableDraft") -> list[Remark]:
     return [Remark.warning(words)]
 
 
-def convergence_checks(one: "AbstractDraft") -> list[GateCheck]:
+def convergence_checks(draft: "AbstractDraft") -> list[GateCheck]:
     """Return the line of the gate for a fit that did not settle; none for one that did."""
-    if one.converged:
+    if draft.converged:
         return []
-    where = f"{one.name}: its values still move from pass to pass"
+    where = f"{draft.name}: its values still move from pass to pass"
     return [gate_check("settled", 1.0, 0.0, "unsettled fits", where)]
 
 
-def unsettled(one: "AbstractDraft") -> Remark:
+def unsettled(draft: "AbstractDraft") -> Remark:
     """Return what to do about a fit that did not settle."""
     return Remark.error(
-        f"The iterations of the {one.name} did not settle: its values are not those that"
+        f"The iterations of the {draft.name} did not settle: its values are not those that"
         " its readings ask for. Look at the readings that contradict the others: measure"
         " them again, or leave them out (skip); or take nodes that can follow them."
     )

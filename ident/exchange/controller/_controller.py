@@ -80,13 +80,13 @@ def columns_of(used: Sequence[InUse], numbers: Sequence[int]) -> dict[int, int]:
     return {number: k for k, number in enumerate(numbers)}
 
 
-def model_of(one: InUse, reading: Reading) -> Any:
+def model_of(in_use: InUse, reading: Reading) -> Any:
     """Return the model of a compensation that lists hold; its masters left out.
 
     Raises:
         ExchangeError: If its entries make none.
     """
-    return one.kind.entries.model(one.listing, one.axis, reading)
+    return in_use.kind.entries.model(in_use.listing, in_use.axis, reading)
 
 
 def _axis(

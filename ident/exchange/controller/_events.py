@@ -141,13 +141,13 @@ def selected_rows(
     return selected
 
 
-def _columns(one: ControllerEvent, numbers: Sequence[int]) -> list[int]:
-    if one.axis is None:
+def _columns(event: ControllerEvent, numbers: Sequence[int]) -> list[int]:
+    if event.axis is None:
         return list(range(len(numbers)))
     known = ", ".join(f"A{number}" for number in numbers)
     expected = f"one of those that the lists name, {known}"
-    expect(one.axis in numbers, one.where, f"axis {one.axis}", expected)
-    return [list(numbers).index(one.axis)]
+    expect(event.axis in numbers, event.where, f"axis {event.axis}", expected)
+    return [list(numbers).index(event.axis)]
 
 
 def loaded_versions(
@@ -176,9 +176,9 @@ def _replaced(version: Sequence[ListFile], event: ControllerEvent) -> int:
     """Return the place of the list that an event loads again."""
     listing = event.listing
     assert listing is not None
-    for place, one in enumerate(version):
-        same_kind = one.kind == listing.kind == "compensation"
-        if same_kind and axis_number(one) == axis_number(listing):
+    for place, entry in enumerate(version):
+        same_kind = entry.kind == listing.kind == "compensation"
+        if same_kind and axis_number(entry) == axis_number(listing):
             return place
     raise ExchangeError(
         where=event.where,

@@ -232,17 +232,17 @@ def _axis(
     act = [each for each in kinds() if (axis, each.name) in added]
     parts = {each.name: added[axis, each.name] for each in act if not each.adds_current}
     currents = [added[axis, each.name] for each in act if each.adds_current]
-    mine = {one: reason for one, reason in why.items() if one.axis == axis}
-    out = {one.name: reason for one, reason in mine.items() if reason is not None}
+    mine = {entry: reason for entry, reason in why.items() if entry.axis == axis}
+    out = {entry.name: reason for entry, reason in mine.items() if reason is not None}
     remarks = [
         f"{name} stands in the list and is not computed: {reason}"
         for name, reason in out.items()
     ]
     remarks += [
-        f"{one.name} waits for COMP ON in the NC program (manual_activation 1); it is"
+        f"{entry.name} waits for COMP ON in the NC program (manual_activation 1); it is"
         " computed as switched on"
-        for one, reason in mine.items()
-        if one.manual and reason is None and not waiting
+        for entry, reason in mine.items()
+        if entry.manual and reason is None and not waiting
     ]
     if act and not motion.is_even:
         remarks.append(
@@ -297,7 +297,7 @@ class AxisLists:
         entries = machine_lists(self.files).in_use(
             self.reading.conventions, self.reading.lines
         )
-        mine = {one.name: one for one in entries if one.axis == self.axis}
+        mine = {entry.name: entry for entry in entries if entry.axis == self.axis}
         places = [sort.name for sort in kinds() if not sort.adds_current]
         return {name: mine[name] for name in places if name in mine}
 
@@ -347,16 +347,16 @@ class AxisLists:
         )
         return dict(axis.parts)
 
-    def _is_known(self, one: InUse, motion: Motion) -> bool:
+    def _is_known(self, entry: InUse, motion: Motion) -> bool:
         """Return whether it adds to this axis, and a motion has what it looks at."""
-        if one.axis != self.axis or one.kind.adds_current:
+        if entry.axis != self.axis or entry.kind.adds_current:
             return False
-        if one.kind.by_plc and self.axis in self.reading.lines:
+        if entry.kind.by_plc and self.axis in self.reading.lines:
             if not motion.temperatures:
                 return False
             if self._has_no_slope:
                 return True
-        looks_at = one.kind.entries.looks_at(one, motion)
+        looks_at = entry.kind.entries.looks_at(entry, motion)
         return all(axis in motion.positions for axis in looks_at)
 
     @property

@@ -13,7 +13,7 @@ from ..table._layout import grid_keys
 from ._load import Job
 
 
-def job_with_fits(job: Job, observation: Observation, found: Discovery) -> str:
+def job_with_fits(job: Job, observation: Observation, discovery: Discovery) -> str:
     """Return the text of a job that fits what was found.
 
     All but the fits and `found_keys` stays as it is.
@@ -21,18 +21,18 @@ def job_with_fits(job: Job, observation: Observation, found: Discovery) -> str:
     Args:
         job: In which was looked.
         observation: Its measurements.
-        found: What they ask for.
+        discovery: What they ask for.
     """
     fits = [
         _keys_of(job, observation, fit, sources)
-        for fit in found.found
-        if (sources := _sources(observation, found, fit))
+        for fit in discovery.found
+        if (sources := _sources(observation, discovery, fit))
     ]
-    return edited_job(job.text, found_keys(job, observation, found), fits)
+    return edited_job(job.text, found_keys(job, observation, discovery), fits)
 
 
 def found_keys(
-    job: Job, observation: Observation, found: Discovery
+    job: Job, observation: Observation, discovery: Discovery
 ) -> dict[str, dict[str, Any]]:
     """Return the keys of each measurement to change, None for one to remove.
 
@@ -43,7 +43,7 @@ def found_keys(
     Args:
         job: In which was looked.
         observation: Its measurements.
-        found: What they ask for.
+        discovery: What they ask for.
     """
     result: dict[str, dict[str, Any]] = {}
     for number, name in enumerate(observation.names):
@@ -51,12 +51,12 @@ def found_keys(
         stated = spec.model_fields_set
         axes = {
             fit.axis
-            for fit in found.found
-            if fit.group is not None and name in _sources(observation, found, fit)
+            for fit in discovery.found
+            if fit.group is not None and name in _sources(observation, discovery, fit)
         }
         pieces = [
             drift.pieces
-            for drift in found.drifts
+            for drift in discovery.drifts
             if drift.source == number and drift.axis in axes
         ]
         if pieces and "drift" not in stated:
@@ -96,19 +96,19 @@ def _sources(observation: Observation, found: Discovery, one: Found) -> tuple[st
 
 
 def _keys_of(
-    job: Job, observation: Observation, one: Found, sources: tuple[str, ...]
+    job: Job, observation: Observation, effect: Found, sources: tuple[str, ...]
 ) -> dict[str, Any]:
     """Return the keys of a fit."""
-    keys: dict[str, Any] = {"compensation": one.compensation, "axis": one.axis}
+    keys: dict[str, Any] = {"compensation": effect.compensation, "axis": effect.axis}
     if len(sources) == 1:
         keys["measurement"] = sources[0]
     else:
         keys["measurements"] = list(sources)
-    over = (one.masters or (one.axis,)) if kind(one.compensation).table else ()
-    nodes = nodes_for(job, observation, one.axis, over, sources)
-    keys |= dict(one.keys) | nodes
-    if one.group is not None:
-        keys["group"] = one.group
+    over = (effect.masters or (effect.axis,)) if kind(effect.compensation).table else ()
+    nodes = nodes_for(job, observation, effect.axis, over, sources)
+    keys |= dict(effect.keys) | nodes
+    if effect.group is not None:
+        keys["group"] = effect.group
     return keys
 
 

@@ -143,26 +143,26 @@ def fit_group(
     return group, drafts
 
 
-def fit_group_of_one(one: AbstractPlan, recording: GroupRecording) -> Share:
+def fit_group_of_one(plan: AbstractPlan, recording: GroupRecording) -> Share:
     """Fit a plan to its own measurements: a group of one.
 
     Raises:
         FitError: If the readings do not tell it.
     """
-    if why := _unfit(one, [one], recording):
+    if why := _unfit(plan, [plan], recording):
         raise FitError(why)
-    share = Share(_identified("", (one,), recording), 0)
+    share = Share(_identified("", (plan,), recording), 0)
     if not share.group.written[0]:
         raise FitError(share.why_undetermined)
     return share
 
 
 def _unfit(
-    one: AbstractPlan, members: Sequence[AbstractPlan], recording: GroupRecording
+    plan: AbstractPlan, members: Sequence[AbstractPlan], recording: GroupRecording
 ) -> str:
     """Return why a member cannot be fitted to these readings, in words, or nothing."""
-    why = one.unfit(recording) or one.confused(members, recording)
-    return why or (one.undetermined(recording.data) if len(members) == 1 else "")
+    why = plan.unfit(recording) or plan.confused(members, recording)
+    return why or (plan.undetermined(recording.data) if len(members) == 1 else "")
 
 
 def _identified(
@@ -196,7 +196,7 @@ def _effects(
 
 
 def _effect(
-    one: AbstractPlan, recording: GroupRecording, left: Float[np.ndarray, " t"]
+    plan: AbstractPlan, recording: GroupRecording, taken: Float[np.ndarray, " t"]
 ) -> AbstractEffect:
     """Return the effect of a member that shows its form in what the others leave.
 
@@ -204,9 +204,9 @@ def _effect(
         FitError: If it does not, naming the member.
     """
     try:
-        effect = one.effect(recording, left)
+        effect = plan.effect(recording, taken)
     except FitError as error:
-        msg = f"{one.name}: {error}"
+        msg = f"{plan.name}: {error}"
         raise FitError(msg) from None
     assert effect is not None  # what the others leave is known now
     return effect

@@ -141,62 +141,62 @@ class GroupResult:
 
 
 def prove_group(
-    found: IdentifiedGroup,
+    group: IdentifiedGroup,
     drafts: Sequence[AbstractDraft],
     files: Mapping[str, AxisFiles],
 ) -> GroupResult:
     """Return a group with what all files of its axes leave together.
 
     Args:
-        found: The joint fit and what it held out.
+        group: The joint fit and what it held out.
         drafts: All fits of the job.
         files: Lists by axis.
     """
-    fit, recording = found.fit, found.recording
+    fit, recording = group.fit, group.recording
     return GroupResult(
-        name=found.name,
-        fits=found.indices,
-        effects=tuple(_effects(found, drafts)),
+        name=group.name,
+        fits=group.indices,
+        effects=tuple(_effects(group, drafts)),
         freedoms=tuple(
-            dataclasses.replace(gauge, rule=_rule(found, gauge)) for gauge in fit.gauges
+            dataclasses.replace(gauge, rule=_rule(group, gauge)) for gauge in fit.gauges
         ),
         confusions=fit.confusions,
-        axes=tuple(_sum(found, drafts, files[axis]) for axis in fit.axes),
+        axes=tuple(_sum(group, drafts, files[axis]) for axis in fit.axes),
         order=recording.order,
         timed=recording.timed,
         held_out=recording.held_out,
         converged=fit.converged,
         message=fit.message,
-        remarks=tuple(_remarks(found, drafts)),
+        remarks=tuple(_remarks(group, drafts)),
     )
 
 
-def _rule(found: IdentifiedGroup, gauge: Gauge) -> str:
+def _rule(group: IdentifiedGroup, gauge: Gauge) -> str:
     """Return how a freedom was fixed, and where the lists have the datum."""
     rule = gauge.rule
-    for part, value in zip(found.parts, found.datum[0], strict=True):
+    for part, value in zip(group.parts, group.datum[0], strict=True):
         if value and f"datum of {part.effect.axis}" in gauge.effects:
             rule += f" In the lists the {part.name} holds the datum."
     return rule
 
 
 def _effects(
-    found: IdentifiedGroup, drafts: Sequence[AbstractDraft]
+    group: IdentifiedGroup, drafts: Sequence[AbstractDraft]
 ) -> Iterator[EffectShare]:
     """Yield how much of the error each fit is, and each effect beside them."""
-    members = [one.index for one in found.members]
-    for index, part in zip(members, found.parts, strict=True):
-        missing, written = undetermined_values(part, found.fit), drafts[index].written
+    members = [draft.index for draft in group.members]
+    for index, part in zip(members, group.parts, strict=True):
+        missing, written = undetermined_values(part, group.fit), drafts[index].written
         yield _share_of(part, not missing, some_of(missing, MOST), index, written)
-    for index in found.indices:
-        one = drafts[index]
+    for index in group.indices:
+        draft = drafts[index]
         if index not in members:
-            assert isinstance(one, LeftOutDraft)  # it was not fitted
+            assert isinstance(draft, LeftOutDraft)  # it was not fitted
             nothing = (0.0, 0.0, False, False)
             yield EffectShare(
-                index, one.name, one.axis, one.compensation, *nothing, one.why
+                index, draft.name, draft.axis, draft.compensation, *nothing, draft.why
             )
-    for part in found.helpers:
+    for part in group.helpers:
         if part.effect.compensation == "delay":
             yield _share_of(part, part.known, "the instrument's")
             continue
@@ -223,20 +223,20 @@ def _share_of(
 
 
 def _sum(
-    found: IdentifiedGroup, drafts: Sequence[AbstractDraft], files: AxisFiles
+    group: IdentifiedGroup, drafts: Sequence[AbstractDraft], files: AxisFiles
 ) -> AxisSum:
-    axis, fit, recording = files.axis, found.fit, found.recording
+    axis, fit, recording = files.axis, group.fit, group.recording
     data = recording.data
-    mine = [k for k, member in enumerate(found.members) if member.axis == axis]
-    drafts_of = {k: drafts[found.members[k].index] for k in mine}
-    rows = np.flatnonzero(Share(found, mine[0]).rows)
+    mine = [k for k, member in enumerate(group.members) if member.axis == axis]
+    drafts_of = {k: drafts[group.members[k].index] for k in mine}
+    rows = np.flatnonzero(Share(group, mine[0]).rows)
     error = data.error[axis][rows]
     if recording.drifting:
         drift = fit.predict(data, runs=True)[axis] - fit.predict(data)[axis]
         error = error - drift[rows]
-    predicted = found.held_out[axis][rows].copy()
-    unwritten = [found.parts[k] for k, draft in drafts_of.items() if not draft.written]
-    for part in found.helpers:
+    predicted = group.held_out[axis][rows].copy()
+    unwritten = [group.parts[k] for k, draft in drafts_of.items() if not draft.written]
+    for part in group.helpers:
         if part.effect.axis != axis:
             continue
         if part.effect.compensation == "delay":
@@ -246,7 +246,7 @@ def _sum(
     for part in unwritten:
         predicted += part.contribution[rows]
     from_file = error + _added_by_files(files, [*drafts_of.values()], recording, rows)
-    constant, residual = found.datum
+    constant, residual = group.datum
     if not any(constant[k] for k in mine):
         # No list takes a constant away: what is left is judged about its middle.
         error, predicted, from_file = (
@@ -254,7 +254,7 @@ def _sum(
         )
     return AxisSum(
         axis=axis,
-        unit=found.job.spec.axes[axis].plain_unit,
+        unit=group.job.spec.axes[axis].plain_unit,
         noise=float(fit.noise[axis]),
         datum=residual[axis],
         rows=rows,
@@ -267,34 +267,34 @@ def _sum(
 
 
 def _remarks(
-    found: IdentifiedGroup, drafts: Sequence[AbstractDraft]
+    group: IdentifiedGroup, drafts: Sequence[AbstractDraft]
 ) -> Iterator[Remark]:
-    fit = found.fit
-    words = dict.fromkeys(each.message for each in found.recording.remarks)
+    fit = group.fit
+    words = dict.fromkeys(confusion.message for confusion in group.recording.remarks)
     yield from map(Remark.info, words)
     if not fit.converged:
         yield Remark.warning(fit.message)
-    names = {part.name for part in found.parts}
-    fine = {part.name for part in found.parts if not undetermined_values(part, fit)}
+    names = {part.name for part in group.parts}
+    fine = {part.name for part in group.parts if not undetermined_values(part, fit)}
     left_out = {
         part.name
-        for part, member in zip(found.parts, found.members, strict=True)
+        for part, member in zip(group.parts, group.members, strict=True)
         if isinstance(drafts[member.index], LeftOutDraft)
     }
-    for each in fit.confusions:
-        shared = names & set(each.effects)
+    for confusion in fit.confusions:
+        shared = names & set(confusion.effects)
         if shared <= fine:
             # Only values that hardly any reading reaches: the prior fills them.
-            yield Remark.info(each.sentence)
+            yield Remark.info(confusion.sentence)
         elif not left_out & shared:
-            yield Remark.error(each.sentence)
-    for axis, value in found.datum[1].items():
+            yield Remark.error(confusion.sentence)
+    for axis, value in group.datum[1].items():
         if value:
             yield Remark.info(
                 f"A constant error of {axis} stands in no list of this group:"
                 " figures of the sum are about their middle."
             )
-    for part in found.helpers:
+    for part in group.helpers:
         if part.effect.compensation == "delay":
             continue
         yield Remark.info(

@@ -26,18 +26,18 @@ _MOST, _MOST_WILD = 6, 20
 
 
 def fit_remarks(
-    one: "TableDraft", count: int, wild: int, beyond: int, places: Sequence[str]
+    draft: "TableDraft", count: int, wild: int, beyond: int, places: Sequence[str]
 ) -> Iterator[Remark]:
     """Return gaps, suspicious nodes and runs, and what each run was allowed.
 
     Args:
-        one: The fit.
+        draft: The fit.
         count: Its readings.
         wild: How many of them it leaves out.
         beyond: How many lie outside the table.
         places: Where each wild reading lies, in words; empty where nobody kept that.
     """
-    fit, unit = one.estimate, one.job.spec.axes[one.axis].small_unit
+    fit, unit = draft.estimate, draft.job.spec.axes[draft.axis].small_unit
     empty = int(np.sum(fit.support == 0))
     if empty:
         why = "were not measured"
@@ -47,9 +47,9 @@ def fit_remarks(
             f"{empty} of {fit.support.size} node values {why}; they are"
             " filled by the prior and marked with support 0."
         )
-    for name, nodes in zip(one.fit.over, one.plan.table.nodes, strict=True):
-        limits, (low, high) = one.job.spec.axes[name].limits, nodes.positions[[0, -1]]
-        if limits is None or one.plan.table.periodic:
+    for name, nodes in zip(draft.fit.over, draft.plan.table.nodes, strict=True):
+        limits, (low, high) = draft.job.spec.axes[name].limits, nodes.positions[[0, -1]]
+        if limits is None or draft.plan.table.periodic:
             continue
         short = max(low - limits[0], 0.0) + max(limits[1] - high, 0.0)
         if short > _SHORT * (limits[1] - limits[0]):
@@ -72,7 +72,7 @@ def fit_remarks(
         words = f"Wild readings lie at {some_of(places, _MOST_WILD)}."
         yield Remark.info(words)
     if fit.suspect_nodes:
-        words = some_of([_node(one, k) for k in fit.suspect_nodes], _MOST)
+        words = some_of([_node(draft, k) for k in fit.suspect_nodes], _MOST)
         yield Remark.warning(f"Readings contradict their surroundings at {words}.")
     if fit.suspect_runs:
         runs = ", ".join(str(run) for run in fit.suspect_runs)
@@ -82,13 +82,13 @@ def fit_remarks(
         yield Remark.warning(f"Contradicts the other runs, and {counts}: run {runs}.")
     if fit.runs:
         largest = 1e3 * max(abs(run.offset) for run in fit.runs)
-        own = "offset and drift" if one.run_effects == "drift" else "offset"
+        own = "offset and drift" if draft.run_effects == "drift" else "offset"
         yield Remark.info(
             f"Each of the {len(fit.runs)} runs was allowed an {own} of its own"
             f" (offsets up to {largest:.1f} {unit}); the table keeps their"
             " mean."
         )
-    elif not one.run_effects or one.run_effects == "none":
+    elif not draft.run_effects or draft.run_effects == "none":
         if count <= _SPARSE * fit.support.size:
             known = "is not in the standard deviations"
             if fit.line_offset:
@@ -101,7 +101,7 @@ def fit_remarks(
                 f" next {known}. A second measurement, given together with the first,"
                 " brings it in."
             )
-    if not fit.converged or fit.loss != one.fit.loss:
+    if not fit.converged or fit.loss != draft.fit.loss:
         yield Remark.warning(fit.message)
 
 
