@@ -97,7 +97,7 @@ def add_plane(
 
 @machine_code
 @no_type_check
-def add_products(pointers, columns, data, weight, slots, diagonals, beside):
+def add_products(pointers, columns, data, weight, slots, diagonals, border):
     """Add the products of the elements of sparse rows: to a band, and to rows beside it."""
     n = len(diagonals)
     for t in range(len(weight)):
@@ -109,6 +109,6 @@ def add_products(pointers, columns, data, weight, slots, diagonals, beside):
                 if i == j and a != b:
                     product *= 2.0
                 if i >= n:
-                    beside[i - n, j] += product
+                    border[i - n, j] += product
                 else:
                     diagonals[j, slots[i - j]] += product
