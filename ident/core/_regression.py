@@ -84,7 +84,7 @@ def regress(
         target: Readings.
         time: Of each reading; None = in the order of the rows, one per unit.
         weight: Known relative weights (1/variance ratio), or None.
-        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+        loss: ``"student"``, ``"huber"``, ``"trim"`` or ``"gauss"``.
         noise: Scatter of a reading of weight 1 as it is known beforehand, of readings that are
             independent: counts as two readings, lets as many unknowns be fitted as there are
             readings, and columns that cannot be separated are undetermined, not refused.

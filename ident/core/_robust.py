@@ -188,8 +188,8 @@ def estimate(
     Args:
         stack: Effects.
         over: Pass over the readings.
-        loss: ``"student"``, ``"huber"`` or ``"gauss"``; stated weights that leave too few
-            readings beside the unknowns to tell wild ones make it least squares.
+        loss: ``"student"``, ``"huber"``, ``"trim"`` or ``"gauss"``; stated weights that leave too
+            few readings beside the unknowns to tell wild ones make it least squares.
         weights: Weights of the prior for a problem; None: by evidence.
         floor: Smallest scale of residuals to believe in, in mm or °.
         start: Unknowns to begin with, as a constant; None: zero.
