@@ -67,15 +67,15 @@ class Chain:
             return second, sp.csr_array((0, len(length)))
         # Row i of the differences stands at node i + 1.
         inner = np.roll(gaps, -1) if self.ring else gaps[1:-1]
-        again, spans = _bends(inner, mean, self.ring)
-        weighted = sp.diags_array(np.sqrt(spans)) @ again
+        outer, spans = _bends(inner, mean, self.ring)
+        weighted = sp.diags_array(np.sqrt(spans)) @ outer
         return second, sp.csr_array(weighted @ sp.diags_array(1.0 / np.sqrt(length)))
 
     @cached_property
     def rows(self) -> tuple[sp.csr_array, sp.csr_array]:
         """Second and fourth differences, weighted by the length that each stands for."""
-        second, again = self._differences
-        return second, sp.csr_array(again @ second)
+        second, outer = self._differences
+        return second, sp.csr_array(outer @ second)
 
     @cached_property
     def grams(self) -> tuple[sp.csr_array, sp.csr_array]:
@@ -89,35 +89,35 @@ class Chain:
         if self.size > LONG:
             return 0.0, 0.0
         smallest = []
-        for part in self.rows:
-            sizes = np.square(np.linalg.svd(part.toarray(), compute_uv=False))
+        for block in self.rows:
+            values = np.square(np.linalg.svd(block.toarray(), compute_uv=False))
             # All rows are independent but for one on a ring, where they sum to zero.
-            sizes = sizes[: len(sizes) - int(self.ring)]
-            smallest.append(float(sizes[-1]) if len(sizes) else 0.0)
+            values = values[: len(values) - int(self.ring)]
+            smallest.append(float(values[-1]) if len(values) else 0.0)
         return smallest[0], smallest[1]
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 2"]:
         """Ends of the log weights: no stiffer than a straight table, or a factor, bears."""
         high = [
-            min(cap, most / bend) if bend > 0.0 else cap
-            for cap, most, bend in zip(CAPS, _STRAIGHT, self.least, strict=True)
+            min(cap, most / least) if least > 0.0 else cap
+            for cap, most, least in zip(CAPS, _STRAIGHT, self.least, strict=True)
         ]
         return np.array([[LEAST, np.log(high[0])], [OFF, max(np.log(high[1]), OFF)]])
 
     def eigenvalues(self, weights: Vector) -> Vector:
         """Return all eigenvalues of the penalty, ascending, those left free exactly 0."""
         rows = [
-            np.sqrt(w) * part.toarray()
-            for w, part in zip(weights, self.rows, strict=True)
+            np.sqrt(w) * block.toarray()
+            for w, block in zip(weights, self.rows, strict=True)
             if w > 0.0
         ]
         result = np.zeros(self.size)
         if rows and self.size > self.free:
             # Squares of singular values: small ones keep their digits beside large ones.
-            sizes = np.linalg.svd(np.vstack(rows), compute_uv=False)
+            singular = np.linalg.svd(np.vstack(rows), compute_uv=False)
             count = self.size - self.free
-            result[self.free :] = np.square(sizes[:count][::-1])
+            result[self.free :] = np.square(singular[:count][::-1])
         return result
 
     @cached_property
@@ -127,19 +127,19 @@ class Chain:
         With them the shares of the left null vector of a ring (empty elsewhere), and the
         log-determinant at weight 1 of the second differences alone.
         """
-        second, again = self._differences
+        second, outer = self._differences
         if not self.ring:
             constant = band_logdet(lower_band(sp.csr_array(second @ second.T)))
-            inner = lower_band(sp.csr_array(again.T @ again))
-            bends = np.maximum(eigvals_banded(inner.T, lower=True), 0.0)
-            bends[: int(np.diff(np.asarray(again.shape))[0])] = 0.0  # left free
-            return bends, np.zeros(0), constant
-        left, sizes, _ = np.linalg.svd(second.toarray(), full_matrices=True)
-        constant = 2.0 * float(np.log(sizes[: self.size - self.free]).sum())
-        _, size, modes = np.linalg.svd(again.toarray(), full_matrices=True)
-        bends = np.square(size)
-        bends[bends < 1e-12 * bends.max(initial=0.0)] = 0.0
-        return bends, np.square(modes @ left[:, -1]), constant
+            inner = lower_band(sp.csr_array(outer.T @ outer))
+            stiffness = np.maximum(eigvals_banded(inner.T, lower=True), 0.0)
+            stiffness[: int(np.diff(np.asarray(outer.shape))[0])] = 0.0  # left free
+            return stiffness, np.zeros(0), constant
+        left, singular, _ = np.linalg.svd(second.toarray(), full_matrices=True)
+        constant = 2.0 * float(np.log(singular[: self.size - self.free]).sum())
+        _, values, modes = np.linalg.svd(outer.toarray(), full_matrices=True)
+        stiffness = np.square(values)
+        stiffness[stiffness < 1e-12 * stiffness.max(initial=0.0)] = 0.0
+        return stiffness, np.square(modes @ left[:, -1]), constant
 
     def logdet(self, weights: Vector) -> tuple[float, Vector]:
         """Return the log of the product of the non-zero eigenvalues, and its slopes."""
@@ -147,14 +147,14 @@ class Chain:
         if not count:
             return 0.0, np.zeros(2)
         second, fourth = float(weights[0]), float(weights[1])
-        bends, share, constant = self._factored
-        stiff = second + fourth * bends
-        value = constant + float(np.log(stiff).sum())
-        slope = float((fourth * bends / stiff).sum())
+        stiffness, share, constant = self._factored
+        precision = second + fourth * stiffness
+        value = constant + float(np.log(precision).sum())
+        slope = float((fourth * stiffness / precision).sum())
         if len(share):
-            ease = share / stiff
-            value += float(np.log(ease.sum()))
-            slope -= float((ease * fourth * bends / stiff).sum() / ease.sum())
+            share = share / precision
+            value += float(np.log(share.sum()))
+            slope -= float((share * fourth * stiffness / precision).sum() / share.sum())
         return value, np.array([count - slope, slope])
 
     def logdet_shifted(self, weights: Vector, shift: float) -> float:

@@ -65,11 +65,11 @@ class _Chain:
 
         Of a drift of variance 1.
         """
-        forgotten = -np.expm1(-2.0 * self.gaps / time_constant)
-        kept = np.exp(-self.gaps / time_constant)
-        diagonal = np.append(1.0, 1.0 / forgotten)
-        diagonal[:-1] += kept**2 / forgotten
-        return diagonal, -kept / forgotten, -float(np.log(forgotten).sum())
+        innovation = -np.expm1(-2.0 * self.gaps / time_constant)
+        correlation = np.exp(-self.gaps / time_constant)
+        diagonal = np.append(1.0, 1.0 / innovation)
+        diagonal[:-1] += correlation**2 / innovation
+        return diagonal, -correlation / innovation, -float(np.log(innovation).sum())
 
     def gather(self, columns: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "u k"]:
         """Return the sums of the readings at each instant."""
@@ -100,7 +100,7 @@ def find_drift(
     """
     step = -(-len(time) // _MANY)
     time, columns, residual, weight = (
-        each[::step] for each in (time, columns, residual, weight)
+        values[::step] for values in (time, columns, residual, weight)
     )
     free = len(time) - columns.shape[1]
     square = float((weight * residual**2).sum())
@@ -109,12 +109,12 @@ def find_drift(
     if free < _FEW or chain.size < _FEW or not square > 0:
         return white_only
     right = np.column_stack([columns, residual])
-    plain = right.T @ (weight[:, None] * right)
+    gram = right.T @ (weight[:, None] * right)
     gathered = chain.gather(weight[:, None] * right)
     counts = chain.gather(weight[:, None])[:, 0]
     constant = float(np.log(weight).sum())
 
-    def judged(sums: Float[np.ndarray, "m m"], spread: float) -> tuple[float, float]:
+    def deviance(sums: Float[np.ndarray, "m m"], spread: float) -> tuple[float, float]:
         """Return minus twice the log-likelihood, and the variance of a reading.
 
         Of what the columns leave: a residual of smoothed values holds some of them.
@@ -130,15 +130,15 @@ def find_drift(
 
     def cost(parameters: Float[np.ndarray, " 2"]) -> tuple[float, float]:
         ratio, time_constant = np.exp(parameters)
-        diagonal, beside, logdet = chain.precision(float(time_constant))
-        pivots, factor, failed = dpttrf(diagonal / ratio + counts, beside / ratio)
+        diagonal, side, logdet = chain.precision(float(time_constant))
+        pivots, factor, failed = dpttrf(diagonal / ratio + counts, side / ratio)
         if failed:
             return np.inf, np.nan
-        sums = plain - gathered.T @ dpttrs(pivots, factor, gathered)[0]
+        sums = gram - gathered.T @ dpttrs(pivots, factor, gathered)[0]
         spread = float(np.log(pivots).sum()) - logdet
-        return judged(sums, spread + chain.size * float(np.log(ratio)) - constant)
+        return deviance(sums, spread + chain.size * float(np.log(ratio)) - constant)
 
-    independent, _ = judged(plain, -constant)
+    independent, _ = deviance(gram, -constant)
     span = float(chain.gaps.sum())
     low, high = np.log(float(np.median(chain.gaps))), np.log(span)
     starts = [
@@ -146,13 +146,13 @@ def find_drift(
         for ratio in _RATIOS
         for tau in np.linspace(low, high, _TIMES)
     ]
-    start = min(starts, key=lambda each: cost(each)[0])
+    start = min(starts, key=lambda point: cost(point)[0])
     if not np.isfinite(cost(start)[0]):
         return white_only  # residuals without any scatter
     # A drift longer than the log cannot be separated from a level, which the columns hold.
     bounds = [(np.log(1e-4), np.log(1e6)), (low - 2.0, high + 1.0)]
     optimum = minimize(
-        lambda each: cost(each)[0], start, method="Nelder-Mead", bounds=bounds,
+        lambda point: cost(point)[0], start, method="Nelder-Mead", bounds=bounds,
         options={"xatol": 0.02, "fatol": 0.02, "maxiter": 120},
     )  # fmt: skip
     value, variance = cost(optimum.x)
@@ -199,6 +199,6 @@ def _spread(
         return np.zeros((1, columns.shape[1])), np.zeros((1, columns.shape[1]))
     chain = _chain(time)
     sums = chain.gather(columns)
-    diagonal, beside, _ = chain.precision(noise.time_constant)
-    solved = dpttrs(*dpttrf(diagonal, beside)[:2], sums)[0]
+    diagonal, side, _ = chain.precision(noise.time_constant)
+    solved = dpttrs(*dpttrf(diagonal, side)[:2], sums)[0]
     return sums, np.asarray(noise.drift**2 * solved)

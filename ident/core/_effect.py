@@ -58,7 +58,7 @@ class AbstractEffect(abc.ABC):
 
 
 def design_of(effect: AbstractEffect, readings: Readings) -> Design:
-    """Return the rows of an effect, kept with few readings, of which more is asked later."""
+    """Return the rows of an effect; few readings keep them for the next call."""
     if len(readings) > KEPT:
         return effect.design(readings)
     if effect not in readings.designs:
@@ -234,8 +234,8 @@ def shared_table(
 
     Many jobs share it, with all that it knows of its nodes.
     """
-    kept = tuple(np.asarray(line, np.float64).tobytes() for line in nodes)
-    return _shared_table(kept, inputs, way, ring)
+    keys = tuple(np.asarray(line, np.float64).tobytes() for line in nodes)
+    return _shared_table(keys, inputs, way, ring)
 
 
 @functools.lru_cache(maxsize=8)
@@ -249,7 +249,7 @@ def _shared_table(
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class ColumnsEffect(AbstractEffect):
-    """Unknowns of which the design is known beforehand; asked for none.
+    """Unknowns whose design the caller has already, and never asks for here.
 
     Attributes:
         given: Prior of the unknowns.
@@ -342,8 +342,8 @@ class GroupEffect(AbstractEffect):
         """See `AbstractEffect`."""
         shares = self.contrast[readings.inputs[self.group]]
         if self.trend is not None:
-            late = readings.inputs[self.trend][:, None]
-            shares = np.hstack([shares, shares * late])
+            place = readings.inputs[self.trend][:, None]
+            shares = np.hstack([shares, shares * place])
         return np.broadcast_to(np.arange(self.size), shares.shape), shares
 
     def by_group(self, values: Float[np.ndarray, " c"]) -> Float[np.ndarray, "p g"]:

@@ -78,9 +78,9 @@ def _likeliest(problem: Problem, near: Posterior | None) -> Posterior | None:
     if near is not None:
         return _descend(problem, near, gain)
     if _is_large(problem) and _can_be_thinned(problem):
-        rough, finer = _thinned(problem)
-        coarse = _likeliest(rough, None)
-        start = None if coarse is None else _best_of(problem, [finer(coarse.weights)])
+        thinned, refine = _thinned(problem)
+        coarse = _likeliest(thinned, None)
+        start = None if coarse is None else _best_of(problem, [refine(coarse.weights)])
         if start is not None:
             return _descend(problem, start, gain)
     start = _scanned(problem)
@@ -111,25 +111,25 @@ def _loosened(problem: Problem, best: Posterior) -> Posterior:
 
     fewest = best.used
     lowest = cost(best.residual_square, fewest) - _CONTRADICTED
-    together = []
+    groups = []
     for prior, _, terms in problem.stack.priors if np.isfinite(lowest) else ():
         if prior.scanned:
             # All axes of a table at once, then each by itself.
             axes = [slice(k, k + 2) for k in range(terms.start, terms.stop, 2)]
-            together += [terms, *axes] if len(axes) > 1 else [terms]
-    loose = np.where(problem.optional, 0.0, problem.density)
-    for terms in together:
+            groups += [terms, *axes] if len(axes) > 1 else [terms]
+    second = np.where(problem.optional, 0.0, problem.density)
+    for terms in groups:
         for scale in _LOOSER:
             weights = best.weights.copy()
-            weights[terms] = scale * loose[terms]
+            weights[terms] = scale * second[terms]
             looser = problem.at(weights)
             if looser is None:
                 continue
             if cost(looser.residual_square, fewest) >= lowest:
                 break  # with more smoothness residuals are larger still
-            reached = cost(looser.residual_square, looser.used)
-            if reached < lowest:
-                best, lowest = looser, reached
+            predicted = cost(looser.residual_square, looser.used)
+            if predicted < lowest:
+                best, lowest = looser, predicted
     return best
 
 
@@ -143,8 +143,8 @@ def spread_of(post: Posterior, view: View) -> Spread:
         post: At the best weights.
         view: What of a posterior is wanted.
     """
-    values, plain = view(post)
-    total, sums = 1.0, post.variance * plain
+    values, within = view(post)
+    total, sums = 1.0, post.variance * within
     if _is_large(post.problem) or not post.weights.any():
         return sums
     low, high = np.exp(post.problem.bounds.T)
@@ -160,10 +160,10 @@ def spread_of(post: Posterior, view: View) -> Spread:
             share = float(np.exp(0.5 * gain)) if gain < _CONTRADICTED else 0.0
             if share < _UNLIKELY:
                 break
-            other_values, block = view(other)
+            other_values, within = view(other)
             change = other_values - values
-            apart = np.square(change) if block.ndim == 1 else np.outer(change, change)
-            sums = sums + share * (other.variance * block + apart)
+            across = np.square(change) if within.ndim == 1 else np.outer(change, change)
+            sums = sums + share * (other.variance * within + across)
             total += share
     return np.asarray(sums / total)
 
@@ -204,51 +204,50 @@ def _bent(problem: Problem, plain: Posterior) -> Posterior | None:
     fourth = np.flatnonzero(problem.optional)
     second = fourth - 1
     relative = (plain.weights / problem.density)[second]
-    tried, lifts = [], _FAR if plain.used > _EVERY * problem.count else ()
+    trials, lifts = [], _FAR if plain.used > _EVERY * problem.count else ()
     for stiff, lift in _LIFTS + lifts:
         weights = plain.weights.copy()
         weights[second] *= _EASED * stiff
         weights[fourth] = lift * (stiff * relative) ** 2 * problem.density[fourth]
-        tried.append(weights)
-    return _best_of(problem, tried)
+        trials.append(weights)
+    return _best_of(problem, trials)
 
 
-def _best_of(problem: Problem, tried: Sequence[Vector]) -> Posterior | None:
+def _best_of(problem: Problem, trials: Sequence[Vector]) -> Posterior | None:
     low, high = np.exp(problem.bounds.T)
     best = None
-    for trial in tried:
+    for trial in trials:
         weights = np.where(trial > 0.0, np.minimum(np.maximum(trial, low), high), 0.0)
         post = problem.at(weights)
-        if post is not None and post.evidence < (
-            np.inf if best is None else best.evidence
-        ):
+        lowest = np.inf if best is None else best.evidence
+        if post is not None and post.evidence < lowest:
             best = post
     return best
 
 
 def _descend(problem: Problem, start: Posterior, gain: float) -> Posterior:
     """Return the best posterior near that of a start; weights that are 0 stay 0."""
-    alive = start.weights > 0.0
-    low, high = problem.bounds[alive].T
-    log = np.clip(np.log(start.weights[alive]), low, high)
+    active = start.weights > 0.0
+    low, high = problem.bounds[active].T
+    log = np.clip(np.log(start.weights[active]), low, high)
     # The curvature is about the number of unknowns that a weight leaves to the readings. The
     # optimiser's limit is relative to what was gained, where that is more than 1: it sees
     # a small share of it.
-    scale = np.sqrt(_SHARE * np.maximum(0.5 * start.carried[alive], 0.25))
-    best, begun = start, [start]
+    scale = np.sqrt(_SHARE * np.maximum(0.5 * start.carried[active], 0.25))
+    best, pending = start, [start]
 
     def cost(scaled: Vector) -> tuple[float, Vector]:
         nonlocal best
         post: Posterior | None
-        if begun:
-            post = begun.pop()  # the optimiser begins at the start
+        if pending:
+            post = pending.pop()  # the optimiser begins at the start
         else:
-            weights = np.zeros(len(alive))
-            weights[alive] = np.exp(np.minimum(np.maximum(scaled / scale, low), high))
+            weights = np.zeros(len(active))
+            weights[active] = np.exp(np.minimum(np.maximum(scaled / scale, low), high))
             post = problem.at(weights)
         if post is None:
             return _SHARE * 1e6, np.zeros(len(scaled))
-        value, slopes = post.evidence - start.evidence, post.slopes[alive]
+        value, slopes = post.evidence - start.evidence, post.slopes[active]
         if not np.isfinite([value, *slopes]).all():
             return _SHARE * 1e6, np.zeros(len(scaled))
         if value < best.evidence - start.evidence:
@@ -279,7 +278,7 @@ def _simplified(problem: Problem, best: Posterior, gain: float) -> Posterior:
 
 
 def _thinned(problem: Problem) -> tuple[Problem, Callable[[Vector], Vector]]:
-    """Return a plane on some of its nodes, and what its weights are worth on all of them.
+    """Return a plane on some of its nodes, and the map from its weights to those on all of them.
 
     Every third node along each axis is kept: a fine cell lies in one coarse cell. Everything
     beside the plane stays.
@@ -287,27 +286,27 @@ def _thinned(problem: Problem) -> tuple[Problem, Callable[[Vector], Vector]]:
     stack, sums = problem.stack, problem.sums
     table = stack.table
     assert isinstance(table, TableEffect)
-    kept = tuple(np.append(nodes[:-1:_THINNED], nodes[-1]) for nodes in table.nodes)
-    coarse = dataclasses.replace(table, nodes=kept)
+    grid = tuple(np.append(nodes[:-1:_THINNED], nodes[-1]) for nodes in table.nodes)
+    coarse = dataclasses.replace(table, nodes=grid)
     # The fine nodes as readings of the coarse table.
     places = [mesh.reshape(-1) for mesh in np.meshgrid(*table.nodes)]
     inputs = dict(zip(table.inputs, places, strict=True))
     nodes, shares = coarse.design(Readings(np.zeros(table.size), inputs))
     rows = np.repeat(table.place, shares.shape[1]), nodes.reshape(-1)
     shape = table.size, coarse.size
-    spread = sp.csr_array((shares.reshape(-1), rows), shape=shape)
+    interpolation = sp.csr_array((shares.reshape(-1), rows), shape=shape)
     slim = Stack((coarse, *stack.effects[1:]))
     n, m = stack.band, slim.band
     # The fine estimate is no coarse table: the sums are taken about zero in its place.
     step = np.concatenate([-problem.theta[:n], np.zeros(stack.size - n)])
-    beside = np.eye(stack.size - n)
-    thinned = sums.moved(step, problem.gain).reduced(slim, beside, spread)
+    border = np.eye(stack.size - n)
+    thinned = sums.moved(step, problem.gain).reduced(slim, border, interpolation)
     theta = np.concatenate([np.zeros(m), problem.theta[n:]])
     names = list(coarse.prior.names)
     order, factor = np.arange(len(problem.density)), np.ones(len(problem.density))
     ratio = [
         float(np.diff(coarse_nodes).mean() / np.diff(fine_nodes).mean())
-        for coarse_nodes, fine_nodes in zip(kept, table.nodes, strict=True)
+        for coarse_nodes, fine_nodes in zip(grid, table.nodes, strict=True)
     ]
     for k, name in enumerate(table.prior.names):
         order[k] = names.index(name)

@@ -68,13 +68,13 @@ class ArrowFactor:
             if info != 0:
                 return None
             band = factor.T
-        beside = np.zeros((len(columns), len(border)))
+        solved = np.zeros((len(columns), len(border)))
         if len(columns) and len(border):
-            beside = _half_solved(band, np.ascontiguousarray(cross.T))
-            border = dsyrk(-1.0, beside.T, 1.0, border, lower=1)
+            solved = _half_solved(band, np.ascontiguousarray(cross.T))
+            border = dsyrk(-1.0, solved.T, 1.0, border, lower=1)
         schur = _by_block(border, lambda block: dpotrf(block, lower=1, clean=1))
-        found = None if schur is None else cls(band, beside, schur)
-        return found if found is not None and math.isfinite(found.logdet) else None
+        arrow = None if schur is None else cls(band, solved, schur)
+        return arrow if arrow is not None and math.isfinite(arrow.logdet) else None
 
     @property
     def size(self) -> int:
@@ -124,11 +124,11 @@ class ArrowFactor:
         n = len(self.band)
         inverse = band_inverse(self.band, offsets)
         if len(self.schur) and n:
-            beside = _half_solved(self.band, self.cross, back=True)
-            shaped = dtrsm(1.0, self.schur, beside.T, lower=1)
+            solved = _half_solved(self.band, self.cross, back=True)
+            whitened = dtrsm(1.0, self.schur, solved.T, lower=1)
             for slot, k in enumerate(offsets):
                 inverse[: n - k, slot] += np.einsum(
-                    "mj,mj->j", shaped[:, k:], shaped[:, : n - k]
+                    "mj,mj->j", whitened[:, k:], whitened[:, : n - k]
                 )
         return inverse
 
@@ -181,15 +181,15 @@ def _blocks(band: Columns) -> list[tuple[slice, np.ndarray, np.ndarray]]:
     for start in range(0, n, step):
         stop, last = min(start + step, n), min(start + 2 * step, n)
         # Next to it in a column of the matrix is next to it in memory.
-        both = as_strided(
+        panel = as_strided(
             flat[start], (2 * step, stop - start), (size, size * (width - 1))
         )
-        inside = stop - start
-        below = both[inside : last - start].copy()
+        count = stop - start
+        below = panel[count : last - start].copy()
         # What a column reaches ends with the band.
-        rows = np.arange(inside, last - start)[:, None]
-        below[rows - np.arange(inside) >= width] = 0.0
-        blocks.append((slice(start, stop), np.tril(both[:inside]), below))
+        rows = np.arange(count, last - start)[:, None]
+        below[rows - np.arange(count) >= width] = 0.0
+        blocks.append((slice(start, stop), np.tril(panel[:count]), below))
     return blocks
 
 
@@ -240,12 +240,12 @@ def band_inverse(band: Columns, offsets: Sequence[int]) -> Float[np.ndarray, "n 
         below = block[size : reach + size].copy()
         below[reach - size :] = np.triu(below[reach - size :])
         below = below @ root
-        beside = window @ below
-        corner = root.T @ root + below.T @ beside
+        cross = window @ below
+        corner = root.T @ root + below.T @ cross
         whole = np.empty((reach + size, reach + size))
         whole[size:, size:] = window
-        whole[size:, :size] = -beside
-        whole[:size, size:] = -beside.T
+        whole[size:, :size] = -cross
+        whole[:size, size:] = -cross.T
         # Rounding must stay symmetric, or it grows from block to block.
         whole[:size, :size] = 0.5 * (corner + corner.T)
         rows = np.arange(size)

@@ -26,7 +26,7 @@ _LIMIT = 5.0
 
 
 def simplest(
-    left: Sequence[Float[np.ndarray, " t"]],
+    residuals: Sequence[Float[np.ndarray, " t"]],
     sizes: Sequence[int],
     scale: float,
     blocks: Int[np.ndarray, " t"],
@@ -38,7 +38,7 @@ def simplest(
     (a transient), so that more cannot be asked.
 
     Args:
-        left: Residuals of held-out readings under each choice.
+        residuals: Residuals of held-out readings under each choice.
         sizes: Number of parameters of each choice.
         scale: Of the residuals.
         blocks: Of readings that share their drift, one number each.
@@ -47,16 +47,16 @@ def simplest(
     Returns:
         Its number, and the root mean square that each choice leaves.
     """
-    losses = np.minimum((np.asarray(left) / scale) ** 2, _LIMIT**2)
+    losses = np.minimum((np.asarray(residuals) / scale) ** 2, _LIMIT**2)
     mean = losses.mean(axis=1)
     best = losses[int(np.argmin(mean))]
     good = []
     for number, loss in enumerate(losses):
         sums = np.bincount(blocks, loss - best)[np.bincount(blocks) > 0]
-        chance = np.std(sums, ddof=1) * np.sqrt(len(sums)) if len(sums) > 1 else 0.0
-        if not sums.sum() > max(float(chance), matters * float(best.sum())):
+        deviation = np.std(sums, ddof=1) * np.sqrt(len(sums)) if len(sums) > 1 else 0.0
+        if not sums.sum() > max(float(deviation), matters * float(best.sum())):
             good.append(number)
-    chosen = min(good, key=lambda each: (sizes[each], float(mean[each])))
+    chosen = min(good, key=lambda choice: (sizes[choice], float(mean[choice])))
     return chosen, scale * np.sqrt(mean)
 
 
@@ -109,11 +109,11 @@ def leave_one_out(
     for label in groups:
         # What is left out has no say: the others are added up, nothing is taken off.
         others = [sums for other, sums in groups.items() if other != label]
-        kept, theta = functools.reduce(operator.add, others), estimate.about
-        gain = max(float(kept.tally[1] / max(kept.tally[0], 1.0)), 0.1)
+        total, theta = functools.reduce(operator.add, others), estimate.about
+        gain = max(float(total.tally[1] / max(total.tally[0], 1.0)), 0.1)
         if label in present:
-            kept, theta = _without_runs(kept, theta, present[label], gain)
-        problem = Problem.of(kept, theta, gain, pins.get(label))
+            total, theta = _without_runs(total, theta, present[label], gain)
+        problem = Problem.of(total, theta, gain, pins.get(label))
         post = problem.at(estimate.posterior.weights)
         if post is None:
             msg = "the readings do not determine the table: the normal matrix is singular."
@@ -132,26 +132,26 @@ def _without_runs(
     stack = sums.stack
     slim, border = _with_runs(stack, present.tobytes())
     n = stack.band
-    inside = border.T @ theta[n:]
-    start = np.concatenate([theta[:n], inside])
-    step = np.concatenate([np.zeros(n), border @ inside - theta[n:]])
+    values = border.T @ theta[n:]
+    start = np.concatenate([theta[:n], values])
+    step = np.concatenate([np.zeros(n), border @ values - theta[n:]])
     return sums.moved(step, gain).reduced(slim, border), start
 
 
 @functools.lru_cache(maxsize=64)
 def _with_runs(stack: Stack, present: bytes) -> tuple[Stack, Float[np.ndarray, "m k"]]:
-    """Return a stack of fewer runs, and the unknowns of the border per unknown of its own."""
+    """Return a stack of fewer runs, and the matrix from its border to that of all runs."""
     effect = stack.effects[-1]
     assert isinstance(effect, GroupEffect)
     n, before = stack.band, stack.starts[-2]
     fewer = dataclasses.replace(effect, present=np.frombuffer(present, bool))
     slim = Stack((*stack.effects[:-1], fewer), stack.banded)
     # Effects of all runs per effect of the fewer ones: the same columns in another basis.
-    turn = effect.contrast.T @ fewer.contrast
-    kept, (rows, columns) = before - n, turn.shape
+    rotation = effect.contrast.T @ fewer.contrast
+    first, (rows, columns) = before - n, rotation.shape
     border = np.zeros((stack.size - n, slim.size - n))
-    border[:kept, :kept] = np.eye(kept)
-    for part in range(effect.parts):
-        row, column = kept + part * rows, kept + part * columns
-        border[row : row + rows, column : column + columns] = turn
+    border[:first, :first] = np.eye(first)
+    for number in range(effect.parts):
+        row, column = first + number * rows, first + number * columns
+        border[row : row + rows, column : column + columns] = rotation
     return slim, border

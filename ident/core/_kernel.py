@@ -25,10 +25,10 @@ def _cell(position, axis):
 
 @numba.njit(inline="always")
 @no_type_check
-def _weighed(rest, weight, loss):
+def _weighed(difference, weight, loss):
     """Return a residual × √weight, weight × ψ, and what it adds to the tally."""
     per_scale, per_freedom, corner, limit, wild = loss
-    residual = rest * np.sqrt(weight)
+    residual = difference * np.sqrt(weight)
     size = abs(residual) * per_scale
     if not size <= limit:
         return residual, 0.0, (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -36,9 +36,9 @@ def _weighed(rest, weight, loss):
     slope = (2.0 * share - 1.0) * share
     if size > corner:
         share, slope = corner / size, 0.0
-    push, good = weight * share * rest, 1.0 if size <= wild else 0.0
-    square = good * weight * rest * rest
-    return residual, push, (1.0, slope, push * share * rest, square, good)
+    score, good = weight * share * difference, 1.0 if size <= wild else 0.0
+    square = good * weight * difference * difference
+    return residual, score, (1.0, slope, score * share * difference, square, good)
 
 
 def machine_code(function: Any) -> Any:
@@ -67,7 +67,7 @@ def add_plane(
 ):  # fmt: skip
     """Add readings of an equidistant plane; a record has the products of a cell's corners."""
     fast = int(axes[1][3]) + 1
-    count, slopes, pushes, squares, good = 0.0, 0.0, 0.0, 0.0, 0.0
+    count, slopes, scores, squares, good = 0.0, 0.0, 0.0, 0.0, 0.0
     for t in range(len(value)):
         slow, u = _cell(along[t], axes[0])
         column, v = _cell(across[t], axes[1])
@@ -78,11 +78,11 @@ def add_plane(
         for p in range(4):
             difference -= shares[p] * theta[corners[p]]
         w = weight[t] if len(weight) else 1.0
-        residual[t], push, add = _weighed(difference, w, loss)
-        count, slopes, pushes = count + add[0], slopes + add[1], pushes + add[2]
+        residual[t], score, add = _weighed(difference, w, loss)
+        count, slopes, scores = count + add[0], slopes + add[1], scores + add[2]
         squares, good = squares + add[3], good + add[4]
         for p in range(4):
-            right[corners[p]] += shares[p] * push
+            right[corners[p]] += shares[p] * score
         if not (full and add[0]):
             continue
         diagonals, place = record[node], 0
@@ -92,12 +92,12 @@ def add_plane(
                 diagonals[place] += w * shares[p] * shares[q]
                 place += 1
     # In memory, other stores between, each sum would wait for the one before.
-    tally += np.array([count, slopes, pushes, squares, good])
+    tally += np.array([count, slopes, scores, squares, good])
 
 
 @machine_code
 @no_type_check
-def add_products(pointers, columns, data, weight, slots, diagonals, beside):
+def add_products(pointers, columns, data, weight, slots, diagonals, border):
     """Add the products of the elements of sparse rows: to a band, and to rows beside it."""
     n = len(diagonals)
     for t in range(len(weight)):
@@ -109,6 +109,6 @@ def add_products(pointers, columns, data, weight, slots, diagonals, beside):
                 if i == j and a != b:
                     product *= 2.0
                 if i >= n:
-                    beside[i - n, j] += product
+                    border[i - n, j] += product
                 else:
                     diagonals[j, slots[i - j]] += product

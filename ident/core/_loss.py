@@ -109,7 +109,7 @@ def choose_loss(
         floor: Smallest scale.
         count: How many readings have each residual; None: one. Then they must ascend in size.
         freedoms: Degrees of freedom of Student's t to choose from, where there are plenty of
-            readings; the first one else.
+            readings; else the first of `FREEDOMS`.
 
     Raises:
         FitError: If the name is unknown.
@@ -120,11 +120,11 @@ def choose_loss(
     size = np.abs(residual)
     total = len(size) if count is None else int(count.sum())
     if count is None:
-        middle = float(np.median(size))
+        median = float(np.median(size))
     else:
-        middle = float(size[np.searchsorted(np.cumsum(count), 0.5 * total)])
+        median = float(size[np.searchsorted(np.cumsum(count), 0.5 * total)])
     # 1.4826 makes the median of magnitudes the standard deviation of Gaussian noise.
-    robust = max(1.4826 * middle * inflation, floor)
+    robust = max(1.4826 * median * inflation, floor)
     if name == "gauss":
         return Loss(robust)
     if name == "trim":
@@ -135,11 +135,11 @@ def choose_loss(
     limit = WILD * (1.0 + FEW * inflation**2 / total)
     inner = size <= limit * robust / inflation
     square = np.square(size[inner] * inflation)
-    number = np.ones(len(square)) if count is None else count[inner].astype(float)
+    counts = np.ones(len(square)) if count is None else count[inner].astype(float)
     # Too few readings cannot tell the tails: stay with heavy ones.
-    tried = freedoms if number.sum() >= _PLENTY else FREEDOMS[:1]
+    trials = freedoms if counts.sum() >= _PLENTY else FREEDOMS[:1]
     fits = [
-        (*_student_fit(square, number, robust, freedom), freedom) for freedom in tried
+        (*_student_fit(square, counts, robust, freedom), freedom) for freedom in trials
     ]
     _, scale, freedom = min(fits)
     return Loss(max(scale, floor), freedom, limit=limit, wild_from=limit)

@@ -9,7 +9,7 @@ from ...models import Setpoints
 from ._readings import filled
 
 _PLACES, _NODES = 1 << 12, 12
-"""Places up to which nodes are filled up to so many: compiled code serves again."""
+"""Up to so many places, nodes are filled up to so many: compiled code is shared."""
 
 
 @jax.jit
@@ -26,11 +26,11 @@ def node_shares(
     """
     count, size, finite = len(places), len(nodes), np.isfinite(places)
     # Held here, since further nodes stand behind the last one.
-    held = np.clip(np.where(finite, places, nodes[0]), nodes[0], nodes[-1])
+    clipped = np.clip(np.where(finite, places, nodes[0]), nodes[0], nodes[-1])
     # Many places outweigh a compilation, and their columns the memory.
-    room = max(size, _NODES if count <= _PLACES else 0)
-    beyond = nodes[-1] + max(1.0, abs(nodes[-1])) * np.arange(1, room - size + 1)
+    width = max(size, _NODES if count <= _PLACES else 0)
+    beyond = nodes[-1] + max(1.0, abs(nodes[-1])) * np.arange(1, width - size + 1)
     line = jnp.asarray(np.concatenate([nodes, beyond]))
-    result = np.array(_shares(line, jnp.asarray(filled(held))))[:count, :size]
+    result = np.array(_shares(line, jnp.asarray(filled(clipped))))[:count, :size]
     result[~finite] = np.nan
     return result

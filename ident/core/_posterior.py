@@ -128,10 +128,10 @@ class Problem:
                 factor = self._band_factor(weights)
         if factor is None:
             return None
-        move = factor.solve(self.right - slope)
-        square = sums.tally[2] / self.gain**2 - 2.0 * float(move @ self.right)
-        square += float(move @ sums.apply(move))
-        return Posterior(self, weights, factor, self.theta + move, max(square, 0.0))
+        step = factor.solve(self.right - slope)
+        square = sums.tally[2] / self.gain**2 - 2.0 * float(step @ self.right)
+        square += float(step @ sums.apply(step))
+        return Posterior(self, weights, factor, self.theta + step, max(square, 0.0))
 
     def values_at(self, weights: Vector) -> Vector | None:
         """Return the unknowns alone; None where the matrix is singular.
@@ -145,9 +145,9 @@ class Problem:
             matrix = self.sums.band_matrix + prior
             target = self.right - prior @ self.theta
             inverse = sp.diags_array(1.0 / np.maximum(matrix.diagonal(), 1e-300))
-            move, failed = cg(matrix, target, rtol=_EXACT, maxiter=_STEPS, M=inverse)
+            step, failed = cg(matrix, target, rtol=_EXACT, maxiter=_STEPS, M=inverse)
             if not failed:
-                return np.asarray(self.theta + move)
+                return np.asarray(self.theta + step)
         post = self.at(weights)
         return None if post is None else post.values
 
@@ -156,7 +156,7 @@ class Problem:
         total: Any = sp.csr_array(sp.diags_array(self.held))
         for weight, term in self._terms(weights):
             gram: Any = sp.coo_array(term.penalty.gram)
-            places = tuple(at + term.here.start for at in gram.coords)
+            places = tuple(index + term.here.start for index in gram.coords)
             total = total + weight * sp.csr_array((gram.data, places), total.shape)
         return total
 
@@ -165,7 +165,7 @@ class Problem:
         return sp.csr_array(self.sums.matrix + self.prior(weights))
 
     def _terms(self, weights: Vector) -> list[tuple[float, Term]]:
-        """Return the terms of the prior that have a weight, and it."""
+        """Return the terms of the prior that have a weight, each with it."""
         terms = zip(weights.tolist(), self.stack.terms, strict=True)
         return [(w, t) for w, t in terms if w > 0.0]
 
@@ -201,7 +201,7 @@ class Problem:
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class Posterior:
-    """The Gaussian of all unknowns for one set of weights; what is dear is lazy.
+    """The Gaussian of all unknowns for one set of weights; what is expensive is lazy.
 
     Attributes:
         problem: What was solved.
@@ -243,8 +243,8 @@ class Posterior:
     def _prior(self) -> tuple[float, Vector]:
         value, slopes = 0.0, np.zeros(len(self.weights))
         for prior, _, terms in self.problem.stack.priors:
-            part, slopes[terms] = prior.logdet(self.weights[terms])
-            value += part
+            logdet, slopes[terms] = prior.logdet(self.weights[terms])
+            value += logdet
         return value, slopes
 
     @cached_property
@@ -366,12 +366,12 @@ class CellCovariance:
         result = np.zeros(len(nodes))
         for a in range(nodes.shape[1]):
             for b in range(a + 1):
-                away = np.abs(nodes[:, a] - nodes[:, b])
+                gap = np.abs(nodes[:, a] - nodes[:, b])
                 slot = np.where(
-                    away < len(slots), slots[np.minimum(away, len(slots) - 1)], -1
+                    gap < len(slots), slots[np.minimum(gap, len(slots) - 1)], -1
                 )
                 element = self.columns[np.minimum(nodes[:, a], nodes[:, b]), slot]
-                twice = 1.0 if a == b else 2.0
+                factor = 1.0 if a == b else 2.0
                 product = shares[:, a] * shares[:, b]
-                result += np.where(slot < 0, 0.0, twice * product * element)
+                result += np.where(slot < 0, 0.0, factor * product * element)
         return np.maximum(result, 0.0)

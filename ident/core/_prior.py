@@ -222,15 +222,15 @@ class Smooth(AbstractPrior):
         assert self.fast is not None
         across = _eigenvalues(self.fast, *weights[2:].tolist())
         if self.slow.size <= LONG:
-            both = _eigenvalues(self.slow, *weights[:2].tolist())[:, None] + across
-            return float(np.log(both[both > 0.0]).sum())
+            grid = _eigenvalues(self.slow, *weights[:2].tolist())[:, None] + across
+            return float(np.log(grid[grid > 0.0]).sum())
         return sum(self.slow.logdet_shifted(weights[:2], value) for value in across)
 
     @property
     def bounds(self) -> Float[np.ndarray, "k 2"]:
         """See `AbstractPrior`."""
-        parts = [self.slow] if self.fast is None else [self.slow, self.fast]
-        return np.concatenate([part.bounds for part in parts])
+        axes = [self.slow] if self.fast is None else [self.slow, self.fast]
+        return np.concatenate([axis.bounds for axis in axes])
 
     @property
     def scanned(self) -> bool:

@@ -57,10 +57,10 @@ def filled(
 
     Args:
         rows: One or more.
-        least: Length below which none comes out.
+        least: Least length of the result.
     """
-    room = max(least, 1 << max(len(rows) - 1, 0).bit_length())
-    fill = np.repeat(rows[-1:], room - len(rows), axis=0)
+    length = max(least, 1 << max(len(rows) - 1, 0).bit_length())
+    fill = np.repeat(rows[-1:], length - len(rows), axis=0)
     return np.concatenate([rows, fill]) if len(fill) else rows
 
 

@@ -84,7 +84,7 @@ def regress(
         target: Readings.
         time: Of each reading; None = in the order of the rows, one per unit.
         weight: Known relative weights (1/variance ratio), or None.
-        loss: ``"student"``, ``"huber"`` or ``"gauss"``.
+        loss: ``"student"``, ``"huber"``, ``"trim"`` or ``"gauss"``.
         noise: Scatter of a reading of weight 1 as it is known beforehand, of readings that are
             independent: counts as two readings, lets as many unknowns be fitted as there are
             readings, and columns that cannot be separated are undetermined, not refused.
@@ -96,8 +96,8 @@ def regress(
     relative = np.ones(count) if weight is None else np.asarray(weight, float)
     root = np.sqrt(relative)
     scale = np.sqrt(np.square(columns * root[:, None]).sum(axis=0))
-    design = columns / np.where(scale > 0, scale, 1.0)
     scale = np.where(scale > 0, scale, 1.0)
+    design = columns / scale
     if noise is None and count <= size:
         msg = f"{count} readings for {size} unknowns, expected more than {size}."
         raise FitError(msg)
@@ -108,16 +108,16 @@ def regress(
         raise FitError(msg)
     size = basis.shape[1]
     stack = Stack((ColumnsEffect(NoPrior(size), size, _RIDGE),), banded=False)
-    part = design @ basis
+    reduced = design @ basis
     fit = estimate(
         stack,
-        memory(stack, Readings(target, {}, weight), part),
+        memory(stack, Readings(target, {}, weight), reduced),
         loss=loss,
         weights=lambda _: np.zeros(0),
         floor=least_scale(target, noise),
-        start=_least_magnitudes(part * root[:, None], target * root, loss),
+        start=_least_magnitudes(reduced * root[:, None], target * root, loss),
     )
-    residual = target - part @ fit.centre
+    residual = target - reduced @ fit.centre
     wild = fit.loss.wild(residual * root / fit.loss.scale)
     rows = ~wild
     if wild.any() and int(rows.sum()) <= size:
@@ -126,14 +126,14 @@ def regress(
     share = fit.loss.share(residual * root / fit.loss.scale)
     pseudo = (share * residual / fit.posterior.problem.gain)[rows]
     clock = np.arange(count, dtype=float) if time is None else np.asarray(time)
-    clock, weights, kept = clock[rows], relative[rows], design[rows]
-    seen, unseen = _spectrum(np.sqrt(weights)[:, None] * kept)
-    lacking = (np.abs(unseen) > SINGULAR**0.5).any(axis=1)
+    clock, weights, active = clock[rows], relative[rows], design[rows]
+    span, kernel = _spectrum(np.sqrt(weights)[:, None] * active)
+    undetermined = (np.abs(kernel) > SINGULAR**0.5).any(axis=1)
     # The likelihood needs as many columns as the readings see.
-    seen_columns = kept @ seen
-    free = float(rows.sum() - seen_columns.shape[1])
+    spanning = active @ span
+    free = float(rows.sum() - spanning.shape[1])
     if noise is None:
-        drifting = find_drift(clock, seen_columns, pseudo, weights)
+        drifting = find_drift(clock, spanning, pseudo, weights)
     else:
         square = float((weights * pseudo**2).sum()) / max(free, 1.0)
         if square < noise**2:
@@ -141,27 +141,27 @@ def regress(
             square = (free * square + _BELIEF * noise**2) / (free + _BELIEF)
             free += _BELIEF
         drifting = DriftNoise(float(np.sqrt(square)))
-    inverse = seen @ seen.T
-    scatter = scatter_of_sums(drifting, clock, kept, weights)
+    inverse = span @ span.T
+    scatter = scatter_of_sums(drifting, clock, active, weights)
     covariance = inverse @ scatter @ inverse / np.outer(scale, scale)
     plain = (drifting.white**2 + drifting.drift**2) * np.diag(inverse) / scale**2
-    swell = np.diag(covariance) / np.maximum(plain, 1e-300)
-    independent = float(rows.sum()) / np.maximum(swell, 1.0)
+    inflation = np.diag(covariance) / np.maximum(plain, 1e-300)
+    independent = float(rows.sum()) / np.maximum(inflation, 1.0)
     # The variances themselves rest on as many readings: the variance of Student's t.
     free_each = np.maximum(independent if drifting.drift > 0 else free, _LEAST_FREE)
     heavy = np.sqrt(free_each / (free_each - 2.0)) * np.ones(len(scale))
     covariance = covariance * np.outer(heavy, heavy)
-    covariance[lacking, :] = covariance[:, lacking] = 0.0
-    covariance[lacking, lacking] = np.inf
+    covariance[undetermined, :] = covariance[:, undetermined] = 0.0
+    covariance[undetermined, undetermined] = np.inf
     return Regression(
-        coefficients=np.where(lacking, 0.0, basis @ fit.values / scale),
+        coefficients=np.where(undetermined, 0.0, basis @ fit.values / scale),
         noise=drifting,
-        residual=target - part @ fit.values,
+        residual=target - reduced @ fit.values,
         wild=wild,
         converged=fit.converged,
         covariance=covariance,
-        independent=np.where(lacking, 0.0, independent),
-        undetermined=lacking,
+        independent=np.where(undetermined, 0.0, independent),
+        undetermined=undetermined,
     )
 
 
@@ -176,8 +176,8 @@ def _spectrum(
     size = design.shape[1]
     _, values, right = np.linalg.svd(np.linalg.qr(design, mode="r"))
     values = np.append(values, np.zeros(size - len(values)))
-    seen = values > SINGULAR * max(float(values[0]), 1e-300)
-    return right[seen].T / values[seen], right[~seen].T
+    positive = values > SINGULAR * max(float(values[0]), 1e-300)
+    return right[positive].T / values[positive], right[~positive].T
 
 
 def _least_magnitudes(

@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from ._errors import FitError
 from ._evidence import Spread, View, choose_weights, spread_of
+from ._factor import ArrowFactor
 from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
 from ._posterior import Posterior, Problem
 from ._readings import Readings
@@ -53,7 +54,7 @@ _FOLLOWS = (
 
 Vector = Float[np.ndarray, " _n"]
 Pass = Callable[[Vector, Loss, Sums | None], Sums]
-"""Returns the sums of all readings about an estimate, with the matrix of known ones or anew."""
+"""Returns the sums of all readings about an estimate, their matrix that of former ones or new."""
 
 
 @final
@@ -147,8 +148,8 @@ class Estimate:
         used = f"{count} readings, {self.posterior.used:.1f} effective parameters."
         rejected = f"{wild} wild readings were left out." if wild > 0 else ""
         care = "The iterations did not settle; treat the result with care."
-        judged = _FOLLOWS if self._follows else used
-        clauses = (judged, rejected, "" if self.converged else care)
+        fitted = _FOLLOWS if self._follows else used
+        clauses = (fitted, rejected, "" if self.converged else care)
         return " ".join(filter(None, clauses))
 
 
@@ -164,8 +165,8 @@ def memory(stack: Stack, readings: Readings, columns: Matrix | None = None) -> P
     if design is None and loop_axes(stack, readings) is None:
         design = stack.matrix(readings)
 
-    def over(theta: Vector, loss: Loss, known: Sums | None) -> Sums:
-        return sums_of(stack, readings, theta, loss, known, design)[0]
+    def over(theta: Vector, loss: Loss, former: Sums | None) -> Sums:
+        return sums_of(stack, readings, theta, loss, former, design)[0]
 
     return over
 
@@ -187,8 +188,8 @@ def estimate(
     Args:
         stack: Effects.
         over: Pass over the readings.
-        loss: ``"student"``, ``"huber"`` or ``"gauss"``; stated weights that leave too few
-            readings beside the unknowns to tell wild ones make it least squares.
+        loss: ``"student"``, ``"huber"``, ``"trim"`` or ``"gauss"``; stated weights that leave too
+            few readings beside the unknowns to tell wild ones make it least squares.
         weights: Weights of the prior for a problem; None: by evidence.
         floor: Smallest scale of residuals to believe in, in mm or °.
         start: Unknowns to begin with, as a constant; None: zero.
@@ -223,8 +224,8 @@ class _Passes:
             weights = (
                 near.posterior.weights if self.fixed is None else self._light(problem)
             )
-            begun = self._solved(problem, weights)
-            return self._robust(begun, float(matrix.tally[0]), searches=1)
+            post = self._solved(problem, weights)
+            return self._robust(post, float(matrix.tally[0]), searches=1)
         theta = np.zeros(self.stack.size) if start is None else start
         matrix = self.over(theta, Loss(), None)
         crowded = self.stack.size > _CROWDED * float(matrix.tally[0])
@@ -254,8 +255,8 @@ class _Passes:
             return first  # so far off that a node lost all of its readings
         if first is None or (other.converged and not first.converged):
             return other
-        kept = other.posterior.problem.count > first.posterior.problem.count
-        return other if kept and other.noise < 0.5 * first.noise else first
+        more = other.posterior.problem.count > first.posterior.problem.count
+        return other if more and other.noise < 0.5 * first.noise else first
 
     def _least_squares(self, matrix: Sums, theta: Vector) -> Posterior:
         problem = self._problem(matrix, theta)
@@ -281,7 +282,7 @@ class _Passes:
                 freedoms = (loss.freedom,)
             # With the same readings at work the matrix and its factor stay as they are.
             final = self.fixed is not None or (searches > 0 and not self.rough)
-            near = _ENDED if final else _NEAR if searches else _FIRST
+            tolerance = _ENDED if final else _NEAR if searches else _FIRST
             sums = self.over(about, loss, matrix)
             changed = abs(float(sums.tally[0]) - active) / max(active, 1.0)
             full = changed > _CHANGED
@@ -299,7 +300,7 @@ class _Passes:
             trail = [*trail[-1:], (about, post.values - about)]
             step = self._step(post)
             moved = self._moved(sums, post.values - about)
-            converged = moved <= near * step
+            converged = moved <= tolerance * step
             limit = 1 if self.rough else _SEARCHES
             if converged and self.fixed is None and searches < limit:
                 before = post.values
@@ -338,9 +339,9 @@ class _Passes:
         return np.where(problem.optional, 0.0, second)
 
     def _solved(
-        self, problem: Problem, weights: Vector, factor: object = None
+        self, problem: Problem, weights: Vector, factor: ArrowFactor | None = None
     ) -> Posterior:
-        post = problem.at(weights, factor)  # type: ignore[arg-type]
+        post = problem.at(weights, factor)
         if post is None:
             msg = "the readings do not determine the table: the normal matrix is singular."
             raise FitError(msg)

@@ -94,11 +94,11 @@ class Stack:
     @cached_property
     def rows(self) -> Float[np.ndarray, "k r u"]:
         """Rows of each term over all unknowns of a small stack, filled up with zeros."""
-        parts = [term.penalty.whole for term in self.terms]
-        widest = max((len(part) for part in parts), default=0)
-        result = np.zeros((len(parts), widest, self.size))
-        for block, part, term in zip(result, parts, self.terms, strict=True):
-            block[: len(part), term.here] = part
+        dense = [term.penalty.whole for term in self.terms]
+        widest = max((len(rows) for rows in dense), default=0)
+        result = np.zeros((len(dense), widest, self.size))
+        for block, rows, term in zip(result, dense, self.terms, strict=True):
+            block[: len(rows), term.here] = rows
         return result
 
     @cached_property
@@ -118,28 +118,28 @@ class Stack:
 
     def design(self, readings: Readings) -> Design:
         """Return the rows of all effects side by side."""
-        parts = [design_of(effect, readings) for effect in self.effects]
+        designs = [design_of(effect, readings) for effect in self.effects]
         nodes = [
             entries + start
-            for (entries, _), start in zip(parts, self.starts, strict=False)
+            for (entries, _), start in zip(designs, self.starts, strict=False)
         ]
-        return np.hstack(nodes), np.hstack([shares for _, shares in parts])
+        return np.hstack(nodes), np.hstack([shares for _, shares in designs])
 
     def matrix(self, readings: Readings) -> Matrix:
         """Return the rows of all effects side by side as a matrix, kept as those are."""
-        kept = readings.matrices if len(readings) <= KEPT else {}
-        if self not in kept:
+        cache = readings.matrices if len(readings) <= KEPT else {}
+        if self not in cache:
             nodes, shares = self.design(readings)
             count, width = shares.shape
             if count * self.size <= _WHOLE:
                 place = nodes + self.size * np.arange(count)[:, None]
                 flat = np.bincount(place.ravel(), shares.ravel(), count * self.size)
-                kept[self] = flat.reshape(count, self.size)
+                cache[self] = flat.reshape(count, self.size)
             else:
                 ends = np.arange(count + 1) * width
-                parts = (shares.reshape(-1), nodes.reshape(-1), ends)
-                kept[self] = sp.csr_array(parts, shape=(count, self.size))
-        return kept[self]
+                entries = (shares.reshape(-1), nodes.reshape(-1), ends)
+                cache[self] = sp.csr_array(entries, shape=(count, self.size))
+        return cache[self]
 
 
 def compact(design: sp.csr_array) -> Matrix:

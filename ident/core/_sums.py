@@ -1,7 +1,7 @@
 """Information of readings about the unknowns of a stack; it adds up.
 
 All that a fit needs of its readings are these sums about a current estimate: over pieces
-of a file, over files, over workers. A group is left out by subtraction.
+of a file, over files, over workers. A group is left out by adding up the others.
 """
 
 import dataclasses
@@ -125,9 +125,9 @@ class Sums:
         n = self.stack.band
         offsets = self.stack.offsets
         lower: Any = [self.diagonals[: n - k, s] for s, k in enumerate(offsets)]
-        away: Any = [*(-k for k in offsets), *offsets[1:]]
-        both = sp.diags_array([*lower, *lower[1:]], offsets=away, shape=(n, n))
-        return sp.csr_array(both)
+        signed: Any = [*(-k for k in offsets), *offsets[1:]]
+        band = sp.diags_array([*lower, *lower[1:]], offsets=signed, shape=(n, n))
+        return sp.csr_array(band)
 
     @property
     def matrix(self) -> sp.csr_array:
@@ -144,10 +144,10 @@ class Sums:
             step: Change of the unknowns.
             gain: Mean ψ' of the loss.
         """
-        push = gain * self.apply(step)
+        change = gain * self.apply(step)
         tally = self.tally.copy()
-        tally[2] += gain * float(step @ (push - 2.0 * self.right))
-        return dataclasses.replace(self, right=self.right - push, tally=tally)
+        tally[2] += gain * float(step @ (change - 2.0 * self.right))
+        return dataclasses.replace(self, right=self.right - change, tally=tally)
 
     def reduced(
         self,
@@ -186,16 +186,16 @@ class Sums:
     def sizes(self) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
         """Sizes of residuals × √weight, ascending, and how many there are of each."""
         # Of truth values NumPy finds the few that are set six times as fast.
-        (found,) = (self.histogram != 0).nonzero()
-        bits = ((found + _FIRST).astype(np.int64) << _SHIFT) + (1 << (_SHIFT - 1))
-        return bits.view(np.float64), self.histogram[found]
+        (bins,) = (self.histogram != 0).nonzero()
+        bits = ((bins + _FIRST).astype(np.int64) << _SHIFT) + (1 << (_SHIFT - 1))
+        return bits.view(np.float64), self.histogram[bins]
 
 
 def _binned(residual: Float[np.ndarray, " t"]) -> Int[np.ndarray, " b"]:
     """Count residuals by size: the leading bits of a float are its logarithm, piecewise."""
     place = (np.abs(residual).view(np.int64) >> _SHIFT) - _FIRST
-    inside = np.minimum(np.maximum(place, 0), _BINS - 1)
-    return np.bincount(inside, minlength=_BINS)
+    bins = np.minimum(np.maximum(place, 0), _BINS - 1)
+    return np.bincount(bins, minlength=_BINS)
 
 
 def sums_of(
@@ -203,7 +203,7 @@ def sums_of(
     readings: Readings,
     theta: Vector,
     loss: Loss,
-    known: Sums | None = None,
+    former: Sums | None = None,
     design: Matrix | None = None,
 ) -> tuple[Sums, Float[np.ndarray, " t"]]:
     """Return the sums of readings about θ, and residuals × √weight.
@@ -213,7 +213,7 @@ def sums_of(
         readings: Any number of them.
         theta: Current estimate.
         loss: How much each reading counts.
-        known: Where matrix and support are taken from, which do not depend on θ but on
+        former: Where matrix and support are taken from, which do not depend on θ but on
             which readings count; None: they are summed, too.
         design: Of the readings, where it is known.
 
@@ -223,22 +223,22 @@ def sums_of(
     axes = loop_axes(stack, readings)
     if axes is None or design is not None:
         matrix = stack.matrix(readings) if design is None else design
-        return _by_matrix(stack, readings, theta, loss, known, matrix)
+        return _by_matrix(stack, readings, theta, loss, former, matrix)
     residual = np.empty(len(readings))
     step = -(-len(readings) // min(cores(), len(readings) // MANY))
-    shares = [slice(k, k + step) for k in range(0, len(readings), step)]
+    pieces = [slice(k, k + step) for k in range(0, len(readings), step)]
 
-    def share(rows: slice) -> Sums:
-        part = readings.take(rows)
-        return _by_loop(stack, part, theta, loss, known is None, axes, residual[rows])
+    def summed(rows: slice) -> Sums:
+        piece = readings.take(rows)
+        return _by_loop(stack, piece, theta, loss, former is None, axes, residual[rows])
 
     # The loop lets go of the interpreter.
-    with ThreadPoolExecutor(len(shares)) as pool:
-        sums = functools.reduce(operator.add, pool.map(share, shares))
+    with ThreadPoolExecutor(len(pieces)) as pool:
+        sums = functools.reduce(operator.add, pool.map(summed, pieces))
     if not np.isfinite(residual).all():
         msg = "readings are not finite, expected numbers."
         raise FitError(msg)
-    return sums if known is None else sums.with_matrix(known), residual
+    return sums if former is None else sums.with_matrix(former), residual
 
 
 def _by_matrix(
@@ -246,7 +246,7 @@ def _by_matrix(
     readings: Readings,
     theta: Vector,
     loss: Loss,
-    known: Sums | None,
+    former: Sums | None,
     design: Matrix,
 ) -> tuple[Sums, Float[np.ndarray, " t"]]:
     weight = 1.0 if readings.weight is None else readings.weight
@@ -264,12 +264,12 @@ def _by_matrix(
         np.square(residual).sum(where=good),
         np.count_nonzero(good),
     ]
-    if known is None:
+    if former is None:
         touching = design.astype(bool).astype(float)
         support = (touching.T @ active.astype(float)).astype(np.int64)
         matrix = (*_products(stack, design, active * weight), support)
     else:
-        matrix = known.diagonals, known.cross, known.border, known.support
+        matrix = former.diagonals, former.cross, former.border, former.support
     diagonals, cross, border, support = matrix
     right, sizes = design.T @ weighted, _binned(residual)
     vectors = right, np.array(tally, float), sizes, support

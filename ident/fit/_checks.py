@@ -79,11 +79,11 @@ class Extent:
                 raise FitError(msg)
         needed = layout.effect.size // layout.branches
         names = ("positive", "negative") if layout.branches == 2 else ("",)
-        for name, number in zip(names, self.counts, strict=True):
-            if number < needed and not allow_gaps:
-                way = f" in {name} direction" if name else ""
+        for name, count in zip(names, self.counts, strict=True):
+            if count < needed and not allow_gaps:
+                where = f" in {name} direction" if name else ""
                 msg = (
-                    f"{number} readings{way} for {needed} nodes, "
+                    f"{count} readings{where} for {needed} nodes, "
                     f"expected at least {needed}."
                 )
                 raise FitError(msg)

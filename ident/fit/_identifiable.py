@@ -41,7 +41,7 @@ def pivoted(
 ) -> tuple[Float[np.ndarray, "m k"], Float[np.ndarray, " k"], Int[np.ndarray, " n"]]:
     """Return an orthonormal basis, sizes in descending order, and the columns' order."""
     factors = scipy.linalg.qr(matrix, mode="economic", pivoting=True)
-    basis, upper, order = (np.asarray(part) for part in factors)
+    basis, upper, order = (np.asarray(factor) for factor in factors)
     return basis, np.abs(np.diag(upper)), order.astype(np.int64)
 
 
@@ -85,22 +85,22 @@ class Shapes:
     def limited(self, functionals: Sequence[Float[np.ndarray, "q _p"]]) -> "Shapes":
         """Return the shapes that functionals of each group's values map to zero."""
         kernels, scale = [], []
-        for at, basis, pick in zip(self.slices, self.basis, functionals, strict=True):
-            kernels.append(_kernel(pick @ basis))
+        for at, basis, rows in zip(self.slices, self.basis, functionals, strict=True):
+            kernels.append(_kernel(rows @ basis))
             most = np.diag(self.matrix)[at].max(initial=0.0)
             scale += [most] * kernels[-1].shape[1]
-        whole = scipy.linalg.block_diag(*kernels)
-        matrix = whole.T @ self.matrix @ whole
-        some = np.diag(matrix) > _ROUNDING * np.array(scale)
+        mixing = scipy.linalg.block_diag(*kernels)
+        matrix = mixing.T @ self.matrix @ mixing
+        valid = np.diag(matrix) > _ROUNDING * np.array(scale)
         pairs = zip(self.basis, kernels, strict=True)
-        limited = tuple(at @ kernel for at, kernel in pairs)
+        limited = tuple(basis @ kernel for basis, kernel in pairs)
         return Shapes(
-            limited, np.where(np.outer(some, some), matrix, 0.0), self.constant
+            limited, np.where(np.outer(valid, valid), matrix, 0.0), self.constant
         )
 
 
-def _slices(parts: Sequence[np.ndarray]) -> list[slice]:
-    ends = np.cumsum([0, *(each.shape[1] for each in parts)]).tolist()
+def _slices(blocks: Sequence[np.ndarray]) -> list[slice]:
+    ends = np.cumsum([0, *(block.shape[1] for block in blocks)]).tolist()
     return [slice(*pair) for pair in itertools.pairwise(ends)]
 
 
@@ -161,21 +161,21 @@ class Correlations:
         white: list[np.ndarray] = []
         constants = []
         for k, at in enumerate(slices):
-            each = _whitener(shapes.matrix[at, at])
-            shadow = each.T @ along[at] / np.sqrt(total)
+            mixing = _whitener(shapes.matrix[at, at])
+            shadow = mixing.T @ along[at] / np.sqrt(total)
             length = float(shadow @ shadow)
             if k == number:
-                each = each[:, :0]
+                mixing = mixing[:, :0]
             elif 1.0 - length < limit:
                 unit = (shadow / np.sqrt(length))[:, None]
-                sizes = (_sizes(shapes.basis[k] @ each @ unit), np.zeros(1))
-                whole = float(np.sqrt(min(length, 1.0)))
-                constants.append(Shared((k, number), whole, 1, sizes))
-                each = each @ scipy.linalg.null_space(unit.T)
+                sizes = (_sizes(shapes.basis[k] @ mixing @ unit), np.zeros(1))
+                correlation = float(np.sqrt(min(length, 1.0)))
+                constants.append(Shared((k, number), correlation, 1, sizes))
+                mixing = mixing @ scipy.linalg.null_space(unit.T)
             elif length > 0.0:
                 stretch = (1.0 / np.sqrt(1.0 - length) - 1.0) / length
-                each = each + each @ (stretch * np.outer(shadow, shadow))
-            white.append(each)
+                mixing = mixing + mixing @ (stretch * np.outer(shadow, shadow))
+            white.append(mixing)
         overall = scipy.linalg.block_diag(*white)
         projected = shapes.matrix - np.outer(along, along) / total
         matrix = np.asarray(overall.T @ projected @ overall)
@@ -190,8 +190,8 @@ class Correlations:
         values, vectors = np.linalg.eigh(self.matrix)
         return np.asarray(values), np.asarray(vectors)
 
-    def left(self) -> list[float]:
-        """Return the information left of each group beside all others.
+    def remaining(self) -> list[float]:
+        """Return the information that remains of each group beside all others.
 
         Summed over its directions, each of which has 1 alone.
         """
@@ -204,10 +204,10 @@ class Correlations:
         basis, at = self.shapes.basis[number], self.shapes.slices[number]
         matrix = self.shapes.matrix[at, at]
         white = _whitener(matrix)
-        whole = np.maximum(np.linalg.norm(basis, axis=1), 1e-300)
+        length = np.maximum(np.linalg.norm(basis, axis=1), 1e-300)
         free = basis - basis @ white @ (white.T @ matrix)
         full = white.shape[1] == basis.shape[1]
-        return np.zeros(len(basis)) if full else np.linalg.norm(free, axis=1) / whole
+        return np.zeros(len(basis)) if full else np.linalg.norm(free, axis=1) / length
 
     @property
     def weakest(self) -> float:
@@ -228,14 +228,14 @@ class Correlations:
                 result[first, second] = self._shared(mixed, float(strength[0]))
         return result
 
-    def several(self, limit: float, known: Sequence[tuple[int, int]]) -> list[Shared]:
+    def several(self, limit: float, paired: Sequence[tuple[int, int]]) -> list[Shared]:
         """Return what three or more groups share and no two of them explain.
 
         Args:
             limit: Information below which a mixture of all groups is shared.
-            known: Pairs that share something themselves: looked at no more.
+            paired: Pairs that share something themselves: looked at no more.
         """
-        covered = set(itertools.chain.from_iterable(known))
+        covered = set(itertools.chain.from_iterable(paired))
         values, vectors = self._modes
         result = []
         for weak in vectors[:, values < limit].T:

@@ -18,7 +18,7 @@ Constraint = Literal["monotone", "non-negative"]
 def margins_of(
     words: Sequence[str], entries: Array, nodes: Sequence[Float[np.ndarray, " _n"]]
 ) -> sp.csr_array:
-    """Return rows whose products with entries are nowhere below zero where they keep the words.
+    """Return rows whose products with entries that keep the words are at least zero.
 
     Args:
         words: Of `Constraint`.
@@ -28,10 +28,10 @@ def margins_of(
     unit: Any = sp.eye_array(entries.size, format="csr")
     number = np.arange(entries.size).reshape(entries.shape)
     rows = [unit] if "non-negative" in words else []
-    for axis, way in _ways(entries, nodes) if "monotone" in words else ():
+    for axis, sign in _signs(entries, nodes) if "monotone" in words else ():
         later, earlier = (np.delete(number, end, axis) for end in (0, -1))
-        signs = sp.diags_array(np.broadcast_to(way, later.shape).ravel())
-        rows.append(signs @ (unit[later.ravel()] - unit[earlier.ravel()]))
+        flips = sp.diags_array(np.broadcast_to(sign, later.shape).ravel())
+        rows.append(flips @ (unit[later.ravel()] - unit[earlier.ravel()]))
     return sp.csr_array(sp.vstack(rows))
 
 
@@ -74,23 +74,23 @@ def kept(
 
     Arguments as for `margins_of`.
     """
-    ways = list(_ways(entries, nodes)) if "monotone" in words else []
+    signs = list(_signs(entries, nodes)) if "monotone" in words else []
     result = np.maximum(entries, 0) if "non-negative" in words else entries
-    for axis, way in ways:
+    for axis, sign in signs:
         rising = np.maximum.accumulate(result, axis)
         falling = np.flip(np.maximum.accumulate(np.flip(result, axis), axis), axis)
-        result = np.where(way > 0, rising, falling)
+        result = np.where(sign > 0, rising, falling)
     return result
 
 
-def _ways(
+def _signs(
     entries: Array, nodes: Sequence[Float[np.ndarray, " _n"]]
 ) -> Iterator[tuple[int, Array]]:
     """Return the axis of the array over each master, and ±1: its line rises there, or falls."""
     table_axes = tuple(range(-len(nodes), 0))
     for k, places in enumerate(nodes):
-        away = (places - places.mean()).reshape(-1, *[1] * k)
-        line = np.sum(away * entries, axis=table_axes, keepdims=True)
+        centred = (places - places.mean()).reshape(-1, *[1] * k)
+        line = np.sum(centred * entries, axis=table_axes, keepdims=True)
         yield -1 - k, np.where(line < 0.0, -1.0, 1.0)
 
 

@@ -61,9 +61,9 @@ def judge_once(fit: TableFit, samples: Samples) -> TableFit:
     floor = _least_noise(readings)
     if floor > fit.noise:
         fit = _noisier(fit, place, floor)
-    across, rough = max(enumerate(_roughness(readings)), key=lambda pair: pair[1])
+    across, roughness = max(enumerate(_roughness(readings)), key=lambda pair: pair[1])
     # Below the scatter of a reading no structure can hide; from twice that on, all of it can.
-    share = float(np.clip(rough / fit.noise - 1.0, 0.0, 1.0))
+    share = float(np.clip(roughness / fit.noise - 1.0, 0.0, 1.0))
     offsets = [_offset_of_lines(readings, axis, fit.noise) for axis in (0, 1)]
     if not share:
         across = int(np.argmax(offsets))
@@ -80,8 +80,8 @@ def _nodes_read(
         position = samples.positions[:, column]
         middles = 0.5 * (nodes[1:] + nodes[:-1])
         nearest = np.searchsorted(middles, position)
-        away = np.abs(position - nodes[nearest])
-        if np.any(away > _NEAR * np.diff(nodes).min()):
+        distance = np.abs(position - nodes[nearest])
+        if np.any(distance > _NEAR * np.diff(nodes).min()):
             return None
         place.append(nearest)
     first, second = place
@@ -181,14 +181,14 @@ def _half_way(
         share: Part of the scatter that may be structure, 0 to 1.
         offset: Standard deviation of an offset of every line, in mm or °.
     """
-    toward = 0.5 * share
-    kept = np.where(fit.wild, 0.0, toward)
-    values = np.zeros_like(fit.values)
-    values[place] = kept * fit.residual
+    fraction = 0.5 * share
+    fractions = np.where(fit.wild, 0.0, fraction)
+    change = np.zeros_like(fit.values)
+    change[place] = fractions * fit.residual
     # If all scatter is noise the table takes over a part of it; if all is structure, it misses
     # no more than that.
     weight = np.zeros_like(fit.values)
-    weight[place] = kept
+    weight[place] = fractions
     before = np.square(fit.standard_deviation)
     gain = np.square(weight * fit.noise) - np.square(weight) * before
     table = fit.layout.effect
@@ -200,8 +200,8 @@ def _half_way(
         columns[:, slot] += offset**2 if step in (0, along) else 0.0
     columns[:, 0] += table.to_values(gain)
     size = offset / fit.noise
-    way = (
-        f", and the table goes {toward:.0%} of the way from the smooth surface to each reading"
+    clause = (
+        f", and the table goes {fraction:.0%} of the way from the smooth surface to each reading"
         if share
         else ""
     )
@@ -210,15 +210,15 @@ def _half_way(
         "than readings scatter: an offset of every line and structure as fine as the nodes "
         "cannot be told from noise. The standard deviations allow for such an offset, as "
         f"large as {'the scatter' if size >= 1.0 else f'{size:.0%} of the scatter'} of a "
-        f"reading{way}. A second probing would tell."
+        f"reading{clause}. A second probing would tell."
     )
     return dataclasses.replace(
         fit,
-        values=fit.values + values,
+        values=fit.values + change,
         standard_deviation=np.sqrt(np.maximum(before + gain, 0.0) + offset**2),
         noise=float(np.hypot(fit.noise, offset)),
         line_offset=offset,
-        residual=fit.residual * (1.0 - kept),
+        residual=fit.residual * (1.0 - fractions),
         covariance=dataclasses.replace(fit.covariance, columns=columns),
         message=message,
     )

@@ -98,7 +98,7 @@ def zeroed(
     assert fit.estimate is not None  # only folds have none
     posterior = fit.estimate.posterior
     here = posterior.problem.stack.here(0)
-    # Stated deviations know of more than the noise; how nodes go together is its alone.
+    # Stated deviations hold more than the noise; correlations are those of the noise alone.
     scale = effect.to_values(fit.standard_deviation)
     scale = scale / np.sqrt(posterior.inverse_diagonal[here])
     unknowns = np.zeros(len(posterior.values))
@@ -124,12 +124,12 @@ def deviations(
         samples: The readings.
     """
     nodes, shares = design_of(fits[0].layout.effect, samples.readings)
-    parts = [fit.covariance for fit in fits]
+    covariances = [fit.covariance for fit in fits]
     # The tables one after the other, as if they were one.
-    columns = np.concatenate([part.columns for part in parts])
-    whole = CellCovariance(parts[0].offsets, columns)
-    first = which * len(parts[0].columns)
-    return np.asarray(np.sqrt(whole.variance(nodes + first[:, None], shares)))
+    columns = np.concatenate([covariance.columns for covariance in covariances])
+    joined = CellCovariance(covariances[0].offsets, columns)
+    first = which * len(covariances[0].columns)
+    return np.asarray(np.sqrt(joined.variance(nodes + first[:, None], shares)))
 
 
 def leave_out(
@@ -149,17 +149,17 @@ def leave_out(
     Raises:
         FitError: If there are fewer than two groups.
     """
-    whole = fit.estimate
-    assert whole is not None  # every fit of `fit_table` has one
-    stack = whole.posterior.problem.stack
+    estimate = fit.estimate
+    assert estimate is not None  # every fit of `fit_table` has one
+    stack = estimate.posterior.problem.stack
     by_run = isinstance(stack.effects[-1], GroupEffect)
     readings, present = samples.readings, {}
     with one_blas_thread():
-        sums = sums_by_group(whole, readings, stack.matrix(readings), groups)
+        sums = sums_by_group(estimate, readings, stack.matrix(readings), groups)
         for label in sums if by_run else ():
             other_runs = readings.inputs["run"][groups != label]
             present[label] = np.bincount(other_runs, minlength=len(fit.runs)) > 0
-        posteriors = leave_one_out(whole, sums, present, {})
+        posteriors = leave_one_out(estimate, sums, present, {})
         folds = [(label, fold_of(fit, post)) for label, post in posteriors.items()]
     yield from folds
 
@@ -177,9 +177,9 @@ def spatial_blocks(
         cells = max(nodes.count - 1, 1)
         place = padded({"place": np.asarray(samples.positions[:, column], float)})
         cell = np.asarray(nodes.locate(jnp.asarray(place["place"]))[0])[: len(blocks)]
-        parts = min(cells, 4 * count)
-        blocks = blocks * parts + cell.astype(np.int64) * parts // cells
-        size *= parts
+        per_axis = min(cells, 4 * count)
+        blocks = blocks * per_axis + cell.astype(np.int64) * per_axis // cells
+        size *= per_axis
     if size == 1:  # nothing is around a single cell: one reading in so many
         return np.arange(len(blocks)) % count
     # Every group gets the same number of blocks, in random places.

@@ -36,28 +36,28 @@ def crowded(nodes: Float[np.ndarray, "3 n"]) -> Bool[np.ndarray, " n"]:
     return np.asarray(_mostly(count, wild) | several)
 
 
-def at_medians(stack: Stack, readings: Readings, found: Estimate) -> Estimate:
+def at_medians(stack: Stack, readings: Readings, estimate: Estimate) -> Estimate:
     """Return an estimate moved to the median reading of each node: where to begin anew.
 
     Args:
         stack: The table, and effects of runs beside it where there are any.
         readings: All readings.
-        found: The estimate.
+        estimate: The estimate.
     """
     size, design = stack.effects[0].size, stack.matrix(readings)
-    node, start = nearest_nodes(stack, readings), found.values.copy()
+    node, start = nearest_nodes(stack, readings), estimate.values.copy()
     for _ in range(_ROUNDS):
         start[:size] += _medians(node, readings.value - design @ start, size)
     return dataclasses.replace(
-        found, posterior=dataclasses.replace(found.posterior, values=start)
+        estimate, posterior=dataclasses.replace(estimate.posterior, values=start)
     )
 
 
 def reconsidered(
     stack: Stack,
     readings: Readings,
-    found: Estimate,
-    again: Callable[[Estimate], Estimate],
+    estimate: Estimate,
+    refit: Callable[[Estimate], Estimate],
 ) -> Estimate:
     """Return the estimate, or one that believes readings which agree with each other.
 
@@ -66,8 +66,8 @@ def reconsidered(
     Args:
         stack: The table, and effects of runs beside it where there are any.
         readings: All readings.
-        found: The estimate.
-        again: Fit from near another estimate.
+        estimate: The estimate.
+        refit: Fit from near another estimate.
     """
     size, design = stack.effects[0].size, stack.matrix(readings)
     node = nearest_nodes(stack, readings)
@@ -77,12 +77,12 @@ def reconsidered(
     def residual(values: Float[np.ndarray, " u"]) -> Float[np.ndarray, " t"]:
         return np.asarray(readings.value - design @ values)
 
-    near = at_medians(stack, readings, found)
+    near = at_medians(stack, readings, estimate)
     post = near.posterior
-    light = post.weights if found.stated else _LIGHT * post.problem.density
+    light = post.weights if estimate.stated else _LIGHT * post.problem.density
     light = np.where(post.weights > 0.0, light, 0.0)
     rough = dataclasses.replace(post, weights=light)
-    rival = again(dataclasses.replace(near, posterior=rough))
+    rival = refit(dataclasses.replace(near, posterior=rough))
 
     def cost(candidate: Estimate) -> float:
         """Return minus twice the log-likelihood with wild readings anywhere in their range.
@@ -95,18 +95,18 @@ def reconsidered(
         wild = np.abs(residuals) * root > limit
         faulty = _mostly(count, np.bincount(node[wild], minlength=size))
         shift = np.where(faulty, _medians(node, residuals, size), 0.0)
-        apart = np.abs(residuals - shift[node]) * root > limit
+        stray = np.abs(residuals - shift[node]) * root > limit
         used = ~wild & ~faulty[node]
         free = max(int(used.sum()) - stack.free, 1)
         square = float(np.square((residuals * root)[used]).sum())
         square += candidate.posterior.total - candidate.posterior.residual_square
         good = float(np.log(2.0 * np.pi * max(square / free, 1e-300))) + 1.0
         span = 2.0 * float(np.log(max(np.ptp(residuals), 1e-150)))
-        beside, many = int((~apart & ~used).sum()), int(apart.sum())
+        shifted, strays = int((~stray & ~used).sum()), int(stray.sum())
         faults = int(faulty.sum())
-        result = (free + beside - faults) * good + (many + faults) * span
-        result -= 2.0 * (many * np.log(_WILD) + faults * np.log(_FAULTY))
-        if not found.stated:
+        result = (free + shifted - faults) * good + (strays + faults) * span
+        result -= 2.0 * (strays * np.log(_WILD) + faults * np.log(_FAULTY))
+        if not estimate.stated:
             # A smoothness that the readings chose must pay for itself.
             result += (
                 candidate.posterior.evidence
@@ -115,7 +115,7 @@ def reconsidered(
             )
         return float(result)
 
-    return min((found, rival), key=cost)
+    return min((estimate, rival), key=cost)
 
 
 def _mostly(

@@ -62,7 +62,7 @@ class Judged:
         table, nearest = stack.effects[0], nearest_nodes(stack, readings)
         wild, share = loss.wild(ratio), loss.share(ratio)
         weights = (None, share, wild.astype(float))
-        sums = np.stack([np.bincount(nearest, own, table.size) for own in weights])
+        sums = np.stack([np.bincount(nearest, row, table.size) for row in weights])
         return cls(wild, share, sums)
 
 
@@ -81,7 +81,7 @@ def residual_of(
 
 def result_of(
     layout: TableLayout,
-    found: Estimate,
+    estimate: Estimate,
     loss: str,
     *,
     count: int,
@@ -93,7 +93,7 @@ def result_of(
 
     Args:
         layout: Where the nodes lie.
-        found: The estimate; its first effect is the table.
+        estimate: The estimate; its first effect is the table.
         loss: Name of the loss.
         count: Number of readings.
         spread: Range of the readings in mm or °; infinite: any uncertainty is accepted.
@@ -103,13 +103,13 @@ def result_of(
     Raises:
         FitError: If the readings do not determine the table.
     """
-    post, table = found.posterior, layout.effect
-    plain = np.maximum(post.inverse_diagonal[: table.size], 1e-300)
-    deviation = np.sqrt(found.variances[: table.size])
+    post, table = estimate.posterior, layout.effect
+    unscaled = np.maximum(post.inverse_diagonal[: table.size], 1e-300)
+    deviation = np.sqrt(estimate.variances[: table.size])
     support = post.problem.sums.support[: table.size]
     worst = float(deviation[support > 0].max(initial=0.0))
     # Rounding can leave a singular matrix just definite.
-    if np.isfinite(spread) and worst > _HOPELESS * max(spread, found.noise, _NOTHING):
+    if worst > _HOPELESS * max(spread, estimate.noise, _NOTHING):
         msg = (
             "the readings do not determine the table: the least known node is uncertain "
             f"by {worst:.3g}."
@@ -117,29 +117,29 @@ def result_of(
         raise FitError(msg)
     suspects: list[int] = []
     if nodes is not None:
-        nearest, kept, _ = nodes
+        nearest, weight, _ = nodes
         # A share of 0.5 is the Student weight at two scales; a lone reading must be further off.
         limit = np.where(nearest > 1, _TRUSTED, 0.5 * _TRUSTED) * nearest
-        doubted = (nearest > 0) & (kept < limit)
+        doubted = (nearest > 0) & (weight < limit)
         suspects = np.flatnonzero(table.to_table(doubted).reshape(-1)).tolist()
     return TableFit(
         layout=layout,
         values=table.to_table(post.values[: table.size]),
         standard_deviation=table.to_table(deviation),
         support=table.to_table(support),
-        noise=found.noise,
+        noise=estimate.noise,
         smoothness=dict(zip(table.prior.names, post.weights.tolist(), strict=True)),
         loss=loss,
         residual=np.zeros(0),
         share=np.zeros(0),
         wild=np.zeros(0, bool),
-        runs=_run_effects(post, runs, found.scatter[0]),
+        runs=_run_effects(post, runs, estimate.scatter[0]),
         suspect_nodes=tuple(suspects),
         suspect_runs=(),
-        covariance=post.covariance(table.offsets).scaled(deviation / np.sqrt(plain)),
-        converged=found.converged,
-        message=found.message(count),
-        estimate=found,
+        covariance=post.covariance(table.offsets).scaled(deviation / np.sqrt(unscaled)),
+        converged=estimate.converged,
+        message=estimate.message(count),
+        estimate=estimate,
     )
 
 
@@ -151,13 +151,13 @@ def fold_of(fit: TableFit, post: Posterior) -> TableFit:
         post: Without some of them.
     """
     assert fit.estimate is not None  # that of all readings has one
-    found = dataclasses.replace(fit.estimate, posterior=post, stated=True)
+    estimate = dataclasses.replace(fit.estimate, posterior=post, stated=True)
     effect = post.problem.stack.effects[-1]
     runs = [run.run for run in fit.runs]
     if isinstance(effect, GroupEffect):
-        runs = [run for run, has in zip(runs, effect.present, strict=True) if has]
+        runs = [run for run, used in zip(runs, effect.present, strict=True) if used]
     count = int(post.problem.count)
-    fold = result_of(fit.layout, found, fit.loss, count=count, runs=runs)
+    fold = result_of(fit.layout, estimate, fit.loss, count=count, runs=runs)
     fold = fold if fit.keeps is None else fit.keeps(fold)
     return dataclasses.replace(fold, estimate=None)
 
@@ -193,11 +193,11 @@ def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
     offset_sd = np.array([run.offset_sd for run in runs])
     free = count - 1
     # Of the others alone, by the deviations from the mean of all.
-    away = offset - offset.mean()
-    square = np.sum(away**2) - away**2 * count / free
+    deviation = offset - offset.mean()
+    square = np.sum(deviation**2) - deviation**2 * count / free
     scatter = np.maximum(np.sqrt(np.maximum(square, 0.0) / (free - 1)), offset_sd)
-    off = np.abs(away) * count / free
-    t = off / (scatter * np.sqrt(1.0 + 1.0 / free))
+    distance = np.abs(deviation) * count / free
+    t = distance / (scatter * np.sqrt(1.0 + 1.0 / free))
     # Of two others the scatter is hardly known: as if of three.
     far = 2.0 * stdtr(max(count - 2, 2), -t) < _FAR / count
     return tuple(run.run for run, is_far in zip(runs, far, strict=True) if is_far)

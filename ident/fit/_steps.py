@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 _MANY = 20_000
-"""Readings up to which steps are looked for: so many more are taken in motion, nowhere twice."""
+"""Readings up to which steps are looked for: longer recordings, in motion, repeat no place."""
 _NONE, _WHOLE, _FEWEST = 1e-9, 0.01, 3
 """Difference of readings in mm or ° that is none; how near whole numbers of steps are; single
 steps that must be seen: one wild reading makes two large ones."""

@@ -117,7 +117,7 @@ def fit_streamed(
     first = next((error for error in pieces if len(error)), np.zeros(1))
     passes = itertools.count()
 
-    def ask(work: _SumUp) -> _Found:
+    def sum_up(work: _SumUp) -> _Summed:
         next(passes)
         total = functools.reduce(operator.add, apply(work, parts), _NOTHING)
         if not total.groups:
@@ -125,12 +125,12 @@ def fit_streamed(
             raise FitError(msg)
         return total
 
-    attempt, words = partial(_attempt, layout, ask, first, grouping, smoothness), ""
+    attempt, remark = partial(_attempt, layout, sum_up, first, grouping, smoothness), ""
     with one_blas_thread():
         result = attempt(loss)
         if loss == "student" and result.wild > TOO_MANY * result.count:
-            result, words = attempt("huber"), f"{NONE_LEFT_OUT} "
-    message = f"{result.fit.message} {words}Read in {next(passes)} passes."
+            result, remark = attempt("huber"), f"{NONE_LEFT_OUT} "
+    message = f"{result.fit.message} {remark}Read in {next(passes)} passes."
     return dataclasses.replace(
         result, fit=dataclasses.replace(result.fit, message=message)
     )
@@ -138,7 +138,7 @@ def fit_streamed(
 
 def _attempt(
     layout: TableLayout,
-    ask: "Callable[[_SumUp], _Found]",
+    sum_up: "Callable[[_SumUp], _Summed]",
     first: Float[np.ndarray, " t"],
     grouping: Grouping | None,
     smoothness: Smoothness,
@@ -148,48 +148,43 @@ def _attempt(
 
     Args:
         layout: As for `fit_streamed`.
-        ask: Makes a pass over all readings.
+        sum_up: Makes a pass over all readings.
         first: Errors of the first piece.
         grouping: As for `fit_streamed`.
         smoothness: Likewise.
         loss: Likewise.
     """
     stack = Stack((layout.effect,))
-    looks: list[_Found] = []
+    firsts: list[_Summed] = []
 
-    def over(theta: Float[np.ndarray, " u"], by: Loss, known: Sums | None) -> Sums:
-        groups = None if looks else grouping
-        sums = ask(_SumUp(layout, theta, by, known is None, not looks, groups))
+    def over(theta: Float[np.ndarray, " u"], loss: Loss, former: Sums | None) -> Sums:
+        groups = None if firsts else grouping
+        sums = sum_up(_SumUp(layout, theta, loss, former is None, not firsts, groups))
         if sums.extent is not None:
             sums.extent.check(layout, stack.free, allow_gaps=False)
-            looks.append(sums)
-        return sums.total if known is None else sums.total.with_matrix(known)
+            firsts.append(sums)
+        return sums.total if former is None else sums.total.with_matrix(former)
 
-    whole = estimate_table(stack, over, first, smoothness, loss)
-    last = looks[0]
+    fitted = estimate_table(stack, over, first, smoothness, loss)
+    last = firsts[0]
     assert last.extent is not None
     count = int(last.extent.counts.sum())
-    nodes, many = None, 0
+    nodes, crowds = None, 0
     if loss != "gauss":
-        last = ask(_SumUp(layout, whole.about, whole.loss, True, False, grouping, True))
+        work = _SumUp(layout, fitted.about, fitted.loss, True, False, grouping, True)
+        last = sum_up(work)
         nodes = last.nodes
-        many = int(crowded(nodes).sum())
-    fit = result_of(
-        layout,
-        whole,
-        loss,
-        count=count,
-        spread=float(np.ptp(first)),
-        nodes=nodes,
-    )
-    posteriors = {} if grouping is None else leave_one_out(whole, last.groups, {}, {})
+        crowds = int(crowded(nodes).sum())
+    spread = float(np.ptp(first))
+    fit = result_of(layout, fitted, loss, count=count, spread=spread, nodes=nodes)
+    posteriors = {} if grouping is None else leave_one_out(fitted, last.groups, {}, {})
     folds = {label: fold_of(fit, post) for label, post in posteriors.items()}
-    wild = count - int(whole.posterior.problem.count)
-    return StreamedFit(fit, count, wild, many, folds)
+    wild = count - int(fitted.posterior.problem.count)
+    return StreamedFit(fit, count, wild, crowds, folds)
 
 
 @dataclasses.dataclass(frozen=True)
-class _Found:
+class _Summed:
     """What a pass gives.
 
     Attributes:
@@ -202,14 +197,14 @@ class _Found:
     extent: Extent | None
     nodes: Float[np.ndarray, "3 n"]
 
-    def __add__(self, other: "_Found") -> "_Found":
+    def __add__(self, other: "_Summed") -> "_Summed":
         groups = dict(self.groups)
         for label, sums in other.groups.items():
             groups[label] = groups[label] + sums if label in groups else sums
         extent = self.extent or other.extent
         if self.extent is not None and other.extent is not None:
             extent = self.extent + other.extent
-        return _Found(groups, extent, self.nodes + other.nodes)
+        return _Summed(groups, extent, self.nodes + other.nodes)
 
     @property
     def total(self) -> Sums:
@@ -218,7 +213,7 @@ class _Found:
         return functools.reduce(operator.add, groups)
 
 
-_NOTHING = _Found({}, None, np.zeros((3, 1)))
+_NOTHING = _Summed({}, None, np.zeros((3, 1)))
 
 
 @final
@@ -244,22 +239,22 @@ class _SumUp:
     grouping: Grouping | None = None
     nodes: bool = False
 
-    def __call__(self, part: Part) -> _Found:
+    def __call__(self, part: Part) -> _Summed:
         pieces = (self._of(samples) for samples in part() if len(samples.error))
         return functools.reduce(operator.add, pieces, _NOTHING)
 
-    def _of(self, samples: Samples) -> _Found:
+    def _of(self, samples: Samples) -> _Summed:
         extent = Extent.of(self.layout, samples) if self.look else None
-        stack, parts = Stack((self.layout.effect,)), {0: samples}
-        known = None if self.full else Sums.empty(stack)
+        stack, split = Stack((self.layout.effect,)), {0: samples}
+        former = None if self.full else Sums.empty(stack)
         if self.grouping is not None:
             labels = self.grouping(samples)
-            parts = {int(g): samples.take(labels == g) for g in np.unique(labels)}
+            split = {int(g): samples.take(labels == g) for g in np.unique(labels)}
         groups, nodes = {}, np.zeros((3, 1))
-        for label, sums in parts.items():
-            readings = sums.readings
-            groups[label], _ = sums_of(stack, readings, self.theta, self.loss, known)
+        for label, group in split.items():
+            readings = group.readings
+            groups[label], _ = sums_of(stack, readings, self.theta, self.loss, former)
             if self.nodes:
                 judged = Judged.of(stack, readings, self.theta, self.loss)
                 nodes = nodes + judged.nodes
-        return _Found(groups, extent, nodes)
+        return _Summed(groups, extent, nodes)

@@ -83,7 +83,7 @@ def fit_table(
     extent = Extent.of(layout, samples)
     check_smoothness(smoothness)
     labels = _runs(samples, run_effects)
-    fit_to = _Memory(
+    fit_to = _InMemory(
         layout,
         samples.readings,
         labels,
@@ -95,12 +95,12 @@ def fit_table(
     extent.check(layout, fit_to.stack(()).free, allow_gaps)
     with one_blas_thread():
         fit = fit_to(loss, ())
-        apart = far_runs(fit.runs) if loss != "gauss" else ()
-        if apart:
+        far = far_runs(fit.runs) if loss != "gauss" else ()
+        if far:
             # A run that contradicts the others must not pull their mean.
-            fit = fit_to(loss, apart)
+            fit = fit_to(loss, far)
         if loss == "student" and _too_many_wild(fit, samples):
-            fit = fit_to("huber", apart)
+            fit = fit_to("huber", far)
             fit = dataclasses.replace(fit, message=f"{fit.message} {NONE_LEFT_OUT}")
     # Where the user sets the smoothness, or readings are held out, nothing is to be judged.
     judged = isinstance(smoothness, str) and not allow_gaps
@@ -168,15 +168,15 @@ def estimate_table(
         FitError: If the readings do not determine the unknowns or the loss is unknown.
     """
     level = float(np.median(first[:_FIRST]))
-    begin = np.full(stack.effects[0].size, level)
+    values = np.full(stack.effects[0].size, level)
     if start is not None:
-        begin = np.concatenate([begin, start(level)])
+        values = np.concatenate([values, start(level)])
     weights = None
     if not isinstance(smoothness, str):
         weights = fixed_weights(smoothness, stack.effects[0].prior.names)
     floor = max(floor_of(first), step)
     return estimate(
-        stack, over, loss=loss, weights=weights, floor=floor, start=begin, near=near
+        stack, over, loss=loss, weights=weights, floor=floor, start=values, near=near
     )
 
 
@@ -190,22 +190,22 @@ def floor_of(error: Float[np.ndarray, " t"]) -> float:
 
 
 def fixed_weights(
-    wanted: float | Mapping[Any, float], names: Sequence[Any]
+    smoothness: float | Mapping[Any, float], names: Sequence[Any]
 ) -> Callable[[Problem], Float[np.ndarray, " k"]]:
     """Return the weights that were asked for, given the sums.
 
     Args:
-        wanted: Of each term by its name, or of all second differences, without fourth ones.
+        smoothness: Of each term by its name, or of all second differences, without fourth ones.
             Second differences that are given none fill gaps.
         names: Of the terms.
     """
 
     def weights(problem: Problem) -> Float[np.ndarray, " k"]:
         second = np.where(problem.optional, 0.0, 1.0)
-        if isinstance(wanted, Mapping):
-            stated = np.array([float(wanted.get(name, 0.0)) for name in names])
+        if isinstance(smoothness, Mapping):
+            stated = np.array([float(smoothness.get(name, 0.0)) for name in names])
         else:
-            stated = second * wanted
+            stated = second * smoothness
         return np.asarray(np.maximum(stated, second * FILL * problem.density))
 
     return weights
@@ -213,7 +213,7 @@ def fixed_weights(
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Memory:
+class _InMemory:
     """A fit of readings in memory; a call makes it by one loss."""
 
     layout: TableLayout
@@ -224,64 +224,59 @@ class _Memory:
     allow_gaps: bool
     steps: Steps
 
-    def stack(self, apart: Sequence[int]) -> Stack:
+    def stack(self, far: Sequence[int]) -> Stack:
         """Return the table, and effects of the runs; some do not count in their mean."""
-        counted = ~np.isin(self.labels, list(apart))
+        counted = ~np.isin(self.labels, list(far))
         return _stack(self.layout.effect, counted.tobytes(), self.drift)
 
-    def middle(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " r"]:
+    def medians(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " r"]:
         """Return the median of each run."""
         run = self.readings.inputs["run"]
         return np.asarray(median(values, run, np.arange(len(self.labels))))
 
-    def __call__(self, loss: str, apart: Sequence[int]) -> TableFit:
+    def __call__(self, loss: str, far: Sequence[int]) -> TableFit:
         """Return the fit by one loss, some runs left out of the mean of all."""
-        stack, readings = self.stack(apart), self.readings
+        stack, readings = self.stack(far), self.readings
         error, effect = readings.value, stack.effects[-1]
 
         def offsets(level: float) -> Vector:
             border = np.zeros(stack.size - self.layout.effect.size)
             if isinstance(effect, GroupEffect):
-                offset = self.middle(error) - level
+                offset = self.medians(error) - level
                 border[: effect.contrast.shape[1]] = effect.contrast.T @ offset
             return border
 
-        estimated = functools.partial(
-            estimate_table,
-            stack,
-            memory(stack, readings),
-            error,
-            self.smoothness,
-            loss,
-            step=self.steps.size,
+        over, step = memory(stack, readings), self.steps.size
+        fit_from = functools.partial(
+            estimate_table, stack, over, error, self.smoothness, loss, step=step
         )
-        found = estimated(offsets)
+        fitted = fit_from(offsets)
 
-        def again(near: Estimate) -> Estimate:
-            return estimated(near=near)
+        def refit(near: Estimate) -> Estimate:
+            return fit_from(near=near)
 
-        if loss == "huber" and not found.converged:
+        if loss == "huber" and not fitted.converged:
             # Readings of a node that contradict all others pull evenly from any distance.
-            found = again(at_medians(stack, readings, found))
-        judged = Judged.of(stack, readings, found.about, found.loss)
+            fitted = refit(at_medians(stack, readings, fitted))
+        judged = Judged.of(stack, readings, fitted.about, fitted.loss)
         if loss == "student" and crowded(judged.nodes).any():
-            found = reconsidered(stack, readings, found, again)
-            judged = Judged.of(stack, readings, found.about, found.loss)
+            fitted = reconsidered(stack, readings, fitted, refit)
+            judged = Judged.of(stack, readings, fitted.about, fitted.loss)
         fit = result_of(
             self.layout,
-            found,
+            fitted,
             loss,
             count=len(error),
             spread=np.inf if self.allow_gaps else float(np.ptp(error)),
             runs=self.labels.tolist(),
             nodes=judged.nodes,
         )
-        residual = residual_of(stack, readings, found.values)
+        residual = residual_of(stack, readings, fitted.values)
         if readings.weight is not None:
             residual = residual / np.sqrt(readings.weight)
         suspects: tuple[int, ...] = ()
         if len(self.labels) > 2:
-            scatter = self.middle(np.abs(residual))
+            scatter = self.medians(np.abs(residual))
             loud = self.labels[scatter > _LOUD * np.median(scatter)].tolist()
             suspects = tuple(sorted({*loud, *far_runs(fit.runs)}))
         return dataclasses.replace(
@@ -313,8 +308,8 @@ def _stack(table: TableEffect, counted: bytes, drift: bool) -> Stack:
 
 def _steps(samples: Samples) -> Steps:
     """Return the steps in which the instrument reads; places differ by direction, too."""
-    ways = [] if samples.branch is None else [samples.branch]
-    return Steps.of(samples.error, [*samples.positions.T, *ways])
+    branches = [] if samples.branch is None else [samples.branch]
+    return Steps.of(samples.error, [*samples.positions.T, *branches])
 
 
 def _runs(samples: Samples, effects: str) -> Int[np.ndarray, " r"]:

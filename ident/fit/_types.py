@@ -86,12 +86,12 @@ class Samples:
 
     def take(self, keep: Bool[Array, " t"] | Int[Array, " n"]) -> "Samples":
         """Return the readings for which ``keep`` is true, or those of these rows."""
-        parts = {
+        arrays = {
             field.name: value[keep]
             for field in dataclasses.fields(self)
             if (value := getattr(self, field.name)) is not None
         }
-        return Samples(**parts)
+        return Samples(**arrays)
 
 
 @dataclasses.dataclass(frozen=True)

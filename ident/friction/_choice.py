@@ -71,8 +71,8 @@ class Candidate:
 
     def worse(self, other: "Candidate") -> float:
         """Return how much it predicts worse, in standard errors of the paired difference."""
-        off = self.window_error**2 - other.window_error**2
-        return float(off.mean() / max(_mean_error(off), 1e-300))
+        difference = self.window_error**2 - other.window_error**2
+        return float(difference.mean() / max(_mean_error(difference), 1e-300))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -98,20 +98,20 @@ class Choice:
 
     @property
     def _parametric(self) -> list[Candidate]:
-        return [each for each in self.candidates if each.structure.parametric]
+        return [rival for rival in self.candidates if rival.structure.parametric]
 
     @property
     def laws(self) -> tuple[FrictionFit, ...]:
         """The parametric laws among the candidates, fitted likewise."""
-        return tuple(each.fit for each in self._parametric)
+        return tuple(rival.fit for rival in self._parametric)
 
     @property
     def law(self) -> FrictionFit:
         """The simplest of the parametric laws that predicts as well as the best of them."""
-        best = min(self._parametric, key=lambda each: each.error)
+        best = min(self._parametric, key=lambda rival: rival.error)
         limit = best.error + best.standard_error
-        good = [each for each in self._parametric if each.error <= limit]
-        return min(good, key=lambda each: each.parameters).fit
+        good = [rival for rival in self._parametric if rival.error <= limit]
+        return min(good, key=lambda rival: rival.parameters).fit
 
     @property
     def without(self) -> Laws:
@@ -146,8 +146,8 @@ class Choice:
         ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             """Return values, the variance by windows, and the squares by straight lines."""
             law = fit.friction(velocity), fit.structure.bent(velocity, fit.factors)
-            every = read(np.column_stack([*law, without.friction(velocity)]))
-            value, bent, others = every[..., 0], every[..., 1], every[..., 2:]
+            table = read(np.column_stack([*law, without.friction(velocity)]))
+            value, bent, others = table[..., 0], table[..., 1], table[..., 2:]
             count = others.shape[-1]
             # Mean square of Student's t: few windows tell their own spread badly.
             heavier = (count - 1) / max(count - 3, 1)
@@ -218,9 +218,9 @@ def choose_law(
                 held[fit.structure] = _hold_out(fit, weights, window, touched)
             fits.append(fit)
     scores = [held[fit.structure] for fit in fits]
-    left = np.array([score[1] for score in scores] + [fit.error for fit in fits])
+    residual = np.array([score[1] for score in scores] + [fit.error for fit in fits])
     size = recording.load_size
-    square = recording.usable * np.minimum(left**2, weights.limit**2) / size**2
+    square = recording.usable * np.minimum(residual**2, weights.limit**2) / size**2
     counts, squares = (
         np.add.reduceat(values, edges[:-1], axis=-1)
         for values in (recording.usable * 1.0, square)
@@ -247,25 +247,25 @@ def choose_law(
 
 def default_structures(recording: Recording) -> tuple[AbstractStructure, ...]:
     """Return the kinds of law to compare: simple, Stribeck, table, alike and per direction."""
-    knots, ways = recording.knots, (False, True)
-    laws: list[AbstractStructure] = [CoulombViscous(way) for way in ways]
-    laws += [Stribeck(way) for way in ways]
+    knots, both = recording.knots, (False, True)
+    laws: list[AbstractStructure] = [CoulombViscous(directed) for directed in both]
+    laws += [Stribeck(directed) for directed in both]
     if len(knots) > 2:
-        laws += [KnotTable(way, knots) for way in ways]
+        laws += [KnotTable(directed, knots) for directed in both]
     return tuple(laws)
 
 
 def _mean_error(values: Float[np.ndarray, " w"]) -> float:
     """Return the standard error of a mean."""
-    off, count = values - values.sum() / len(values), len(values)
-    return float(np.sqrt(off @ off / (count * (count - 1.0))))
+    deviation, count = values - values.sum() / len(values), len(values)
+    return float(np.sqrt(deviation @ deviation / (count * (count - 1.0))))
 
 
 def _order(candidates: Sequence[Candidate]) -> tuple[int, int]:
     """Return the simplest that is as good as the best, and the best."""
-    best = int(np.argmin([each.error for each in candidates]))
-    worse = [each.worse(candidates[best]) for each in candidates]
-    good = [place for place, each in enumerate(worse) if each <= 1.0]
+    best = int(np.argmin([rival.error for rival in candidates]))
+    worse = [rival.worse(candidates[best]) for rival in candidates]
+    good = [place for place, errors in enumerate(worse) if errors <= 1.0]
     return min(good, key=lambda place: candidates[place].parameters), best
 
 
@@ -307,25 +307,25 @@ def _hold_out(
     """
     equation, shape, size, rows = fit.equation, fit.shape, len(fit.state), fit.rows
     begins, (first, end) = rows.cuts[:-1], touched[:, :, None]
-    beside = ((first <= begins) & (begins < end)) * 1.0
-    sums = rows.sums - np.tensordot(beside, rows.pieces, 1)
-    every = ridged(sums[:, :, :-1] + fit.prior, sums[:, :, -1])
-    factors, steps = every[:, :size], every[:, size:]
+    excluded = ((first <= begins) & (begins < end)) * 1.0
+    sums = rows.sums - np.tensordot(excluded, rows.pieces, 1)
+    solution = ridged(sums[:, :, :-1] + fit.prior, sums[:, :, -1])
+    factors, steps = solution[:, :size], solution[:, size:]
     shapes = np.clip(shape + np.clip(steps, -_LONGEST, _LONGEST), *equation.bounds)
-    error = rows.target - (rows.right @ every.T)[np.arange(len(window)), window]
+    error = rows.target - (rows.right @ solution.T)[np.arange(len(window)), window]
     for number in np.flatnonzero(np.abs(steps).max(axis=1, initial=0.0) > _NEAR):
         # Too far for tangents: factors anew at the shape they lead to.
-        kept, held = fit.share.copy(), window == number
-        kept[slice(*touched[:, number])] = 0.0
+        share, mask = fit.share.copy(), window == number
+        share[slice(*touched[:, number])] = 0.0
         columns = equation.columns(shapes[number])
-        others = dataclasses.replace(weights, share=kept)
+        others = dataclasses.replace(weights, share=share)
         normal = View(equation, others, shape).rows(columns).sums
         factors[number] = ridged(normal[:, :-1], normal[:, -1])
-        error[held] = rows.target[held] - columns[held] @ factors[number]
+        error[mask] = rows.target[mask] - columns[mask] @ factors[number]
     names, linear, to_law = equation.reading
-    read = dict(zip(names, linear @ factors.T, strict=True))
+    named = dict(zip(names, linear @ factors.T, strict=True))
     fixed = {"inertia": fit.known.inertia, "offset": fit.known.offset}
     none = np.zeros(len(factors))
-    loads = [read.get(name, none + (known or 0.0)) for name, known in fixed.items()]
+    loads = [named.get(name, none + (value or 0.0)) for name, value in fixed.items()]
     laws = Laws(equation.structure, factors @ to_law.T, shapes, *loads)
     return laws, error

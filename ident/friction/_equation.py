@@ -16,13 +16,11 @@ from jaxtyping import Bool, Float, Int
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import firwin
 
-from ..core import (
-    FitError,
-)
+from ..core import FitError
 from ._samples import DriveSamples, check_samples
 from ._structures import (
     KNOTS,
-    WAYS,
+    SUFFIXES,
     AbstractStructure,
     default_knots,
     range_of,
@@ -69,10 +67,10 @@ class Lowpass:
         """The filter for a few rows, as a matrix on the samples that they share."""
         taps = 2 * _REACH * self.factor + 1
         kernel = firwin(taps, 1.0 / self.factor, window="hamming")
-        found = np.zeros((_TOGETHER, taps + (_TOGETHER - 1) * self.factor))
-        for row, taps_of in enumerate(found):
-            taps_of[row * self.factor :][:taps] = kernel
-        return found
+        matrix = np.zeros((_TOGETHER, taps + (_TOGETHER - 1) * self.factor))
+        for row, line in enumerate(matrix):
+            line[row * self.factor :][:taps] = kernel
+        return matrix
 
     @cached_property
     def _runs(self) -> list[slice]:
@@ -102,19 +100,19 @@ class Lowpass:
         """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
         if self.factor == 1:
             return columns
-        found, kernel = [np.zeros((0, columns.shape[1]))], self._kernel
+        filtered, kernel = [np.zeros((0, columns.shape[1]))], self._kernel
         length, step = kernel.shape[1], _TOGETHER * self.factor
         for run in self._runs:
-            own = columns[run]
-            count = len(range(0, len(own) - 2 * _REACH * self.factor, self.factor))
-            blocks, over = divmod(count, _TOGETHER)
+            stretch = columns[run]
+            count = len(range(0, len(stretch) - 2 * _REACH * self.factor, self.factor))
+            blocks, extra = divmod(count, _TOGETHER)
             if blocks:
-                view = sliding_window_view(own, length, axis=0)[::step][:blocks]
+                view = sliding_window_view(stretch, length, axis=0)[::step][:blocks]
                 rows = kernel @ view.transpose(0, 2, 1)
-                found.append(rows.reshape(blocks * _TOGETHER, own.shape[1]))
-            reach = length - (_TOGETHER - over) * self.factor
-            found.append(kernel[:over, :reach] @ own[blocks * step :][:reach])
-        return np.concatenate(found)
+                filtered.append(rows.reshape(blocks * _TOGETHER, stretch.shape[1]))
+            reach = length - (_TOGETHER - extra) * self.factor
+            filtered.append(kernel[:extra, :reach] @ stretch[blocks * step :][:reach])
+        return np.concatenate(filtered)
 
 
 @final
@@ -197,9 +195,9 @@ class Recording:
     @cached_property
     def beside(self) -> Float[np.ndarray, "s f"]:
         """Acceleration, a constant load, and further loads."""
-        samples, even = self.samples, np.ones(len(self.samples.time))
-        push = even if samples.acceleration is None else samples.acceleration
-        return self.lowpass(np.stack([push, even, *samples.loads.values()], axis=1))
+        samples, ones = self.samples, np.ones(len(self.samples.time))
+        inertial = ones if samples.acceleration is None else samples.acceleration
+        return self.lowpass(np.stack([inertial, ones, *samples.loads.values()], axis=1))
 
     @cached_property
     def _steady(self) -> dict[AbstractStructure, Float[np.ndarray, "s w k"]]:
@@ -210,11 +208,11 @@ class Recording:
         both = dataclasses.replace(structure, directional=True)
         if both not in self._steady:
             profile = both.steady(np.abs(self.samples.velocity))
-            self._steady[both] = self.of_each_way(both, profile)
+            self._steady[both] = self.by_direction(both, profile)
         filtered = self._steady[both]
         return filtered if structure.directional else filtered[:, :1] + filtered[:, 1:]
 
-    def of_each_way(
+    def by_direction(
         self, structure: AbstractStructure, profile: Float[np.ndarray, "t k"]
     ) -> Float[np.ndarray, "s w k"]:
         """Return columns over speed with the signs of each direction, filtered."""
@@ -266,15 +264,15 @@ class Equation:
         if key not in self._falling:
             speed = np.abs(self.recording.samples.velocity)
             profile = self.structure.falling(speed, shape[None])[:, 0].T
-            self._falling[key] = self.recording.of_each_way(self.structure, profile)
+            self._falling[key] = self.recording.by_direction(self.structure, profile)
         return self._falling[key]
 
     @property
     def beside(self) -> Float[np.ndarray, "s f"]:
         """Columns that do not belong to friction."""
-        kept = [name in self.fixed_names for name in ("inertia", "offset")]
+        fitted = [name in self.fixed_names for name in ("inertia", "offset")]
         further = [True] * len(self.recording.samples.loads)
-        return self.recording.beside[:, [*kept, *further]]
+        return self.recording.beside[:, [*fitted, *further]]
 
     @cached_property
     def unbent(self) -> Float[np.ndarray, "s f"]:
@@ -332,7 +330,7 @@ def _reading(
     names, beside, to_law = fixed_names, unit[:fixed], unit[fixed:]
     words, sums = structure.reported
     if structure.directional:
-        words = tuple(name + way for way in WAYS for name in words)
+        words = tuple(name + suffix for suffix in SUFFIXES for name in words)
     if parted:
         levels = structure.levels
         both = np.concatenate([levels, -levels])
@@ -361,8 +359,8 @@ def record(
     if known.gain == 0 or not np.isfinite(known.gain):
         msg = f"gain: found {known.gain!r}, expected a number other than 0."
         raise FitError(msg)
-    usual = max(1, round(1.0 / (_RATE * samples.cycle)))
-    factor = usual if decimate is None else decimate
+    default = max(1, round(1.0 / (_RATE * samples.cycle)))
+    factor = default if decimate is None else decimate
     if factor < 1:
         msg = f"decimate: found {factor}, expected 1 or more."
         raise FitError(msg)

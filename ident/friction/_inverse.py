@@ -67,19 +67,19 @@ def fit_carried(
         weights: Of its rows.
         near: Logarithms of a shape to begin with.
     """
-    way, missing = equation.structure.directional, dict[str, str]()
+    directional, missing = equation.structure.directional, dict[str, str]()
     fit = fit_equation(equation, weights, near)
     reason = _shape_reason(fit)
     if reason is not None and _drop_reason(fit) is None:
         missing["stribeck_shape"] = reason
-        usual = equation.under(Stribeck(way, GAUSS))
-        fit = fit_equation(usual, weights, fit.shape[:1])
+        gaussian = equation.under(Stribeck(directional, GAUSS))
+        fit = fit_equation(gaussian, weights, fit.shape[:1])
     reason = _drop_reason(fit)
     if reason is not None:
         names = [name for name in fit.structure.names if name.startswith("drop")]
         names = [name.replace("drop", "breakaway") for name in names]
         missing |= dict.fromkeys([*names, *equation.structure.shapes], reason)
-        fit = fit_equation(equation.under(CoulombViscous(way)), weights)
+        fit = fit_equation(equation.under(CoulombViscous(directional)), weights)
     return dataclasses.replace(fit, missing=missing) if missing else fit
 
 
@@ -94,15 +94,15 @@ def fit_competing(
     structure = equation.structure
     # Where one direction asks for an exponent, both do.
     if len(structure.shapes) > (1 if near is None else len(near)):
-        usual = equation.under(Stribeck(structure.directional, GAUSS))
-        fit = fit_equation(usual, weights, near)
+        gaussian = equation.under(Stribeck(structure.directional, GAUSS))
+        fit = fit_equation(gaussian, weights, near)
         near = np.append(fit.shape, np.log(GAUSS))
-        if not _asks(fit, equation, weights, near) and _drop_reason(fit) is None:
+        if not _not_gauss(fit, equation, weights, near) and _drop_reason(fit) is None:
             return fit
     return fit_carried(equation, weights, near)
 
 
-def _asks(
+def _not_gauss(
     fit: FrictionFit,
     free: Equation,
     weights: Weights,
@@ -119,10 +119,10 @@ def _asks(
     columns = np.hstack([fit.rows.right, free.slopes(shape, fit.state)[:, -1:]])
     rows = View(free, weights, shape).rows(columns)
     # What each row adds to the next step of the exponent.
-    away = rows.left @ ridged(rows.sums[:, :-1], np.eye(columns.shape[1])[-1])
-    push = (away * fit.error)[:, None]
-    spread = score_covariance(push, free.recording.piece)[0, 0]
-    return bool(push.sum() ** 2 > _OTHER**2 * spread)
+    influence = rows.left @ ridged(rows.sums[:, :-1], np.eye(columns.shape[1])[-1])
+    scores = (influence * fit.error)[:, None]
+    spread = score_covariance(scores, free.recording.piece)[0, 0]
+    return bool(scores.sum() ** 2 > _OTHER**2 * spread)
 
 
 def _drop_reason(fit: FrictionFit) -> str | None:
@@ -132,28 +132,28 @@ def _drop_reason(fit: FrictionFit) -> str | None:
         return None
     count, recording = len(fit.state), fit.equation.recording
     sd = np.sqrt(np.diag(fit.state_covariance))
-    parts, parts_sd = (
-        each[fixed:count].reshape(structure.ways, -1) for each in (fit.state, sd)
+    factors, factors_sd = (
+        values[fixed:count].reshape(structure.ways, -1) for values in (fit.state, sd)
     )
     velocity, speeds = float(np.exp(fit.shape[0])), recording.speed
     slowest, fastest = float(speeds.min()), float(speeds.max())
-    per = f"{recording.samples.unit}/s"
-    if (parts[:, -1] <= 0).all():
+    unit = f"{recording.samples.unit}/s"
+    if (factors[:, -1] <= 0).all():
         return (
             "friction does not fall from rest on: no Stribeck effect above "
-            f"{slowest:.3g} {per}, the slowest motion recorded"
+            f"{slowest:.3g} {unit}, the slowest motion recorded"
         )
-    if velocity > _TOO_FAST * fastest or (parts[:, 0] < 0).any():
+    if velocity > _TOO_FAST * fastest or (factors[:, 0] < 0).any():
         return (
-            f"friction bends up to the highest speeds recorded ({fastest:.3g} {per}): "
+            f"friction bends up to the highest speeds recorded ({fastest:.3g} {unit}): "
             "that is no drop from break-away, and says nothing of one"
         )
     if fit.at_bound[0] or sd[count] > _VAGUE_LOG:
         return (
             f"the recording has too little motion in the Stribeck range (slowest "
-            f"{slowest:.3g} {per}, found {velocity:.3g} {per})"
+            f"{slowest:.3g} {unit}, found {velocity:.3g} {unit})"
         )
-    if not (parts[:, -1] > _DROP * parts_sd[:, -1]).any():
+    if not (factors[:, -1] > _DROP * factors_sd[:, -1]).any():
         return "the drop from break-away to Coulomb friction is lost in the noise"
     return None
 

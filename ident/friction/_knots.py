@@ -87,10 +87,10 @@ def place_knots(
     places = np.concatenate([np.ones(before), places, [beyond]])
     heights = np.concatenate([heights[:1]] * before + [heights, heights[-1:]])
     # What lies on the line of its neighbours is left out, but for the level end.
-    wide, rise = np.diff(places), np.diff(heights)
+    width, rise = np.diff(places), np.diff(heights)
     needed = np.ones(len(places), bool)
-    needed[1:-2] = (rise[1:] * wide[:-1] != rise[:-1] * wide[1:])[:-1]
-    velocities, out = (each[needed].astype(np.int64) for each in (places, heights))
+    needed[1:-2] = (rise[1:] * width[:-1] != rise[:-1] * width[1:])[:-1]
+    velocities, out = (values[needed].astype(np.int64) for values in (places, heights))
     return Knots(velocities, out, unit, rms)
 
 
@@ -107,22 +107,22 @@ class _Curve:
     def heights(self, places: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         """Return the heights at which a polyline with these knots follows the curve best."""
         hats = KnotTable(knots=tuple(places)).steady(self.place)
-        weighed = hats.T * self.weight
+        weighted = hats.T * self.weight
         chord = np.interp(places, self.place, self.height)  # where no point tells one
-        off = weighed @ (self.height - hats @ chord)
-        return np.asarray(chord + ridged(weighed @ hats, off))
+        moment = weighted @ (self.height - hats @ chord)
+        return np.asarray(chord + ridged(weighted @ hats, moment))
 
     def _between(self, left: np.ndarray, right: np.ndarray) -> list[np.ndarray]:
         """Return sums over the points in (left, right]."""
         first, last = (self.place.searchsorted(k, side="right") for k in (left, right))
-        return [each[last] - each[first] for each in self._sums]
+        return [sums[last] - sums[first] for sums in self._sums]
 
-    def apart(self, left: np.ndarray, right: np.ndarray) -> Float[np.ndarray, "*n"]:
+    def unjoined(self, left: np.ndarray, right: np.ndarray) -> Float[np.ndarray, "*n"]:
         """Return the weighted squares that the best lines leave, which need not meet."""
         number, x, xx, y, xy, yy = self._between(left, right)
         number = np.maximum(number, 1e-14)  # where nothing counts, nothing is left
-        spread, both = xx - x * x / number, xy - x * y / number
-        gain = y * y / number + both**2 / np.where(spread > 1e-12 * xx, spread, np.inf)
+        spread, cross = xx - x * x / number, xy - x * y / number
+        gain = y * y / number + cross**2 / np.where(spread > 1e-12 * xx, spread, np.inf)
         return np.where(right > left, np.maximum(yy - gain, 0.0), np.inf)
 
     def misfit(self, *ends: np.ndarray) -> Float[np.ndarray, "*n"]:
@@ -147,24 +147,24 @@ def _lines(curve: _Curve, low: int, high: int, count: int) -> Float[np.ndarray, 
     dense = np.cumsum(gap * (bend**2 * curve.weight / gap) ** 0.2)
     share = np.log(place / place[0]) / np.log(place[-1] / place[0])
     share += 3.0 * dense / max(float(dense[-1]), 1e-300)
-    among = np.linspace(share[0], share[-1], max(_PLACES, 3 * count))
-    among = np.round(np.interp(among, share, place))
-    among = np.unique(np.clip([low, *among, high], low, high))
-    costs = [curve.apart(among[:, None], among)] * (min(count, len(among)) - 1)
+    places = np.linspace(share[0], share[-1], max(_PLACES, 3 * count))
+    places = np.round(np.interp(places, share, place))
+    places = np.unique(np.clip([low, *places, high], low, high))
+    costs = [curve.unjoined(places[:, None], places)] * (min(count, len(places)) - 1)
     costs[0], costs[-1] = costs[0][:1], costs[-1][:, -1:]
-    return np.asarray(among[[0, *_cheapest(costs)[1:-1], -1]])
+    return np.asarray(places[[0, *_cheapest(costs)[1:-1], -1]])
 
 
 def _cheapest(costs: list[np.ndarray]) -> Int[np.ndarray, " k"]:
     """Return the candidates on the cheapest way, by costs from one knot's to the next's."""
-    total, came = np.zeros(len(costs[0])), []
+    total, sources = np.zeros(len(costs[0])), []
     for cost in costs:
-        ways = total[:, None] + cost
-        came.append(ways.argmin(axis=0))
-        total = np.minimum.reduce(ways)
+        totals = total[:, None] + cost
+        sources.append(totals.argmin(axis=0))
+        total = np.minimum.reduce(totals)
     path = [int(total.argmin())]
-    for before in reversed(came):
-        path.append(int(before[path[-1]]))
+    for source in reversed(sources):
+        path.append(int(source[path[-1]]))
     return np.array(path[::-1])
 
 
@@ -185,15 +185,16 @@ def _finer(
         gap = reach * np.diff(places, prepend=places[0], append=places[-1])[:, None]
         near = places[:, None] + _STEPS * np.where(_STEPS > 0, gap[1:], gap[:-1])
         near[[0, -1]] = places[[0, -1], None]
-        on = np.interp(np.column_stack([places, near]), curve.place, curve.height)
-        wanted = (on[:, 1:] - on[:, :1] + curve.heights(places)[:, None])[:, :, None]
+        level = np.interp(np.column_stack([places, near]), curve.place, curve.height)
+        rise = level[:, 1:] - level[:, :1]
+        target = (rise + curve.heights(places)[:, None])[:, :, None]
         aside = max(1.0, np.round(2.0 * reach * typical))
-        whole = np.floor(wanted) + aside * np.arange(-1.0, 3.0)
-        shift = (whole - wanted) / np.interp(near, curve.place, slope)[:, :, None]
-        room = np.ptp(near, axis=1)[:, None, None] / (2 * len(_STEPS))
-        tried = np.round(near[:, :, None] + np.clip(shift, -room, room))
-        x = np.column_stack([places, tried.reshape(count, -1)])
-        y = np.column_stack([heights, whole.reshape(count, -1)])
+        rounded = np.floor(target) + aside * np.arange(-1.0, 3.0)
+        shift = (rounded - target) / np.interp(near, curve.place, slope)[:, :, None]
+        limit = np.ptp(near, axis=1)[:, None, None] / (2 * len(_STEPS))
+        trials = np.round(near[:, :, None] + np.clip(shift, -limit, limit))
+        x = np.column_stack([places, trials.reshape(count, -1)])
+        y = np.column_stack([heights, rounded.reshape(count, -1)])
         costs = curve.misfit(x[:-1, :, None], x[1:, None], y[:-1, :, None], y[1:, None])
         best = np.arange(count), _cheapest(list(costs))
         places, heights = x[best], y[best]

@@ -36,7 +36,7 @@ from ._simulate import (
     residual_of,
     solve,
 )
-from ._structures import GAUSS, WAYS, CoulombViscous, Laws, Stribeck
+from ._structures import GAUSS, SUFFIXES, CoulombViscous, Laws, Stribeck
 from ._weights import Rows, rooted
 
 _PIECES, _SHORTEST = 64, 40
@@ -110,8 +110,8 @@ def fit_output_error(
     state, _ = solve(task.problem, start, ROUGHLY, rounds=1)
     residual = np.asarray(residual_of(jnp.asarray(state), task.problem))
     error = residual[: len(runs.run)][runs.compared]
-    turns = int((np.diff(np.sign(error - error.mean())) != 0).sum())
-    variance = float(error @ error) / (turns + 1)
+    changes = int((np.diff(np.sign(error - error.mean())) != 0).sum())
+    variance = float(error @ error) / (changes + 1)
     return dataclasses.replace(task, variance=variance).fit(state)
 
 
@@ -154,8 +154,8 @@ def laws_held_out(
         except FitError:
             other = whole
         law = other if other.has_law else whole
-        beside = (law.parameters.get(k, 0.0) for k in ("inertia", "offset"))
-        laws.append((*_as(whole, law), *beside))
+        extra = (law.parameters.get(k, 0.0) for k in ("inertia", "offset"))
+        laws.append((*_as(whole, law), *extra))
     return Laws(whole.structure, *map(np.array, zip(*laws, strict=True)))
 
 
@@ -296,8 +296,8 @@ class _Task:
         if isinstance(structure, Stribeck) and structure.exponent is not None:
             constant[9] = np.log(structure.exponent)
         for place, name in enumerate(self.names):
-            ways = [name] if name in PARAMETERS else [name + way for way in WAYS]
-            mixing[[PARAMETERS.index(each) for each in ways], place] = 1.0
+            keys = [name] if name in PARAMETERS else [name + end for end in SUFFIXES]
+            mixing[[PARAMETERS.index(key) for key in keys], place] = 1.0
         arrays = (
             *(padded(runs.target), padded(runs.compared)),
             *(constant, mixing, self._limits(), self.guessed, self._root()),
@@ -324,12 +324,12 @@ class _Task:
                 low[place], high[place] = guess[place] * np.array(_INERTIA)
             else:
                 signed = name == "offset" or "non-negative" in self.constraints
-                per = (
+                unit = (
                     float(equation.recording.speed.max())
                     if name.startswith("viscous")
                     else 1.0
                 )
-                low[place], high[place] = -largest / per * signed, largest / per
+                low[place], high[place] = -largest / unit * signed, largest / unit
         return low, high
 
     def fit(self, start: Float[np.ndarray, " 10"]) -> OutputErrorFit:
@@ -342,7 +342,7 @@ class _Task:
             self.problem, start, TOLERANCE, self.solver, self.constraints
         )
         residual, slopes = (
-            np.asarray(each) for each in linearised(jnp.asarray(values), self.problem)
+            np.asarray(array) for array in linearised(jnp.asarray(values), self.problem)
         )
         error, cost = residual[: len(self.runs.run)], 0.5 * float(residual @ residual)
         if not np.isfinite(cost):
@@ -362,7 +362,7 @@ class _Task:
         # inverse finite.
         root, _ = rooted(slopes[:, :size].T @ slopes[:, :size])
         inverse = thin * root @ root.T
-        low, high = (np.asarray(each) for each in self.problem.limits)
+        low, high = (np.asarray(array) for array in self.problem.limits)
         edge = _EDGE * (high - low)
         missing = {
             name: reason

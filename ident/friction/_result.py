@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from ...data.signals import median
 from ...models import AbstractFriction
 from ._equation import Equation, Known
-from ._structures import WAYS, AbstractStructure
+from ._structures import SUFFIXES, AbstractStructure
 from ._weights import Rows, rooted
 
 METHOD = "inverse dynamic fit"
@@ -138,28 +138,28 @@ class FrictionFit:
         """
         if self.given is not None:
             return self.given
-        rows, even, prior = self.rows.left, self.normal, self.prior
+        rows, normal, prior = self.rows.left, self.normal, self.prior
         inverse = self._rooted[0] @ self._rooted[0].T
         leverage = np.einsum("sk,sk->s", rows @ inverse, self.rows.right)
-        push = self.error / np.clip(1.0 - leverage, 1.0 - _LARGEST_LEVERAGE, 1.0)
+        inflated = self.error / np.clip(1.0 - leverage, 1.0 - _LARGEST_LEVERAGE, 1.0)
         freedom = max(self.count - len(inverse), 1)
-        noise = float((self.share * push) @ push) / freedom
+        noise = float((self.share * inflated) @ inflated) / freedom
         white = self.noise**2 * prior
         piece = self.equation.recording.piece
-        inner = score_covariance(rows * push[:, None], piece)
+        inner = score_covariance(rows * inflated[:, None], piece)
         robust = inverse @ (inner + white) @ inverse
-        plain = inverse @ (noise * even + white) @ inverse
-        given, least = np.diag(robust), np.diag(plain)
-        factor = np.sqrt(np.maximum(least / np.where(given > 0, given, np.inf), 1.0))
+        independent = inverse @ (noise * normal + white) @ inverse
+        stated, least = np.diag(robust), np.diag(independent)
+        factor = np.sqrt(np.maximum(least / np.where(stated > 0, stated, np.inf), 1.0))
         return np.asarray(robust * np.outer(factor, factor))
 
     @cached_property
     def _law(self) -> Float[np.ndarray, "p m"]:
         """Map from ``state`` and ``shape`` to the law's ``factors`` and ``shape``."""
         count, fixed = len(self.state), len(self.equation.fixed_names)
-        turn = np.eye(count + len(self.shape))[fixed:]
-        turn[: count - fixed, :count] = self.equation.reading[2]
-        return turn
+        result = np.eye(count + len(self.shape))[fixed:]
+        result[: count - fixed, :count] = self.equation.reading[2]
+        return result
 
     @cached_property
     def factors(self) -> Float[np.ndarray, " k"]:
@@ -180,10 +180,10 @@ class FrictionFit:
     def _jacobian(self) -> Float[np.ndarray, "r m"]:
         """Derivatives of all parameters by ``state`` and ``shape``."""
         linear, count = self.equation.reading[1], len(self.state)
-        turn = np.zeros((len(self.names), count + len(self.shape)))
-        turn[: len(linear), :count] = linear
-        turn[len(linear) :, count:] = np.diag(np.exp(self.shape))
-        return turn
+        result = np.zeros((len(self.names), count + len(self.shape)))
+        result[: len(linear), :count] = linear
+        result[len(linear) :, count:] = np.diag(np.exp(self.shape))
+        return result
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "r r"]:
@@ -199,12 +199,12 @@ class FrictionFit:
         Those that the data determine, or that were known.
         """
         values = [*self.equation.reading[1] @ self.state, *np.exp(self.shape)]
-        given = {"inertia": self.known.inertia, "offset": self.known.offset}
+        known = {"inertia": self.known.inertia, "offset": self.known.offset}
         return {
             name: float(value)
             for name, value in zip(self.names, values, strict=True)
             if name not in self.undetermined
-        } | {name: value for name, value in given.items() if value is not None}
+        } | {name: value for name, value in known.items() if value is not None}
 
     @cached_property
     def standard_deviations(self) -> dict[str, float]:
@@ -224,7 +224,7 @@ class FrictionFit:
     def undetermined(self) -> dict[str, str]:
         """What the data cannot say: name → reason."""
         equation, count = self.equation, len(self.state)
-        seen = equation.recording.samples.directions
+        recorded = equation.recording.samples.directions
         size = np.sqrt(np.diag(self.normal) / max(self.share.sum(), 1e-300))
         sd = np.sqrt(np.diag(self.state_covariance)) * size
         columns = equation.fixed_names + equation.structure.names
@@ -234,22 +234,22 @@ class FrictionFit:
             if deviation > _VAGUE * equation.recording.load_size
         }
         size = np.where(size > 0, size, 1.0)
-        unseen = np.zeros(len(self.names), bool)
+        hidden = np.zeros(len(self.names), bool)
         # Where rows tell factors and shape, they tell the factors.
         if self._rooted[1].size:
             _, null = rooted((self.normal + self.prior)[:count, :count])
             null = null / np.abs(null * size[:count, None]).max(axis=0)
             reach = np.abs(self._jacobian[:, :count] @ null).max(axis=1, initial=0.0)
-            unseen = reach > _IN_NULL * np.abs(self._jacobian / size).max(axis=1)
+            hidden = reach > _IN_NULL * np.abs(self._jacobian / size).max(axis=1)
         reasons = dict(self.missing)
-        for name, gone in zip(self.names, unseen, strict=True):
+        for name, unknown in zip(self.names, hidden, strict=True):
             if name in reasons:
                 continue
-            if name.endswith(WAYS) and not seen[name.endswith(WAYS[1])]:
+            if name.endswith(SUFFIXES) and not recorded[name.endswith(SUFFIXES[1])]:
                 reasons[name] = _ONE_WAY
-            elif not all(seen) and (gone or (self.parted and name == "offset")):
+            elif not all(recorded) and (unknown or (self.parted and name == "offset")):
                 reasons[name] = _LEVEL
-            elif gone:
+            elif unknown:
                 reasons[name] = _CONFUSED
             elif name in vague:
                 reasons[name] = _VAGUE_WORDS
@@ -266,18 +266,18 @@ class FrictionFit:
     def gauges(self) -> tuple[str, ...]:
         """Sentences on what can only be told together."""
         fixed, structure = self.equation.fixed_names, self.structure
-        seen = self.equation.recording.samples.directions
-        if not self.parted and (all(seen) or "offset" not in fixed):
+        recorded = self.equation.recording.samples.directions
+        if not self.parted and (all(recorded) or "offset" not in fixed):
             return ()
         mean = structure.levels / structure.levels.sum()
         levels = self.state[len(fixed) :].reshape(structure.ways, -1) @ mean
         offset = 0.0 if self.parted else self.state[fixed.index("offset")]
-        parts = [f"level⁺ + offset = {levels[0] + offset:.4g}"] * seen[0]
-        parts += [f"level⁻ − offset = {levels[-1] - offset:.4g}"] * seen[1]
+        parts = [f"level⁺ + offset = {levels[0] + offset:.4g}"] * recorded[0]
+        parts += [f"level⁻ − offset = {levels[-1] - offset:.4g}"] * recorded[1]
         rule = "; the offset is chosen so that both levels are equal"
         return (
             "A constant load and the levels of friction cannot be told apart in motion:"
-            f" only {' and '.join(parts)} are seen{rule * all(seen)}.",
+            f" only {' and '.join(parts)} are seen{rule * all(recorded)}.",
         )
 
     @cached_property
@@ -313,12 +313,12 @@ def lag_of(scores: Float[np.ndarray, "t k"], piece: Int[np.ndarray, " t"]) -> in
     """
     same = (piece[1:] == piece[:-1]) * 1.0
     size = np.einsum("tk,tk->k", scores, scores)
-    beside = same @ (scores[1:] * scores[:-1])
+    products = same @ (scores[1:] * scores[:-1])
     used = size > 0
-    rho = np.clip(beside / np.where(used, size, 1.0), 0.0, _STRONGEST)
-    far = used / (1 - rho) ** 4
-    alpha = (4 * rho**2 / ((1 - rho) ** 2 * (1 + rho) ** 2) * far).sum()
-    alpha /= max(float(far.sum()), 1.0)
+    rho = np.clip(products / np.where(used, size, 1.0), 0.0, _STRONGEST)
+    weights = used / (1 - rho) ** 4
+    alpha = (4 * rho**2 / ((1 - rho) ** 2 * (1 + rho) ** 2) * weights).sum()
+    alpha /= max(float(weights.sum()), 1.0)
     best = 1.1447 * (alpha * len(scores)) ** (1 / 3)
     return int(min(best, _LARGEST_LAG * len(scores)))
 
@@ -332,7 +332,7 @@ def score_covariance(
     # as many empty rows as the window is long.
     edges = np.flatnonzero(np.diff(piece)) + 1
     gap = np.zeros((lag + 1, scores.shape[1]))
-    parts = [each for part in np.split(scores, edges) for each in (part, gap)]
+    parts = [block for part in np.split(scores, edges) for block in (part, gap)]
     total = np.cumsum(np.concatenate([gap, *parts]), axis=0)
     window = total[lag + 1 :] - total[: -lag - 1]
     return np.asarray(window.T @ window / (lag + 1))

@@ -156,16 +156,16 @@ def fit_reversal(
     kinds = Stribeck(True), KnotTable(True, recording.knots)
     with one_blas_thread():
         # A rough table shows where the delay is, whatever the law.
-        few = KnotTable(True, default_knots(recording.speed, _ROUGH))
-        rough = _Search(recording, few, *recorded)
-        every = np.isin(np.arange(len(position)), np.concatenate(rows))
-        table = rough.grid(np.zeros(0), every, range(_MOST_DELAY + 1))
+        coarse = KnotTable(True, default_knots(recording.speed, _ROUGH))
+        rough = _Search(recording, coarse, *recorded)
+        mask = np.isin(np.arange(len(position)), np.concatenate(rows))
+        table = rough.grid(np.zeros(0), mask, range(_MOST_DELAY + 1))
         delays = _beside(int(np.argmin(table.min(axis=(0, 2)))))
         passes = [
-            _found(_Search(recording, kind, *recorded), len(starts), delays)
+            _best(_Search(recording, kind, *recorded), len(starts), delays)
             for kind in kinds
         ]
-    return min(passes, key=lambda each: each[1])[0]
+    return min(passes, key=lambda result: result[1])[0]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -206,11 +206,11 @@ class _Search:
         they would stand in for viscous friction, as jerk and velocity of a sine are alike.
         """
         step = self.recording.samples.cycle
-        push = np.diff(self.velocity, prepend=self.velocity[:1]) / step
-        push[self.far] = 0.0
-        pushes = [np.roll(push, away) for away in (-1, 0, 1, 2)]
-        both = Equation(self.recording, CoulombViscous())  # for both directions alike
-        return np.column_stack([*pushes, both.beside])
+        acceleration = np.diff(self.velocity, prepend=self.velocity[:1]) / step
+        acceleration[self.far] = 0.0
+        shifted = [np.roll(acceleration, lag) for lag in (-1, 0, 1, 2)]
+        equation = Equation(self.recording, CoulombViscous())  # both directions alike
+        return np.column_stack([*shifted, equation.beside])
 
     @cached_property
     def columns(self) -> Callable[[tuple[float, ...]], Float[np.ndarray, "t k"]]:
@@ -226,10 +226,8 @@ class _Search:
         before = use - setting.delay
         rows = self.columns(tuple(setting.shape))[before]
         rows = self.share(setting.distance)[setting.lookahead, before, None] * rows
-        design, load = (
-            np.concatenate([rows, self.beside[use]], axis=1),
-            self.recording.target[use],
-        )
+        design = np.concatenate([rows, self.beside[use]], axis=1)
+        load = self.recording.target[use]
         gram = design.T @ design
         factors = ridged(gram, design.T @ load)
         error = load - design @ factors
@@ -256,10 +254,10 @@ class _Search:
                     # Steady friction, and what is different where not all of it acts.
                     rows = np.flatnonzero(share[use - delay] != 1.0)
                     steady = design[rows]
-                    acts = steady.copy()
-                    acts[:, :split] *= share[use[rows] - delay, None]
-                    right = moment + (acts - steady).T @ load[rows]
-                    normal = gram + acts.T @ acts - steady.T @ steady
+                    acting = steady.copy()
+                    acting[:, :split] *= share[use[rows] - delay, None]
+                    right = moment + (acting - steady).T @ load[rows]
+                    normal = gram + acting.T @ acting - steady.T @ steady
                     gain = right @ ridged(normal, right)
                     costs[lookahead, delay, place] = total - gain
         return np.asarray(np.maximum(costs, 0.0))
@@ -299,15 +297,15 @@ def _rows(
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " f"]]:
     """Return the samples around reversals, and the others in motion."""
     around, near = np.zeros((2, len(position)), bool)
-    every = -(-len(starts) // _REVERSALS)
+    stride = -(-len(starts) // _REVERSALS)
     ends = np.append(starts[1:], len(position))
     for number, (start, end) in enumerate(zip(starts, ends, strict=True)):
-        away = np.abs(position[start:end] - position[max(start - 1, 0)])
-        reach = int(np.searchsorted(np.maximum.accumulate(away), 1.5 * _FARTHEST))
+        distance = np.abs(position[start:end] - position[max(start - 1, 0)])
+        reach = int(np.searchsorted(np.maximum.accumulate(distance), 1.5 * _FARTHEST))
         first = max(start - 2 * LOOKAHEADS - _MARGIN, 0)
-        reach_of = slice(first, start + reach + _MOST_DELAY + _MARGIN)
-        around[reach_of] = True
-        near[reach_of] |= number % every == 0
+        span = slice(first, start + reach + _MOST_DELAY + _MARGIN)
+        around[span] = True
+        near[span] |= number % stride == 0
     good = ~samples.saturated
     good[:_MOST_DELAY] = False
     far = good & ~around & samples.in_motion
@@ -319,7 +317,7 @@ def _beside(delay: int) -> range:
     return range(max(delay - _ASIDE, 0), min(delay + _ASIDE, _MOST_DELAY) + 1)
 
 
-def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit, float]:
+def _best(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit, float]:
     """Return the best setting and what it says, wild samples left out, and its criterion."""
     use = np.union1d(search.near, search.far)
     keep = np.isin(np.arange(len(search.position)), use)
@@ -329,7 +327,7 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
     first, _ = _pass(search, shape, keep, table, 1)
     error = search.solve(first, use)[1]
     level, typical = (
-        median(np.abs(each)) for each in (search.recording.target[use], error)
+        median(np.abs(values)) for values in (search.recording.target[use], error)
     )
     good = np.abs(error) <= max(_WILD * 1.4826 * typical, _SMALL * level)
     if good.mean() >= 0.5:
@@ -341,7 +339,7 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
     if best.distance < _NOTHING:
         best = dataclasses.replace(best, distance=0.0)
     factors, error = search.solve(best, use)
-    close = np.isin(use, search.near)
+    around = np.isin(use, search.near)
     # Successive residuals have something in common: fewer of them count as independent.
     common = float(error[1:] @ error[:-1]) / max(float(error @ error), 1e-300)
     common = min(max(common, 0.0), 0.98)
@@ -356,10 +354,10 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
     odds = np.exp(-0.5 * share * (squares - squares.min()) / noise**2)
     odds /= odds.sum()
     columns = search.columns(tuple(best.shape))
-    factors_of = factors[: columns.shape[1]]
-    steady, place = columns @ factors_of, np.arange(len(keep)) - best.delay
-    acts = search.share(best.distance)[best.lookahead, np.maximum(place, 0)]
-    late = np.where(place >= 0, acts * steady[np.maximum(place, 0)], 0.0)
+    law_factors = factors[: columns.shape[1]]
+    steady, place = columns @ law_factors, np.arange(len(keep)) - best.delay
+    acting = search.share(best.distance)[best.lookahead, np.maximum(place, 0)]
+    delayed = np.where(place >= 0, acting * steady[np.maximum(place, 0)], 0.0)
     result = ReversalFit(
         lookahead=best.lookahead,
         position_delay=best.distance,
@@ -367,12 +365,12 @@ def _found(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit,
         position_delay_sd=noise / slope / np.sqrt(share) if slope > 0 else np.inf,
         lookahead_probability=float(odds.sum(axis=1)[best.lookahead]),
         delay_probability=float(odds.sum(axis=0)[best.delay]),
-        noise=float(np.sqrt(np.mean(error[close] ** 2))),
+        noise=float(np.sqrt(np.mean(error[around] ** 2))),
         reversals=reversals,
-        missing=steady - late,
+        missing=steady - delayed,
     )
     criterion = len(use) * np.log(max(error @ error / len(use), floor**2))
-    criterion += np.log(len(use)) * (len(factors_of) + len(best.shape))
+    criterion += np.log(len(use)) * (len(law_factors) + len(best.shape))
     return result, float(criterion)
 
 
@@ -385,11 +383,11 @@ def _pass(
 ) -> tuple[_Setting, Float[np.ndarray, "l d"]]:
     """Return the best setting, and the least squares by look-ahead and delay."""
     places, squares = np.argmin(table, axis=2), np.min(table, axis=2)
-    use, tried = np.flatnonzero(keep), []
+    use, results = np.flatnonzero(keep), []
     # Only what comes near the best deserves the last digits.
     for flat in np.argsort(squares, axis=None)[:close]:
         lookahead, delay = (int(k) for k in np.unravel_index(flat, squares.shape))
         distance = float(_DISTANCES[places[lookahead, delay]])
-        tried.append(search.refined(_Setting(lookahead, delay, distance, shape), use))
-        squares[lookahead, delay] = tried[-1][1]
-    return min(tried, key=lambda each: each[1])[0], squares
+        results.append(search.refined(_Setting(lookahead, delay, distance, shape), use))
+        squares[lookahead, delay] = results[-1][1]
+    return min(results, key=lambda result: result[1])[0], squares

@@ -86,13 +86,13 @@ class DriveSamples:
 
     def take(self, keep: Bool[np.ndarray, " t"]) -> "DriveSamples":
         """Return the samples for which ``keep`` is true; gaps in time part the pieces."""
-        cut = {
+        arrays = {
             field.name: values[keep]
             for field in dataclasses.fields(self)
             if isinstance(values := getattr(self, field.name), np.ndarray)
         }
         loads = {name: values[keep] for name, values in self.loads.items()}
-        return dataclasses.replace(self, loads=loads, **cut)
+        return dataclasses.replace(self, loads=loads, **arrays)
 
 
 def check_samples(samples: DriveSamples) -> None:
@@ -117,15 +117,15 @@ def check_samples(samples: DriveSamples) -> None:
             msg = f"sample {bad[0] + 1}: {name} is not finite, expected numbers."
         if msg:
             raise FitError(msg)
-    back = np.flatnonzero(np.diff(samples.time) <= 0)
-    one, other = samples.instrument_velocity, samples.instrument_acceleration
-    if len(back):
-        row = int(back[0]) + 1
+    backward = np.flatnonzero(np.diff(samples.time) <= 0)
+    speed, acceleration = samples.instrument_velocity, samples.instrument_acceleration
+    if len(backward):
+        row = int(backward[0]) + 1
         msg = (
             f"sample {row + 1}: the clock goes from {samples.time[row - 1]:.6g} s to "
             f"{samples.time[row]:.6g} s, expected ascending times."
         )
-    elif (one is None) != (other is None) and samples.acceleration is not None:
+    elif (speed is None) != (acceleration is None) and samples.acceleration is not None:
         msg = "instruments: expected both velocity and acceleration, found one of them."
     elif not samples.velocity.any() or not samples.in_motion.any():
         msg = "the axis does not move in this recording: nothing is known of friction."

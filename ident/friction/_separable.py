@@ -88,41 +88,39 @@ def _search(
 ) -> tuple[Float[np.ndarray, " h"], bool]:
     """Return the logarithms of the shape that leave the least, and whether the search ended."""
     basis = orthonormal(view.root * equation.unbent)
-    middle, half = (
-        equation.bounds.mean(axis=0),
-        0.5 * np.diff(equation.bounds, axis=0)[0],
-    )
-    kept: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+    middle = equation.bounds.mean(axis=0)
+    half = 0.5 * np.diff(equation.bounds, axis=0)[0]
+    cache: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
-    def apart(columns: np.ndarray) -> np.ndarray:
+    def projected(columns: np.ndarray) -> np.ndarray:
         """Return weighted rows without what columns that follow no shape explain of them."""
-        seen = view.seen(columns)
-        return np.asarray(seen - basis @ (basis.T @ seen))
+        weighted = view.weighted(columns)
+        return np.asarray(weighted - basis @ (basis.T @ weighted))
 
-    target = apart(equation.recording.target[:, None])[:, 0]
+    target = projected(equation.recording.target[:, None])[:, 0]
 
-    def at(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def evaluated(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what is left, and its derivative with factors following (Kaufman's part)."""
-        if free.tobytes() not in kept:
-            kept.clear()
-            inside = np.tanh(free - _AWAY)
-            falling = equation.falling(middle + half * inside)
-            falling = apart(in_line(falling)).reshape(falling.shape)
+        if free.tobytes() not in cache:
+            cache.clear()
+            place = np.tanh(free - _AWAY)
+            falling = equation.falling(middle + half * place)
+            falling = projected(in_line(falling)).reshape(falling.shape)
             columns = falling[:, :, 0]
             # Each direction has but one column: their inverse serves values and slopes.
-            every = np.stack([columns.T @ columns] * columns.shape[1])
-            inverse = columns @ ridged(every, np.eye(len(every)))
+            grams = np.stack([columns.T @ columns] * columns.shape[1])
+            inverse = columns @ ridged(grams, np.eye(len(grams)))
             factors = target @ inverse
             slopes = np.tensordot(falling[:, :, 1:], factors, (1, 0))
-            slopes = slopes * (half * (1.0 - inside**2))
+            slopes = slopes * (half * (1.0 - place**2))
             slopes = columns @ (inverse.T @ slopes) - slopes
-            kept[free.tobytes()] = target - columns @ factors, slopes
-        return kept[free.tobytes()]
+            cache[free.tobytes()] = target - columns @ factors, slopes
+        return cache[free.tobytes()]
 
     optimum = leastsq(
-        lambda free: at(free)[0],
+        lambda free: evaluated(free)[0],
         _AWAY + np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
-        Dfun=lambda free: at(free)[1],
+        Dfun=lambda free: evaluated(free)[1],
         xtol=_LAST_STEP, ftol=_LAST_GAIN, factor=_FIRST_STEP, full_output=True,  # pyright: ignore[reportArgumentType]
     )  # fmt: skip
     return middle + half * np.tanh(optimum[0] - _AWAY), optimum[-1] in (1, 2, 3, 4)
@@ -146,19 +144,19 @@ def _smoothed(
     sums = rows.sums
     size = np.sqrt(np.diag(sums))
     size = np.where(size > 0, size, size.max())
-    area = np.outer(size, size)
+    scaling = np.outer(size, size)
     stiffness, vectors = eigh(
-        equation.penalty / area, sums[:, :-1] / area + _NULL * np.eye(len(size))
+        equation.penalty / scaling, sums[:, :-1] / scaling + _NULL * np.eye(len(size))
     )
     stiffness = np.maximum(stiffness, 0.0)
-    along = vectors.T @ (sums[:, -1] / size)
-    residual = rows.target - rows.right @ (vectors @ along / size)
+    moments = vectors.T @ (sums[:, -1] / size)
+    residual = rows.target - rows.right @ (vectors @ moments / size)
     lag = lag_of((np.sqrt(share) * residual)[:, None], equation.recording.piece)
-    flats = len(equation.fixed_names) + 2 * equation.structure.ways
+    free = len(equation.fixed_names) + 2 * equation.structure.ways
     count = max(int((share > 0).sum()) // (1 + lag), len(size) + 2)
-    raised = 1.0 + _WEIGHTS[:, None] * stiffness[flats:]
-    gone = (along[flats:] ** 2 * (1.0 - 1.0 / raised)).sum(axis=1)
-    score = (count - flats) * np.log(np.maximum(share @ residual**2 + gone, 1e-300))
+    raised = 1.0 + _WEIGHTS[:, None] * stiffness[free:]
+    explained = (moments[free:] ** 2 * (1.0 - 1.0 / raised)).sum(axis=1)
+    score = (count - free) * np.log(np.maximum(share @ residual**2 + explained, 1e-300))
     score += np.log(raised / _WEIGHTS[:, None]).sum(axis=1)
     weight = float(_WEIGHTS[np.argmin(score)])
-    return weight, vectors @ (along / (1.0 + weight * stiffness)) / size
+    return weight, vectors @ (moments / (1.0 + weight * stiffness)) / size

@@ -116,78 +116,78 @@ def travel(drive: Drive, excitation: Excitation) -> Float[Array, " t"]:
 def _travel_jvp(
     primals: tuple[Drive, Excitation], tangents: tuple[Drive, Excitation]
 ) -> tuple[Float[Array, " t"], Float[Array, " t"]]:
-    drive, given = primals
-    small = 0.5 * given.step
-    first, second, way = _simulate(drive, given)
-    before = jnp.where(given.begins, given.velocity, jnp.roll(second, 1))
+    drive, excitation = primals
+    half = 0.5 * excitation.step
+    first, second, path = _simulate(drive, excitation)
+    before = jnp.where(excitation.begins, excitation.velocity, jnp.roll(second, 1))
 
     def linearised(old: Array) -> tuple[Array, Array]:
         """Return the slope of the new velocity by the old one, and its other change."""
         _, slope = jax.jvp(
-            lambda v: _half_step(drive, v, given.force, small),
+            lambda v: _half_step(drive, v, excitation.force, half),
             (old,),
             (jnp.ones_like(old),),
         )
         _, change = jax.jvp(
-            lambda d, f: _half_step(d, old, f, small),
-            (drive, given.force),
+            lambda d, f: _half_step(d, old, f, half),
+            (drive, excitation.force),
             (tangents[0], tangents[1].force),
         )
         return slope, change
 
     def follow(
-        carry: tuple[Array, Array], now: tuple[Array, ...]
+        carry: tuple[Array, Array], inputs: tuple[Array, ...]
     ) -> tuple[tuple[Array, Array], Array]:
-        velocity, way = carry
-        begins, set_down, slope, change, next_slope, next_change = now
+        velocity, path = carry
+        begins, set_down, slope, change, next_slope, next_change = inputs
         velocity = slope * jnp.where(begins, set_down, velocity) + change
-        way = jnp.where(begins, 0.0, way) + small * velocity
+        path = jnp.where(begins, 0.0, path) + half * velocity
         velocity = next_slope * velocity + next_change
-        way = way + small * velocity
-        return (velocity, way), way
+        path = path + half * velocity
+        return (velocity, path), path
 
     steps = (*linearised(before), *linearised(first))
-    still = (jnp.zeros(()), jnp.zeros(()))
-    moved = (given.begins, tangents[1].velocity, *steps)
-    return way, lax.scan(follow, still, moved)[1]
+    start = (jnp.zeros(()), jnp.zeros(()))
+    columns = (excitation.begins, tangents[1].velocity, *steps)
+    return path, lax.scan(follow, start, columns)[1]
 
 
 def _simulate(
-    drive: Drive, given: Excitation
+    drive: Drive, excitation: Excitation
 ) -> tuple[Float[Array, " t"], Float[Array, " t"], Float[Array, " t"]]:
     """Return the velocities at the middle and the end of each step, and the travel."""
-    small = 0.5 * given.step
+    half = 0.5 * excitation.step
 
-    def once(
-        carry: tuple[Array, Array], now: tuple[Array, Array, Array]
+    def advance(
+        carry: tuple[Array, Array], inputs: tuple[Array, Array, Array]
     ) -> tuple[tuple[Array, Array], tuple[Array, Array, Array]]:
-        velocity, way = carry
-        force, begins, set_down = now
+        velocity, path = carry
+        force, begins, set_down = inputs
         velocity = jnp.where(begins, set_down, velocity)
-        first = _half_step(drive, velocity, force, small)
-        second = _half_step(drive, first, force, small)
-        way = jnp.where(begins, 0.0, way) + small * (first + second)
-        return (second, way), (first, second, way)
+        first = _half_step(drive, velocity, force, half)
+        second = _half_step(drive, first, force, half)
+        path = jnp.where(begins, 0.0, path) + half * (first + second)
+        return (second, path), (first, second, path)
 
     # A law takes arrays: a step is one of a single element.
-    still = (jnp.zeros(1), jnp.zeros(1))
-    force, begins = given.force[:, None], given.begins[:, None]
-    steps = (force, begins, given.velocity[:, None])
-    first, second, way = (each[:, 0] for each in lax.scan(once, still, steps)[1])
-    return first, second, way
+    start = (jnp.zeros(1), jnp.zeros(1))
+    force, begins = excitation.force[:, None], excitation.begins[:, None]
+    steps = (force, begins, excitation.velocity[:, None])
+    first, second, path = (array[:, 0] for array in lax.scan(advance, start, steps)[1])
+    return first, second, path
 
 
 def _half_step(
     drive: Drive,
     before: Float[Array, " t"],
     force: Float[Array, " t"],
-    small: Float[Array, ""],
+    half: Float[Array, ""],
 ) -> Float[Array, " t"]:
     """Return the velocities after half a time step each."""
     law = drive.law
-    dry = eqx.tree_at(lambda each: each.viscous, law, jnp.zeros(()))
+    dry = eqx.tree_at(lambda law: law.viscous, law, jnp.zeros(()))
     viscous = jnp.broadcast_to(law.viscous, (2,))
-    gain, push = small / drive.inertia, force - drive.offset
+    gain, push = half / drive.inertia, force - drive.offset
     forward = jnp.where(before == 0, push, before) > 0
     sign = jnp.where(forward, 1.0, -1.0)
     rate = sign * push - dry.level(jnp.abs(before), sign)
@@ -262,8 +262,8 @@ def _inequality(constraints: tuple[Constraint, ...]) -> VectorFunction | None:
     def margins(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " g"]:
         levels = _levels(values, problem)
         rises = jnp.diff(levels.reshape(2, -1)).ravel()
-        each = {"monotone": rises, "non-negative": levels}
-        return jnp.concatenate([each[word] for word in constraints])
+        kinds = {"monotone": rises, "non-negative": levels}
+        return jnp.concatenate([kinds[word] for word in constraints])
 
     return margins if constraints else None
 
@@ -318,8 +318,8 @@ def _levenberg_marquardt(
     numbers = _Bounded.of(start, problem)
     root_count = jnp.sqrt(jnp.sum(problem.compared))
 
-    def residual(free: Array, given: tuple[_Bounded, Problem]) -> Array:
-        numbers, problem = given
+    def residual(free: Array, arguments: tuple[_Bounded, Problem]) -> Array:
+        numbers, problem = arguments
         return _residual(numbers.values(free), problem) * root_count / numbers.length
 
     # A traced tolerance: a rough search shares the compilation of a fine one.
@@ -360,7 +360,7 @@ def solve(
         rounds: How often optimistix begins anew at most, where much was gained.
     """
     if solver == "ipopt":
-        low, high = (np.asarray(each) for each in problem.limits)
+        low, high = (np.asarray(array) for array in problem.limits)
         optimum = least_squares_ipopt(
             _residual,
             start,
@@ -374,8 +374,8 @@ def solve(
         return optimum.values, optimum.converged
     values, converged = jnp.asarray(start), jnp.asarray(False)
     for _ in range(rounds):
-        given = problem, jnp.asarray(tolerance)
-        values, converged, change = _levenberg_marquardt(values, *given)
+        arguments = problem, jnp.asarray(tolerance)
+        values, converged, change = _levenberg_marquardt(values, *arguments)
         if change > _FAR:
             break
     return np.asarray(values), bool(converged)
@@ -388,8 +388,8 @@ def _shares(
     distance: Float[Array, ""],
 ) -> Float[Array, "l t"]:
     # Only its rules for the change of direction matter, not its law.
-    every = [FrictionCompensation(_ANY_LAW, n, distance) for n in range(LOOKAHEADS)]
-    shares = [model.shares(model.start(), position, velocity)[0] for model in every]
+    models = [FrictionCompensation(_ANY_LAW, n, distance) for n in range(LOOKAHEADS)]
+    shares = [model.shares(model.start(), position, velocity)[0] for model in models]
     return jnp.abs(jnp.stack(shares))
 
 

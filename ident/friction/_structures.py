@@ -24,7 +24,7 @@ from ...models import (
     stribeck_columns,
 )
 
-WAYS = ("_positive", "_negative")
+SUFFIXES = ("_positive", "_negative")
 KNOTS = 20
 """Knots of a free table."""
 GAUSS = 2.0
@@ -144,7 +144,7 @@ class AbstractStructure(abc.ABC):
         """Names of all factors, direction by direction."""
         if not self.directional:
             return self.factors
-        return tuple(name + way for way in WAYS for name in self.factors)
+        return tuple(name + suffix for suffix in SUFFIXES for name in self.factors)
 
     def signs(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "w t"]:
         """Return the sign that the columns of each direction carry; 0 elsewhere."""
@@ -158,8 +158,8 @@ class AbstractStructure(abc.ABC):
         """Return all columns at velocities in mm/s for each of some shapes; 0 at rest."""
         speed = np.abs(velocity)
         steady, last = self.steady(speed), self.falling(speed, shapes)[:1]
-        each = np.broadcast_to(steady, (len(shapes), *steady.shape))
-        profile = np.concatenate([each, np.moveaxis(last, 0, 2)], axis=2)
+        repeated = np.broadcast_to(steady, (len(shapes), *steady.shape))
+        profile = np.concatenate([repeated, np.moveaxis(last, 0, 2)], axis=2)
         signs = self.signs(velocity)
         return np.concatenate([sign[:, None] * profile for sign in signs], axis=2)
 
@@ -269,8 +269,8 @@ class Stribeck(AbstractStructure):
     def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 h"]:
         """See `AbstractStructure`."""
         velocity = np.array([0.5 * speeds[0], 2.0 * speeds[1]])
-        every = [velocity, np.array(_EXPONENT_RANGE)][: len(self.shapes)]
-        return np.asarray(np.log(np.stack(every, axis=1)))
+        ranges = [velocity, np.array(_EXPONENT_RANGE)][: len(self.shapes)]
+        return np.asarray(np.log(np.stack(ranges, axis=1)))
 
     def falling(
         self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
@@ -326,10 +326,10 @@ class KnotTable(AbstractStructure):
         """
         count, knots = len(self.knots), np.asarray(self.knots)
         share = (knots[1:-1] - knots[:-2]) / (knots[2:] - knots[:-2])
-        off, rows = np.zeros((count - 2, count)), np.arange(count - 2)
-        off[rows, rows], off[rows, rows + 2] = share - 1.0, -share
-        off[rows, rows + 1] = 1.0
-        return off
+        matrix, rows = np.zeros((count - 2, count)), np.arange(count - 2)
+        matrix[rows, rows], matrix[rows, rows + 2] = share - 1.0, -share
+        matrix[rows, rows + 1] = 1.0
+        return matrix
 
     def steady(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
         """See `AbstractStructure`: the weights of the model's table."""
@@ -345,12 +345,12 @@ class KnotTable(AbstractStructure):
         """See `AbstractStructure`: the curve has the second differences of the values."""
         knots, values = np.asarray(self.knots), factors.reshape(self.ways, -1)
         first, (before, after) = linear_weights(knots, np.abs(velocity))
-        wide = np.diff(knots)
-        turn = np.diff(np.diff(values) / wide) / (0.5 * (wide[1:] + wide[:-1]))
-        turn = np.pad(turn, ((0, 0), (1, 1)), "edge")
-        turn = before * turn[:, first] + after * turn[:, first + 1]
-        off = -0.5 * before * after * wide[first] ** 2 * turn
-        return np.asarray((self.signs(velocity) * off).sum(axis=0))
+        widths = np.diff(knots)
+        bend = np.diff(np.diff(values) / widths) / (0.5 * (widths[1:] + widths[:-1]))
+        bend = np.pad(bend, ((0, 0), (1, 1)), "edge")
+        bend = before * bend[:, first] + after * bend[:, first + 1]
+        deviation = -0.5 * before * after * widths[first] ** 2 * bend
+        return np.asarray((self.signs(velocity) * deviation).sum(axis=0))
 
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]

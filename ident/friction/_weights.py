@@ -57,13 +57,13 @@ class Rows:
     def pieces(self) -> Float[np.ndarray, "p k k1"]:
         """The sums XᵀW [X, target] of the rows between each cut and the next."""
         count = self.right.shape[1]
-        found = np.empty((len(self.cuts) - 1, count, count + 1))
+        pieces = np.empty((len(self.cuts) - 1, count, count + 1))
         ends = itertools.pairwise(self.cuts.tolist())
-        for sums, (first, end) in zip(found, ends, strict=True):
+        for piece, (first, end) in zip(pieces, ends, strict=True):
             columns = self.left[first:end].T
-            sums[:, :-1] = columns @ self.right[first:end]
-            sums[:, -1] = columns @ self.target[first:end]
-        return found
+            piece[:, :-1] = columns @ self.right[first:end]
+            piece[:, -1] = columns @ self.target[first:end]
+        return pieces
 
     @cached_property
     def sums(self) -> Float[np.ndarray, "k k1"]:
@@ -97,7 +97,7 @@ class Weights:
 
     def start(self, equation: Equation) -> Float[np.ndarray, " h"]:
         """Return the start of a law's shape that leaves the least, as the free table sees it."""
-        structure, free, seen = equation.structure, self.free, self.free_rows.sums
+        structure, free, free_sums = equation.structure, self.free, self.free_rows.sums
         assert isinstance(structure, Stribeck)
         assert isinstance(free.structure, KnotTable)
         knots, fixed = np.asarray(free.structure.knots), len(free.fixed_names)
@@ -107,10 +107,10 @@ class Weights:
         columns = structure.columns(velocity, starts)
         if "offset" in equation.fixed_names:
             columns = np.concatenate([columns, np.ones_like(columns[:, :, :1])], axis=2)
-        laws = np.zeros((len(starts), len(seen), fixed + columns.shape[2]))
+        laws = np.zeros((len(starts), len(free_sums), fixed + columns.shape[2]))
         laws[:, :fixed, :fixed] = np.eye(fixed)
         laws[:, fixed:, fixed:] = np.sign(velocity)[:, None] * columns
-        sums = np.swapaxes(laws, 1, 2) @ seen
+        sums = np.swapaxes(laws, 1, 2) @ free_sums
         factors = ridged(sums[:, :, :-1] @ laws, sums[:, :, -1])
         gains = np.einsum("nk,nk->n", sums[:, :, -1], factors)
         return np.asarray(starts[np.argmax(gains)])
@@ -132,8 +132,8 @@ class View:
             columns = np.hstack([fine.columns(shape), slopes])
             self._basis = orthonormal(self.root * columns)
 
-    def seen(self, columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s c"]:
-        """Return columns, times the roots of the weights, as they are seen."""
+    def weighted(self, columns: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "s c"]:
+        """Return columns times the roots of the weights, as the noise-free motion sees them."""
         weighted = self.root * columns
         if self._basis is None:
             return np.asarray(weighted)
@@ -143,7 +143,7 @@ class View:
         """Return weighted rows of columns."""
         weights, target = self.weights, self.equation.recording.target
         if self._basis is not None:
-            left = self.root * self.seen(columns)
+            left = self.root * self.weighted(columns)
         elif columns is weights.free.unbent:
             return weights.free_rows
         else:

@@ -81,12 +81,12 @@ class AxisFit:
         """Return the weights of each table, and of the drift, by name."""
         weights = iter(self.estimate.posterior.weights.tolist())
         return {
-            part.name: {name: next(weights) for name in part.weights}
-            for part in self.design.named
+            component.name: {name: next(weights) for name in component.weights}
+            for component in self.design.named
         }
 
     @cached_property
-    def left(self) -> Float[np.ndarray, " r"]:
+    def residual(self) -> Float[np.ndarray, " r"]:
         """Error − fit of the readings that were used."""
         error = _error(self.design, self.data)
         return np.asarray(error - self.design.columns @ self.theta)
@@ -94,7 +94,7 @@ class AxisFit:
     @property
     def message(self) -> str:
         """One sentence or more on how the fit went."""
-        return self.estimate.message(len(self.left))
+        return self.estimate.message(len(self.residual))
 
     @property
     def datum(self) -> tuple[float, float]:
@@ -106,7 +106,7 @@ class AxisFit:
     def share(self) -> Float[np.ndarray, " r"]:
         """Weight that the loss left each of them."""
         loss = self.estimate.loss
-        share = loss.share(self.left / loss.scale)
+        share = loss.share(self.residual / loss.scale)
         return np.where(self.active, share, 0.0)
 
     def over_rows(self, values: np.ndarray, empty: float | bool) -> np.ndarray:
@@ -135,15 +135,15 @@ class AxisFit:
     @cached_property
     def memory(self) -> Memory:
         """What the noise remembers."""
-        time = self.data.time
-        clock = None if time is None else np.asarray(time)[self.design.rows]
-        ways = tuple(lag.direction for lag in self.lags.values())
-        masters = {name for effect in self.design.effects for name in effect.masters}
+        design, time = self.design, self.data.time
+        clock = None if time is None else np.asarray(time)[design.rows]
+        changes = tuple(lag.direction for lag in self.lags.values())
+        masters = {name for effect in design.effects for name in effect.masters}
         names = [name for name in sorted(masters) if name in self.data.position]
-        places = [self.data.position[name][self.design.rows] for name in names]
+        places = [self.data.position[name][design.rows] for name in names]
         order = order_of(len(self.pseudo), clock)
         pseudo = without_turns(self.pseudo, places, order)
-        return Memory(self.design, self.known.rules, self.estimate, pseudo, clock, ways)
+        return Memory(design, self.known.rules, self.estimate, pseudo, clock, changes)
 
     @property
     def drift(self) -> DriftNoise | None:
@@ -174,9 +174,9 @@ class AxisFit:
     def _rounded(self) -> Float[np.ndarray, " n"]:
         """Variance of each unknown by what the instrument rounds off every time at a place."""
         steps, result = _steps(self.design, self.data), np.zeros(self.design.size)
-        common = steps.common(self.left, ~self.active)
-        for part in self.design.components:
-            result[part.places] = common if part.rank in TABLES else 0.0
+        common = steps.common(self.residual, ~self.active)
+        for component in self.design.components:
+            result[component.places] = common if component.rank in TABLES else 0.0
         return result
 
     @cached_property
@@ -200,17 +200,17 @@ class AxisFit:
         if not design.course.runs:
             return ()
         knots_of = design.places_of_rank(Rank.RUNS).reshape(len(design.course.runs), -1)
-        picks = np.zeros((2, len(knots_of), design.size))
+        rows = np.zeros((2, len(knots_of), design.size))
         for number, knots in enumerate(knots_of):
-            picks[0, number, knots] = 1.0 / len(knots)
-            picks[1, number, knots[-1]] += 1.0
-            picks[1, number, knots[0]] -= 1.0
-        post, functionals = self.estimate.posterior, picks.reshape(-1, design.size).T
+            rows[0, number, knots] = 1.0 / len(knots)
+            rows[1, number, knots[-1]] += 1.0
+            rows[1, number, knots[0]] -= 1.0
+        post, functionals = self.estimate.posterior, rows.reshape(-1, design.size).T
         spread = np.diag(self.known.covariance(post, functionals))
         spread = spread * self.estimate.scatter[0]
         deviation = np.sqrt(np.maximum(spread, 0.0)).reshape(2, -1)
         numbers = np.stack(
-            [picks[0] @ self.theta, deviation[0], picks[1] @ self.theta, deviation[1]]
+            [rows[0] @ self.theta, deviation[0], rows[1] @ self.theta, deviation[1]]
         )
         return tuple(
             RunEffect(run, *values)
@@ -239,13 +239,11 @@ class AxisFit:
         )
 
 
-def _pseudo(
-    design: Design, data: JointData, found: Estimate
-) -> Float[np.ndarray, " r"]:
+def _pseudo(design: Design, data: JointData, fit: Estimate) -> Float[np.ndarray, " r"]:
     """Return the pseudo-readings about `Estimate.centre`, 0 where one is not believed."""
-    residual = _error(design, data) - design.columns @ found.centre
-    share = found.loss.share(residual / found.loss.scale)
-    return np.asarray(share * residual / found.posterior.problem.gain)
+    residual = _error(design, data) - design.columns @ fit.centre
+    share = fit.loss.share(residual / fit.loss.scale)
+    return np.asarray(share * residual / fit.posterior.problem.gain)
 
 
 def fit_axis(
@@ -272,11 +270,11 @@ def fit_axis(
     design = design_of(axis, effects, data, options.drift, use)
     unheld, fit = _estimated(design, data, options, None, rough=bool(sensors))
     values = dict.fromkeys(sensors, 0.0)
-    for turn in range(_LAG_ROUNDS if sensors else 0):
+    for number in range(_LAG_ROUNDS if sensors else 0):
         before = values
         lags = find_lags(design, data, fit, _pseudo(design, data, fit), before)
         values = {sensor: lag.value for sensor, lag in lags.items()}
-        if turn and values == before:
+        if number and values == before:
             break
         design = lagging(design, data, values)
         unheld, fit = _estimated(design, data, options, fit)
@@ -331,14 +329,14 @@ def _weights(
     design: Design, smoothness: Smoothness
 ) -> Callable[[Problem], Float[np.ndarray, " k"]] | None:
     """Return the weights that were asked for, given the sums; None: by evidence."""
-    wanted: float | Mapping[Any, float]
+    stated: float | Mapping[Any, float]
     if isinstance(smoothness, Mapping):
-        parts = smoothness.items()
-        wanted = {(part, name): w for part, own in parts for name, w in own.items()}
+        tables = smoothness.items()
+        stated = {(key, name): w for key, table in tables for name, w in table.items()}
     else:
         check_smoothness(smoothness)
         if isinstance(smoothness, str):
             return None
-        wanted = smoothness
+        stated = smoothness
     names = [(part.name, name) for part in design.named for name in part.weights]
-    return fixed_weights(wanted, names)
+    return fixed_weights(stated, names)

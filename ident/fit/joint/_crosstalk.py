@@ -156,9 +156,9 @@ class Crosstalk(AbstractEffect):
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
         """See `AbstractEffect`."""
         count, tests = len(columns[0]), len(self.points)
-        pull, speed, *places = map(filled, columns)
+        acceleration, speed, *places = map(filled, columns)
         stencil = self.to_model(np.zeros((4, tests)), 1.0).stencil(
-            pull, speed, np.reshape(places, (-1, len(pull))).T
+            acceleration, speed, np.reshape(places, (-1, len(acceleration))).T
         )
         branch, test = np.divmod(np.asarray(stencil.nodes)[:count], tests)
         index = np.array(self.branches)[branch] * tests + test

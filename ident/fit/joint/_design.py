@@ -62,8 +62,8 @@ class Course:
     def offsets(self) -> Float[np.ndarray, "i k"]:
         """Share of each knot of the drift of a run at each instant."""
         place = np.arange(self.pieces * self.steps + 1) / self.steps
-        away = np.abs(place[:, None] - np.arange(self.pieces + 1))
-        return np.maximum(1.0 - away, 0.0)
+        distance = np.abs(place[:, None] - np.arange(self.pieces + 1))
+        return np.maximum(1.0 - distance, 0.0)
 
     @property
     def bridges(self) -> Float[np.ndarray, "i b"]:
@@ -175,20 +175,20 @@ class Design:
     @cached_property
     def stack(self) -> Stack:
         """The components as a stack."""
-        sizes = [len(part.places) for part in self.components]
+        sizes = [len(component.places) for component in self.components]
         effects = [
-            part.table or ColumnsEffect(part.prior or NoPrior(size), size)
-            for part, size in zip(self.components, sizes, strict=True)
+            component.table or ColumnsEffect(component.prior or NoPrior(size), size)
+            for component, size in zip(self.components, sizes, strict=True)
         ]
         return Stack(tuple(effects), self.components[0].table is not None)
 
     @cached_property
     def information(self) -> sp.csr_array:
         """Information of all rows on the unknowns, Σ x xᵀ, whatever was measured in them."""
-        nothing = Readings(np.zeros(len(self.rows)), {})
+        readings = Readings(np.zeros(len(self.rows)), {})
         zero = np.zeros(self.size)
         columns = compact(self.columns)
-        return sums_of(self.stack, nothing, zero, Loss(), design=columns)[0].matrix
+        return sums_of(self.stack, readings, zero, Loss(), design=columns)[0].matrix
 
     @cached_property
     def diagonal(self) -> Float[np.ndarray, " n"]:
@@ -199,13 +199,14 @@ class Design:
     def reached(self) -> Bool[np.ndarray, " n"]:
         """Unknowns that readings tell anything of: more than the noise of a position does."""
         # Columns may be lengths and speeds: judged by the largest of one unit.
-        top = np.zeros(self.size)
-        np.maximum.at(top, self.columns.indices, np.abs(self.columns.data))
+        largest = np.zeros(self.size)
+        np.maximum.at(largest, self.columns.indices, np.abs(self.columns.data))
         least = np.zeros(self.size)
-        for part in self.components:
-            tops = top[part.places]
-            mixed = part.effect is not None and not part.effect.one_unit
-            least[part.places] = _REACHED * np.square(tops if mixed else tops.max())
+        for component in self.components:
+            places, effect = component.places, component.effect
+            sizes = largest[places]
+            mixed = effect is not None and not effect.one_unit
+            least[places] = _REACHED * np.square(sizes if mixed else sizes.max())
         return np.asarray((self.diagonal >= least) & (self.diagonal > 0.0))
 
     @cached_property
@@ -237,8 +238,8 @@ def design_of(
     Raises:
         FitError: If no row is complete.
     """
-    first = max(filter(_is_large, effects), key=lambda each: each.size, default=None)
-    ordered = sorted(effects, key=lambda each: each is not first)
+    first = max(filter(_banded, effects), key=lambda effect: effect.size, default=None)
+    ordered = sorted(effects, key=lambda effect: effect is not first)
     blocks = [effect.block(data) for effect in ordered]
     keep = np.ones(len(data), bool) if use is None else np.asarray(use, bool)
     if measured:
@@ -264,17 +265,17 @@ def design_of(
             places = table.unknowns
             columns[0] = sp.csr_array(columns[0][:, np.argsort(places)])
         components += (
-            dataclasses.replace(each, table=table) for each in effect.components(places)
+            dataclasses.replace(part, table=table) for part in effect.components(places)
         )
         count += effect.size
     course = _course(data, axis, rows, drift, wander)
-    beside = course.columns(data, axis, rows)
+    nuisance = course.columns(data, axis, rows)
     constant: Any = sp.csr_array(np.ones((len(rows), 1)))
-    for rank, added in {Rank.DATUM: constant, **beside}.items():
-        places = np.arange(count, count + added.shape[1])
-        columns.append(added)
+    for rank, block in {Rank.DATUM: constant, **nuisance}.items():
+        places = np.arange(count, count + block.shape[1])
+        columns.append(block)
         components.append(_nuisance(axis, rank, places, course))
-        count += added.shape[1]
+        count += block.shape[1]
     return Design(
         axis=axis,
         effects=tuple(ordered),
@@ -285,7 +286,7 @@ def design_of(
     )
 
 
-def _is_large(effect: AbstractEffect) -> bool:
+def _banded(effect: AbstractEffect) -> bool:
     """Return whether its part of the matrix is worth a band."""
     return len(effect.grid) == 2 and effect.size > _BANDED
 

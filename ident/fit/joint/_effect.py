@@ -206,8 +206,8 @@ class AbstractEffect(abc.ABC):
             "sensors": self.sensor_names,
             "axes": axes,
         }
-        rows = {name: in_a_row(values) for name, values in names.items()}
-        return words.format(axis=self.axis, **rows)
+        fields = {name: in_a_row(values) for name, values in names.items()}
+        return words.format(axis=self.axis, **fields)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
         """Return its parts that have a meaning of their own, for values at these columns."""
@@ -281,6 +281,6 @@ def in_a_row(names: Sequence[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def every(shares: Float[np.ndarray, "t p"]) -> Rows:
+def dense_rows(shares: Float[np.ndarray, "t p"]) -> Rows:
     """Return rows that touch all values."""
     return np.broadcast_to(np.arange(shares.shape[1]), shares.shape), shares

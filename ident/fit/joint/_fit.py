@@ -23,12 +23,7 @@ from ._design import design_of
 from ._effect import AbstractEffect, Rank
 from ._gauge import Rules, Unheld
 from ._identified import Identified, identified
-from ._result import (
-    Identifiability,
-    JointFit,
-    Options,
-    Smoothness,
-)
+from ._result import Identifiability, JointFit, Options, Smoothness
 from ._words import Confusion, Gauge, confusions_of, gauges_of
 
 
@@ -68,23 +63,23 @@ def fit_joint(
     placed = [effect.placed(data) for effect in effects]
     groups, options = _by_axis(placed), Options(loss, smoothness, drift)
 
-    def one(axis: str) -> AxisFit:
-        found = fit_axis(axis, groups[axis], data, options, use)
-        wild = float((~found.active).mean())
+    def fitted(axis: str) -> AxisFit:
+        fit = fit_axis(axis, groups[axis], data, options, use)
+        wild = float((~fit.active).mean())
         if options.loss == "student" and wild > TOO_MANY:
             # So many that agree with each other: not they are at fault.
             mild = dataclasses.replace(options, loss="huber")
             return fit_axis(axis, groups[axis], data, mild, use)
-        return found
+        return fit
 
     with one_blas_thread():
         # Axes share no unknowns; their matrix products leave the interpreter free. The
         # largest first, so that none is left alone at the end.
-        size = {axis: sum(each.size for each in own) for axis, own in groups.items()}
+        size = {axis: sum(effect.size for effect in groups[axis]) for axis in groups}
         order = sorted(groups, key=lambda axis: -size[axis])
         with ThreadPoolExecutor(min(len(groups), cores())) as pool:
-            found = dict(zip(order, pool.map(one, order), strict=True))
-        fits = {axis: found[axis] for axis in groups}
+            by_size = dict(zip(order, pool.map(fitted, order), strict=True))
+        fits = {axis: by_size[axis] for axis in groups}
         parts = {part.name: part for fit in fits.values() for part in fit.parts()}
         runs = {axis: fit.runs() for axis, fit in fits.items()}
         gauges, confusions = _freedoms_and_confusions(
@@ -93,7 +88,7 @@ def fit_joint(
     return JointFit(
         parts=tuple(parts[effect.name] for effect in placed),
         noise={axis: fit.estimate.noise for axis, fit in fits.items()},
-        residual={a: fit.over_rows(fit.left, np.nan) for a, fit in fits.items()},
+        residual={a: fit.over_rows(fit.residual, np.nan) for a, fit in fits.items()},
         share={axis: fit.over_rows(fit.share, 0.0) for axis, fit in fits.items()},
         wild={axis: fit.over_rows(~fit.active, False) for axis, fit in fits.items()},
         runs=runs,
@@ -129,12 +124,12 @@ def held_out_errors(
         runs: As for `JointFit.predict`.
     """
     result = {}
-    for axis, part in fit.fits.items():
-        rows = part.design.rows
+    for axis, axis_fit in fit.fits.items():
+        rows = axis_fit.design.rows
         result[axis] = np.full(len(data), np.nan)
         with one_blas_thread():
             result[axis][rows] = _held_out(
-                part, data.error[axis][rows], groups[rows], runs
+                axis_fit, data.error[axis][rows], groups[rows], runs
             )
     return result
 
@@ -147,25 +142,26 @@ def _held_out(
 ) -> Float[np.ndarray, " r"]:
     """Return what is left of the used readings of one axis, each fitted without its group."""
     design, estimate = fit.design, fit.estimate
-    columns, left = compact(design.columns), np.array(error)
+    columns, residual = compact(design.columns), np.array(error)
     sums = sums_by_group(estimate, Readings(error, {}), columns, groups)
     if len(sums) < 2:
-        return left  # without its only group nothing is known
+        return residual  # without its only group nothing is known
     designs = {label: design.take(groups != label) for label in sums}
     unheld = {label: Unheld.of(slim) for label, slim in designs.items()}
-    pins = {label: slim.pins for label, slim in unheld.items()}
+    pins = {label: null.pins for label, null in unheld.items()}
     counted = np.ones(design.size, bool)
     if not runs:
         counted[design.places_of_rank(Rank.RUNS)] = False
         counted[design.places_of_rank(Rank.WANDER)] = False
     for label, post in leave_one_out(estimate, sums, {}, pins).items():
-        out, slim = groups == label, designs[label]
+        mask, slim = groups == label, designs[label]
         if len(slim.rows) <= unheld[label].free:
-            left[out] -= np.median(error[~out])
+            residual[mask] -= np.median(error[~mask])
             continue
         rules = Rules.of(slim, fit.known.ideal).beside(slim, unheld[label].null)
-        left[out] -= columns[out] @ np.where(counted, rules.project(post.values), 0.0)
-    return left
+        values = np.where(counted, rules.project(post.values), 0.0)
+        residual[mask] -= columns[mask] @ values
+    return residual
 
 
 def examine_design(

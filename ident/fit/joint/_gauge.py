@@ -47,14 +47,14 @@ def shapes_of(design: Design, smooth: bool) -> Shapes:
     """
     reached = design.reached if smooth else design.diagonal > 0
     basis = []
-    for part in design.stated:
-        inside = reached[part.places]
+    for component in design.stated:
+        inside = reached[component.places]
         basis.append(
             np.eye(len(inside))[:, inside]
-            if part.table is None
-            else _plane_shapes(part.table.nodes, inside, smooth)
+            if component.table is None
+            else _plane_shapes(component.table.nodes, inside, smooth)
         )
-    ranks = [part.rank for part in design.stated]
+    ranks = [component.rank for component in design.stated]
     matrix = _over(design, _spread(design.stated, basis, design.size))
     return Shapes(tuple(basis), matrix, ranks.index(Rank.DATUM))
 
@@ -65,9 +65,9 @@ def _spread(
     """Return shapes of the values of each component over all unknowns."""
     result = np.zeros((size, sum(block.shape[1] for block in basis)))
     first = 0
-    for part, own in zip(parts, basis, strict=True):
-        result[part.places, first : first + own.shape[1]] = own
-        first += own.shape[1]
+    for component, block in zip(parts, basis, strict=True):
+        result[component.places, first : first + block.shape[1]] = block
+        first += block.shape[1]
     return result
 
 
@@ -115,10 +115,11 @@ class Rules:
         """Return the freedoms of the sum in any data, and the rule that fixes them."""
         null = _spread(design.stated, ideal.basis, design.size)
         null = null @ null_space(ideal.matrix)
-        for part, basis in zip(design.stated, ideal.basis, strict=True):
-            if part.prior is not None and null.shape[1]:
+        for component, basis in zip(design.stated, ideal.basis, strict=True):
+            prior, places = component.prior, component.places
+            if prior is not None and null.shape[1]:
                 reached = np.asarray(basis.any(axis=1))
-                null[part.places] = _carried_on(part.prior, reached, null[part.places])
+                null[places] = _carried_on(prior, reached, null[places])
         return cls(null, _eliminated(design, null))
 
     @cached_property
@@ -137,8 +138,8 @@ class Rules:
         """Return the rules with directions beside them that the actual rows leave open."""
         if not unheld.shape[1]:
             return self
-        held = unheld - self.null @ np.linalg.lstsq(self.null, unheld, rcond=None)[0]
-        basis, sizes, _ = pivoted(held / np.linalg.norm(unheld, axis=0))
+        excess = unheld - self.null @ np.linalg.lstsq(self.null, unheld, rcond=None)[0]
+        basis, sizes, _ = pivoted(excess / np.linalg.norm(unheld, axis=0))
         # The new ones begin where the rule so far puts them.
         free = self.project(basis[:, sizes > _NOTHING])
         fixed = _eliminated(design, free)
@@ -151,13 +152,13 @@ def _eliminated(
     """Return functionals that fix null directions, the least simple effect giving way first."""
     remaining = null / np.maximum(np.linalg.norm(null, axis=0), 1e-300)
     rows: list[Float[np.ndarray, "_ n"]] = [np.zeros((0, design.size))]
-    for part in sorted(reversed(design.components), key=lambda each: each.rank):
+    for part in sorted(reversed(design.components), key=lambda part: part.rank):
         if not remaining.shape[1]:
             break
-        own = remaining[part.places]
+        block = remaining[part.places]
         # A plane has very many values: only the right side is ever wanted whole.
-        whole = own.shape[0] < own.shape[1]
-        left, size, right = np.linalg.svd(own, full_matrices=whole)
+        full = block.shape[0] < block.shape[1]
+        left, size, right = np.linalg.svd(block, full_matrices=full)
         most = float(size.max(initial=0.0))
         rank = int((size > _NOTHING * most).sum()) if most > _NOTHING else 0
         if not rank:
@@ -183,9 +184,9 @@ def _carried_on(
     """
     rows = [prior.rows[k] for k in np.flatnonzero(~prior.optional)]
     bent, result = sp.vstack(rows).tocsc(), null.copy()
-    beyond, held = bent[:, ~reached], bent[:, reached] @ null[reached]
+    beyond, fixed = bent[:, ~reached], bent[:, reached] @ null[reached]
     if beyond.shape[1]:
-        carried = spsolve((beyond.T @ beyond).tocsc(), -(beyond.T @ held))
+        carried = spsolve((beyond.T @ beyond).tocsc(), -(beyond.T @ fixed))
         result[~reached] = carried.reshape(-1, null.shape[1])
     return result
 
@@ -288,7 +289,7 @@ def pins_of(
     pins = np.zeros(len(null))
     if null.shape[1]:
         scale = np.where(diagonal > 0, np.sqrt(diagonal), 1.0)
-        held = pivoted((null * scale[:, None]).T)[2][: null.shape[1]]
+        pinned = pivoted((null * scale[:, None]).T)[2][: null.shape[1]]
         typical = float(np.median(diagonal[diagonal > 0]))
-        pins[held] = np.where(diagonal[held] > 0, diagonal[held], typical)
+        pins[pinned] = np.where(diagonal[pinned] > 0, diagonal[pinned], typical)
     return pins

@@ -65,31 +65,31 @@ class Identified:
     def share_of(self, effect: str) -> float:
         """Return the information left of an effect: of its weakest component."""
         stated = zip(self.share, self.design.stated, strict=True)
-        return min(share for share, part in stated if part.owner == effect)
+        return min(share for share, component in stated if component.owner == effect)
 
-    def variances(self, found: Posterior) -> Float[np.ndarray, " n"]:
+    def variances(self, post: Posterior) -> Float[np.ndarray, " n"]:
         """Return the variance of each unknown under the rules, per variance of one reading.
 
         Moving to the rule changes what is unknown: from the spread of the values as solved it
         takes what may be moved between effects, which says nothing about either.
         """
-        plain, rules = found.inverse_diagonal, self.rules
+        plain, rules = post.inverse_diagonal, self.rules
         if not rules.null.shape[1]:
             return plain
-        spread = found.factor.solve(np.ascontiguousarray(rules.gain.T))
+        spread = post.factor.solve(np.ascontiguousarray(rules.gain.T))
         inner = rules.gain @ spread
         result = plain - 2.0 * (spread * rules.null).sum(axis=1)
         result += ((rules.null @ inner) * rules.null).sum(axis=1)
         return np.asarray(np.maximum(result, 0.0))
 
     def covariance(
-        self, found: Posterior, functionals: Float[np.ndarray, "n k"]
+        self, post: Posterior, functionals: Float[np.ndarray, "n k"]
     ) -> Float[np.ndarray, "k k"]:
         """Return the covariance of functionals of the values, per variance of one reading."""
         rules = self.rules
         # Functionals of the values under the rule, as functionals of the values as solved.
         before = functionals - rules.gain.T @ (rules.null.T @ functionals)
-        return np.asarray(before.T @ found.factor.solve(before))
+        return np.asarray(before.T @ post.factor.solve(before))
 
     @cached_property
     def confounded(self) -> Bool[np.ndarray, " n"]:
@@ -100,12 +100,12 @@ class Identified:
             for k, size in zip(shared.members, shared.sizes, strict=True):
                 result[design.stated[k].places] |= size > PART
         result &= design.reached
-        for part in design.components:
-            places = part.places
-            if part.prior is None:
+        for component in design.components:
+            places = component.places
+            if component.prior is None:
                 # In a table neighbours bridge what no reading tells; a law has none.
                 result[places] |= (self.hidden | ~design.reached)[places]
-            if part.reference is not None and result[places].any():
+            if component.reference is not None and result[places].any():
                 # What the rule put to zero is no more known than the rest of the law.
                 result[places] = True
         return result
@@ -124,7 +124,7 @@ class Identified:
         """
         correlations = Correlations.of(self.ideal, _SAME)
         pairs = correlations.pairs(_SAME)
-        rank = [part.rank for part in self.design.stated]
+        rank = [component.rank for component in self.design.stated]
 
         def carried(pair: tuple[int, int]) -> bool:
             return any(
@@ -133,14 +133,14 @@ class Identified:
                 if rank[third] > max(rank[k] for k in pair)
             )
 
-        level = tuple(confusion.members[0] for confusion in correlations.constants)
-        apart = [shared for pair, shared in pairs.items() if not carried(pair)]
+        level = tuple(shared.members[0] for shared in correlations.constants)
+        direct = [shared for pair, shared in pairs.items() if not carried(pair)]
         return level, tuple(
             dataclasses.replace(
-                confusion,
-                members=tuple(sorted(confusion.members, key=lambda k: -rank[k])),
+                shared,
+                members=tuple(sorted(shared.members, key=lambda k: -rank[k])),
             )
-            for confusion in apart
+            for shared in direct
         )
 
 
@@ -161,27 +161,27 @@ def identified(
     shapes = shapes_of(design, smooth=True).limited(functionals)
     matrix = shapes.matrix + _light(design, shapes)
     limit = min(max(_HOPELESS, _SURE / len(design.rows)), _ALIKE)
-    found = Correlations.of(dataclasses.replace(shapes, matrix=matrix), limit)
-    pairs = found.pairs(limit) if found.weakest < limit else {}
+    correlations = Correlations.of(dataclasses.replace(shapes, matrix=matrix), limit)
+    pairs = correlations.pairs(limit) if correlations.weakest < limit else {}
     # Two tables that are as alike where everything varies differ by their nodes only.
-    anyway = {}
+    ideal_pairs = {}
     if pairs:
-        anyway = Correlations.of(ideal.limited(functionals), limit).pairs(limit)
+        ideal_pairs = Correlations.of(ideal.limited(functionals), limit).pairs(limit)
     nearly = [
         pair
         for pair, shared in pairs.items()
-        if pair in anyway and anyway[pair].count >= shared.count
+        if pair in ideal_pairs and ideal_pairs[pair].count >= shared.count
     ]
     clear = [shared for pair, shared in pairs.items() if pair not in nearly]
-    several = found.several(min(limit, _HOPELESS), tuple(pairs))
+    several = correlations.several(min(limit, _HOPELESS), tuple(pairs))
     return Identified(
         design=design,
         ideal=ideal,
         structure=structure,
         rules=structure.beside(design, unheld.null),
-        share=_shares(found, design),
-        hidden=_hidden(found, design),
-        confused=(*found.constants, *clear, *several),
+        share=_shares(correlations, design),
+        hidden=_hidden(correlations, design),
+        confused=(*correlations.constants, *clear, *several),
         nearly=tuple(pairs[pair] for pair in nearly),
     )
 
@@ -190,35 +190,35 @@ def _light(design: Design, shapes: Shapes) -> Float[np.ndarray, "m m"]:
     """Return what is taken as known: a drift is slow, and neighbours help where data are few."""
     few = len(design.rows) < _FEW * len(shapes.matrix)
     result = np.zeros_like(shapes.matrix)
-    for part, basis, places in zip(
-        design.stated, shapes.basis, shapes.slices, strict=True
-    ):
-        amount = _SLOW if part.rank == Rank.RUNS else _LIGHT * few
-        if part.prior is None or not amount:
+    components = zip(design.stated, shapes.basis, shapes.slices, strict=True)
+    for component, basis, places in components:
+        amount = _SLOW if component.rank == Rank.RUNS else _LIGHT * few
+        prior = component.prior
+        if prior is None or not amount:
             continue
-        diagonal = design.diagonal[part.places]
+        diagonal = design.diagonal[component.places]
         density = float(diagonal[diagonal > 0].mean()) if diagonal.any() else 1.0
-        for rows in (part.prior.rows[k] for k in np.flatnonzero(~part.prior.optional)):
+        for rows in (prior.rows[k] for k in np.flatnonzero(~prior.optional)):
             bent = rows @ basis
             result[places, places] += amount * density * (bent.T @ bent)
     return result
 
 
-def _hidden(found: Correlations, design: Design) -> Bool[np.ndarray, " n"]:
+def _hidden(correlations: Correlations, design: Design) -> Bool[np.ndarray, " n"]:
     """Return the unknowns with a part in shapes of one component that no reading shows."""
     result = np.zeros(design.size, bool)
-    for k, part in enumerate(design.stated):
-        limit = PART if part.prior is None else _MOSTLY
-        result[part.places] = found.hidden(k) > limit
+    for k, component in enumerate(design.stated):
+        limit = PART if component.prior is None else _MOSTLY
+        result[component.places] = correlations.hidden(k) > limit
     return result
 
 
-def _shares(found: Correlations, design: Design) -> tuple[float, ...]:
+def _shares(correlations: Correlations, design: Design) -> tuple[float, ...]:
     """Return the mean information left; what no reading reaches counts as none."""
     result = []
-    basis = found.shapes.basis
-    for part, places, remaining in zip(design.stated, basis, found.left(), strict=True):
-        reached, count = design.reached[part.places], places.shape[1]
+    shapes = zip(correlations.shapes.basis, correlations.remaining(), strict=True)
+    for component, (basis, remaining) in zip(design.stated, shapes, strict=True):
+        reached, count = design.reached[component.places], basis.shape[1]
         # Without a shape of its own, all that it can do is carried by a simpler effect.
         mean = min(remaining / count, 1.0) if count else float(reached.any())
         result.append(mean * (float(reached.mean()) if count else 1.0))

@@ -70,7 +70,7 @@ class FoundLag:
 
 def sensors_to_fit(effects: Sequence[AbstractEffect]) -> tuple[str, ...]:
     """Return the sensors whose lag is to be fitted."""
-    lags = [each for effect in effects for each in effect.lags.items()]
+    lags = [item for effect in effects for item in effect.lags.items()]
     return tuple(dict.fromkeys(sensor for sensor, lag in lags if lag == "fit"))
 
 
@@ -97,23 +97,23 @@ def find_lags(
     profile = _profile(design, data, post, pseudo)
     low, high = lag_bounds(design.axis, data)
     lags, width = dict(near), (high - low) / (_GRID - 1)
-    for sensor, known in near.items():
+    for sensor, start in near.items():
         # One after the other roughly; then each between its neighbours on the grid.
-        grid = np.log([known]) if known > 0.0 else np.linspace(low, high, _GRID)
+        grid = np.log([start]) if start > 0.0 else np.linspace(low, high, _GRID)
         trials = [{**lags, sensor: float(lag)} for lag in np.exp(grid)]
         costs = [profile(trial)[0] for trial in trials]
         best = int(np.argmin(costs))
-        none = {**lags, sensor: 0.0}
-        lags = trials[best] if profile(none)[0] - costs[best] > _WORTH else none
+        without = {**lags, sensor: 0.0}
+        lags = trials[best] if profile(without)[0] - costs[best] > _WORTH else without
     active = [sensor for sensor, lag in lags.items() if lag > 0.0]
     for sensor in active * (_SWEEPS if len(active) > 1 else 1):
         middle = float(np.log(lags[sensor]))
-        near_by = max(low, middle - width), min(high, middle + width)
+        bracket = max(low, middle - width), min(high, middle + width)
 
         def cost(log: float, sensor: str = sensor) -> float:
             return profile({**lags, sensor: float(np.exp(log))})[0]
 
-        optimum = minimize_scalar(cost, bounds=near_by, options={"xatol": _FINE})
+        optimum = minimize_scalar(cost, bounds=bracket, options={"xatol": _FINE})
         lags[sensor] = float(np.exp(optimum.x))
     if profile(near)[0] - profile(lags)[0] < _SETTLED:
         lags = dict(near)
@@ -141,11 +141,11 @@ def _posterior(
 
 def lagging(design: Design, data: JointData, lags: Mapping[str, float]) -> Design:
     """Return a design with other lags by sensor: only the columns of temperatures change."""
-    own, others = _heated_places(design), np.ones(design.size)
-    others[own] = 0.0
-    ones = np.ones(len(own)), (np.arange(len(own)), own)
-    place = sp.csr_array(ones, shape=(len(own), design.size))
-    heated: Any = sp.csr_array(_heated(design, data, lags)) @ place
+    places, others = _heated_places(design), np.ones(design.size)
+    others[places] = 0.0
+    ones = np.ones(len(places)), (np.arange(len(places)), places)
+    scatter = sp.csr_array(ones, shape=(len(places), design.size))
+    heated: Any = sp.csr_array(_heated(design, data, lags)) @ scatter
     columns = sp.csr_array(design.columns @ sp.diags_array(others) + heated)
     columns.eliminate_zeros()
     effects = tuple(effect.lagging(lags) for effect in design.effects)
@@ -161,24 +161,24 @@ def _with_deviations(
     theta: Vector,
 ) -> dict[str, FoundLag]:
     """Return the lags with their deviations: as further columns, linear near the best ones."""
-    late = [sensor for sensor, lag in lags.items() if lag > 0.0]
-    warm, change = _heated_places(design), np.zeros((len(design.rows), len(late)))
-    for k, sensor in enumerate(late):
+    delayed = [sensor for sensor, lag in lags.items() if lag > 0.0]
+    heated, change = _heated_places(design), np.zeros((len(design.rows), len(delayed)))
+    for k, sensor in enumerate(delayed):
         ends = [lags[sensor] * (1.0 + sign * _STEP) for sign in (1.0, -1.0)]
         later, sooner = (
-            _heated(design, data, {**lags, sensor: end}) @ theta[warm] for end in ends
+            _heated(design, data, {**lags, sensor: end}) @ theta[heated] for end in ends
         )
         change[:, k] = (later - sooner) / (ends[0] - ends[1])
     moves = change * active[:, None]
     response = post.factor.solve(np.asarray(design.columns.T @ moves))
     direction = change - design.columns @ response
     deviation = np.sqrt(post.variance * lag_variances(moves, direction))
-    none = FoundLag(0.0, 0.0, np.zeros(design.size), np.zeros(len(design.rows)))
-    return dict.fromkeys(lags, none) | {
+    absent = FoundLag(0.0, 0.0, np.zeros(design.size), np.zeros(len(design.rows)))
+    return dict.fromkeys(lags, absent) | {
         sensor: FoundLag(
             lags[sensor], float(deviation[k]), -response[:, k], direction[:, k]
         )
-        for k, sensor in enumerate(late)
+        for k, sensor in enumerate(delayed)
     }
 
 
@@ -187,7 +187,7 @@ def sensed_variances(
     data: JointData,
     theta: Vector,
     active: Bool[np.ndarray, " r"],
-    found: Mapping[str, FoundLag],
+    fitted: Mapping[str, FoundLag],
 ) -> dict[str, float]:
     """Return the variance in s² of each lag that shows, by the noise of its sensor.
 
@@ -199,9 +199,9 @@ def sensed_variances(
         data: All rows.
         theta: Values of all unknowns.
         active: Readings that are believed.
-        found: The lags by sensor.
+        fitted: The lags by sensor.
     """
-    lags = {sensor: lag.value for sensor, lag in found.items() if lag.value > 0.0}
+    lags = {sensor: lag.value for sensor, lag in fitted.items() if lag.value > 0.0}
     if not lags:
         return {}
     heated, rng, result = _heated_places(design), np.random.default_rng(0), {}
@@ -215,10 +215,10 @@ def sensed_variances(
             for shift in (_SHIFT, -_SHIFT)
         ]
         above, below = (_heated(design, end, lags) @ theta[heated] for end in ends)
-        direction = np.where(active, found[sensor].direction, 0.0)
-        pull = np.zeros(len(data))
-        pull[design.rows] = direction * (above - below) / (2.0 * _SHIFT)
-        pull /= max(float(direction @ direction), 1e-300)
+        direction = np.where(active, fitted[sensor].direction, 0.0)
+        influence = np.zeros(len(data))
+        influence[design.rows] = direction * (above - below) / (2.0 * _SHIFT)
+        influence /= max(float(direction @ direction), 1e-300)
         # What a temperature does is smooth over a few readings of its sensor.
         steps = np.diff(sensed.values, _ORDER)
         square = float(steps @ steps) / max(len(steps), 1)
@@ -226,7 +226,7 @@ def sensed_variances(
         draws = noise * rng.standard_normal((_DRAWS, len(sensed.clock)))
         draws[:, 0] = 0.0  # a line through the first readings begins
         changes = [
-            pull[sensed.known] @ lagged(sensed.clock, draw, lag)[sensed.back]
+            influence[sensed.known] @ lagged(sensed.clock, draw, lag)[sensed.back]
             for draw in draws
         ]
         result[sensor] = float(np.mean(np.square(changes)))
@@ -234,7 +234,7 @@ def sensed_variances(
 
 
 def lag_variances(
-    seen: Float[np.ndarray, "r k"], direction: Float[np.ndarray, "r k"]
+    moves: Float[np.ndarray, "r k"], direction: Float[np.ndarray, "r k"]
 ) -> Float[np.ndarray, " k"]:
     """Return the variances of lags for noise of variance 1.
 
@@ -242,22 +242,24 @@ def lag_variances(
     of either sign once wild readings are gone: such a lag counts as hardly seen.
 
     Args:
-        seen: Change of the readings that are believed, per s of each lag.
+        moves: Change of the readings that are believed, per s of each lag.
         direction: The same less what all other unknowns do of it.
     """
-    scale = np.sqrt((seen**2).sum(axis=0))
-    values, ways = np.linalg.eigh(seen.T @ direction / np.outer(scale, scale))
-    return np.asarray((ways**2 / np.maximum(values, _SEEN)).sum(axis=1) / scale**2)
+    scale = np.sqrt((moves**2).sum(axis=0))
+    values, vectors = np.linalg.eigh(moves.T @ direction / np.outer(scale, scale))
+    return np.asarray((vectors**2 / np.maximum(values, _SEEN)).sum(axis=1) / scale**2)
 
 
 def _heated(
     design: Design, data: JointData, lags: Mapping[str, float]
 ) -> Float[np.ndarray, "r k"]:
     """Return the columns of the temperatures for trial lags."""
-    effects = [effect.lagging(lags) for effect in _warm(design)]
-    inputs = [[own[design.rows] for own in one.columns_of(data)] for one in effects]
-    # A temperature touches all values of its law in every row.
-    return np.hstack([e.rows(own)[1] for e, own in zip(effects, inputs, strict=True)])
+    blocks = []
+    for effect in (effect.lagging(lags) for effect in _warm(design)):
+        inputs = [column[design.rows] for column in effect.columns_of(data)]
+        # A temperature touches all values of its law in every row.
+        blocks.append(effect.rows(inputs)[1])
+    return np.hstack(blocks)
 
 
 def _warm(design: Design) -> list[AbstractEffect]:
@@ -289,30 +291,30 @@ def _profile(
         move[heated] = 0.0
         return np.asarray(move)
 
-    def beside(rows: Float[np.ndarray, "r *k"]) -> Float[np.ndarray, "n *k"]:
+    def load(rows: Float[np.ndarray, "r *k"]) -> Float[np.ndarray, "n *k"]:
         """Return the right-hand side of the others for readings, or columns of them."""
-        found = np.asarray(across @ rows)
-        found[heated] = 0.0
-        return found
+        right = np.asarray(across @ rows)
+        right[heated] = 0.0
+        return right
 
     across = sp.csr_array(design.columns.T)
-    warm = active * (design.columns[:, heated] @ post.values[heated])
+    warmth = active * (design.columns[:, heated] @ post.values[heated])
     move = design.columns @ (post.values - post.problem.theta)
-    target = np.where(active, pseudo - move, 0.0) + warm
-    base = solve(beside(warm))
-    remaining = float(target @ target) - float(beside(warm) @ base)
+    target = np.where(active, pseudo - move, 0.0) + warmth
+    base = solve(load(warmth))
+    remaining = float(target @ target) - float(load(warmth) @ base)
     remaining += post.total - post.residual_square
 
     def profile(lags: Mapping[str, float]) -> tuple[float, Vector]:
         columns = _heated(design, data, lags) * active[:, None]
-        coupling = beside(columns)
+        coupling = load(columns)
         through = solve(coupling)
         schur = columns.T @ columns - coupling.T @ through
-        target_of = columns.T @ target - coupling.T @ base
+        moment = columns.T @ target - coupling.T @ base
         scale = np.sqrt(np.maximum((columns**2).sum(axis=0), 1e-300))
         scaled = schur / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
-        values = np.linalg.solve(scaled, target_of / scale) / scale
-        square = max(remaining - float(target_of @ values), 1e-300)
+        values = np.linalg.solve(scaled, moment / scale) / scale
+        square = max(remaining - float(moment @ values), 1e-300)
         gram = columns.T @ columns / np.outer(scale, scale)
         gram = gram + _RIDGE * np.eye(len(scale))
         # Relative to the columns alone: their size, and how alike they are, is no evidence.

@@ -225,21 +225,21 @@ def without_turns(
         moves = np.flatnonzero(steps)
         # What stands keeps the direction of the last move; the first one, that of the next.
         last = np.searchsorted(moves, np.arange(len(steps)), side="right") - 1
-        ways = np.sign(steps[moves])[np.maximum(last, 0)] if len(moves) else steps
-        stretch = np.cumsum(np.diff(ways, prepend=ways[:1]) != 0.0)
+        signs = np.sign(steps[moves])[np.maximum(last, 0)] if len(moves) else steps
+        stretch = np.cumsum(np.diff(signs, prepend=signs[:1]) != 0.0)
         count = np.bincount(stretch, believed[order])
         mean = np.bincount(stretch, pseudo[order]) / np.maximum(count, 1.0)
         first = np.searchsorted(stretch, np.arange(len(count)))
-        jumps = np.diff(mean) * ways[first[1:]]
+        jumps = np.diff(mean) * signs[first[1:]]
         if len(jumps) >= _TURNS and abs(np.mean(jumps)) > _ALIKE * np.std(jumps):
             columns.append(np.empty(len(pseudo)))
-            columns[-1][order] = ways
+            columns[-1][order] = signs
     design = np.column_stack(columns)
     share = np.linalg.lstsq(design[believed], pseudo[believed], rcond=None)[0]
     return np.where(believed, pseudo - design[:, 1:] @ share[1:], 0.0)
 
 
-def _excess(seen: float, white: float) -> float:
+def _excess(variance: float, white: float) -> float:
     """Return by how much a variance exceeds that of white noise, ≥ 1; not by chance."""
-    ratio = seen / white if white > 0.0 else 1.0
+    ratio = variance / white if white > 0.0 else 1.0
     return ratio if ratio > _CHANCE else 1.0

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from .... import models
 from ..._recording import JointData
 from ...core import FitError
-from ._effect import AbstractEffect, Component, Inputs, Rank, Rows, every
+from ._effect import AbstractEffect, Component, Inputs, Rank, Rows, dense_rows
 
 
 @final
@@ -68,7 +68,7 @@ class Backlash(AbstractEffect):
 
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
         """See `AbstractEffect`."""
-        return every(-0.5 * (columns[0][:, None] - self.reference))
+        return dense_rows(-0.5 * (columns[0][:, None] - self.reference))
 
     def to_model(self, table: Any, sign: float) -> Any:
         """See `AbstractEffect`; the width is taken off as it stands."""
@@ -135,13 +135,12 @@ class Delay(AbstractEffect):
         return dataclasses.replace(self, origin=middle)
 
     def columns_of(self, data: JointData) -> list[Float[np.ndarray, " t"]]:
-        """See `AbstractEffect`; how late each reading is beside its velocity."""
-        late = data.clock_for(f"{self.name}: a rate") - (
-            self.placed(data).origin or 0.0
-        )
-        return [*super().columns_of(data), late]
+        """See `AbstractEffect`; the time of each reading beside its velocity."""
+        origin = self.placed(data).origin or 0.0
+        elapsed = data.clock_for(f"{self.name}: a rate") - origin
+        return [*super().columns_of(data), elapsed]
 
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
         """See `AbstractEffect`."""
-        speed, late = columns
-        return every(-np.column_stack([speed, speed * late]))
+        speed, elapsed = columns
+        return dense_rows(-np.column_stack([speed, speed * elapsed]))

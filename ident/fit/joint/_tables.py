@@ -57,8 +57,8 @@ class AbstractTable(AbstractEffect):
     @property
     def inputs(self) -> Inputs:
         """See `AbstractEffect`."""
-        way = (("direction", self.axis),) if self.table_effect.way else ()
-        return (*(("position", master) for master in self.masters), *way)
+        direction = (("direction", self.axis),) if self.table_effect.way else ()
+        return (*(("position", master) for master in self.masters), *direction)
 
     @property
     def ranges(self) -> Ranges:
@@ -91,7 +91,7 @@ class AbstractTable(AbstractEffect):
     def labels(self) -> tuple[str, ...]:
         """See `AbstractEffect`."""
         table = self.table_effect
-        ways = (", moving positive", ", moving negative") if table.way else ("",)
+        motions = (", moving positive", ", moving negative") if table.way else ("",)
         grid = [nodes[: len(nodes) - table.ring] for nodes in reversed(table.nodes)]
         places = [
             ", ".join(
@@ -100,7 +100,7 @@ class AbstractTable(AbstractEffect):
             )
             for place in itertools.product(*grid)
         ]
-        return tuple(place + way for way in ways for place in places)
+        return tuple(place + motion for motion in motions for place in places)
 
     def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
         """Return ``(n,)``, ``(2, n)`` or ``(n2, n1)``; the end of a ring repeated."""
@@ -114,13 +114,13 @@ class AbstractTable(AbstractEffect):
         """See `AbstractEffect`."""
         mesh = list(np.meshgrid(*(places or self.grid)))
         rows = np.column_stack([axis.ravel() for axis in mesh])
-        ways = (1, -1) if self.table_effect.way else (1,)
+        signs = (1, -1) if self.table_effect.way else (1,)
         offsets = [
-            np.asarray(model.offset(*model.looked_up(rows, np.full(len(rows), way))))
-            for way in ways
+            np.asarray(model.offset(*model.looked_up(rows, np.full(len(rows), sign))))
+            for sign in signs
         ]
         shape = mesh[0].shape
-        return np.reshape(offsets, (2, *shape) if len(ways) > 1 else shape)
+        return np.reshape(offsets, (2, *shape) if len(signs) > 1 else shape)
 
 
 def _grid(
@@ -176,8 +176,8 @@ class AbstractLine(AbstractTable):
     def nodes(self) -> Float[np.ndarray, " n"]:
         """Positions of the nodes in mm or °."""
         start, interval, points = self.start, self.interval, self.points
-        none = start is None and interval is None and points is None
-        if self.setpoints is not None and none:
+        unset = start is None and interval is None and points is None
+        if self.setpoints is not None and unset:
             return np.asarray(self.setpoints, np.float64)
         if self.setpoints is None and not (
             start is None or interval is None or points is None
@@ -233,11 +233,11 @@ class Leadscrew(AbstractLine):
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
         """See `AbstractEffect`; two directions give way to the backlash."""
-        (whole,) = super().components(places)
+        (component,) = super().components(places)
         if not self.bilateral:
-            return [whole]
+            return [component]
         rule = f"the {self.name} has the same mean in both directions"
-        return [dataclasses.replace(whole, rank=Rank.BILATERAL, rule=rule)]
+        return [dataclasses.replace(component, rank=Rank.BILATERAL, rule=rule)]
 
     def to_model(self, table: Any, sign: float) -> Any:
         """See `AbstractEffect`; entries of this list are errors."""
@@ -307,15 +307,15 @@ class Plane(AbstractTable):
 
     def __post_init__(self) -> None:
         for key in ("masters", "start", "interval", "points"):
-            if (given := getattr(self, key)) is None:
+            if (value := getattr(self, key)) is None:
                 continue
-            if np.shape(given) != (2,):
+            if np.shape(value) != (2,):
                 msg = (
-                    f"plane of {self.axis}: found {key} {given!r}, expected two, one per"
+                    f"plane of {self.axis}: found {key} {value!r}, expected two, one per"
                     " master"
                 )
                 raise FitError(msg)
-            object.__setattr__(self, key, tuple(given))  # lists do as well
+            object.__setattr__(self, key, tuple(value))  # lists do as well
         super().__post_init__()
         _check_different(self, *self.masters)
 
@@ -338,9 +338,8 @@ class Plane(AbstractTable):
             f"the {self.name} has mean zero over the readings along every line that the "
             "other can follow"
         )
-        return [
-            dataclasses.replace(part, rule=rule) for part in super().components(places)
-        ]
+        (component,) = super().components(places)
+        return [dataclasses.replace(component, rule=rule)]
 
     def to_model(self, table: Any, sign: float) -> Any:
         """See `AbstractEffect`."""

@@ -22,7 +22,7 @@ from ._effect import (
     Ranges,
     Rank,
     Rows,
-    every,
+    dense_rows,
 )
 
 Nodes = str | int | Sequence[Number] | Float[np.ndarray, " _n"]
@@ -122,16 +122,16 @@ class Temperature(AbstractEffect):
                 )
                 raise FitError(msg)
         law: dict[str, Nodes] = {}
-        for name, own in self.law.items():
+        for name, entry in self.law.items():
             nodes: str | int | Float[np.ndarray, " _n"]
-            nodes = own if isinstance(own, str | int) else np.asarray(own, float)
+            nodes = entry if isinstance(entry, str | int) else np.asarray(entry, float)
             if isinstance(nodes, np.ndarray):
                 valid = len(nodes) > 0 and bool((np.diff(nodes) > 0).all())
             else:
                 valid = nodes in _COUNTS if isinstance(nodes, str) else nodes > 0
             if not valid:
                 msg = (
-                    f"{self.name}: found law {own!r}, expected 'constant', 'linear', "
+                    f"{self.name}: found law {entry!r}, expected 'constant', 'linear', "
                     "a number of temperatures or temperatures in ascending order."
                 )
                 raise FitError(msg)
@@ -196,8 +196,8 @@ class Temperature(AbstractEffect):
 
     def lagging(self, lags: Mapping[str, Number | str]) -> "Temperature":
         """Return the effect with these time constants in s or ``"fit"``, by sensor, if its own."""
-        new = {sensor: lags.get(sensor, lag) for sensor, lag in self.lags.items()}
-        return dataclasses.replace(self, lag=new)
+        merged = {sensor: lags.get(sensor, lag) for sensor, lag in self.lags.items()}
+        return dataclasses.replace(self, lag=merged)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
         """See `AbstractEffect`: its laws, which correct nothing at the reference temperature."""
@@ -208,21 +208,21 @@ class Temperature(AbstractEffect):
             Component(
                 f"{law} of the {self.name}",
                 _RANKS[law],
-                own,
+                columns,
                 self,
                 reference=node_shares(np.array([at]), self.nodes[law]),
                 level=rule,
                 rule=rule,
                 shared=line if law == "coefficient" else "",
             )
-            for law, own in self.split(places).items()
+            for law, columns in self.split(places).items()
         ]
 
     @property
     def inputs(self) -> Inputs:
         """See `AbstractEffect`."""
-        warm = [("temperature", sensor) for sensor in self.sensors.values()]
-        return (*warm, *(("position", axis) for axis in self.masters))
+        sensors = [("temperature", sensor) for sensor in self.sensors.values()]
+        return (*sensors, *(("position", axis) for axis in self.masters))
 
     @property
     def timed(self) -> bool:
@@ -267,12 +267,12 @@ class Temperature(AbstractEffect):
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
         """See `AbstractEffect`."""
         parts = [
-            node_shares(warm, nodes) * (columns[-1] - self.reference)[:, None]
+            node_shares(values, nodes) * (columns[-1] - self.reference)[:, None]
             if law == "coefficient"
-            else node_shares(warm, nodes)
-            for warm, (law, nodes) in zip(columns, self.nodes.items(), strict=False)
+            else node_shares(values, nodes)
+            for values, (law, nodes) in zip(columns, self.nodes.items(), strict=False)
         ]
-        return every(np.hstack(parts))
+        return dense_rows(np.hstack(parts))
 
     def structure(self, data: JointData, sensor: str) -> Float[np.ndarray, " t"]:
         """Return the temperature of the structure behind a sensor in °C, per row.
@@ -282,11 +282,11 @@ class Temperature(AbstractEffect):
         """
         lag = self.lags[sensor]
         if isinstance(lag, str) or lag == 0.0:
-            warm = data.column("temperature", sensor, self.name)
+            values = data.column("temperature", sensor, self.name)
             if lag == 0.0 or data.time is None:
-                return warm
+                return values
             # A lag that is to be fitted needs the time of each reading.
-            return np.where(np.isfinite(data.time), warm, np.nan)
+            return np.where(np.isfinite(data.time), values, np.nan)
         return data.clocked(sensor, self.name).structure(lag)
 
     def to_model(self, table: Any, sign: float) -> models.TemperatureLine:

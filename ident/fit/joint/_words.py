@@ -89,9 +89,9 @@ def _gauge(
 
 
 def _exchanged(simple: Component, other: Component, count: int) -> str:
-    known, over = simple.shared or other.shared, _over(simple, other)
-    if known:
-        return known
+    shared, over = simple.shared or other.shared, _over(simple, other)
+    if shared:
+        return shared
     if over and {simple.rank, other.rank} <= TABLES:
         return f"{'A straight line' if count == 1 else 'Any curve'}{over}"
     return "A shape that both can follow" if count == 1 else f"{count} shapes"
@@ -107,45 +107,43 @@ def confusions_of(known: Identified) -> tuple[Confusion, ...]:
     """Return what the rows cannot tell, and what to measure."""
     paired = {k for pair in known.confused for k in pair.members}
     unseen = [
-        _unseen(part, known)
-        for k, part in enumerate(known.design.stated)
-        if part.effect is not None and k not in paired
+        _unseen(component, known)
+        for k, component in enumerate(known.design.stated)
+        if component.effect is not None and k not in paired
     ]
     pairs = [_pair(pair, known.design) for pair in known.confused]
     return (*(confusion for confusion in unseen if confusion is not None), *pairs)
 
 
-def _unseen(part: Component, known: Identified) -> Confusion | None:
+def _unseen(component: Component, known: Identified) -> Confusion | None:
     """Return what no reading shows of one component; None where all is well."""
-    effect, missing = part.effect, ~known.design.reached[part.places]
+    effect, missing = component.effect, ~known.design.reached[component.places]
     assert effect is not None  # datum and runs are seen by every reading
-    what = f"a part of the {part.owner}"
+    what = f"a part of the {component.owner}"
     if effect.table_effect is not None:
         # Nodes here and there that were not measured are marked, and no confusion.
-        ways = effect.table_effect.branches
-        whole = missing.reshape(ways, -1).all(axis=1)
-        missing = np.repeat(whole, missing.size // ways)
-        what = (
-            f"the {part.owner} in {'positive' if missing[0] else 'negative'} direction"
-        )
+        branches = effect.table_effect.branches
+        whole = missing.reshape(branches, -1).all(axis=1)
+        missing = np.repeat(whole, missing.size // branches)
+        what = f"the {component.owner} in {'positive' if missing[0] else 'negative'} direction"
     elif not missing.any():
-        missing = known.hidden[part.places]
+        missing = known.hidden[component.places]
     if not missing.any():
         return None
     if missing.all():
-        what = f"the {part.owner}"
-    hidden = _parameters(part, known.design, missing)
+        what = f"the {component.owner}"
+    parameters = _parameters(component, known.design, missing)
     sentence = f"No reading shows {what}: {effect.worded(effect.remedy)}"
-    return Confusion((part.owner,), hidden, 0.0, sentence)
+    return Confusion((component.owner,), parameters, 0.0, sentence)
 
 
 def _pair(pair: Shared, design: Design) -> Confusion:
     parts = [design.stated[k] for k in pair.members]
-    names = tuple(dict.fromkeys(part.owner for part in parts))
+    names = tuple(dict.fromkeys(component.owner for component in parts))
     parameters: list[str] = []
-    for part, size in zip(parts, pair.sizes, strict=True):
-        parameters += _parameters(part, design, size > PART)
-    both = [part.name for part in parts] if len(names) == 1 else names
+    for component, size in zip(parts, pair.sizes, strict=True):
+        parameters += _parameters(component, design, size > PART)
+    both = [component.name for component in parts] if len(names) == 1 else names
     return Confusion(
         names,
         tuple(parameters),
@@ -156,27 +154,27 @@ def _pair(pair: Shared, design: Design) -> Confusion:
 
 
 def _parameters(
-    part: Component, design: Design, confounded: Bool[np.ndarray, " p"]
+    component: Component, design: Design, confounded: Bool[np.ndarray, " p"]
 ) -> tuple[str, ...]:
     """Return confounded values in words: some of them by name."""
-    if part.effect is None:
+    if component.effect is None:
         return ()
-    places = design.places_of(part.owner).tolist()
-    where = dict(zip(places, part.effect.labels, strict=True))
-    names = [where[int(place)] for place in part.places[confounded]]
-    if len(names) == len(part.places) > 1:
-        return (f"all values of the {part.name}",)
+    places = design.places_of(component.owner).tolist()
+    where = dict(zip(places, component.effect.labels, strict=True))
+    names = [where[int(place)] for place in component.places[confounded]]
+    if len(names) == len(component.places) > 1:
+        return (f"all values of the {component.name}",)
     if len(names) > _NAMED:
         names = [*names[: _NAMED - 1], f"{len(names) - _NAMED + 1} more"]
-    return tuple(f"{part.name}: {name}" for name in names)
+    return tuple(f"{component.name}: {name}" for name in names)
 
 
 def _remedy(parts: Sequence[Component]) -> str:
     """Return what happened and what to measure; the least simple effect knows best."""
     axes = [axis for part in parts for axis in part.masters]
     ranks = {part.rank for part in parts}
-    for part in sorted(parts, key=lambda each: each.rank):
-        others = {None, *(each.rank for each in parts if each is not part)}
+    for part in sorted(parts, key=lambda part: part.rank):
+        others = {None, *(other.rank for other in parts if other is not part)}
         if part.effect is not None:
             for words in (w for rank, w in part.effect.remedies if rank in others):
                 return part.effect.worded(words, axes)
@@ -188,15 +186,15 @@ def _remedy(parts: Sequence[Component]) -> str:
         )
     if Rank.DATUM in ranks:
         return f"{names} stood still. Move over the whole table."
-    apart = f"{names} moved together. Move each of them while the others stand still."
-    narrow, wide = sorted((parts[0], parts[-1]), key=lambda each: len(each.masters))
+    remedy = f"{names} moved together. Move each of them while the others stand still."
+    narrow, wide = sorted((parts[0], parts[-1]), key=lambda part: len(part.masters))
     lines = TABLES - {Rank.BILATERAL}
     if ranks <= lines and set(narrow.masters) < set(wide.masters):
-        apart += (
+        remedy += (
             f" Where they did, the {wide.owner} holds all that goes over"
             f" {in_a_row(narrow.masters)} alone: leave the {narrow.owner} out."
         )
-    return apart
+    return remedy
 
 
 def _the(names: Sequence[str]) -> str:
