@@ -30,6 +30,8 @@ _WORTH = 4.0
 """Gain in twice the log-likelihood below which there is no drift to speak of."""
 _FEW = 10
 """Spare readings below which a drift is nothing that could be seen."""
+LEAST_FREE = 3.0
+"""Independent readings that are granted to a drift, however slow."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,7 +10,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ._drift import DriftNoise, find_drift, scatter_of_sums
+from ._drift import LEAST_FREE, DriftNoise, find_drift, scatter_of_sums
 from ._effect import ColumnsEffect
 from ._errors import FitError
 from ._prior import NoPrior
@@ -26,8 +26,6 @@ SINGULAR = 1e-9
 """Size of a combination of scaled columns, in that of the largest, from which on it is 0."""
 _EXACT = 1e-6
 """Smallest scatter relative to the spread of the readings."""
-_LEAST_FREE = 3.0
-"""Independent readings that are granted to a drift, however slow."""
 _BELIEF = 2.0
 """Readings that a scatter known beforehand counts for."""
 
@@ -148,7 +146,7 @@ def regress(
     inflation = np.diag(covariance) / np.maximum(plain, 1e-300)
     independent = float(rows.sum()) / np.maximum(inflation, 1.0)
     # The variances themselves rest on as many readings: the variance of Student's t.
-    free_each = np.maximum(independent if drifting.drift > 0 else free, _LEAST_FREE)
+    free_each = np.maximum(independent if drifting.drift > 0 else free, LEAST_FREE)
     heavy = np.sqrt(free_each / (free_each - 2.0)) * np.ones(len(scale))
     covariance = covariance * np.outer(heavy, heavy)
     covariance[undetermined, :] = covariance[:, undetermined] = 0.0

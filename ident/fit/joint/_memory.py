@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...core import (
+    LEAST_FREE,
     DriftNoise,
     Estimate,
     find_drift,
@@ -34,8 +35,6 @@ _STRETCHES, _FEWEST = 24, 20
 of a stretch below which nothing is judged."""
 _LARGE = 1 << 18
 """Readings × unknowns up to which the drift itself is estimated."""
-_LEAST_FREE = 3.0
-"""Independent readings that are granted to a drift, however slow."""
 _ROUNDING = 1e-12
 """Share of the largest variance of an effect below which a value is held."""
 _DRAWS = 4
@@ -193,7 +192,7 @@ class Memory:
             # What a rule holds at zero moves by rounding alone.
             places = places[plain[places] > _ROUNDING * plain[places].max()]
             swell = float((drifting[places] / plain[places]).max(initial=1.0))
-            free = max(len(self._moves) / swell, _LEAST_FREE)
+            free = max(len(self._moves) / swell, LEAST_FREE)
             heavy[part.places] = free / (free - 2.0)
         return heavy
 
