@@ -102,12 +102,10 @@ from ._surface import (
     BilinearGrid as BilinearGrid,
     grid_through as grid_through,
 )
-from ._surface_compare import (
-    SurfaceDifference as SurfaceDifference,
-    surface_difference as surface_difference,
+from ._surface_delaunay import (
+    DelaunaySurface as DelaunaySurface,
     surface_through as surface_through,
 )
-from ._surface_delaunay import DelaunaySurface as DelaunaySurface
 from ._surface_thin_plate import ThinPlateSurface as ThinPlateSurface
 from ._temperature import (
     AbstractParameter as AbstractParameter,

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ._nodes import float_array
 from ._stencil import Stencil
-from ._surface import AbstractSurface, check_tests
+from ._surface import AbstractSurface, BilinearGrid, check_tests, grid_through
 
 _INSIDE = 1e-12
 """Share by which rounding may put a position on a border outside of its triangle."""
@@ -251,3 +251,19 @@ def _triangles(points: Float[np.ndarray, "p 2"]) -> tuple[Triangle, ...]:
         )
         raise ValueError(msg)
     return tuple((int(a), int(b), int(c)) for a, b, c in proper)
+
+
+def surface_through(points: Float[np.ndarray, "p k"]) -> BilinearGrid | DelaunaySurface:
+    """Return the surface that the controller is taken to use (S-37, S-38).
+
+    A grid where the tests form one (always along one axis or none), else triangles.
+
+    Args:
+        points: Positions of the tests in mm along 0, 1 or 2 adaptation axes.
+
+    Raises:
+        ValueError: If there is no test, if two stand at the same place, or if tests of
+            two axes form no grid and stand on one line.
+    """
+    grid = grid_through(points)
+    return DelaunaySurface.through(points) if grid is None else grid

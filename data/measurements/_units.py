@@ -45,14 +45,6 @@ class Unit:
             return values * _checked(increment)
         return (values - self.zero) * self.numerator / self.denominator
 
-    def from_library(
-        self, values: Float[np.ndarray, " t"], increment: float | None = None
-    ) -> Float[np.ndarray, " t"]:
-        """Return values of the library unit in this unit; inverse of `to_library`."""
-        if self.dimension.startswith("increment"):
-            return values / _checked(increment)
-        return values * self.denominator / self.numerator + self.zero
-
 
 _RADIAN = 180.0 / math.pi
 _BASE = (

@@ -1,4 +1,4 @@
-"""Signals of a recording: motion from positions, delays, phases, faults of a current.
+"""Signals of a recording: motion from positions, delays, faults of a current.
 
 Arrays in, typed results out; no files, and NumPy and SciPy only. What is worked
 on here `axcomp.data.measurements` reads. Positions are in mm or °, times in s, currents
@@ -7,10 +7,9 @@ in any unit.
 * `read_clock`: sample time, jumps and continuous segments.
 * `filtered_motion`, `smoothed_motion`: velocity and acceleration with their noise.
 * `zero_phase`, `central_differences`, `decimate`: the same steps for all columns of a fit.
-* `estimate_delay`, `advanced`: channels that are late.
+* `estimate_delay`: channels that are late.
 * `estimate_instrument`, `aligned_error`: an external instrument beside the encoder of a
   moving axis; `standing`: where it does not move.
-* `find_phases`: rest, constant speed, reversals.
 * `find_polarity`, `find_saturation`, `examine`: what a recording of a current is worth.
 * `median`, `quantile`: NumPy's for one array, faster.
 """
@@ -33,8 +32,6 @@ from ._current import (
 )
 from ._delay import (
     Delay as Delay,
-    Shifted as Shifted,
-    advanced as advanced,
     estimate_delay as estimate_delay,
 )
 from ._errors import SignalError as SignalError
@@ -58,9 +55,3 @@ from ._motion import (
 )
 from ._noise import noise_of as noise_of, resolution as resolution
 from ._order import median as median, quantile as quantile
-from ._phases import (
-    Phases as Phases,
-    Plateau as Plateau,
-    Reversal as Reversal,
-    find_phases as find_phases,
-)

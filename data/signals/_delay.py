@@ -1,11 +1,11 @@
-"""Delay between two channels to a fraction of a sample, and its removal."""
+"""Delay between two channels to a fraction of a sample."""
 
 import dataclasses
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from ._errors import SignalError, check_lengths
+from ._errors import check_lengths
 from ._filter import SETTLING, zero_phase
 from ._noise import long_run_deviations
 
@@ -88,40 +88,6 @@ def estimate_delay(
     if reason:
         words = f"the delay cannot be told: {reason}"
     return Delay(seconds, sigma, gain, correlation, not reason, words)
-
-
-@dataclasses.dataclass(frozen=True)
-class Shifted:
-    """A channel at other instants; `valid` is False where the record does not reach."""
-
-    values: Float[np.ndarray, " t"]
-    valid: Bool[np.ndarray, " t"]
-
-
-def advanced(
-    values: Float[np.ndarray, " t"], sample_time: float, delay: float
-) -> Shifted:
-    """Return a channel as it was `delay` s later: the delay of a late one taken out.
-
-    By a cubic spline through the samples; beyond the record the end values stand, which
-    are not valid.
-
-    Raises:
-        SignalError: If the delay is longer than the record.
-    """
-    from scipy.interpolate import CubicSpline
-
-    check_lengths("shift", values.size, least=4)
-    duration = sample_time * (values.size - 1)
-    if abs(delay) >= duration:
-        found = f"a delay of {delay:g} s in a record of {duration:g} s"
-        what = "shift"
-        raise SignalError(what, found, "a shorter one")
-    at = np.arange(values.size) + delay / sample_time
-    valid = (at >= 0.0) & (at <= values.size - 1)
-    clipped = np.clip(at, 0.0, values.size - 1)
-    shifted = np.asarray(CubicSpline(np.arange(values.size), values)(clipped))
-    return Shifted(shifted, valid)
 
 
 def _nothing(reason: str) -> Delay:

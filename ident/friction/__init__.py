@@ -27,7 +27,6 @@ from ._choice import (
 from ._equation import Known as Known
 from ._inverse import (
     fit_inverse as fit_inverse,
-    force_error as force_error,
 )
 from ._knots import Knots as Knots, place_knots as place_knots
 from ._output_error import (

@@ -166,16 +166,3 @@ def _shape_reason(fit: FrictionFit) -> str | None:
     if fit.at_bound[1] or vague:
         return "the data do not tell how sharply friction falls; 2 is assumed"
     return None
-
-
-def force_error(fit: FrictionFit, samples: DriveSamples) -> Float[np.ndarray, " s"]:
-    """Return load − prediction for another recording, filtered alike, in load units.
-
-    Args:
-        fit: The law, with inertia and offset.
-        samples: A recording, the one fitted or another; its rows in motion count.
-    """
-    recording = record(samples, fit.known, fit.equation.recording.factor)
-    columns = Equation(recording, fit.structure).columns(fit.shape)
-    residual = recording.target - columns @ fit.state
-    return np.asarray(residual[recording.usable])

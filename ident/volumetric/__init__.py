@@ -20,6 +20,5 @@ from ._fit import (
 from ._freedoms import Gauge as Gauge, Undetermined as Undetermined
 from ._points import Points as Points
 from ._words import (
-    gauge_sentence as gauge_sentence,
     undetermined_sentence as undetermined_sentence,
 )

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ._freedoms import Gauge, Undetermined
+from ._freedoms import Undetermined
 
 _NAMED = 6
 """Blocks that are named with their shapes; more are named alone."""
@@ -27,12 +27,6 @@ def undetermined_sentence(found: Undetermined) -> str:
         f"These points show only sums of {_and(named)} ({number} of them not at all): measure "
         "at positions off the lines or planes of these points, in all directions."
     )
-
-
-def gauge_sentence(gauge: Gauge) -> str:
-    """Return what may be moved between errors without any effect, and how it was fixed."""
-    others = [_shape(each) for each in gauge.among if each != gauge.zero]
-    return f"The {_shape(gauge.zero)} is zero by rule: it acts like the {_and(others)}."
 
 
 def hidden_sentence(share: float) -> str:

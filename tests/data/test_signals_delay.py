@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from axcomp.data.signals import SignalError, advanced, estimate_delay
+from axcomp.data.signals import SignalError, estimate_delay
 
 STEP = 1e-3
 TIME = STEP * np.arange(4000)
@@ -79,22 +79,6 @@ def test_motion_that_repeats_leaves_the_delay_open() -> None:
     found = estimate_delay(wave, late, STEP, longest=0.1)
     assert not found.determined
     assert "repeats" in found.statement
-
-
-@pytest.mark.parametrize("delay", [0.0, 2e-3, 2.4e-3, -1.3e-3])
-def test_advanced_channel_meets_the_other(delay: float) -> None:
-    moved = advanced(motion(TIME - delay), STEP, delay)
-    assert moved.valid.sum() == TIME.size - np.ceil(abs(delay) / STEP - 1e-9)
-    inside = np.zeros(TIME.size, dtype=bool)
-    inside[10:-10] = True
-    # A cubic spline through a wave of 2 Hz at 1 kHz: h^4 x''''/384 is below 1e-8 mm.
-    gap = np.abs(moved.values - motion(TIME))[moved.valid & inside]
-    assert gap.max() < 1e-8
-
-
-def test_delay_longer_than_the_record_is_refused() -> None:
-    with pytest.raises(SignalError, match=r"a delay of 5 s in a record of 3\.999 s"):
-        advanced(TIME, STEP, 5.0)
 
 
 def test_short_record_is_refused() -> None:

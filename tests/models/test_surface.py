@@ -17,7 +17,6 @@ from axcomp.models import (
     Setpoints,
     ThinPlateSurface,
     grid_through,
-    surface_difference,
     surface_through,
 )
 
@@ -275,44 +274,6 @@ def test_linear_surfaces_are_continuous_and_within_the_values_of_their_tests(
         assert VALUES[0].min() - 1e-11 <= here <= VALUES[0].max() + 1e-11
         # Steepest: a difference of values of 4 over a height of about 5 mm.
         assert abs(here - there) <= 2.0 * np.hypot(*step) + 1e-11
-
-
-def test_bilinear_and_triangles_differ_most_in_the_middle_of_a_square() -> None:
-    points = np.array([[0.0, 0.0], [100.0, 0.0], [0.0, 100.0], [100.0, 100.0]])
-    bilinear, flat = surface_through(points), DelaunaySurface.through(points)
-    values = np.zeros((2, 4))
-    values[1] = [0.0, 0.0, 0.0, 0.004]
-    found = surface_difference(bilinear, flat, values, count=(11, 21))
-    # In the middle a quarter of 4 µm against none, or against a half of it.
-    assert abs(found.largest - 1e-3) < 1e-15
-    assert found.where == (50.0, 50.0)
-    assert found.difference.shape == (2, 21, 11)
-    np.testing.assert_array_equal(found.difference[0], 0.0)
-    assert found.covered.all()
-    assert found.share_above(0.99e-3) == 1 / 231
-    assert found.describe() == (
-        "The surfaces differ by at most 1.0 µm in the workspace, at (50.0, 50.0) mm."
-    )
-
-
-def test_a_workspace_beyond_the_tests_is_named() -> None:
-    found = surface_difference(
-        DelaunaySurface.through(LOOSE),
-        ThinPlateSurface.through(LOOSE),
-        VALUES,
-        limits=((-100.0, 400.0), (-100.0, 150.0)),
-    )
-    assert found.position1[[0, -1]].tolist() == [-100.0, 400.0]
-    assert not found.covered.all()
-    assert "the tests leave out" in found.describe()
-
-
-def test_surfaces_through_other_tests_are_not_compared() -> None:
-    with pytest.raises(ValueError, match="the same tests of two adaptation axes"):
-        surface_difference(SURFACES[0], SURFACES[1], VALUES)
-    line = surface_through(np.array([[0.0], [1.0]]))
-    with pytest.raises(ValueError, match=r"got points of shape \(2, 1\)"):
-        surface_difference(line, line, np.zeros((4, 2)))
 
 
 @pytest.mark.parametrize("surface", SURFACES)

@@ -18,7 +18,6 @@ from axcomp.ident.friction import (
     choose_law,
     default_knots,
     fit_inverse,
-    force_error,
 )
 from axcomp.ident.friction._equation import Lowpass
 from axcomp.ident.friction._result import lag_of, score_covariance
@@ -205,4 +204,3 @@ def test_emps_windows_held_out_are_predicted_per_direction() -> None:
     # 2.86 %; directional laws are 30 % better than those alike.
     assert chosen.error < 0.029
     assert chosen.error < 0.75 * choice.candidates[0].error
-    assert len(force_error(choice.fit, samples)) == len(choice.fit.residual)

@@ -13,7 +13,6 @@ from axcomp.ident.core import FitError
 from axcomp.ident.volumetric import (
     Undetermined,
     VolumetricFit,
-    gauge_sentence,
     undetermined_sentence,
 )
 from axcomp.models import GeometricErrors
@@ -187,8 +186,7 @@ def test_rules_fix_what_may_be_moved_and_say_so(scattered: VolumetricFit) -> Non
         # Zero but for rounding of numbers of 1e-2.
         assert abs(line[0 if shape == "slope" else 1]) < 1e-12
     one = next(each for each in scattered.gauges if each.zero == ("EXY", "slope"))
-    assert "slope of EXY is zero by rule: it acts like the" in gauge_sentence(one)
-    assert "angle of EC0Y" in gauge_sentence(one)
+    assert ("EC0Y", "angle") in one.among
 
 
 def test_rotations_that_only_tools_show_are_named_and_zero(
