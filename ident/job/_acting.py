@@ -90,9 +90,9 @@ def _lists_of_single(draft: AbstractDraft) -> AxisLists:
     """Return what one fit adds, as if it were all that acts on its axis."""
     job, number = draft.job, draft.lists.axis
     with job.blaming(("fits", draft.index)):
-        entries, more = draft.entries(), draft.machine_entries(draft.cycles)
+        entries, machine_entries = draft.entries(), draft.machine_entries(draft.cycles)
     listing = new_list({"kopf.achs_nr": number} | entries) if entries else None
-    machine = None if entries else to_add(number, more, of=draft.axis)
+    machine = None if entries else to_add(number, machine_entries, of=draft.axis)
     return AxisLists(number, read_back(listing), read_back(machine), job.reading)
 
 

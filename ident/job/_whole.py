@@ -108,7 +108,7 @@ class _Axis:
         draft = next(d for d in self.drafts if d.compensation in names)
         where = f"{draft.compensation}, in all, where it comes or goes"
         check = self.job.limits.check("max_jump", draft.jump, self.unit, where)
-        values = {each.name: each.value for each in self.files.gates[draft.index]}
+        values = {line.name: line.value for line in self.files.gates[draft.index]}
         return self._whole((draft.compensation,), (check,), values, (), [])
 
     def _together(self, loaded: AxisLists, names: tuple[str, ...]) -> WholeAxis:
@@ -138,15 +138,15 @@ class _Axis:
             cycles = kind(name).cycles
             if cycles is None or name in fitted:
                 continue
-            entry, most = cycles
+            entry, largest = cycles
             listing = loaded.used[name].listing
-            wanted = switching_cycles(jump, limit, listing.integer(entry), most)
-            if wanted is None:
+            needed = switching_cycles(jump, limit, listing.integer(entry), largest)
+            if needed is None:
                 continue
             words = (
                 f"The {name} of {listing.source} moves {self.name} by up to {jump:.4g}"
                 f" {self.unit} where it comes or goes, in"
-                f" {listing.integer(entry) or 0} cycles: set {entry} {wanted}, so that"
+                f" {listing.integer(entry) or 0} cycles: set {entry} {needed}, so that"
                 f" a cycle brings no more than {limit:g} {self.unit} (max_switching)."
             )
             remarks.append(Remark.warning(words))
@@ -158,11 +158,11 @@ class _Axis:
             return
         jump = next(c.value for c in lines if c.name == "axis max_reversal")
         now = reversal_cycles(loaded.machine)
-        wanted = spread_over(self.job, jump, None, REVERSAL_CYCLES)
-        if wanted > now:
+        needed = spread_over(self.job, jump, None, REVERSAL_CYCLES)
+        if needed > now:
             yield Remark.error(
                 f"A reversal moves {self.name} by up to {jump:.4g} {self.unit} in"
-                f" {now} cycles: set {REVERSAL_CYCLES} {wanted} in the axis list of"
+                f" {now} cycles: set {REVERSAL_CYCLES} {needed} in the axis list of"
                 f" {self.name} (machine_data), so that it is spread."
             )
 
@@ -284,7 +284,7 @@ class _Axis:
                 axes = self.job.spec.axes
                 over = [measured.positions[axes[k].number] for k in draft.fit.over]
                 added = {k: without_zero(v, over, "line") for k, v in added.items()}
-            known = spec.remove == "none" and spec.datum is None and not still
+            about_zero = spec.remove == "none" and spec.datum is None and not still
             together.append(
                 judge_together(
                     source,
@@ -292,7 +292,7 @@ class _Axis:
                     measured.error,
                     added,
                     draft.predicted,
-                    known,
+                    about_zero,
                 )
             )
         return together
@@ -350,16 +350,16 @@ class _Axis:
                 readings.append((draft, source, reading))
         return readings
 
-    def _doubled(self, one: Together, names: tuple[str, ...]) -> Remark:
-        others = [name for name in names if name != one.compensation]
+    def _doubled(self, comparison: Together, names: tuple[str, ...]) -> Remark:
+        others = [name for name in names if name != comparison.compensation]
         follows = any("temperature" in kind(name).follows for name in names)
         warm = f" {_WARM}" if follows else ""
         return Remark.error(
-            f"With all that will act on {self.name}, {one.together:.4g} {self.unit} rms"
-            f" are left of measurement {one.measurement!r}, where the"
-            f" {one.compensation} alone leaves {one.alone:.4g} {self.unit}: it and"
+            f"With all that will act on {self.name}, {comparison.together:.4g} {self.unit} rms"
+            f" are left of measurement {comparison.measurement!r}, where the"
+            f" {comparison.compensation} alone leaves {comparison.alone:.4g} {self.unit}: it and"
             f" {' and '.join(others)} correct the same error. State in"
-            f" [measurements.{one.measurement}] what was on while measuring (active),"
+            f" [measurements.{comparison.measurement}] what was on while measuring (active),"
             ' identify them together (the same group = "…" in their [[fits]]), or switch'
             f" one of them off in the axis list of {self.name} (machine_data).{warm}",
         )
@@ -376,22 +376,22 @@ def _with_partner(
         files: All axes that are written.
         stopped: Axes whose lists the gate does not let out.
     """
-    axes, by_axis, axis = job.spec.axes, {one.axis: one for one in files}, whole.axis
+    axes, by_axis, axis = job.spec.axes, {item.axis: item for item in files}, whole.axis
     partners = [
         name
-        for name, one in axes.items()
-        if name == axes[axis].gantry or one.gantry == axis
+        for name, spec in axes.items()
+        if name == axes[axis].gantry or spec.gantry == axis
     ]
     for partner in partners:
         fitted, mine = by_axis.get(partner), by_axis[axis].after
         theirs = fitted.after if fitted else job.lists[partner]
-        own, there = _waits(mine), _waits(theirs)
+        waits, others = _waits(mine), _waits(theirs)
         lacking = [
             name
             for name in whole.compensations
-            if name not in there or _follows(theirs, name) != _follows(mine, name)
+            if name not in others or _follows(theirs, name) != _follows(mine, name)
         ]
-        apart = [name for name in own if there.get(name, own[name]) != own[name]]
+        apart = [name for name in waits if others.get(name, waits[name]) != waits[name]]
         # Where both were measured, each has the sign that its readings ask for.
         compared = () if fitted or lacking else whole.compensations
         against, unread = dict[str, tuple[bool, float]](), ""
@@ -424,9 +424,9 @@ def _with_partner(
         elif apart:
             where = f"{partner} has another manual_activation of {' and '.join(apart)}"
             advice = "Let both wait for COMP ON, or none."
-        elif more := [name for name in there if name not in own]:
+        elif extra := [name for name in others if name not in waits]:
             words = (
-                f"{partner}, the gantry partner of {axis}, has {' and '.join(more)}, and"
+                f"{partner}, the gantry partner of {axis}, has {' and '.join(extra)}, and"
                 f" {axis} has not: they move apart by what it adds. Name the list that"
                 f" {axis} has ([axes.{axis}] list = …), or fit {axis} as well."
             )

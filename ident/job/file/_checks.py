@@ -188,7 +188,7 @@ def _groups(job: JobFile) -> Iterator[Fault]:
             )
     groups = job.groups
     together = {
-        name for own in groups.values() for k in own for name in job.fits[k].sources
+        name for group in groups.values() for k in group for name in job.fits[k].sources
     }
     for name, measured in job.measurements.items():
         if measured.drift and job.fits and name not in together:

@@ -103,12 +103,12 @@ def first_fault(
     value = _quoted(first.get("input"))
     if kind == "extra_forbidden":
         part = _part(where[:-1], values)
-        known = [
+        keys = [
             field.alias or name
             for name, field in (part.model_fields.items() if part else ())
         ]
         reason = "unknown key"
-        if close := difflib.get_close_matches(str(where[-1]), known, 1, cutoff=0.0):
+        if close := difflib.get_close_matches(str(where[-1]), keys, 1, cutoff=0.0):
             reason += f" (nearest: {close[0]!r})"
     elif kind == "missing":
         reason = "found nothing, expected this key"

@@ -132,8 +132,8 @@ def _fault_measured(fit: "AbstractResult") -> Reason | None:
             Code.DIAGNOSED, {"verdict": diagnosis.verdict, "value": diagnosis.value}
         )
     # Where no gain was promised only what is plainly worse speaks against the list.
-    least = NO_GAIN if again.predicted < NO_GAIN * again.before else LESS
-    if not excused and again.rms is not None and again.rms >= least * again.before:
+    ratio = NO_GAIN if again.predicted < NO_GAIN * again.before else LESS
+    if not excused and again.rms is not None and again.rms >= ratio * again.before:
         return Reason(Code.NO_BETTER)
     return None
 

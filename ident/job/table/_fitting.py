@@ -52,8 +52,8 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
             raise plan.job.error(("fits", plan.index, "constraints"), reason)
         draft = fit_log(log)
     else:
-        readings, more = read_fit(tables, plan, left)
-        draft = fit_plan(plan, readings, (*words, *more))
+        readings, notes = read_fit(tables, plan, left)
+        draft = fit_plan(plan, readings, (*words, *notes))
     refuse_unowned_trend(plan, draft.estimate)
     return draft
 
@@ -68,8 +68,8 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     table, spec, remarks = plan.table, plan.fit, [*remarks]
     run, nodes = readings.run, tuple(line.positions for line in table.nodes)
     # Whether the runs go over the same places, so that others can judge each.
-    way = readings.direction if table.branches == 2 else None
-    repeated = run is not None and runs_overlap(readings.positions, run, nodes, way)
+    signs = readings.direction if table.branches == 2 else None
+    repeated = run is not None and runs_overlap(readings.positions, run, nodes, signs)
     if run is not None and not repeated and len(np.unique(run)) > 1:
         words = (
             "The runs do not go over the same places, so that none can be judged by the"
@@ -119,13 +119,13 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     )
 
 
-def _kept(plan: Plan, moved: Float[np.ndarray, "..."]) -> Remark:
+def _kept(plan: Plan, shifts: Float[np.ndarray, "..."]) -> Remark:
     """Return what it took that the entries keep the constraints."""
     unit = plan.job.spec.axes[plan.axis].small_unit
-    count = int(np.sum(np.abs(moved) >= 0.5 / LIST_UNITS))
+    count = int(np.sum(np.abs(shifts) >= 0.5 / LIST_UNITS))
     return Remark.info(
         f"The entries are {' and '.join(plan.fit.constraints)}, as constraints asks: for it"
-        f" {count} of {moved.size} moved, by up to {1e3 * np.abs(moved).max():.1f} {unit}."
+        f" {count} of {shifts.size} moved, by up to {1e3 * np.abs(shifts).max():.1f} {unit}."
         " Standard deviations are those of the fit without."
     )
 

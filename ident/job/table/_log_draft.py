@@ -76,10 +76,10 @@ class FittedLog:
         """Return every n-th reading and the largest wild ones, and which these are."""
         parts, rows, first = list[Samples](), list[np.ndarray](), 0
         for samples in self.readings.pieces():
-            own = np.arange(-first % self.every, len(samples.error), self.every)
-            own = np.union1d(own, self._largest_wild(samples))
-            parts.append(samples.take(own))
-            rows.append(first + own)
+            index = np.arange(-first % self.every, len(samples.error), self.every)
+            index = np.union1d(index, self._largest_wild(samples))
+            parts.append(samples.take(index))
+            rows.append(first + index)
             first += len(samples.error)
         row = np.concatenate(rows)
         samples = Samples(
@@ -121,7 +121,7 @@ def fit_log(readings: LogReadings) -> TableDraft:
     at, before = (samples.positions, samples.branch), samples.error - zero
     wild, share = streamed.judged(samples)
     residual = samples.error - predict(streamed.fit, *at)[0]
-    left = residual_of_folds(
+    held_out = residual_of_folds(
         table, samples, streamed.folds, grouping(samples), plan.integers, before,
         plan.acted(*at),
     )  # fmt: skip
@@ -141,7 +141,7 @@ def fit_log(readings: LogReadings) -> TableDraft:
             timed=False,
             slices={},
         ),
-        left,
+        held_out,
         (*readings.remarks, *_of_the_route(log)),
         log,
     )

@@ -75,9 +75,9 @@ class Plan(AbstractPlan):
         if len(self.fit.over) < 2:
             return ""
         first, second = (data.position[name] for name in self.fit.over)
-        known = np.isfinite(first) & np.isfinite(second)
-        known &= np.isfinite(data.error[self.axis])
-        x, y = first[known], second[known]
+        finite = np.isfinite(first) & np.isfinite(second)
+        finite &= np.isfinite(data.error[self.axis])
+        x, y = first[finite], second[finite]
         if len(x) < 3 or not np.ptp(x) > 0 or not np.ptp(y) > 0:
             return ""
         alike = float(np.corrcoef(x, y)[0, 1])
@@ -274,8 +274,8 @@ def _old_table(
 
 def _displaced(job: Job, fit: TableSpec, source: str, masters: Sequence[int]) -> Remark:
     """Return what becomes of an old table over other axes: there is room for one."""
-    known = {axis.number: name for name, axis in job.spec.axes.items()}
-    names = " and ".join(known.get(one, f"axis {one}") for one in masters)
+    by_number = {axis.number: name for name, axis in job.spec.axes.items()}
+    names = " and ".join(by_number.get(number, f"axis {number}") for number in masters)
     return Remark.warning(
         f"The old {fit.compensation} table of {source} follows {names}: the new one takes"
         f" its place, and nothing corrects what it corrected. Where {fit.axis} needs both,"

@@ -204,8 +204,8 @@ def asks_for_owner(job: Job, trend: Trend) -> bool:
 
 def is_negligible(job: Job, trend: Trend) -> bool:
     """Return whether a list without the constant and the slopes is no other list."""
-    least = _NEGLIGIBLE * job.limits.max_correction
-    return bool(np.all(trend.sizes <= least))
+    limit = _NEGLIGIBLE * job.limits.max_correction
+    return bool(np.all(trend.sizes <= limit))
 
 
 def trend_words(job: Job, fit: TableSpec, trend: Trend) -> str:
@@ -233,5 +233,5 @@ def _amount(value: float, deviation: float) -> str:
     """Return thousandths of a value with its deviation, to two digits of the latter."""
     small = 1e3 * deviation
     digits = 1 if small <= 0 else int(np.clip(1 - np.floor(np.log10(small)), 0, 6))
-    shown = round(1e3 * value, digits) + 0.0  # no minus before a zero
-    return f"{shown:.{digits}f} ± {small:.{digits}f}"
+    rounded = round(1e3 * value, digits) + 0.0  # no minus before a zero
+    return f"{rounded:.{digits}f} ± {small:.{digits}f}"
