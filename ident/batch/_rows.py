@@ -185,8 +185,8 @@ def _flat(table: Any) -> list[Any] | None:
     if table is None:
         return None
     parts = table.values() if isinstance(table, Mapping) else [table]
-    known = [np.ravel(part) for part in parts if part is not None]
-    return [value for part in known for value in part.tolist()]
+    rows = [np.ravel(part) for part in parts if part is not None]
+    return [value for part in rows for value in part.tolist()]
 
 
 def as_date(value: Any) -> datetime.date | None:

@@ -215,4 +215,4 @@ def _examined(
     pairs = list(zip(tasks, shapes, strict=True))
     bad = [outcome for _, outcome in pairs if isinstance(outcome, Outcome)]
     good = [(shape, task) for task, shape in pairs if isinstance(shape, str)]
-    return [task for _, task in sorted(good, key=lambda one: one[0])], bad
+    return [task for _, task in sorted(good, key=lambda pair: pair[0])], bad

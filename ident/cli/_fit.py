@@ -160,7 +160,7 @@ def _print_group(
     console: "Console",
     group: "GroupResult",
     fits: Sequence["AbstractResult"],
-    said: set[str],
+    printed: set[str],
 ) -> None:
     """Print what was identified together, what of it is written, and what is undetermined."""
     from ..job.joint import TOGETHER  # takes long to load
@@ -175,9 +175,9 @@ def _print_group(
             print_line(console, f"undetermined: of the {effect.name}: {effect.why}")
     for freedom in group.freedoms:
         print_line(console, f"free: {freedom.sentence} {freedom.rule}")
-    own = [remark.message for index in group.fits for remark in fits[index].remarks]
-    said |= {*confusions, *(message for message in own if message.startswith(TOGETHER))}
-    print_remarks(console, group.remarks, said)
+    texts = [remark.message for index in group.fits for remark in fits[index].remarks]
+    printed |= confusions.keys() | {text for text in texts if text.startswith(TOGETHER)}
+    print_remarks(console, group.remarks, printed)
 
 
 def _print_sums(console: "Console", group: "GroupResult") -> None:
