@@ -217,9 +217,9 @@ def nodes_in(model: Model, name: str) -> tuple[ListNodes, ...]:
     Raises:
         ExchangeError: If a position is no multiple of a list unit.
     """
-    ways = model.ways
-    names = [name] if len(ways) == 1 else [f"{name} master {k}" for k in (1, 2)]
-    return tuple(nodes_of_model(*pair) for pair in zip(ways, names, strict=True))
+    masters = model.ways
+    names = [name] if len(masters) == 1 else [f"{name} master {k}" for k in (1, 2)]
+    return tuple(nodes_of_model(*pair) for pair in zip(masters, names, strict=True))
 
 
 def by_branch(table: AbstractTable, values: np.ndarray) -> Mapping[str, np.ndarray]:
