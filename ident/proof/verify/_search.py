@@ -192,15 +192,15 @@ class _Rows:
         shifted = np.flatnonzero(change.shift)
         steps = 0.05 * np.array([self.channel.ways[k].step for k in shifted])
 
-        def left(displacement: Float[np.ndarray, " f"]) -> dict[Hypothesis, float]:
+        def squares(displacement: Float[np.ndarray, " f"]) -> dict[Hypothesis, float]:
             shift = np.array(change.shift)
             shift[shifted] += steps * displacement
-            moved = dataclasses.replace(change, shift=tuple(shift.tolist()))
-            return scaled(self.target, moved, lag, self.column(Hypothesis(moved, lag)))
+            trial = dataclasses.replace(change, shift=tuple(shift.tolist()))
+            return scaled(self.target, trial, lag, self.column(Hypothesis(trial, lag)))
 
         # Without derivatives: where an edge is a step, nothing is smooth.
         optimum = minimize(
-            lambda displacement: min(left(displacement).values()),
+            lambda displacement: min(squares(displacement).values()),
             np.zeros(len(shifted)),
             method="Nelder-Mead",
             options={
@@ -210,7 +210,7 @@ class _Rows:
                 "maxfev": _MOST_PLACES * len(shifted),
             },
         )
-        return left(optimum.x)
+        return squares(optimum.x)
 
     def plainest(self, rivals: Sequence[Rival]) -> Rival:
         """Return the best, or the plain one where nothing tells them apart in a list."""
@@ -222,8 +222,8 @@ class _Rows:
             self.target.residual(self.column(rival.hypothesis))
             for rival in (rivals[0], listed)
         )
-        enough = max(RESOLUTION, self.target.step)
-        return listed if float(np.max(np.abs(first - second))) <= enough else rivals[0]
+        limit = max(RESOLUTION, self.target.step)
+        return listed if float(np.max(np.abs(first - second))) <= limit else rivals[0]
 
 
 def independent(residual: Float[np.ndarray, " r"]) -> float:
