@@ -175,8 +175,8 @@ def _fit_row(fit: Mapping[str, Any], remarks: Sequence[Mapping[str, str]]) -> Ro
     sound = all(entry["level"] != "error" for entry in every)
     row["gate_failed"] = [entry["name"] for entry in fit["gate"] if not entry["passed"]]
     row["passed"] = bool(fit["passed"]) and sound and fit.get("verdict") != "rejected"
-    loud = ("warning", "error")
-    row["warnings"] = [entry["message"] for entry in every if entry["level"] in loud]
+    levels = ("warning", "error")
+    row["warnings"] = [entry["message"] for entry in every if entry["level"] in levels]
     return {key: value for key, value in row.items() if key in COLUMNS}
 
 

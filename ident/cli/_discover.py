@@ -155,8 +155,8 @@ def _print(console: "Console", discovery: "Discovery") -> None:
     if discovery.rejected:
         print_line(console, "Looked for and not taken:")
     for no in discovery.rejected:
-        by = [*no.masters, *([no.sensor] if no.sensor else [])]
-        over = f" ({', '.join(by)})" if by else ""
+        inputs = [*no.masters, *([no.sensor] if no.sensor else [])]
+        over = f" ({', '.join(inputs)})" if inputs else ""
         print_line(console, f"  {no.compensation} of {no.axis}{over}: {no.reason}")
 
 

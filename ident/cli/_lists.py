@@ -101,8 +101,8 @@ def show(
         from ._list_plots import draw_tables
 
         paths = draw_tables(offset_curves(listing, index), out)
-        none = "no cross, plane or leadscrew table to draw"
-        note([f"wrote {path}" for path in paths] or [none], "")
+        text = "no cross, plane or leadscrew table to draw"
+        note([f"wrote {path}" for path in paths] or [text], "")
 
 
 def _plane_index(conventions: Path | None) -> tuple[str, bool]:

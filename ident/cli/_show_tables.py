@@ -45,10 +45,10 @@ def list_views(
     curves = offset_curves(file, plane_index)
     order = f"plane_index = {plane_index}, {'verified' if verified else 'assumed'}"
     for compensation in dict.fromkeys(curve.compensation for curve in curves):
-        alike = [curve for curve in curves if curve.compensation == compensation]
-        yield Text(f"\n{_curve_words(alike)}")
-        plane = len(alike[0].nodes) == 2
-        yield _plane_table(alike[0], order) if plane else _line_table(alike)
+        group = [curve for curve in curves if curve.compensation == compensation]
+        yield Text(f"\n{_curve_words(group)}")
+        plane = len(group[0].nodes) == 2
+        yield _plane_table(group[0], order) if plane else _line_table(group)
     for each in sorted(kinds(), key=lambda each: each.prefix):
         for table in each.raw_tables:
             yield from _raw_table(file, each, table)
@@ -96,14 +96,14 @@ def _grid(
     columns: int | None = None,
 ) -> Table:
     """Return a table of numbers; of many rows, and of more columns than ``columns``, some."""
-    across = [0, *(1 + k for k in _some(len(heads) - 1, columns or len(heads)))]
-    down, notes = _some(len(rows), MOST_ROWS), [caption] if caption else []
-    for first, every, what in (
+    across = [0, *(1 + k for k in _thinned(len(heads) - 1, columns or len(heads)))]
+    down, notes = _thinned(len(rows), MOST_ROWS), [caption] if caption else []
+    for first, every, noun in (
         (len(across) - 1, len(heads) - 1, "columns"),
         (len(down), len(rows), "rows"),
     ):
         if first < every:
-            notes.append(f"{first} of {every} {what} are shown")
+            notes.append(f"{first} of {every} {noun} are shown")
     return table_of(
         [heads[k] for k in across],
         ([rows[k][at] for at in across] for k in down),
@@ -192,7 +192,7 @@ def _plain(value: float) -> str:
     return f"{value + 0.0:g}"
 
 
-def _some(count: int, limit: int) -> list[int]:
+def _thinned(count: int, limit: int) -> list[int]:
     """Return all indices, or of many evenly spaced ones."""
     if count <= limit:
         return list(range(count))

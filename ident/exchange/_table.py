@@ -239,8 +239,8 @@ def refuse_lost_nodes(table: AbstractTable, old: Model, source: str) -> None:
     """
     table.refuse_other_form(old, source)
     for master, mine, theirs in zip(table.masters, table.nodes, old.ways, strict=True):
-        had = np.rint(np.asarray(theirs.positions, dtype=float) * LIST_UNITS)
-        missing = sorted(set(had.astype(np.int64).tolist()) - set(mine.integers))
+        previous = np.rint(np.asarray(theirs.positions, dtype=float) * LIST_UNITS)
+        missing = sorted(set(previous.astype(np.int64).tolist()) - set(mine.integers))
         if missing:
             listing = ", ".join(f"{k / LIST_UNITS:g}" for k in missing[:5])
             ending = f" and {len(missing) - 5} more" if len(missing) > 5 else ""

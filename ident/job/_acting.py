@@ -44,8 +44,8 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
                 if name in job.spec.measurements[source].active:
                     continue
                 is_stated = job.spec.measurements[source].stated_active is not None
-                clear = before.machine is not None and is_stated
-                if not clear or index in grouped:
+                decided = before.machine is not None and is_stated
+                if not decided or index in grouped:
                     raise _unclear(job, source, fit, name, before)
                 words = f"the {name} of {used[name].listing.source}"
                 acting = Acting(job, fit.axis, name, before, words)

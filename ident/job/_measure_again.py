@@ -106,9 +106,9 @@ def plan_second(
                 f"The second measurement of [verify] ({name}) does not count: {other}"
             )
             return None, (Remark.warning(words),)
-        same = earlier is not None and earlier.get("inputs") == _hashes(after)
+        equal = earlier is not None and earlier.get("inputs") == _hashes(after)
         date = (
-            earlier["date"] if same and earlier else datetime.date.today().isoformat()
+            earlier["date"] if equal and earlier else datetime.date.today().isoformat()
         )
         return Second(after, name, date, lists), ()
     assert earlier is not None

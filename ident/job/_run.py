@@ -130,17 +130,17 @@ def _uninterrupted() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield  # signals reach the main thread only
         return
-    held: list[int] = []
+    pending: list[int] = []
     signals = signal.SIGINT, signal.SIGTERM
     before = {
-        code: signal.signal(code, lambda n, _: held.append(n)) for code in signals
+        code: signal.signal(code, lambda n, _: pending.append(n)) for code in signals
     }
     try:
         yield
     finally:
         for code, handler in before.items():
             signal.signal(code, handler)
-        for number in held:
+        for number in pending:
             signal.raise_signal(number)
 
 

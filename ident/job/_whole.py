@@ -157,12 +157,12 @@ class _Axis:
         if all(c.passed or not c.name.endswith(" at reversal") for c in lines):
             return
         jump = next(c.value for c in lines if c.name == "axis max_reversal")
-        now = reversal_cycles(loaded.machine)
+        cycles = reversal_cycles(loaded.machine)
         needed = spread_over(self.job, jump, None, REVERSAL_CYCLES)
-        if needed > now:
+        if needed > cycles:
             yield Remark.error(
                 f"A reversal moves {self.name} by up to {jump:.4g} {self.unit} in"
-                f" {now} cycles: set {REVERSAL_CYCLES} {needed} in the axis list of"
+                f" {cycles} cycles: set {REVERSAL_CYCLES} {needed} in the axis list of"
                 f" {self.name} (machine_data), so that it is spread."
             )
 
@@ -276,9 +276,9 @@ class _Axis:
                 added |= dict.fromkeys(laws, np.zeros(motion.rows))
             lacking = [n for n in names if n not in added and not kind(n).unseen]
             # Over axes that stood still it adds a constant, which nobody knows.
-            still = [n for n in lacking if self._stands(loaded.inputs(n), motion)]
+            still = [n for n in lacking if self._is_still(loaded.inputs(n), motion)]
             if roles := self._roles(loaded, set(lacking) - set(still), motion):
-                remarks.append(self._untold(source, roles))
+                remarks.append(self._lacking_roles(source, roles))
                 continue
             if measured.line:  # nobody knows the slope that the axis has then
                 axes = self.job.spec.axes
@@ -297,7 +297,7 @@ class _Axis:
             )
         return together
 
-    def _stands(self, inputs: Collection[int], motion: Motion) -> bool:
+    def _is_still(self, inputs: Collection[int], motion: Motion) -> bool:
         """Return whether no axis moves in a measurement that a compensation looks at."""
         places = motion.positions
         places_of = [places[k] for k in inputs or [self.files.number] if k in places]
@@ -318,7 +318,7 @@ class _Axis:
             roles += [f"temperature.{name}" for name in sensors]
         return roles
 
-    def _untold(self, source: str, roles: Sequence[str]) -> Remark:
+    def _lacking_roles(self, source: str, roles: Sequence[str]) -> Remark:
         words = ", ".join(f'"{role}" = {{ value = … }}' for role in roles)
         warm = any(role.startswith("temperature.") for role in roles)
         return Remark.error(
@@ -385,7 +385,7 @@ def _with_partner(
     for partner in partners:
         fitted, mine = by_axis.get(partner), by_axis[axis].after
         theirs = fitted.after if fitted else job.lists[partner]
-        waits, others = _waits(mine), _waits(theirs)
+        waits, others = _waiting(mine), _waiting(theirs)
         lacking = [
             name
             for name in whole.compensations
@@ -394,11 +394,11 @@ def _with_partner(
         apart = [name for name in waits if others.get(name, waits[name]) != waits[name]]
         # Where both were measured, each has the sign that its readings ask for.
         compared = () if fitted or lacking else whole.compensations
-        against, unread = dict[str, tuple[bool, float]](), ""
+        against, fault = dict[str, tuple[bool, float]](), ""
         try:
             against = {name: acts_against(theirs, mine, name) for name in compared}
         except ExchangeError as error:
-            unread = str(error)
+            fault = str(error)
         turned = [name for name, (other_way, _) in against.items() if other_way]
         where, advice = f"{partner} has all that acts on {axis}", ""
         doubt: Remark | None = None
@@ -411,9 +411,9 @@ def _with_partner(
         elif fitted and partner in stopped:
             where = f"{partner} is stopped by its own gate"
             advice = f"Mend what stops {partner}: both are let out together."
-        elif unread:
+        elif fault:
             where = f"{partner} has a list that cannot be compared with that of {axis}"
-            advice = f"Mend it: {unread}."
+            advice = f"Mend it: {fault}."
         elif turned:
             where = f"{partner} acts with the opposite sign: {' and '.join(turned)}"
             advice = (
@@ -431,7 +431,7 @@ def _with_partner(
                 f" {axis} has ([axes.{axis}] list = …), or fit {axis} as well."
             )
             doubt = Remark.warning(words)
-        elif twist := max((apart for _, apart in against.values()), default=0.0):
+        elif twist := max((offset for _, offset in against.values()), default=0.0):
             words = (
                 f"{axis} and its gantry partner {partner} are moved up to {twist:.4g} mm"
                 f" apart by their lists, more than {axis} alone is moved. Fit {partner} as"
@@ -458,6 +458,6 @@ def _follows(lists: AxisLists, name: str) -> set[int]:
     return set(lists.inputs(name)) - {lists.axis} if name in lists.used else set()
 
 
-def _waits(lists: AxisLists) -> dict[str, bool]:
+def _waiting(lists: AxisLists) -> dict[str, bool]:
     """Return whether it waits for COMP ON, of all that adds something to an axis."""
     return {name: lists.used[name].manual for name in lists.used if lists.acts(name)}

@@ -197,8 +197,8 @@ class PartGrowth(AbstractErrorSource):
         warmer = at.temperature[self.part] - self.neutral
         if not self.stretch:
             return self.shift * warmer
-        away = at.position[self.axis] - self.reference
-        return warmer * (self.shift + self.stretch * away)
+        distance = at.position[self.axis] - self.reference
+        return warmer * (self.shift + self.stretch * distance)
 
 
 @final

@@ -281,11 +281,11 @@ def added_beyond(
         ExchangeError: If a list makes no table, or the motion lacks a position.
     """
     added = after.parts(motion)
-    was = [name for name in active if name in before.used]
-    if not was:
+    earlier = [name for name in active if name in before.used]
+    if not earlier:
         return added
     for name, value in before.parts(motion).items():
-        if name in was:
+        if name in earlier:
             added[name] = added[name] - value if name in added else -value
     return added
 

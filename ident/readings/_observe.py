@@ -59,15 +59,15 @@ def observe(job: "Job") -> Observation:
         measured = tables.measured(name)
         with_error = [axis for axis in axes if has_error(measured, axis)]
         rows = Rows(job, name, measured, with_error, gaps=True)
-        run, none = rows.run, np.zeros(len(rows), dtype=np.int64)
+        run, zeros = rows.run, np.zeros(len(rows), dtype=np.int64)
         position = rows.positions(PLACES)
         currents = {axis: rows.current(axis) for axis in axes}
         ways = {axis: rows.way(axis) for axis in position}
         parts.append(
             Observed(
                 time=rows.time,
-                run=none if run is None else run,
-                source=none,
+                run=zeros if run is None else run,
+                source=zeros,
                 position=position,
                 error={axis: rows.error(axis, position) for axis in with_error},
                 direction={axis: one for axis, one in ways.items() if one is not None},
@@ -101,14 +101,14 @@ def _is_far(error: Float[np.ndarray, " t"]) -> bool:
     return bool(abs(middle) > _FAR * 0.5 * (high - low))
 
 
-def _motions(rows: Rows, what: str) -> Iterator[tuple[str, Float[np.ndarray, " t"]]]:
+def _motions(rows: Rows, kind: str) -> Iterator[tuple[str, Float[np.ndarray, " t"]]]:
     """Yield velocities or accelerations, as recorded or else derived from logs."""
     for axis in rows.job.spec.axes:
-        if f"{axis}.{what}" in rows.measured.values or is_log(rows.measured, axis):
+        if f"{axis}.{kind}" in rows.measured.values or is_log(rows.measured, axis):
             try:
-                yield axis, rows.motion(axis, what, POSITION_ORDER["actual"])
+                yield axis, rows.motion(axis, kind, POSITION_ORDER["actual"])
             except MeasurementError as error:
-                rows.remarks.append(f"No {what} of {axis}: {error}")
+                rows.remarks.append(f"No {kind} of {axis}: {error}")
 
 
 def read_outside(job: "Job") -> tuple[Measured, ...]:

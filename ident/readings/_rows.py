@@ -299,8 +299,8 @@ class Rows:
         if is_log(self.measured, axis):
             place = self.position(axis, kinds=PLACES)
             finite = np.flatnonzero(np.isfinite(place))
-            gone = np.abs(place[finite] - place[finite[:1]])
-            outside = finite[gone > _LEFT * gone.max(initial=0.0)]
+            distance = np.abs(place[finite] - place[finite[:1]])
+            outside = finite[distance > _LEFT * distance.max(initial=0.0)]
             signs[: outside[0] if outside.size else len(signs)] = np.nan
         return signs
 

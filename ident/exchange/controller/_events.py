@@ -157,18 +157,18 @@ def loaded_versions(
 
     Beside the lists stands the one that was loaded again; None: all are as at first.
     """
-    now, spans = list(lists), {id(listing): (0, rows) for listing in lists}
-    versions: list[tuple[list[ListFile], ListFile | None]] = [(now, None)]
+    current, spans = list(lists), {id(listing): (0, rows) for listing in lists}
+    versions: list[tuple[list[ListFile], ListFile | None]] = [(current, None)]
     for event in events:
         if event.listing is None:
             continue
-        place = _replaced(now, event)
-        spans[id(now[place])] = spans[id(now[place])][0], event.row
+        place = _replaced(current, event)
+        spans[id(current[place])] = spans[id(current[place])][0], event.row
         # A copy: the same list may be loaded several times.
         new = dataclasses.replace(event.listing)
         spans[id(new)] = event.row, rows
-        now = [*now[:place], new, *now[place + 1 :]]
-        versions.append((now, new))
+        current = [*current[:place], new, *current[place + 1 :]]
+        versions.append((current, new))
     return versions, spans
 
 

@@ -151,11 +151,11 @@ def _controller_motion(
     Raises:
         ExchangeError: If the conventions take actual positions and there are none.
     """
-    none = np.zeros(motion.rows)
+    zeros = np.zeros(motion.rows)
 
     def table(columns: Mapping[int, Column | None]) -> Float[Array, "t a"]:
         rates = [columns.get(number) for number in numbers]
-        return as_array(np.stack([none if c is None else c for c in rates], axis=1))
+        return as_array(np.stack([zeros if c is None else c for c in rates], axis=1))
 
     def rates(actual: bool) -> list[Float[Array, "t a"]]:
         pairs = {number: motion.rates(number, actual) for number in numbers}
@@ -298,7 +298,7 @@ class AxisLists:
             self.reading.conventions, self.reading.lines
         )
         mine = {entry.name: entry for entry in entries if entry.axis == self.axis}
-        places = [sort.name for sort in kinds() if not sort.adds_current]
+        places = [kind.name for kind in kinds() if not kind.adds_current]
         return {name: mine[name] for name in places if name in mine}
 
     def inputs(self, name: str) -> tuple[int, ...]:

@@ -88,11 +88,11 @@ def judgement_of(fit: "AbstractResult") -> Judgement:
     failed = [check.name for check in fit.gate if not check.passed]
     if failed:
         return Judgement(Verdict.REJECTED, (Reason(Code.GATE, {"checks": failed}),))
-    loud = [remark.message for remark in fit.remarks if remark.level == "error"]
-    if loud:
+    errors = [remark.message for remark in fit.remarks if remark.level == "error"]
+    if errors:
         unwritten = fit.left_out or not fit.files
         verdict = Verdict.UNDETERMINED if unwritten else Verdict.REJECTED
-        return Judgement(verdict, (Reason(Code.ERROR, {"message": loud[0]}),))
+        return Judgement(verdict, (Reason(Code.ERROR, {"message": errors[0]}),))
     if not fit.files:
         return Judgement(Verdict.GOOD, (Reason(Code.NOTHING_WRITTEN),))
     if (fault := _fault_measured(fit)) is not None:

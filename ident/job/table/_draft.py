@@ -84,8 +84,8 @@ class TableDraft(AbstractDraft):
 
     @property
     def needs(self) -> str:
-        whose = "it is" if self.fit.lengths else "its masters are"
-        return f"Works once {whose} referenced"
+        subject = "it is" if self.fit.lengths else "its masters are"
+        return f"Works once {subject} referenced"
 
     def entries(self) -> dict[str, Value]:
         values: dict[str, Value] = dict(

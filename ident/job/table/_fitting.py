@@ -107,7 +107,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         remarks.append(Remark.warning(words))
     if (inequalities := plan.inequalities) is not None:
         free, fit = fit, inequalities.keep(fit, samples)
-        remarks.append(_kept(plan, fit.values - free.values))
+        remarks.append(_constrained(plan, fit.values - free.values))
     zero, estimate = plan.zeroed(fit)
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
@@ -119,7 +119,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     )
 
 
-def _kept(plan: Plan, shifts: Float[np.ndarray, "..."]) -> Remark:
+def _constrained(plan: Plan, shifts: Float[np.ndarray, "..."]) -> Remark:
     """Return what it took that the entries keep the constraints."""
     unit = plan.job.spec.axes[plan.axis].small_unit
     count = int(np.sum(np.abs(shifts) >= 0.5 / LIST_UNITS))
@@ -203,8 +203,8 @@ def _patterns(
     """
     patterns = [] if readings.late is None else [readings.late]
     # Least squares takes a run that contradicts the others into the mean as well.
-    apart = () if fit.loss == "gauss" else fit.suspect_runs
-    runs = [run for run in fit.runs if run.run not in apart]
+    suspects = () if fit.loss == "gauss" else fit.suspect_runs
+    runs = [run for run in fit.runs if run.run not in suspects]
     offset, drift = doubt_of_means(runs)
     ones = np.ones(len(samples.error))
     means = [offset * ones]

@@ -67,8 +67,8 @@ class FittedLog:
                 held_out[row] += table.offset(folds[label], part.positions, part.branch)
             wild, _ = self.found.judged(samples)
             for name, error in zip(_STAGES, (before, held_out, residual), strict=True):
-                some = ErrorTally.of(error, wild=wild)
-                tally[name] = tally[name] + some if name in tally else some
+                errors = ErrorTally.of(error, wild=wild)
+                tally[name] = tally[name] + errors if name in tally else errors
             beyond += int(outside(table, samples.positions).sum())
         return {name: sums.figures for name, sums in tally.items()}, beyond
 

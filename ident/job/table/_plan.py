@@ -80,12 +80,12 @@ class Plan(AbstractPlan):
         x, y = first[finite], second[finite]
         if len(x) < 3 or not np.ptp(x) > 0 or not np.ptp(y) > 0:
             return ""
-        alike = float(np.corrcoef(x, y)[0, 1])
-        if abs(alike) < _TOGETHER:
+        correlation = float(np.corrcoef(x, y)[0, 1])
+        if abs(correlation) < _TOGETHER:
             return ""
         names = " and ".join(self.fit.over)
         return (
-            f"{names} moved together (correlation {alike:.4f}): beside the line on which"
+            f"{names} moved together (correlation {correlation:.4f}): beside the line on which"
             " they went nothing was measured. Move each of them while the other stands"
             " still."
         )
@@ -212,7 +212,7 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
         holder = existing.source
     active = was_active(job, index, fit, holder)
     with job.blaming(where):
-        old, unread = _old_table(job, fit, existing, active)
+        old, notes = _old_table(job, fit, existing, active)
         table = table_of(tables, index, fit, old)
         masters = table.masters
         if existing is not None and old is not None:
@@ -232,7 +232,7 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
                 )
             refuse_lost_nodes(table, old, existing.source)
         elif holder is not None and set(masters) != set(table.masters):
-            unread, old = [_displaced(job, fit, holder, masters)], None
+            notes, old = [_displaced(job, fit, holder, masters)], None
     fit.refuse(job, index, table)
     if table.periodic and "monotone" in fit.constraints:
         reason = (
@@ -247,7 +247,7 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
         old=old,
         active=active,
         datum=datum_of(job, index, fit),
-        remarks=(*unread, *_remarks(job, fit, existing, axis_list, old, active)),
+        remarks=(*notes, *_remarks(job, fit, existing, axis_list, old, active)),
     )
 
 

@@ -68,8 +68,8 @@ def zero_at(
     if datum is None:
         return 0.0
     reach = [0.5 * np.diff(nodes.positions).min() for nodes in table.nodes]
-    away = np.max(np.abs(readings.positions - datum) / reach, axis=1)
-    nearest = away <= max(1.0, float(away.min()))
+    distance = np.max(np.abs(readings.positions - datum) / reach, axis=1)
+    nearest = distance <= max(1.0, float(distance.min()))
     if readings.direction is None or table.branches == 1:
         return float(np.median(readings.error[nearest]))
     masks = [nearest & (readings.direction == sign) for sign in (1, -1)]

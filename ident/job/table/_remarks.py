@@ -122,11 +122,11 @@ def outside(
 
 
 def places_of(
-    readings: SampleView, which: Bool[np.ndarray, " t"], masters: Sequence[str]
+    readings: SampleView, mask: Bool[np.ndarray, " t"], masters: Sequence[str]
 ) -> tuple[str, ...]:
     """Return where some of the readings lie: positions, direction and run, in words."""
     places = []
-    for k in np.flatnonzero(which):
+    for k in np.flatnonzero(mask):
         words = [
             f"{name} = {place:.6g}"
             for name, place in zip(masters, readings.positions[k], strict=True)

@@ -118,8 +118,8 @@ class AxisFiles:
     def failed(self) -> bool:
         """Whether its lists must not be loaded."""
         checks = [check for gate in self.gates.values() for check in gate]
-        loud = any(remark.level == "error" for remark in self.remarks)
-        return loud or not all(check.passed for check in checks)
+        error = any(remark.level == "error" for remark in self.remarks)
+        return error or not all(check.passed for check in checks)
 
     def judged(self, whole: WholeAxis) -> "AxisFiles":
         """Return it with what was found of the axis as a whole.

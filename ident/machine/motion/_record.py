@@ -180,11 +180,11 @@ def _compensated(
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Return what the controller adds to positions in mm and to currents in A."""
     axes = tuple(work.machine.axes)
-    none = {axis: np.zeros(len(programme.time)) for axis in axes}
+    zeros = {axis: np.zeros(len(programme.time)) for axis in axes}
     controller = work.machine.controller
     if controller is None:
-        return none, none
-    followed = {
+        return zeros, zeros
+    readings = {
         name: following(values, work.plc_lags.get(name, 0.0), CYCLE)
         for name, values in sensors.items()
     }
@@ -192,7 +192,7 @@ def _compensated(
     def columns(values: Columns) -> Float[Array, "t a"]:
         return jnp.asarray(np.stack([values[axis] for axis in axes], axis=1))
 
-    heat = np.stack(list(followed.values()), axis=1) if followed else None
+    heat = np.stack(list(readings.values()), axis=1) if readings else None
     motion = Motion(
         columns(programme.position),
         columns(programme.velocity),
@@ -203,7 +203,7 @@ def _compensated(
     offset = np.asarray(offsets.offset)
     added = {axis: offset[:, k] for k, axis in enumerate(axes)}
     if offsets.friction is None:
-        return added, none
+        return added, zeros
     fed = np.asarray(offsets.friction)
     units = {a: work.drives[a].rated_current * work.drives[a].torque_unit for a in axes}
     return added, {axis: units[axis] * fed[:, k] for k, axis in enumerate(axes)}

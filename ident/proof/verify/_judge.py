@@ -126,9 +126,9 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
     for hypothesis in (best.hypothesis, *equals):
         for word, value in hypothesis.faults(channel).items():
             faults_of_all.setdefault(word, value)
-    alike = _looks_alike(channel, result, set(faults_of_all))
+    clause = _looks_alike(channel, result, set(faults_of_all))
     return verdict(
-        tuple(faults_of_all), tuple(faults_of_all.values()), text + alike + tail
+        tuple(faults_of_all), tuple(faults_of_all.values()), text + clause + tail
     )
 
 

@@ -40,7 +40,7 @@ def scaled(
     )
     if not power:
         return {Hypothesis(change, lag): target.power}
-    excess = _away(np.full(1, factor), target.band)[0]
+    excess = _excess(np.full(1, factor), target.band)[0]
     squares = (least_squares_left + np.square(excess) * power).tolist()
     nearest = np.argsort(np.abs(excess))[:2]
     squares_of = {
@@ -54,7 +54,7 @@ def scaled(
     return squares_of
 
 
-def _away(factors: Float[np.ndarray, " s"], band: float) -> Float[np.ndarray, "s k"]:
+def _excess(factors: Float[np.ndarray, " s"], band: float) -> Float[np.ndarray, "s k"]:
     """Return how far the best factors are from each of `SCALES`, less what a band allows."""
     sizes = np.array(_SIZES)
     difference = factors[:, None] - sizes
@@ -148,7 +148,7 @@ def least_squares(
     """Return the sum of squares that each column leaves at the best factor of `scaled`."""
     factors, squares, power = target.fitted(columns)
     # A factor near that of a fault counts as it, which leaves the difference of both.
-    excess = np.abs(_away(factors, target.band))
+    excess = np.abs(_excess(factors, target.band))
     is_fault = (excess <= FREE_BAND * np.abs(_SIZES)).any(axis=1)
     return squares + np.where(is_fault, np.square(excess.min(axis=1)) * power, 0.0)
 

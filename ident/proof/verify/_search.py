@@ -184,10 +184,10 @@ class _Rows:
             )
         refined: dict[Hypothesis, float] = {}
         for hypothesis in leaders.values():
-            refined |= self._moved(hypothesis.change, hypothesis.lag)
+            refined |= self._shifted(hypothesis.change, hypothesis.lag)
         return refined
 
-    def _moved(self, change: Change, lag: int) -> dict[Hypothesis, float]:
+    def _shifted(self, change: Change, lag: int) -> dict[Hypothesis, float]:
         """Return a shifted table with its place refined on all rows, with its factors."""
         shifted = np.flatnonzero(change.shift)
         steps = 0.05 * np.array([self.channel.ways[k].step for k in shifted])
@@ -234,13 +234,13 @@ def independent(residual: Float[np.ndarray, " r"]) -> float:
     """
     count = len(residual)
     spectrum = np.square(np.abs(np.fft.rfft(residual, 2 * count)))
-    alike = np.fft.irfft(spectrum)[:count]
-    if alike[0] <= 0.0:
+    correlation = np.fft.irfft(spectrum)[:count]
+    if correlation[0] <= 0.0:
         return float(count)
-    alike = alike / alike[0]
-    uncorrelated = alike < 2.0 / np.sqrt(count)
+    correlation = correlation / correlation[0]
+    uncorrelated = correlation < 2.0 / np.sqrt(count)
     reach = int(np.argmax(uncorrelated)) if uncorrelated.any() else count
-    return max(2.0, count / (2.0 * float(alike[:reach].sum()) - 1.0))
+    return max(2.0, count / (2.0 * float(correlation[:reach].sum()) - 1.0))
 
 
 def neighbours(channel: AbstractChannel, best: Hypothesis) -> list[Hypothesis]:

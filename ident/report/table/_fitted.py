@@ -44,8 +44,8 @@ class Fitted:
     def runs(self, start: str, scale: Scale) -> str:
         """Return between which values the error runs, where it is measured if anywhere."""
         value, measured = self.value.ravel(), self.measured.ravel()
-        among = np.flatnonzero(measured) if measured.any() else np.arange(value.size)
-        ends = [int(among[pick(value[among])]) for pick in (np.argmin, np.argmax)]
+        indices = np.flatnonzero(measured) if measured.any() else np.arange(value.size)
+        ends = [int(indices[pick(value[indices])]) for pick in (np.argmin, np.argmax)]
         low, high = (
             f"{number(value[k])} {scale.error} ({self.where(k)} {scale.position})"
             for k in ends

@@ -34,7 +34,7 @@ def how_it_was_made(
             "probing cannot show it. Probe twice to know."
         )
     yield ("Noise", noise)
-    if honesty := _honesty(readings, scale):
+    if honesty := _calibration(readings, scale):
         yield ("Uncertainty", honesty)
     yield ("Wild readings", _loss(table.loss, readings))
     yield ("Smoothness", _smoothness(table.smoothness))
@@ -80,10 +80,10 @@ def _loss(loss: str, readings: Readings) -> str:
     }.get(loss, f"Loss {loss}")
     if not wild:
         return f"{how}; none of {grouped(size)} was rejected as wild."
-    were = "was" if wild == 1 else "were"
+    verb = "was" if wild == 1 else "were"
     return (
         f"{how}; {grouped(wild)} of {grouped(size)} "
-        f"({percent(wild / size)}) {were} rejected as wild and "
+        f"({percent(wild / size)}) {verb} rejected as wild and "
         "had no influence."
     )
 
@@ -114,7 +114,7 @@ def _runs(effects: Sequence[RunEffect], scale: Scale) -> str:
     return text + " This belongs to the runs and is kept out of the table."
 
 
-def _honesty(readings: Readings, scale: Scale) -> str:
+def _calibration(readings: Readings, scale: Scale) -> str:
     """Return how far residuals scatter against what was predicted; empty: too few are."""
     keep = readings.sound & np.isfinite(readings.predicted_sd)
     keep &= readings.predicted_sd > 0
