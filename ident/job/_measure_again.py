@@ -200,7 +200,7 @@ def _is_off(job: Job, name: str, compensation: str) -> bool:
 
 
 def _beside(fit: AbstractResult, fits: Sequence[AbstractResult]) -> AbstractResult:
-    """Return a fit that is right with what else of its axis is not, and spoils its figures."""
+    """Return a fit with the wrong fits of its axis, where it is right and its error stays large."""
     again = fit.again
     if again is None or again.diagnosis is None or again.diagnosis.verdict != "right":
         return fit
@@ -217,7 +217,7 @@ def _beside(fit: AbstractResult, fits: Sequence[AbstractResult]) -> AbstractResu
 def _turned(
     diagnosis: Diagnosis | None, readings: SecondMeasurement | None
 ) -> Diagnosis | None:
-    """Return a diagnosis, "sign" where it cannot tell and the readings show that by themselves."""
+    """Return a diagnosis; "sign" for "cannot tell" where the readings alone show factor −1."""
     factor = None if readings is None else readings.factor
     if diagnosis is None or diagnosis.verdict != "cannot tell" or factor is None:
         return diagnosis

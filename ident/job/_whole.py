@@ -269,9 +269,8 @@ class _Axis:
             warm = {name: motion.temperatures[name] for name in sensors}
             motion = dataclasses.replace(motion, temperatures=warm)
             added = added_beyond(loaded, before, spec.active, motion)
-            if (
-                draft.kind.table and spec.at_reference
-            ):  # lengths as they are where no law acts
+            if draft.kind.table and spec.at_reference:
+                # Lengths as they are where no law acts.
                 laws = (d.compensation for d in self.drafts if d.sensors)
                 added |= dict.fromkeys(laws, np.zeros(motion.rows))
             lacking = [n for n in names if n not in added and not kind(n).unseen]

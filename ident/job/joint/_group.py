@@ -325,6 +325,6 @@ def at_once(effect: AbstractEffect) -> AbstractEffect:
 
 
 def few(data: JointData) -> JointData:
-    """Return as many readings as are enough to see what goes together."""
+    """Return evenly spaced readings, few enough to compare the effects quickly."""
     step = -(-len(data) // _MOST)
     return data.take(np.arange(0, len(data), step)) if step > 1 else data

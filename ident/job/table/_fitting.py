@@ -120,7 +120,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
 
 
 def _constrained(plan: Plan, shifts: Float[np.ndarray, "..."]) -> Remark:
-    """Return what it took that the entries keep the constraints."""
+    """Return by how much entries were shifted so that they keep the constraints."""
     unit = plan.job.spec.axes[plan.axis].small_unit
     count = int(np.sum(np.abs(shifts) >= 0.5 / LIST_UNITS))
     return Remark.info(
@@ -185,7 +185,7 @@ def _fit_of_share(plan: Plan, share: "Share") -> TableFit:
 def _doubted(
     plan: Plan, readings: Readings, samples: Samples, fit: TableFit
 ) -> TableFit:
-    """Return a fit whose deviations know what its readings are off together."""
+    """Return a fit whose standard deviations contain the errors that its readings share."""
     patterns = _patterns(plan, readings, samples, fit)
     doubts = [_doubt(plan, samples, fit, pattern) for pattern in patterns]
     squares = sum(map(np.square, doubts), np.square(fit.standard_deviation))
@@ -195,7 +195,7 @@ def _doubted(
 def _patterns(
     plan: Plan, readings: Readings, samples: Samples, fit: TableFit
 ) -> list[Float[np.ndarray, " t"]]:
-    """Return what readings are off together, each by one standard deviation.
+    """Return the errors that readings share, each as its standard deviation at every reading.
 
     By the delay of an instrument: an error in motion that is taken a moment too late has
     changed by that moment times the speed. By the runs: a table keeps the mean of their
@@ -222,9 +222,9 @@ def _patterns(
 def _doubt(
     plan: Plan, samples: Samples, estimate: TableFit, pattern: Float[np.ndarray, " t"]
 ) -> Float[np.ndarray, "..."]:
-    """Return by how much each node is off where its readings are off by a pattern.
+    """Return the error of each node where the error of its readings is a pattern.
 
-    What the datum takes off is no doubt; nodes without readings are off as the others are.
+    What the datum takes off does not count; nodes without readings get the rms of the others.
     """
     table, shape = plan.table, plan.table.layout.shape
     at: list[np.ndarray] = [] if samples.branch is None else [samples.branch]

@@ -143,9 +143,9 @@ class Plan(AbstractPlan):
         return -residual if old is None else old - residual
 
     def integers(self, estimates: Sequence[TableFit]) -> Int[np.ndarray, "k ..."]:
-        """Return the entries of the lists of several estimates that none will write.
+        """Return the list entries of several estimates, for proofs: no list is written of them.
 
-        What one extrapolates beyond the type of an entry stays at its end.
+        A value beyond the range of an entry becomes the end of that range.
         """
         offsets = [self.offset(fit.values - self.zero_of(fit)) for fit in estimates]
         ends = self.table.to_offsets(np.array(self.table.value_bounds))
