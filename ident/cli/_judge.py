@@ -74,11 +74,11 @@ def verify(
             outside, logged = verify_external(lists, logged, reading)
             if logged.offsets or not outside:
                 answer = verify_log(lists, logged, reading)
-        every = (*outside, *answer.verdicts)
-        answer = dataclasses.replace(answer, verdicts=every)
+        verdicts = (*outside, *answer.verdicts)
+        answer = dataclasses.replace(answer, verdicts=verdicts)
     print_result(
-        [_json(one) for one in answer.verdicts] if as_json else None,
-        [f"A{one.axis} {one.compensation}: {one.sentence}" for one in answer.verdicts],
+        [_json(item) for item in verdicts] if as_json else None,
+        [f"A{item.axis} {item.compensation}: {item.sentence}" for item in verdicts],
     )
     note(answer.remarks)
     if save is not None:

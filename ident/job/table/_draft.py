@@ -242,7 +242,7 @@ class TableDraft(AbstractDraft):
             places = places_of(samples, fit.wild, self.fit.over)
         else:
             error, beyond = self.log.figures(back)
-            count, wild = self.log.found.count, self.log.found.wild
+            count, wild = self.log.streamed.count, self.log.streamed.wild
         deviation = written_deviation(self.estimate)
         return TableResult(
             **self.frame(done),
