@@ -78,11 +78,11 @@ def collect_jobs(arguments: Sequence[str | Path], out: Path) -> tuple[Task, ...]
         with contextlib.suppress(OSError):  # the job itself will say what is wrong
             content = path.read_bytes()
         tasks.append(Task(name, path.resolve(), _hash(content)))
-    twins = [name for name, n in Counter(task.name for task in tasks).items() if n > 1]
-    if twins:
+    names = [name for name, n in Counter(task.name for task in tasks).items() if n > 1]
+    if names:
         raise BatchError(
             ", ".join(map(str, arguments)),
-            f"found two jobs named {twins[0]!r}, expected names of their own (in a"
+            f"found two jobs named {names[0]!r}, expected names of their own (in a"
             " table the column job)",
         )
     return tuple(tasks)

@@ -175,8 +175,8 @@ def _fit_row(fit: Mapping[str, Any], remarks: Sequence[Mapping[str, str]]) -> Ro
     sound = all(entry["level"] != "error" for entry in every)
     row["gate_failed"] = [entry["name"] for entry in fit["gate"] if not entry["passed"]]
     row["passed"] = bool(fit["passed"]) and sound and fit.get("verdict") != "rejected"
-    loud = ("warning", "error")
-    row["warnings"] = [entry["message"] for entry in every if entry["level"] in loud]
+    levels = ("warning", "error")
+    row["warnings"] = [entry["message"] for entry in every if entry["level"] in levels]
     return {key: value for key, value in row.items() if key in COLUMNS}
 
 
@@ -185,8 +185,8 @@ def _flat(table: Any) -> list[Any] | None:
     if table is None:
         return None
     parts = table.values() if isinstance(table, Mapping) else [table]
-    known = [np.ravel(part) for part in parts if part is not None]
-    return [value for part in known for value in part.tolist()]
+    rows = [np.ravel(part) for part in parts if part is not None]
+    return [value for part in rows for value in part.tolist()]
 
 
 def as_date(value: Any) -> datetime.date | None:

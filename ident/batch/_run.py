@@ -158,12 +158,12 @@ def _take_away(work: Path) -> None:
     Renamed first: removed file by file, half of what such a worker wrote could still be
     moved to its place.
     """
-    gone = work.with_name(f"{work.name}.{secrets.token_hex(4)}")
+    trash = work.with_name(f"{work.name}.{secrets.token_hex(4)}")
     try:
-        work.rename(gone)
+        work.rename(trash)
     except OSError:
-        gone = work
-    shutil.rmtree(gone, ignore_errors=True)
+        trash = work
+    shutil.rmtree(trash, ignore_errors=True)
 
 
 def _run(
@@ -179,29 +179,28 @@ def _run(
     try:
         with workers_of(scheduler, workers) as client:
             crew = max(workers or 0, len(client.scheduler_info()["workers"]), 1)
-            good, bad = _examined(client, tasks, crew)
+            runnable, bad = _examined(client, tasks, crew)
             # Enough chunks that nobody works on a last one while the others have none left.
-            size = max(1, min(_CHUNK, -(-len(good) // (_ROUNDS * crew))))
-            for outcomes in chain([bad], run_chunks(client, good, order, size)):
+            size = max(1, min(_CHUNK, -(-len(runnable) // (_ROUNDS * crew))))
+            for outcomes in chain([bad], run_chunks(client, runnable, order, size)):
                 kept = [outcome for outcome in outcomes if not outcome.full]
                 stand.done += len(kept)
                 yield from ((outcome.name, outcome.rows) for outcome in kept)
                 if len(kept) < len(outcomes):
                     raise BatchError(
-                        order.out,
-                        f"no room left on the disk; {_what_is_done(stand)}",
+                        order.out, f"no room left on the disk; {_progress(stand)}"
                     )
     except OSError as error:
         # A broken connection is an OSError too; only files have a number of their own.
         broken = error.errno is None or isinstance(error, ConnectionError)
-        what = "the scheduler was lost" if broken else f"cannot write: {error.strerror}"
+        text = "the scheduler was lost" if broken else f"cannot write: {error.strerror}"
         raise BatchError(
             (scheduler or "scheduler") if broken else order.out,
-            f"{what}; {_what_is_done(stand)}",
+            f"{text}; {_progress(stand)}",
         ) from None
 
 
-def _what_is_done(stand: Progress) -> str:
+def _progress(stand: Progress) -> str:
     return f"{stand.done} of {stand.total} jobs are done; --resume goes on from there"
 
 
@@ -215,4 +214,4 @@ def _examined(
     pairs = list(zip(tasks, shapes, strict=True))
     bad = [outcome for _, outcome in pairs if isinstance(outcome, Outcome)]
     good = [(shape, task) for task, shape in pairs if isinstance(shape, str)]
-    return [task for _, task in sorted(good, key=lambda one: one[0])], bad
+    return [task for _, task in sorted(good, key=lambda pair: pair[0])], bad

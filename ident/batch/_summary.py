@@ -142,8 +142,8 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         every = [table.select(fits.column_names) for table in (*earlier, fits)]
         connection.register("every", pa.concat_tables(every))
 
-        def found(question: str, **given: object) -> _Rows:
-            relation = connection.sql(question, params=given)
+        def found(question: str, **values: object) -> _Rows:
+            relation = connection.sql(question, params=values)
             return tuple(relation.to_arrow_table().to_pylist())
 
         spreads = found(_SPREADS, shares=_SHARES)
@@ -192,8 +192,8 @@ def _picture(errors: Mapping[str, Sequence[float]], unit: str) -> str:
     figure, (axes,) = new_figure(3.4)
     for stage, values in errors.items():
         if values:
-            shown = scale.factor * np.array(values)
-            axes.plot(shown, 100.0 * _CURVE, color=_COLOURS[stage], label=_WORDS[stage])
+            sizes = scale.factor * np.array(values)
+            axes.plot(sizes, 100.0 * _CURVE, color=_COLOURS[stage], label=_WORDS[stage])
     axes.set_xscale("log")
     axes.set_xlabel(f"error (rms), {scale.error}")
     axes.set_ylabel("share of fits, %")

@@ -105,7 +105,7 @@ def run_chunk(tasks: Sequence[Task], order: Order) -> list[Outcome]:
         with ThreadPoolExecutor(_PUBLISHING) as disk:
             for task in tasks:
                 watch.begin(task)
-                outcomes.append(_one(task, order, disk))
+                outcomes.append(_start(task, order, disk))
     finally:
         watch.running = None
     return [
@@ -160,27 +160,27 @@ def start_worker() -> None:
     gc.set_threshold(200_000, 20, 20)
 
 
-def _one(task: Task, order: Order, disk: Executor) -> Outcome | Future[Outcome]:
-    done = published(task, Path(order.out))
-    if done is not None:
-        return Outcome(task.name, done)
+def _start(task: Task, order: Order, disk: Executor) -> Outcome | Future[Outcome]:
+    rows = published(task, Path(order.out))
+    if rows is not None:
+        return Outcome(task.name, rows)
     if (order.work / "late" / task.name).exists():
         words = f"took more than {order.limit:g} s (--time-limit) and was given up"
         return failed(task, words)
     stage = order.work / task.name
     if stage.exists():
         shutil.rmtree(stage, ignore_errors=True)
-    made = _guarded(task, stage, lambda: _made(task, order, stage))
-    folder = made.rows[0].get("folder")
+    outcome = _guarded(task, stage, lambda: _job_outcome(task, order, stage))
+    folder = outcome.rows[0].get("folder")
     if folder is None:  # it failed
-        return made
+        return outcome
     place = Path(order.out) / folder
 
-    def moved() -> Outcome:
+    def move() -> Outcome:
         _move(stage, place)
-        return made
+        return outcome
 
-    return disk.submit(_guarded, task, stage, moved)
+    return disk.submit(_guarded, task, stage, move)
 
 
 def _guarded(task: Task, stage: Path, work: Callable[[], Outcome]) -> Outcome:
@@ -230,7 +230,7 @@ def _is_full(error: BaseException | None) -> bool:
     return False
 
 
-def _made(task: Task, order: Order, stage: Path) -> Outcome:
+def _job_outcome(task: Task, order: Order, stage: Path) -> Outcome:
     """Run a job into a folder; its rows name the one that its files are to be moved to."""
     from ..job import run_job
 

@@ -120,15 +120,15 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def _again(lost: "sys.UnraisableHookArgs") -> None:
+def _again(unraisable: "sys.UnraisableHookArgs") -> None:
     """Interrupt once more where Python dropped an interrupt and went on.
 
     One that falls into a callback of the garbage collector (JAX has one) cannot be
     raised there: it would be printed with its traceback, and the job would go on.
     """
-    if issubclass(lost.exc_type, KeyboardInterrupt):
+    if issubclass(unraisable.exc_type, KeyboardInterrupt):
         later = threading.Timer(0.02, os.kill, (os.getpid(), signal.SIGINT))
         later.daemon = True
         later.start()
     else:
-        sys.__unraisablehook__(lost)
+        sys.__unraisablehook__(unraisable)

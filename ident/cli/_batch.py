@@ -78,8 +78,7 @@ def _print(result: "BatchResult", out: Path) -> None:
     reasons = [f"failed: {name}: {why}" for name, why in result.reasons.items()]
     lines = reasons[:_SHOWN]
     if len(reasons) > _SHOWN:
-        more = len(reasons) - _SHOWN
-        lines.append(f"… and {more} more failed, see results.parquet")
+        lines.append(f"… and {len(reasons) - _SHOWN} more failed, see results.parquet")
     summary = result.summary
     lines += [
         f"gate: {name} failed in {count(number, 'fit')}"

@@ -48,18 +48,18 @@ def discover(
 
         loaded = load_job(job, needs_fits=False)
         progress("reading the measurements")
-        seen = observe(loaded)
+        observed = observe(loaded)
         discovery = look(
-            seen.data, tuple(loaded.spec.axes), source=str(job), progress=progress
+            observed.data, tuple(loaded.spec.axes), source=str(job), progress=progress
         )
-    for remark in seen.remarks:
+    for remark in observed.remarks:
         print_line(console, f"info: {remark}")
     if as_json:
-        print_json(_json(discovery, seen.names))
+        print_json(_json(discovery, observed.names))
     else:
         _print(Console(highlight=False), discovery)
     if write is not None and discovery.found:
-        _write(console, write, loaded, seen, discovery)
+        _write(console, write, loaded, observed, discovery)
     elif write is not None:
         print_line(console, f"Nothing to fit was found: {write} was not written.")
     return discovery.told
@@ -149,14 +149,14 @@ def _print(console: "Console", discovery: "Discovery") -> None:
         console.print()
     if discovery.unexplained:
         print_line(console, "Unexplained:")
-    for rest in discovery.unexplained:
-        verdict = f"{rest.verdict[0].upper()}{rest.verdict[1:]}: "
-        print_line(console, f"  {rest.verdict}: {rest.sentence.removeprefix(verdict)}")
+    for item in discovery.unexplained:
+        verdict = f"{item.verdict[0].upper()}{item.verdict[1:]}: "
+        print_line(console, f"  {item.verdict}: {item.sentence.removeprefix(verdict)}")
     if discovery.rejected:
         print_line(console, "Looked for and not taken:")
     for no in discovery.rejected:
-        by = [*no.masters, *([no.sensor] if no.sensor else [])]
-        over = f" ({', '.join(by)})" if by else ""
+        inputs = [*no.masters, *([no.sensor] if no.sensor else [])]
+        over = f" ({', '.join(inputs)})" if inputs else ""
         print_line(console, f"  {no.compensation} of {no.axis}{over}: {no.reason}")
 
 

@@ -169,7 +169,7 @@ def _probe_of_job(
     axes, paths = {}, []
     for name, axis in spec.axes.items():
         between = travel.get(axis.number) or axis.modulo or axis.limits
-        paths += [job.file(one) for one in axis.files.values()]
+        paths += [job.file(name) for name in axis.files.values()]
         if between is not None:
             axes[axis.number] = ProbeAxis(
                 axis.number,
@@ -180,7 +180,7 @@ def _probe_of_job(
                 channel=axis.channel,
             )
     lists = read_lists(paths)
-    probed = {(one.axis, one.name): one for one in probed_in(lists, job.conventions)}
+    probed = {(use.axis, use.name): use for use in probed_in(lists, job.conventions)}
     remarks = []
     for fit in spec.fits:
         number = spec.axes[fit.axis].number

@@ -100,8 +100,8 @@ def _verdict_of(result: "JobResult") -> str:
         for fit in result.fits
         if fit.judgement.verdict is result.verdict
     ]
-    which = "" if len(worst) == len(result.fits) else f" ({', '.join(worst)})"
-    return f"{words[0].upper()}{words[1:]}{which}. Done"
+    names = "" if len(worst) == len(result.fits) else f" ({', '.join(worst)})"
+    return f"{words[0].upper()}{words[1:]}{names}. Done"
 
 
 def _print_fit(
@@ -160,7 +160,7 @@ def _print_group(
     console: "Console",
     group: "GroupResult",
     fits: Sequence["AbstractResult"],
-    said: set[str],
+    printed: set[str],
 ) -> None:
     """Print what was identified together, what of it is written, and what is undetermined."""
     from ..job.joint import TOGETHER  # takes long to load
@@ -175,9 +175,9 @@ def _print_group(
             print_line(console, f"undetermined: of the {effect.name}: {effect.why}")
     for freedom in group.freedoms:
         print_line(console, f"free: {freedom.sentence} {freedom.rule}")
-    own = [remark.message for index in group.fits for remark in fits[index].remarks]
-    said |= {*confusions, *(message for message in own if message.startswith(TOGETHER))}
-    print_remarks(console, group.remarks, said)
+    texts = [remark.message for index in group.fits for remark in fits[index].remarks]
+    printed |= confusions.keys() | {text for text in texts if text.startswith(TOGETHER)}
+    print_remarks(console, group.remarks, printed)
 
 
 def _print_sums(console: "Console", group: "GroupResult") -> None:
@@ -212,7 +212,7 @@ def _print_effects(
                 ", ".join(over) or "–",
                 _size(effect, fits, scale),
                 f"{effect.information:.0%}",
-                _fate(effect, fits),
+                _state(effect, fits),
             )
         )
     heads = ["effect", "over", "rms", "information", "list"]
@@ -225,7 +225,7 @@ def _size(share: "EffectShare", fits: Sequence["AbstractResult"], scale: Scale) 
     return f"{number(scale.factor * share.rms)} {scale.error}"
 
 
-def _fate(share: "EffectShare", fits: Sequence["AbstractResult"]) -> str:
+def _state(share: "EffectShare", fits: Sequence["AbstractResult"]) -> str:
     if share.index is None:
         return f"none: {share.why}"
     if fits[share.index].left_out:

@@ -177,8 +177,8 @@ def _print(
         values = [getattr(test, key) for test in tests.values()]
         if any(value is not None for value in values):
             cells = ["–" if value is None else f"{value * 1e3:.1f}" for value in values]
-            shown = with_arrows(key).replace("B_mean", "mean B")
-            rows.append((shown, meaning, *cells))
+            label = with_arrows(key).replace("B_mean", "mean B")
+            rows.append((label, meaning, *cells))
     title = f"{EDITION}{f', axis {last.axis}' if last.axis else ''}"
     every = ["figure", "meaning", *heads]
     console.print(table_of(every, rows, numbers=heads, title=title))

@@ -69,16 +69,16 @@ def verify(
         if snapshot is not None:
             outside = verify_snapshot(lists, snapshot, reading)
         else:
-            names = [one.name for one in kinds()]
+            names = [kind.name for kind in kinds()]
             logged = read_log(log, increment, cycle_time, names)
             outside, logged = verify_external(lists, logged, reading)
             if logged.offsets or not outside:
                 answer = verify_log(lists, logged, reading)
-        every = (*outside, *answer.verdicts)
-        answer = dataclasses.replace(answer, verdicts=every)
+        verdicts = (*outside, *answer.verdicts)
+        answer = dataclasses.replace(answer, verdicts=verdicts)
     print_result(
-        [_json(one) for one in answer.verdicts] if as_json else None,
-        [f"A{one.axis} {one.compensation}: {one.sentence}" for one in answer.verdicts],
+        [_json(item) for item in verdicts] if as_json else None,
+        [f"A{item.axis} {item.compensation}: {item.sentence}" for item in verdicts],
     )
     note(answer.remarks)
     if save is not None:
@@ -154,16 +154,16 @@ def doctor(
             names=names,
         )
     note(not_judged(lists, new.conventions, names), "")
-    shown = [
+    pairs = [
         (names.get(answer.axis, f"A{answer.axis}"), answer) for answer in diagnoses
     ]
     keys = ("compensation", "verdict", "value", "sentence")
     trees = [
         {"axis": name} | {key: getattr(answer, key) for key in keys}
-        for name, answer in shown
+        for name, answer in pairs
     ]
     print_result(
         trees if as_json else None,
-        [f"{name} {answer.compensation}: {answer.sentence}" for name, answer in shown],
+        [f"{name} {answer.compensation}: {answer.sentence}" for name, answer in pairs],
     )
     return all(answer.verdict == "right" for answer in diagnoses)

@@ -65,8 +65,8 @@ def check(
     if as_json:
         print_json({"findings": findings})
     for finding in findings:
-        known = not finding.expected or finding.expected in finding.message
-        expected = "" if known else f"; expected {finding.expected}"
+        stated = not finding.expected or finding.expected in finding.message
+        expected = "" if stated else f"; expected {finding.expected}"
         typer.echo(f"{finding}{expected}", err=as_json)
     counts = Counter[str](finding.level for finding in findings)
     nouns = {"error": "error", "warning": "warning", "info": "remark"}
@@ -93,16 +93,16 @@ def show(
     from ...data.lists import offset_curves
     from ._show_tables import list_views
 
-    shown, (index, verified) = read_shown_list(file), _plane_index(conventions)
+    listing, (index, verified) = read_shown_list(file), _plane_index(conventions)
     console = wide_console(wraps=True)
-    for view in list_views(shown, index, verified=verified):
+    for view in list_views(listing, index, verified=verified):
         console.print(view)
     if out is not None:
         from ._list_plots import draw_tables
 
-        paths = draw_tables(offset_curves(shown, index), out)
-        none = "no cross, plane or leadscrew table to draw"
-        note([f"wrote {path}" for path in paths] or [none], "")
+        paths = draw_tables(offset_curves(listing, index), out)
+        text = "no cross, plane or leadscrew table to draw"
+        note([f"wrote {path}" for path in paths] or [text], "")
 
 
 def _plane_index(conventions: Path | None) -> tuple[str, bool]:
@@ -150,10 +150,10 @@ def _lines(comparison: "Comparison") -> list[str]:
         key = f"{head}{bracket}{tail.rpartition(']')[2]}" if bracket else change.name
         groups.setdefault(key, []).append(change)
     for changes in groups.values():
-        shown = changes[:_MOST_ENTRIES]
-        lines += map(str, shown)
-        if len(changes) > len(shown):
-            lines.append(f"  ... and {len(changes) - len(shown)} more of this table")
+        first = changes[:_MOST_ENTRIES]
+        lines += map(str, first)
+        if len(changes) > len(first):
+            lines.append(f"  ... and {len(changes) - len(first)} more of this table")
     lines += map(str, comparison.curves)
     actions = {
         "none": "No entry changed: nothing to load.",

@@ -33,19 +33,19 @@ def declared(command: Callable[..., bool | None]) -> Callable[..., None]:
     ``name (--flag METAVAR): help``.
     """
 
-    def run(**given: Any) -> None:
-        if command(**given) is False:
+    def run(**values: Any) -> None:
+        if command(**values) is False:
             raise typer.Exit(1)
 
     text, head, examples = inspect.cleandoc(command.__doc__ or "").partition(
         "Examples:\n"
     )
     text, _, options = text.partition("Options:\n")
-    texts = {each["name"]: each for each in _OPTION.finditer(options)}
+    texts = {match["name"]: match for match in _OPTION.finditer(options)}
     signature = inspect.signature(command)
     parameters = [
-        each.replace(annotation=_declared(each, texts.get(each.name)))
-        for each in signature.parameters.values()
+        parameter.replace(annotation=_declared(parameter, texts.get(parameter.name)))
+        for parameter in signature.parameters.values()
     ]
     run.__doc__ = _ONE_LINE.sub(" ", text) + head + examples
     run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
@@ -223,7 +223,7 @@ def axis_ranges(
     texts: Sequence[str] | None,
     option: str,
     expected: str = "its range as in A4=0:360",
-    most: float = math.inf,
+    limit: float = math.inf,
 ) -> dict[int, tuple[float, float]]:
     """Return what an option says of axes, two ascending ends each, by axis number.
 
@@ -235,7 +235,7 @@ def axis_ranges(
     ranges = {}
     for axis, match in by_axis(texts, option, value, expected).items():
         low, high = float(match["low"]), float(match["high"])
-        if not (-most <= low < high <= most and math.isfinite(high - low)):
+        if not (-limit <= low < high <= limit and math.isfinite(high - low)):
             refuse(option, repr(match[0]), f"an axis and {expected}")
         ranges[axis] = low, high
     return ranges

@@ -217,8 +217,8 @@ def new(
         job = new_job(files, path=out, lists=lists or [], axes=numbers)
     write_atomically(out, job.text.encode())
     if as_json:
-        asked = [dataclasses.asdict(question) for question in job.questions]
-        print_json({"job": str(out), "fits": job.fits, "questions": asked})
+        questions = [dataclasses.asdict(question) for question in job.questions]
+        print_json({"job": str(out), "fits": job.fits, "questions": questions})
         return
     _print_questions(out, job)
 

@@ -45,11 +45,11 @@ def list_views(
     curves = offset_curves(file, plane_index)
     order = f"plane_index = {plane_index}, {'verified' if verified else 'assumed'}"
     for compensation in dict.fromkeys(curve.compensation for curve in curves):
-        alike = [curve for curve in curves if curve.compensation == compensation]
-        yield Text(f"\n{_curve_words(alike)}")
-        plane = len(alike[0].nodes) == 2
-        yield _plane_table(alike[0], order) if plane else _line_table(alike)
-    for each in sorted(kinds(), key=lambda one: one.prefix):
+        group = [curve for curve in curves if curve.compensation == compensation]
+        yield Text(f"\n{_curve_words(group)}")
+        plane = len(group[0].nodes) == 2
+        yield _plane_table(group[0], order) if plane else _line_table(group)
+    for each in sorted(kinds(), key=lambda each: each.prefix):
         for table in each.raw_tables:
             yield from _raw_table(file, each, table)
 
@@ -68,11 +68,11 @@ def _headline(file: ListFile) -> str:
 def _parameters(file: ListFile) -> Table:
     """Return the entries outside of tables, each with its unit and meaning."""
     lines: list[Sequence[str]] = []
-    known = registry().by_key
+    by_key = registry().by_key
     for key, rows in file.columns.items():
         if "[]" in key and not key.startswith(("getriebe", "achs_kw")):
             continue
-        row = known.get(key)
+        row = by_key.get(key)
         meaning = "no manual names this entry" if row is None else row.text
         if row is not None and row.id:
             meaning = f"{meaning} ({row.id})"
@@ -83,8 +83,8 @@ def _parameters(file: ListFile) -> Table:
             for index in indices:
                 name = name.replace("[]", f"[{index}]", 1)
             unit = "" if row is None else row.unit[0]
-            shown = _with_unit(rows.integers[at], unit, metric)
-            lines.append((name, rows.texts[at], shown, meaning))
+            converted = _with_unit(rows.integers[at], unit, metric)
+            lines.append((name, rows.texts[at], converted, meaning))
     heads = ("entry", "value", " ", "meaning")
     return table_of(heads, lines, numbers=heads[1:3], plain=True)
 
@@ -93,17 +93,17 @@ def _grid(
     heads: Sequence[str],
     rows: Sequence[Sequence[str]],
     caption: str = "",
-    most: int | None = None,
+    columns: int | None = None,
 ) -> Table:
-    """Return a table of numbers; of many rows, and of more columns than ``most``, some."""
-    across = [0, *(1 + k for k in _some(len(heads) - 1, most or len(heads)))]
-    down, notes = _some(len(rows), MOST_ROWS), [caption] if caption else []
-    for first, every, what in (
+    """Return a table of numbers; of many rows, and of more columns than ``columns``, some."""
+    across = [0, *(1 + k for k in _thinned(len(heads) - 1, columns or len(heads)))]
+    down, notes = _thinned(len(rows), MOST_ROWS), [caption] if caption else []
+    for first, every, noun in (
         (len(across) - 1, len(heads) - 1, "columns"),
         (len(down), len(rows), "rows"),
     ):
         if first < every:
-            notes.append(f"{first} of {every} {what} are shown")
+            notes.append(f"{first} of {every} {noun} are shown")
     return table_of(
         [heads[k] for k in across],
         ([rows[k][at] for at in across] for k in down),
@@ -159,7 +159,7 @@ def _line_table(curves: Sequence[OffsetCurve]) -> Table:
     for curve in curves:
         branch = "" if curve.branch == "both" else f" {curve.branch[:3]}"
         heads += [f"entry{branch}", f"adds{branch}/{'µm' if first.metric else 'inc'}"]
-        entries = ("missing" if each is None else each for each in curve.entries[0])
+        entries = ("missing" if entry is None else entry for entry in curve.entries[0])
         columns += [entries, map(_plain, curve.offsets[0])]
     return _grid(heads, [[*map(str, row)] for row in zip(*columns, strict=True)])
 
@@ -192,11 +192,11 @@ def _plain(value: float) -> str:
     return f"{value + 0.0:g}"
 
 
-def _some(count: int, most: int) -> list[int]:
+def _thinned(count: int, limit: int) -> list[int]:
     """Return all indices, or of many evenly spaced ones."""
-    if count <= most:
+    if count <= limit:
         return list(range(count))
-    return sorted({round(k * (count - 1) / (most - 1)) for k in range(most)})
+    return sorted({round(k * (count - 1) / (limit - 1)) for k in range(limit)})
 
 
 def _raw_table(file: ListFile, kind_of: Kind, table: str) -> Iterator[RenderableType]:

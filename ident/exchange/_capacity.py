@@ -39,8 +39,8 @@ class ListTarget:
                 user asks for less than the table needs.
         """
         name, size, build = f"{prefix}.max_points", self.max_points, self.build
-        enough = f"at least {needed} for this table"
-        expect(size is None or size >= needed, name, size, enough)
+        expected = f"at least {needed} for this table"
+        expect(size is None or size >= needed, name, size, expected)
         stated = None if self.existing is None else self.existing.integer(name)
         if size is None:
             if stated:

@@ -17,12 +17,12 @@ def axis_file(number: int, *, whole: bool = True) -> str:
 
 
 def to_add(
-    number: int, values: Mapping[str, Value], *more: str, of: str = ""
+    number: int, values: Mapping[str, Value], *comments: str, of: str = ""
 ) -> ListFile:
     """Return entries to add to an axis list, under comments that say so."""
     name = f" of axis {of}" if of else ""
     words = f"Entries to set in {axis_file(number)}{name}: no whole axis list"
-    listing = new_list(values, comment=(words, *more))
+    listing = new_list(values, comment=(words, *comments))
     return dataclasses.replace(listing, source=axis_file(number, whole=False))
 
 

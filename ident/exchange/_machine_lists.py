@@ -87,7 +87,7 @@ class MachineLists:
                 tables of two lists act on one axis.
         """
         uses: dict[tuple[int, str], InUse] = {}
-        for number, record, listing in self._held(heated):
+        for number, record, listing in self._contents(heated):
             axis, masters = record.entries.axes(listing, number, conventions)
             manual = record.entries.is_manual(listing)
             use = InUse(axis, record.name, masters, listing, manual)
@@ -109,7 +109,7 @@ class MachineLists:
             uses[key] = use
         return tuple(uses[key] for key in sorted(uses))
 
-    def _held(self, heated: Iterable[int]) -> Iterator[tuple[int, Kind, ListFile]]:
+    def _contents(self, heated: Iterable[int]) -> Iterator[tuple[int, Kind, ListFile]]:
         """Yield what the lists hold, switched on or not, and what a PLC does beside them."""
         for record in kinds():
             lists = (

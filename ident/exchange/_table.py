@@ -217,9 +217,9 @@ def nodes_in(model: Model, name: str) -> tuple[ListNodes, ...]:
     Raises:
         ExchangeError: If a position is no multiple of a list unit.
     """
-    ways = model.ways
-    names = [name] if len(ways) == 1 else [f"{name} master {k}" for k in (1, 2)]
-    return tuple(nodes_of_model(*pair) for pair in zip(ways, names, strict=True))
+    masters = model.ways
+    names = [name] if len(masters) == 1 else [f"{name} master {k}" for k in (1, 2)]
+    return tuple(nodes_of_model(*pair) for pair in zip(masters, names, strict=True))
 
 
 def by_branch(table: AbstractTable, values: np.ndarray) -> Mapping[str, np.ndarray]:
@@ -239,8 +239,8 @@ def refuse_lost_nodes(table: AbstractTable, old: Model, source: str) -> None:
     """
     table.refuse_other_form(old, source)
     for master, mine, theirs in zip(table.masters, table.nodes, old.ways, strict=True):
-        had = np.rint(np.asarray(theirs.positions, dtype=float) * LIST_UNITS)
-        missing = sorted(set(had.astype(np.int64).tolist()) - set(mine.integers))
+        previous = np.rint(np.asarray(theirs.positions, dtype=float) * LIST_UNITS)
+        missing = sorted(set(previous.astype(np.int64).tolist()) - set(mine.integers))
         if missing:
             listing = ", ".join(f"{k / LIST_UNITS:g}" for k in missing[:5])
             ending = f" and {len(missing) - 5} more" if len(missing) > 5 else ""

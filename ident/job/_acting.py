@@ -44,8 +44,8 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
                 if name in job.spec.measurements[source].active:
                     continue
                 is_stated = job.spec.measurements[source].stated_active is not None
-                clear = before.machine is not None and is_stated
-                if not clear or index in grouped:
+                decided = before.machine is not None and is_stated
+                if not decided or index in grouped:
                     raise _unclear(job, source, fit, name, before)
                 words = f"the {name} of {used[name].listing.source}"
                 acting = Acting(job, fit.axis, name, before, words)
@@ -90,9 +90,9 @@ def _lists_of_single(draft: AbstractDraft) -> AxisLists:
     """Return what one fit adds, as if it were all that acts on its axis."""
     job, number = draft.job, draft.lists.axis
     with job.blaming(("fits", draft.index)):
-        entries, more = draft.entries(), draft.machine_entries(draft.cycles)
+        entries, machine_entries = draft.entries(), draft.machine_entries(draft.cycles)
     listing = new_list({"kopf.achs_nr": number} | entries) if entries else None
-    machine = None if entries else to_add(number, more, of=draft.axis)
+    machine = None if entries else to_add(number, machine_entries, of=draft.axis)
     return AxisLists(number, read_back(listing), read_back(machine), job.reading)
 
 

@@ -171,7 +171,7 @@ class AbstractPlan(AbstractOfFit):
     def confused(
         self, members: Sequence["AbstractPlan"], recording: "GroupRecording"
     ) -> str:
-        """Return with what that no fit stands for the readings confuse it; else nothing.
+        """Return in words which effect without a fit the readings cannot tell from it, or nothing.
 
         Args:
             members: All that are fitted to these readings.

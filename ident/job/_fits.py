@@ -93,11 +93,11 @@ def _refuse_streams(job: Job, grouped: frozenset[int]) -> None:
             continue
         for name in fit.sources:
             if job.spec.measurements[name].stream is True:
-                whose = f"the {fit.compensation} fit of {fit.axis}"
-                whose += " in a group" if index in grouped else ""
+                words = f"the {fit.compensation} fit of {fit.axis}"
+                words += " in a group" if index in grouped else ""
                 raise job.error(
                     ("measurements", name, "stream"),
-                    f"found true, but {whose} needs its log in memory, expected it for"
+                    f"found true, but {words} needs its log in memory, expected it for"
                     " plane, cross and leadscrew fits of their own",
                 )
 

@@ -56,11 +56,11 @@ def switching_remarks(draft: "TableDraft") -> list[Remark]:
     )
     if spread is None or step <= limit:
         return [Remark.info(words)]
-    more = "n_cycles can be no larger"
+    advice = "n_cycles can be no larger"
     if cycles < (switching_cycles(jump, limit) or 0):
-        more = "leave n_cycles out of the job, and it is chosen"
+        advice = "leave n_cycles out of the job, and it is chosen"
     words += (
-        f" That is more than max_switching ({limit:g} {unit}): {more}. Else move the zero"
+        f" That is more than max_switching ({limit:g} {unit}): {advice}. Else move the zero"
         f" of the table to where {axis} is homed (datum), so that less comes at once, or"
         " raise max_switching in [gate] if the builder of the machine allows it."
     )
@@ -84,16 +84,17 @@ def unsettled(draft: "AbstractDraft") -> Remark:
     )
 
 
-def not_compared(one: "AbstractDraft", gate: Sequence[GateCheck]) -> list[Remark]:
+def not_compared(draft: "AbstractDraft", gate: Sequence[GateCheck]) -> list[Remark]:
     """Return that `max_change` of the job judges nothing here; nothing where it does."""
-    if one.job.limits.max_change is None or one.kind.adds_current or one.kind.by_plc:
+    kind = draft.kind
+    if draft.job.limits.max_change is None or kind.adds_current or kind.by_plc:
         return []
     if any(check.name == "max_change" for check in gate):
         return []
-    key = "list" if one.kind.holder == "compensation" else "machine_data"
+    key = "list" if kind.holder == "compensation" else "machine_data"
     return [
         Remark.warning(
-            f"max_change does not judge the {one.name}: the job gives none that was there"
-            f" before, to compare with (axes.{one.axis}.{key})."
+            f"max_change does not judge the {draft.name}: the job gives none that was there"
+            f" before, to compare with (axes.{draft.axis}.{key})."
         )
     ]

@@ -63,7 +63,7 @@ class Second:
 
 def plan_second(
     job: Job,
-    asked: Path | None,
+    named: Path | None,
     root: Path,
     files: Sequence[AxisFiles],
 ) -> tuple[Second | None, tuple[Remark, ...]]:
@@ -75,7 +75,7 @@ def plan_second(
 
     Args:
         job: The first job.
-        asked: Job of the second measurement, as the user names it.
+        named: Job of the second measurement, as the user names it.
         root: The output folder, as an earlier run left it.
         files: The lists of this run.
 
@@ -85,7 +85,7 @@ def plan_second(
     """
     earlier = _earlier(root)
     stated = job.spec.verify
-    path = job.file(stated.job) if asked is None and stated is not None else asked
+    path = job.file(stated.job) if named is None and stated is not None else named
     if path is None and earlier is None:
         return None, ()
     lists = {
@@ -99,16 +99,16 @@ def plan_second(
         _refuse_other_axes(job, after)
         name = job.relative(path)
         other = _other_list(job, after, root, files, lists)
-        if other is not None and asked is not None:
+        if other is not None and named is not None:
             raise after.error((), other)
         if other is not None:
             words = (
                 f"The second measurement of [verify] ({name}) does not count: {other}"
             )
             return None, (Remark.warning(words),)
-        same = earlier is not None and earlier.get("inputs") == _hashes(after)
+        equal = earlier is not None and earlier.get("inputs") == _hashes(after)
         date = (
-            earlier["date"] if same and earlier else datetime.date.today().isoformat()
+            earlier["date"] if equal and earlier else datetime.date.today().isoformat()
         )
         return Second(after, name, date, lists), ()
     assert earlier is not None
@@ -182,13 +182,13 @@ def measure_again(
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
         fits.append(dataclasses.replace(fit, again=again))
     fits = [_beside(fit, fits) for fit in fits]
-    settled, more = _settled_by(fits)
+    settled, notes = _settled_by(fits)
     if settled:
-        more += _save_settled(job, root, settled)
+        notes += _save_settled(job, root, settled)
     return dataclasses.replace(
         result,
         fits=tuple(_finished(fit, settled) for fit in fits),
-        remarks=(*result.remarks, *remarks, *more),
+        remarks=(*result.remarks, *remarks, *notes),
         second=second.record,
     )
 
@@ -199,15 +199,15 @@ def _is_off(job: Job, name: str, compensation: str) -> bool:
     return stated is not None and compensation not in stated
 
 
-def _beside(fit: AbstractResult, found: Sequence[AbstractResult]) -> AbstractResult:
-    """Return a fit that is right with what else of its axis is not, and spoils its figures."""
+def _beside(fit: AbstractResult, fits: Sequence[AbstractResult]) -> AbstractResult:
+    """Return a fit with the wrong fits of its axis, where it is right and its error stays large."""
     again = fit.again
     if again is None or again.diagnosis is None or again.diagnosis.verdict != "right":
         return fit
     wrong = tuple(
-        one.compensation
-        for one in found
-        if one.axis == fit.axis and one.again is not None and one.again.is_wrong
+        other.compensation
+        for other in fits
+        if other.axis == fit.axis and other.again is not None and other.again.is_wrong
     )
     if not wrong or again.rms is None or again.rms <= LESS * again.predicted:
         return fit
@@ -215,18 +215,18 @@ def _beside(fit: AbstractResult, found: Sequence[AbstractResult]) -> AbstractRes
 
 
 def _turned(
-    found: Diagnosis | None, readings: SecondMeasurement | None
+    diagnosis: Diagnosis | None, readings: SecondMeasurement | None
 ) -> Diagnosis | None:
-    """Return a diagnosis, "sign" where it cannot tell and the readings show that by themselves."""
+    """Return a diagnosis; "sign" for "cannot tell" where the readings alone show factor −1."""
     factor = None if readings is None else readings.factor
-    if found is None or found.verdict != "cannot tell" or factor is None:
-        return found
+    if diagnosis is None or diagnosis.verdict != "cannot tell" or factor is None:
+        return diagnosis
     value, deviation = factor
     if abs(value + 1.0) > _NEAR or 3.0 * deviation > _NEAR:
-        return found
+        return diagnosis
     words = "added with opposite sign"
     return dataclasses.replace(
-        found, verdict="sign", value=value, sentence=words, sign=-1
+        diagnosis, verdict="sign", value=value, sentence=words, sign=-1
     )
 
 
@@ -303,8 +303,8 @@ def _refuse_other_axes(job: Job, after: Job) -> None:
     numbers = {name: axis.number for name, axis in job.spec.axes.items()}
     names = {number: name for name, number in numbers.items()}
     for name, axis in after.spec.axes.items():
-        known = names.get(axis.number, name)
-        if (known, numbers.get(name, axis.number)) != (name, axis.number):
+        first = names.get(axis.number, name)
+        if (first, numbers.get(name, axis.number)) != (name, axis.number):
             raise after.error(
                 ("axes", name),
                 f"found axis {axis.number} as {name}, expected the names and numbers of"

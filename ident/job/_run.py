@@ -81,14 +81,14 @@ def run_job(
     files, whole = judge_whole(tables, files)
     second, outdated = plan_second(job, after, out, files)
     with _uninterrupted():
-        files, moved = _write(job, folder, files)
+        files, notes = _write(job, folder, files)
         by_axis = {axis.axis: axis for axis in files}
         sums: list[GroupResult] = []
         if groups:
             from .joint import prove_group
 
             sums = [prove_group(group, drafts, by_axis) for group in groups]
-        together = {index: axis.name for axis in sums for index in axis.fits}
+        together = {index: group.name for group in sums for index in group.fits}
         results = []
         for draft in drafts:
             proved, group = draft.prove(by_axis[draft.axis]), together.get(draft.index)
@@ -103,7 +103,7 @@ def run_job(
             inputs=job.hashes(),
             versions=_versions(),
             load_sheet=(),
-            remarks=(*remarks, *moved, *outdated),
+            remarks=(*remarks, *notes, *outdated),
             files=(*map(Path, folder.digests), Path(RESULT)),
             digests=folder.digests,
             wall_time=0.0,
@@ -130,17 +130,17 @@ def _uninterrupted() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield  # signals reach the main thread only
         return
-    held: list[int] = []
-    which = signal.SIGINT, signal.SIGTERM
+    pending: list[int] = []
+    signals = signal.SIGINT, signal.SIGTERM
     before = {
-        one: signal.signal(one, lambda number, _: held.append(number)) for one in which
+        code: signal.signal(code, lambda n, _: pending.append(n)) for code in signals
     }
     try:
         yield
     finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)
-        for number in held:
+        for code, handler in before.items():
+            signal.signal(code, handler)
+        for number in pending:
             signal.raise_signal(number)
 
 
@@ -164,7 +164,7 @@ def _names_of(number: int, fits: Sequence[FitSpec]) -> list[str]:
 def _write(
     job: Job, folder: OutFolder, files: Sequence[AxisFiles]
 ) -> tuple[tuple[AxisFiles, ...], list[Remark]]:
-    """Write all lists and return the axes with their names, and what was moved away."""
+    """Write all lists; return the axes with the names of their files, and remarks on old files."""
     for name in (RESULT, REPORT):  # written later, when the remarks are
         folder.keep(name)
     folder.keep_drawings()
@@ -177,7 +177,7 @@ def _write(
         axes.append(axis.as_written(folder.root, written))
     fragment = startup_fragment(files)
     folder.renew([_STARTUP], {} if fragment is None else {_STARTUP: fragment.dumps()})
-    moved = [
+    notes = [
         Remark.warning(
             f"{name} of an earlier run was moved to {earlier}: it does not belong to"
             " the lists of this run."
@@ -189,8 +189,8 @@ def _write(
     folder.renew(
         program_names(job), {name: text.encode() for name, text in programs.items()}
     )
-    moved += [Remark.warning(words) for words in folder.remarks]
-    return tuple(axes), moved
+    notes += [Remark.warning(words) for words in folder.remarks]
+    return tuple(axes), notes
 
 
 def _diagnosis(job: Job, files: Sequence[AxisFiles]) -> dict[str, bytes]:

@@ -108,7 +108,7 @@ class _Axis:
         draft = next(d for d in self.drafts if d.compensation in names)
         where = f"{draft.compensation}, in all, where it comes or goes"
         check = self.job.limits.check("max_jump", draft.jump, self.unit, where)
-        values = {each.name: each.value for each in self.files.gates[draft.index]}
+        values = {line.name: line.value for line in self.files.gates[draft.index]}
         return self._whole((draft.compensation,), (check,), values, (), [])
 
     def _together(self, loaded: AxisLists, names: tuple[str, ...]) -> WholeAxis:
@@ -138,15 +138,15 @@ class _Axis:
             cycles = kind(name).cycles
             if cycles is None or name in fitted:
                 continue
-            entry, most = cycles
+            entry, largest = cycles
             listing = loaded.used[name].listing
-            wanted = switching_cycles(jump, limit, listing.integer(entry), most)
-            if wanted is None:
+            needed = switching_cycles(jump, limit, listing.integer(entry), largest)
+            if needed is None:
                 continue
             words = (
                 f"The {name} of {listing.source} moves {self.name} by up to {jump:.4g}"
                 f" {self.unit} where it comes or goes, in"
-                f" {listing.integer(entry) or 0} cycles: set {entry} {wanted}, so that"
+                f" {listing.integer(entry) or 0} cycles: set {entry} {needed}, so that"
                 f" a cycle brings no more than {limit:g} {self.unit} (max_switching)."
             )
             remarks.append(Remark.warning(words))
@@ -157,12 +157,12 @@ class _Axis:
         if all(c.passed or not c.name.endswith(" at reversal") for c in lines):
             return
         jump = next(c.value for c in lines if c.name == "axis max_reversal")
-        now = reversal_cycles(loaded.machine)
-        wanted = spread_over(self.job, jump, None, REVERSAL_CYCLES)
-        if wanted > now:
+        cycles = reversal_cycles(loaded.machine)
+        needed = spread_over(self.job, jump, None, REVERSAL_CYCLES)
+        if needed > cycles:
             yield Remark.error(
                 f"A reversal moves {self.name} by up to {jump:.4g} {self.unit} in"
-                f" {now} cycles: set {REVERSAL_CYCLES} {wanted} in the axis list of"
+                f" {cycles} cycles: set {REVERSAL_CYCLES} {needed} in the axis list of"
                 f" {self.name} (machine_data), so that it is spread."
             )
 
@@ -269,22 +269,21 @@ class _Axis:
             warm = {name: motion.temperatures[name] for name in sensors}
             motion = dataclasses.replace(motion, temperatures=warm)
             added = added_beyond(loaded, before, spec.active, motion)
-            if (
-                draft.kind.table and spec.at_reference
-            ):  # lengths as they are where no law acts
+            if draft.kind.table and spec.at_reference:
+                # Lengths as they are where no law acts.
                 laws = (d.compensation for d in self.drafts if d.sensors)
                 added |= dict.fromkeys(laws, np.zeros(motion.rows))
             lacking = [n for n in names if n not in added and not kind(n).unseen]
             # Over axes that stood still it adds a constant, which nobody knows.
-            still = [n for n in lacking if self._stands(loaded.inputs(n), motion)]
+            still = [n for n in lacking if self._is_still(loaded.inputs(n), motion)]
             if roles := self._roles(loaded, set(lacking) - set(still), motion):
-                remarks.append(self._untold(source, roles))
+                remarks.append(self._lacking_roles(source, roles))
                 continue
             if measured.line:  # nobody knows the slope that the axis has then
                 axes = self.job.spec.axes
                 over = [measured.positions[axes[k].number] for k in draft.fit.over]
                 added = {k: without_zero(v, over, "line") for k, v in added.items()}
-            known = spec.remove == "none" and spec.datum is None and not still
+            about_zero = spec.remove == "none" and spec.datum is None and not still
             together.append(
                 judge_together(
                     source,
@@ -292,12 +291,12 @@ class _Axis:
                     measured.error,
                     added,
                     draft.predicted,
-                    known,
+                    about_zero,
                 )
             )
         return together
 
-    def _stands(self, inputs: Collection[int], motion: Motion) -> bool:
+    def _is_still(self, inputs: Collection[int], motion: Motion) -> bool:
         """Return whether no axis moves in a measurement that a compensation looks at."""
         places = motion.positions
         places_of = [places[k] for k in inputs or [self.files.number] if k in places]
@@ -318,7 +317,7 @@ class _Axis:
             roles += [f"temperature.{name}" for name in sensors]
         return roles
 
-    def _untold(self, source: str, roles: Sequence[str]) -> Remark:
+    def _lacking_roles(self, source: str, roles: Sequence[str]) -> Remark:
         words = ", ".join(f'"{role}" = {{ value = … }}' for role in roles)
         warm = any(role.startswith("temperature.") for role in roles)
         return Remark.error(
@@ -350,16 +349,16 @@ class _Axis:
                 readings.append((draft, source, reading))
         return readings
 
-    def _doubled(self, one: Together, names: tuple[str, ...]) -> Remark:
-        others = [name for name in names if name != one.compensation]
+    def _doubled(self, comparison: Together, names: tuple[str, ...]) -> Remark:
+        others = [name for name in names if name != comparison.compensation]
         follows = any("temperature" in kind(name).follows for name in names)
         warm = f" {_WARM}" if follows else ""
         return Remark.error(
-            f"With all that will act on {self.name}, {one.together:.4g} {self.unit} rms"
-            f" are left of measurement {one.measurement!r}, where the"
-            f" {one.compensation} alone leaves {one.alone:.4g} {self.unit}: it and"
+            f"With all that will act on {self.name}, {comparison.together:.4g} {self.unit} rms"
+            f" are left of measurement {comparison.measurement!r}, where the"
+            f" {comparison.compensation} alone leaves {comparison.alone:.4g} {self.unit}: it and"
             f" {' and '.join(others)} correct the same error. State in"
-            f" [measurements.{one.measurement}] what was on while measuring (active),"
+            f" [measurements.{comparison.measurement}] what was on while measuring (active),"
             ' identify them together (the same group = "…" in their [[fits]]), or switch'
             f" one of them off in the axis list of {self.name} (machine_data).{warm}",
         )
@@ -376,29 +375,29 @@ def _with_partner(
         files: All axes that are written.
         stopped: Axes whose lists the gate does not let out.
     """
-    axes, by_axis, axis = job.spec.axes, {one.axis: one for one in files}, whole.axis
+    axes, by_axis, axis = job.spec.axes, {item.axis: item for item in files}, whole.axis
     partners = [
         name
-        for name, one in axes.items()
-        if name == axes[axis].gantry or one.gantry == axis
+        for name, spec in axes.items()
+        if name == axes[axis].gantry or spec.gantry == axis
     ]
     for partner in partners:
         fitted, mine = by_axis.get(partner), by_axis[axis].after
         theirs = fitted.after if fitted else job.lists[partner]
-        own, there = _waits(mine), _waits(theirs)
+        waits, others = _waiting(mine), _waiting(theirs)
         lacking = [
             name
             for name in whole.compensations
-            if name not in there or _follows(theirs, name) != _follows(mine, name)
+            if name not in others or _follows(theirs, name) != _follows(mine, name)
         ]
-        apart = [name for name in own if there.get(name, own[name]) != own[name]]
+        apart = [name for name in waits if others.get(name, waits[name]) != waits[name]]
         # Where both were measured, each has the sign that its readings ask for.
         compared = () if fitted or lacking else whole.compensations
-        against, unread = dict[str, tuple[bool, float]](), ""
+        against, fault = dict[str, tuple[bool, float]](), ""
         try:
             against = {name: acts_against(theirs, mine, name) for name in compared}
         except ExchangeError as error:
-            unread = str(error)
+            fault = str(error)
         turned = [name for name, (other_way, _) in against.items() if other_way]
         where, advice = f"{partner} has all that acts on {axis}", ""
         doubt: Remark | None = None
@@ -411,9 +410,9 @@ def _with_partner(
         elif fitted and partner in stopped:
             where = f"{partner} is stopped by its own gate"
             advice = f"Mend what stops {partner}: both are let out together."
-        elif unread:
+        elif fault:
             where = f"{partner} has a list that cannot be compared with that of {axis}"
-            advice = f"Mend it: {unread}."
+            advice = f"Mend it: {fault}."
         elif turned:
             where = f"{partner} acts with the opposite sign: {' and '.join(turned)}"
             advice = (
@@ -424,14 +423,14 @@ def _with_partner(
         elif apart:
             where = f"{partner} has another manual_activation of {' and '.join(apart)}"
             advice = "Let both wait for COMP ON, or none."
-        elif more := [name for name in there if name not in own]:
+        elif extra := [name for name in others if name not in waits]:
             words = (
-                f"{partner}, the gantry partner of {axis}, has {' and '.join(more)}, and"
+                f"{partner}, the gantry partner of {axis}, has {' and '.join(extra)}, and"
                 f" {axis} has not: they move apart by what it adds. Name the list that"
                 f" {axis} has ([axes.{axis}] list = …), or fit {axis} as well."
             )
             doubt = Remark.warning(words)
-        elif twist := max((apart for _, apart in against.values()), default=0.0):
+        elif twist := max((offset for _, offset in against.values()), default=0.0):
             words = (
                 f"{axis} and its gantry partner {partner} are moved up to {twist:.4g} mm"
                 f" apart by their lists, more than {axis} alone is moved. Fit {partner} as"
@@ -458,6 +457,6 @@ def _follows(lists: AxisLists, name: str) -> set[int]:
     return set(lists.inputs(name)) - {lists.axis} if name in lists.used else set()
 
 
-def _waits(lists: AxisLists) -> dict[str, bool]:
+def _waiting(lists: AxisLists) -> dict[str, bool]:
     """Return whether it waits for COMP ON, of all that adds something to an axis."""
     return {name: lists.used[name].manual for name in lists.used if lists.acts(name)}

@@ -92,7 +92,7 @@ class VirtualMachine:
         """Return the error of the bare machine in mm by the compensation it asks for."""
         causes: dict[str, Column] = {}
         for source in self.sources:
-            if source.axis == self._known(axis):
+            if source.axis == self._checked(axis):
                 kind = source.compensation
                 causes[kind] = causes.get(kind, 0.0) + source.error(state)
         return causes
@@ -104,19 +104,19 @@ class VirtualMachine:
         total = self.true_error(axis, positions, direction)
         if self.controller is None:
             return total
-        none = np.zeros(len(direction))
-        where = np.stack([positions.get(name, none) for name in self.axes], axis=1)
-        ways = np.repeat(np.asarray(direction, dtype=float)[:, None], len(self.axes), 1)
+        zeros = np.zeros(len(direction))
+        where = np.stack([positions.get(name, zeros) for name in self.axes], axis=1)
+        sign = np.repeat(np.asarray(direction, dtype=float)[:, None], len(self.axes), 1)
         still = jnp.zeros(where.shape)
-        motion = Motion(jnp.asarray(where), still, still, direction=jnp.asarray(ways))
+        motion = Motion(jnp.asarray(where), still, still, direction=jnp.asarray(sign))
         column = list(self.axes).index(axis)
         added = np.asarray(self.controller.settled(motion).offset)[:, column]
         return np.asarray(total + added)
 
-    def _known(self, axis: str) -> str:
+    def _checked(self, axis: str) -> str:
         if axis not in self.axes:
-            known = ", ".join(self.axes)
-            raise MachineError(_WHERE, f"axis {axis}", f"one of {known}")
+            axes = ", ".join(self.axes)
+            raise MachineError(_WHERE, f"axis {axis}", f"one of {axes}")
         return axis
 
 
@@ -220,9 +220,9 @@ def measure(
         runs: How often all of it is done.
         ways: Of each run: 1 in the order of the points, −1 back over them.
     """
-    once = np.concatenate([points[::way] for way in ways])
-    run = np.repeat(np.arange(runs), len(once))
-    positions = np.tile(once, (runs, 1))
+    single = np.concatenate([points[::step] for step in ways])
+    run = np.repeat(np.arange(runs), len(single))
+    positions = np.tile(single, (runs, 1))
     direction = np.tile(np.repeat(ways, len(points)), runs)
     where = {name: positions[:, column] for column, name in enumerate(moved)}
     truth = machine.error(axis, where, direction)
@@ -231,19 +231,19 @@ def measure(
     return Reading(positions, reading, truth, direction, run + 1, wild)
 
 
-def write_reading(path: Path, header: str, found: Reading) -> None:
+def write_reading(path: Path, header: str, reading: Reading) -> None:
     """Write a measurement as CSV, with positions in mm and errors in µm.
 
     Args:
         path: File to write.
         header: Names of the columns: ``run`` and ``direction``, where they are wanted, the
             positions, and the error.
-        found: The measurement.
+        reading: The measurement.
     """
-    stated = {"run": (found.run, "%d"), "direction": (found.direction, "%+d")}
+    stated = {"run": (reading.run, "%d"), "direction": (reading.direction, "%+d")}
     used = [stated[name] for name in header.split(",") if name in stated]
-    columns = [*(column for column, _ in used), found.positions, 1000 * found.reading]
-    table = np.column_stack(columns)
+    columns = [column for column, _ in used]
+    table = np.column_stack([*columns, reading.positions, 1000 * reading.reading])
     forms = [form for _, form in used]
     forms += ["%.3f"] * (table.shape[1] - len(forms))
     np.savetxt(path, table, forms, ",", header=header, comments="")

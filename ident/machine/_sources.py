@@ -34,8 +34,8 @@ class State:
     @property
     def rows(self) -> int:
         """Number of instants."""
-        known = [*self.position.values(), *self.direction.values()]
-        return len(known[0]) if known else 0
+        columns = [*self.position.values(), *self.direction.values()]
+        return len(columns[0]) if columns else 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -166,8 +166,8 @@ class TableFlatness(AbstractErrorSource):
         )
         twist = self.twist * first * second
         sag = -self.sag * np.cos(np.pi * first / 2) * np.cos(np.pi * second / 2)
-        near = np.square(first + 1 / 3) + np.square(second + 1 / 3)
-        return twist + sag - self.dent * np.exp(-near / (2 * (1 / 6) ** 2))
+        squares = np.square(first + 1 / 3) + np.square(second + 1 / 3)
+        return twist + sag - self.dent * np.exp(-squares / (2 * (1 / 6) ** 2))
 
 
 @final
@@ -197,8 +197,8 @@ class PartGrowth(AbstractErrorSource):
         warmer = at.temperature[self.part] - self.neutral
         if not self.stretch:
             return self.shift * warmer
-        away = at.position[self.axis] - self.reference
-        return warmer * (self.shift + self.stretch * away)
+        distance = at.position[self.axis] - self.reference
+        return warmer * (self.shift + self.stretch * distance)
 
 
 @final

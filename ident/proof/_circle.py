@@ -108,8 +108,8 @@ def _course(
     phase = speed * cycle * (np.arange(-lead, turn) + 2 * turn + 0.5)
     position, velocity = radius * np.cos(phase), -radius * speed * np.sin(phase)
     length = -(-turn // _ARCS)
-    begins = np.minimum(length * np.arange(_ARCS), turn - length)
-    arcs = begins + np.arange(lead + length)[:, None]
+    starts = np.minimum(length * np.arange(_ARCS), turn - length)
+    arcs = starts + np.arange(lead + length)[:, None]
     motion = np.stack([position, velocity, -speed * speed * position])
     arrays = tuple(map(jnp.asarray, (motion, np.array([*_GAINS, cycle]), arcs)))
     return phase[lead:], arcs[lead:] - lead, arrays
@@ -184,8 +184,8 @@ def _follow(
         onward = place + 0.5 * cycle * (speed + end_speed)
         # At rest on the way: friction takes what it can get, and the axis sticks, or
         # goes the other way for what is left of the cycle.
-        begun = jnp.abs(speed) + jnp.abs(end_speed)
-        until = cycle * jnp.abs(speed) / jnp.where(begun > 0.0, begun, 1.0)
+        total = jnp.abs(speed) + jnp.abs(end_speed)
+        until = cycle * jnp.abs(speed) / jnp.where(total > 0.0, total, 1.0)
         stop = place + 0.5 * until * speed
         holds = jnp.where(drive < 0.0, breakaway[1], breakaway[0])
         excess = jnp.maximum(jnp.abs(drive) - holds, 0.0)

@@ -65,18 +65,18 @@ class _Lines:
 
     Attributes:
         table: The table.
-        way: The master.
+        master: Its number, 0 or 1.
         offset: At its nodes.
     """
 
     table: GateTable
-    way: int
+    master: int
     offset: Float[np.ndarray, "b r n"]
 
     @functools.cached_property
     def nodes(self) -> Float[np.ndarray, " n"]:
         """Positions of the master."""
-        return self.table.nodes[self.way]
+        return self.table.nodes[self.master]
 
     @functools.cached_property
     def steps(self) -> Float[np.ndarray, "b r m"]:
@@ -96,7 +96,7 @@ class _Lines:
             turn = nodes[-1] - nodes[0]
             nodes = np.concatenate([nodes[:-1] - turn, nodes, nodes[1:] + turn])
             ends, slopes = (slopes[..., -1:], slopes[..., :1]), np.tile(slopes, 3)
-        elif self.table.closed[self.way]:
+        elif self.table.closed[self.master]:
             ends = slopes[..., :1], slopes[..., -1:]
         else:
             # Outside the table the controller holds its edge: the slope there is 0.
@@ -108,15 +108,15 @@ class _Lines:
         """Return a node of the course in words."""
         if self.table.periodic:
             k %= len(self.nodes) - 1
-        index = [k] if len(self.table.nodes) == 1 else [[row, k], [k, row]][self.way]
+        index = [k] if len(self.table.nodes) == 1 else [[row, k], [k, row]][self.master]
         return f"at {place_of(self.table, index)}"
 
     def interval(self, row: int, k: int) -> str:
         """Return the interval after a node in words."""
         names, nodes = self.table.names, self.nodes
-        words = f"between {names[self.way]} = {nodes[k]:g} and {nodes[k + 1]:g}"
+        words = f"between {names[self.master]} = {nodes[k]:g} and {nodes[k + 1]:g}"
         if len(names) == 2:
-            crossing = 1 - self.way
+            crossing = 1 - self.master
             words += f" at {names[crossing]} = {self.table.nodes[crossing][row]:g}"
         return words
 
@@ -169,7 +169,7 @@ def kink(table: GateTable) -> tuple[float, str]:
 def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
     """Return the largest acceleration that a table adds, smoothed over `SMOOTHING`.
 
-    Along a line this is the change of slope over the way that the master makes in that
+    Along a line this is the change of slope over the path of the master in that
     time; across a cell of a plane its twist adds an acceleration of its own.
 
     Args:
@@ -183,8 +183,8 @@ def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
     candidates: list[_Tried] = []
     for lines in table.lines:
         nodes, slopes = lines.course
-        # The slope is constant between nodes: its change over a fixed way is largest
-        # where one end of the way has just passed a node.
+        # The slope is constant between nodes: its change over a fixed path is largest
+        # where one end of the path has just passed a node.
         beginning = np.arange(1, len(nodes) + 1)
         ahead = np.searchsorted(nodes, nodes + reach, side="right")
         behind = np.searchsorted(nodes, nodes - reach, side="right")

@@ -262,6 +262,6 @@ def switching_cycles(
     return None if within_limit(existing or 0) else _fewest(within_limit, most)
 
 
-def _fewest(within_limit: Callable[[int], bool], most: int) -> int:
+def _fewest(within_limit: Callable[[int], bool], largest: int) -> int:
     """Return the smallest number of cycles that stays inside the limits, else the largest."""
-    return next((n for n in range(2, most) if within_limit(n)), most)
+    return next((n for n in range(2, largest) if within_limit(n)), largest)

@@ -75,7 +75,7 @@ def held_out(
 def residual_of_folds(
     table: AbstractTable,
     samples: Samples,
-    left: Mapping[int, TableFit],
+    fits: Mapping[int, TableFit],
     groups: Int[np.ndarray, " t"],
     to_integers: Callable[[Sequence[TableFit]], Int[np.ndarray, "k ..."]],
     before: Float[np.ndarray, " t"],
@@ -88,7 +88,7 @@ def residual_of_folds(
     Args:
         table: What is written.
         samples: Readings.
-        left: By group, the table fitted without it.
+        fits: By group, the table fitted without it.
         groups: Of each reading.
         to_integers: From fits to the entries of their lists.
         before: Error as measured, per reading.
@@ -96,8 +96,8 @@ def residual_of_folds(
         by_run: Whether the groups are runs.
     """
     weight = np.ones(len(before)) if samples.weight is None else samples.weight
-    folds = [left[label] for label in sorted(left)]
-    fold_of_reading = np.array(sorted(left)).searchsorted(groups)
+    folds = [fits[label] for label in sorted(fits)]
+    fold_of_reading = np.array(sorted(fits)).searchsorted(groups)
     offsets = table.offsets(to_integers(folds), samples.positions, samples.branch)
     offset = offsets[fold_of_reading, np.arange(len(before))]
     spread = deviations(folds, fold_of_reading, samples)

@@ -281,11 +281,11 @@ def added_beyond(
         ExchangeError: If a list makes no table, or the motion lacks a position.
     """
     added = after.parts(motion)
-    was = [name for name in active if name in before.used]
-    if not was:
+    earlier = [name for name in active if name in before.used]
+    if not earlier:
         return added
     for name, value in before.parts(motion).items():
-        if name in was:
+        if name in earlier:
             added[name] = added[name] - value if name in added else -value
     return added
 
@@ -329,7 +329,7 @@ def judge_together(
     )
 
 
-def acts_against(partner: AxisLists, own: AxisLists, name: str) -> tuple[bool, float]:
+def acts_against(partner: AxisLists, axis: AxisLists, name: str) -> tuple[bool, float]:
     """Return whether a gantry partner has a compensation turned over, and what it twists by.
 
     At the nodes of the axis and in both directions: both together are then less than half
@@ -339,7 +339,7 @@ def acts_against(partner: AxisLists, own: AxisLists, name: str) -> tuple[bool, f
     Raises:
         ExchangeError: If a list makes no table.
     """
-    model, axes = own.models[name], own.inputs(name) or (own.axis,)
+    model, axes = axis.models[name], axis.inputs(name) or (axis.axis,)
     nodes = [np.array([0.0, 1000.0])] * len(axes)
     if isinstance(model, AbstractLookup):
         nodes = [np.asarray(line.positions) for line in model.ways]
@@ -350,13 +350,13 @@ def acts_against(partner: AxisLists, own: AxisLists, name: str) -> tuple[bool, f
     }
     direction = np.repeat([1, -1], grid[0].size)
     places |= dict.fromkeys(
-        (own.axis, partner.axis), places.get(own.axis, np.zeros(len(direction)))
+        (axis.axis, partner.axis), places.get(axis.axis, np.zeros(len(direction)))
     )
     added = [
         lists.parts(
             Motion(positions=places, directions={lists.axis: direction}, time=None)
         ).get(name)
-        for lists in (own, partner)
+        for lists in (axis, partner)
     ]
     if added[0] is None or added[1] is None:
         return False, 0.0

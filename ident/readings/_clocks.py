@@ -234,8 +234,8 @@ def _correlations(
     """Return shifts of the second signal in steps, and how alike both are there."""
     from scipy.signal import correlate
 
-    def over(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-        return np.asarray(correlate(left, right, mode="full", method="fft"))
+    def over(signal: np.ndarray, other: np.ndarray) -> np.ndarray:
+        return np.asarray(correlate(signal, other, mode="full", method="fft"))
 
     first = first - first.mean()
     second = second - second.mean()

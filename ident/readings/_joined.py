@@ -188,12 +188,12 @@ def _holds(table: Table, spec: ColumnSpec) -> bool:
 
 
 def _refuse_missing(files: Sequence[_File], spec: "MeasurementSpec") -> None:
-    known = {role for file in files for role in file.roles} | {"time"}
-    for role, wanted in spec.column_specs.items():
-        if role not in known:
+    roles = {role for file in files for role in file.roles} | {"time"}
+    for role, stated in spec.column_specs.items():
+        if role not in roles:
             names = [c.name for file in files for c in file.table.columns]
             listed = " + ".join(file.name for file in files)
-            raise ColumnError(listed, wanted.column, names, None)
+            raise ColumnError(listed, stated.column, names, None)
 
 
 def _offset(name: str, first: _File, other: _File) -> ClockState:
@@ -262,9 +262,9 @@ def _by_axis(file: _File) -> dict[str, str]:
 
 
 def _refuse_apart(
-    job: "Job", name: str, first: _File, other: _File, found: ClockState
+    job: "Job", name: str, first: _File, other: _File, clock: ClockState
 ) -> None:
-    begin, end = other.time[0] + found.offset, other.time[-1] + found.offset
+    begin, end = other.time[0] + clock.offset, other.time[-1] + clock.offset
     if begin > first.time[-1] or end < first.time[0]:
         reason = (
             f"{other.name} beside {first.name}: found no common time ({begin:g} to"

@@ -57,19 +57,19 @@ def observe(job: "Job") -> Observation:
     unzeroed: set[str] = set()
     for name in names:
         measured = tables.measured(name)
-        asked = [axis for axis in axes if has_error(measured, axis)]
-        rows = Rows(job, name, measured, asked, gaps=True)
-        run, none = rows.run, np.zeros(len(rows), dtype=np.int64)
+        with_error = [axis for axis in axes if has_error(measured, axis)]
+        rows = Rows(job, name, measured, with_error, gaps=True)
+        run, zeros = rows.run, np.zeros(len(rows), dtype=np.int64)
         position = rows.positions(PLACES)
         currents = {axis: rows.current(axis) for axis in axes}
         ways = {axis: rows.way(axis) for axis in position}
         parts.append(
             Observed(
                 time=rows.time,
-                run=none if run is None else run,
-                source=none,
+                run=zeros if run is None else run,
+                source=zeros,
                 position=position,
-                error={axis: rows.error(axis, position) for axis in asked},
+                error={axis: rows.error(axis, position) for axis in with_error},
                 direction={axis: one for axis, one in ways.items() if one is not None},
                 velocity=dict(_motions(rows, "velocity")),
                 acceleration=dict(_motions(rows, "acceleration")),
@@ -94,21 +94,21 @@ def observe(job: "Job") -> Observation:
 
 
 def _is_far(error: Float[np.ndarray, " t"]) -> bool:
-    known = error[np.isfinite(error)]
-    if not known.size:
+    finite = error[np.isfinite(error)]
+    if not finite.size:
         return False
-    low, middle, high = np.percentile(known, [16.0, 50.0, 84.0])
+    low, middle, high = np.percentile(finite, [16.0, 50.0, 84.0])
     return bool(abs(middle) > _FAR * 0.5 * (high - low))
 
 
-def _motions(rows: Rows, what: str) -> Iterator[tuple[str, Float[np.ndarray, " t"]]]:
+def _motions(rows: Rows, kind: str) -> Iterator[tuple[str, Float[np.ndarray, " t"]]]:
     """Yield velocities or accelerations, as recorded or else derived from logs."""
     for axis in rows.job.spec.axes:
-        if f"{axis}.{what}" in rows.measured.values or is_log(rows.measured, axis):
+        if f"{axis}.{kind}" in rows.measured.values or is_log(rows.measured, axis):
             try:
-                yield axis, rows.motion(axis, what, POSITION_ORDER["actual"])
+                yield axis, rows.motion(axis, kind, POSITION_ORDER["actual"])
             except MeasurementError as error:
-                rows.remarks.append(f"No {what} of {axis}: {error}")
+                rows.remarks.append(f"No {kind} of {axis}: {error}")
 
 
 def read_outside(job: "Job") -> tuple[Measured, ...]:
@@ -121,16 +121,16 @@ def read_outside(job: "Job") -> tuple[Measured, ...]:
         JobError: If a measurement does not suit.
     """
     tables = Tables(job)
-    found = tuple(
+    measured = tuple(
         read_error(tables, name, axis)[0]
         for name, axes in errors_in(tables).items()
         for axis in axes
     )
-    if not found:
+    if not measured:
         name, spec = next(iter(job.spec.measurements.items()))
         first = spec.axis or next(iter(job.spec.axes))
         derive_error(tables.measured(name), first)  # raises: what is missing
-    return found
+    return measured
 
 
 def errors_in(tables: Tables) -> dict[str, tuple[str, ...]]:

@@ -132,8 +132,8 @@ def rows_of(sources: Sequence[str], counts: Sequence[int]) -> dict[str, slice]:
 
 def joined(parts: list[np.ndarray | None]) -> np.ndarray | None:
     """Return the columns of all measurements one after the other, if all have it."""
-    known = [part for part in parts if part is not None]
-    return np.concatenate(known) if len(known) == len(parts) else None
+    arrays = [part for part in parts if part is not None]
+    return np.concatenate(arrays) if len(arrays) == len(parts) else None
 
 
 def joined_runs(

@@ -48,11 +48,11 @@ def sensor_name(text: str) -> str:
 
 def has_error(measured: Measurement, axis: str) -> bool:
     """Return whether the error of an axis was recorded, or what it is derived from."""
-    there = measured.values
-    if f"{axis}.error" in there:
+    roles = measured.values
+    if f"{axis}.error" in roles:
         return True
     others = (f"{axis}.position", f"{axis}.encoder")
-    return f"{axis}.actual" in there and any(role in there for role in others)
+    return f"{axis}.actual" in roles and any(role in roles for role in others)
 
 
 class Rows:
@@ -163,8 +163,8 @@ class Rows:
             MissingRole: If none was recorded.
             MeasurementError: If a value is one that no machine has.
         """
-        known = [kind for kind in kinds if f"{axis}.{kind}" in self.measured.values]
-        role = f"{axis}.{known[0] if known else 'position'}"
+        recorded = [kind for kind in kinds if f"{axis}.{kind}" in self.measured.values]
+        role = f"{axis}.{recorded[0] if recorded else 'position'}"
         place = self._sane(role, self._required(role, why))
         span = self.job.spec.axes[axis].modulo
         if span is None:
@@ -184,10 +184,10 @@ class Rows:
         Args:
             axis: Whose direction of motion counts; None: that of none.
         """
-        way = None if axis is None else self.direction(axis)
+        direction = None if axis is None else self.direction(axis)
         return self.job.standing(
             positions=self.positions(),
-            directions={} if axis is None or way is None else {axis: way},
+            directions={} if axis is None or direction is None else {axis: direction},
             temperatures={sensor: self.temperature(sensor) for sensor in self.sensors},
         )
 
@@ -295,14 +295,14 @@ class Rows:
         directions = self.direction(axis, needed=needed)
         if directions is None:
             return None
-        way = directions.astype(float)
+        signs = directions.astype(float)
         if is_log(self.measured, axis):
             place = self.position(axis, kinds=PLACES)
-            known = np.flatnonzero(np.isfinite(place))
-            gone = np.abs(place[known] - place[known[:1]])
-            far = known[gone > _LEFT * gone.max(initial=0.0)]
-            way[: far[0] if far.size else len(way)] = np.nan
-        return way
+            finite = np.flatnonzero(np.isfinite(place))
+            distance = np.abs(place[finite] - place[finite[:1]])
+            outside = finite[distance > _LEFT * distance.max(initial=0.0)]
+            signs[: outside[0] if outside.size else len(signs)] = np.nan
+        return signs
 
     def motion(
         self, axis: str, what: str, kinds: tuple[str, ...] | None = None

@@ -62,8 +62,8 @@ class Tables:
                 one.parts or one.value is not None for one in spec.column_specs.values()
             )
             if spec.file is not None and spec.profile is None and plain:
-                least = 0 if spec.stream is True else None
-                file = open_large(self.job.file(spec.file), least)
+                size = 0 if spec.stream is True else None
+                file = open_large(self.job.file(spec.file), size)
             self._large[name] = file
         return self._large[name]
 

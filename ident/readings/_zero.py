@@ -51,13 +51,13 @@ def without_zero(
         kind: ``none``, ``offset`` or ``line`` (over two masters, a plane).
     """
     places = np.stack([*positions] or [np.zeros(len(error))], axis=1)
-    known = np.isfinite(error) & np.isfinite(places).all(axis=1)
-    if kind == "none" or not known.any():
+    finite = np.isfinite(error) & np.isfinite(places).all(axis=1)
+    if kind == "none" or not finite.any():
         return error
-    error_of, at = error[known], places[known]
+    error_of, at = error[finite], places[finite]
     step = step_of(len(error_of))
     result = error.copy()
-    result[known] = zero_of(error_of[::step], at[::step], kind).off(error_of, at)
+    result[finite] = zero_of(error_of[::step], at[::step], kind).off(error_of, at)
     return result
 
 

@@ -122,9 +122,9 @@ def _draw_clouds(
         panel.set_xlabel(f"{fit.masters[0]} in {scale.position}")
     every = np.concatenate([error for _, error, _ in both])
     low, high = float(every.min()), float(every.max())
-    room = 0.08 * (high - low or 1.0)
+    margin = 0.08 * (high - low or 1.0)
     for panel in panels:
-        panel.set_ylim(low - room, high + room)
+        panel.set_ylim(low - margin, high + margin)
     panels[0].set_ylabel(f"error of {fit.axis} in {scale.error}")
 
 

@@ -73,9 +73,9 @@ class Section:
     @property
     def rows(self) -> dict[str, tuple[str, list[str]]]:
         """What each figure means, and its values as they are printed."""
-        shown = self.scale.figure
+        figure = self.scale.figure
         return {
-            name: (_ROWS[name], ["–" if v is None else shown(v) for v in values])
+            name: (_ROWS[name], ["–" if v is None else figure(v) for v in values])
             for name, values in self.figures.items()
         }
 
@@ -116,8 +116,8 @@ def figures_of(
         for name in _ROWS
         if wild or not name.endswith(", all")
     }
-    known = {name: cells for name, cells in rows.items() if set(cells) != {None}}
-    return stages, known
+    filled = {name: cells for name, cells in rows.items() if set(cells) != {None}}
+    return stages, filled
 
 
 def _figure(figures: ErrorFigures, name: str) -> float | None:

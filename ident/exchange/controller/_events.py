@@ -100,13 +100,13 @@ def homed_rows(
     if not homing:
         return None
     homed = np.ones((rows, len(numbers)), dtype=bool)
-    known: set[int] = set()
+    changed: set[int] = set()
     for event in homing:
         is_homed = event.action == "homed"
         for column in _columns(event, numbers):
-            if column not in known:
+            if column not in changed:
                 homed[: event.row, column] = not is_homed
-            known.add(column)
+            changed.add(column)
             homed[event.row :, column] = is_homed
     return homed
 
@@ -144,8 +144,8 @@ def selected_rows(
 def _columns(event: ControllerEvent, numbers: Sequence[int]) -> list[int]:
     if event.axis is None:
         return list(range(len(numbers)))
-    known = ", ".join(f"A{number}" for number in numbers)
-    expected = f"one of those that the lists name, {known}"
+    axes = ", ".join(f"A{number}" for number in numbers)
+    expected = f"one of those that the lists name, {axes}"
     expect(event.axis in numbers, event.where, f"axis {event.axis}", expected)
     return [list(numbers).index(event.axis)]
 
@@ -157,18 +157,18 @@ def loaded_versions(
 
     Beside the lists stands the one that was loaded again; None: all are as at first.
     """
-    now, spans = list(lists), {id(listing): (0, rows) for listing in lists}
-    versions: list[tuple[list[ListFile], ListFile | None]] = [(now, None)]
+    current, spans = list(lists), {id(listing): (0, rows) for listing in lists}
+    versions: list[tuple[list[ListFile], ListFile | None]] = [(current, None)]
     for event in events:
         if event.listing is None:
             continue
-        place = _replaced(now, event)
-        spans[id(now[place])] = spans[id(now[place])][0], event.row
+        place = _replaced(current, event)
+        spans[id(current[place])] = spans[id(current[place])][0], event.row
         # A copy: the same list may be loaded several times.
         new = dataclasses.replace(event.listing)
         spans[id(new)] = event.row, rows
-        now = [*now[:place], new, *now[place + 1 :]]
-        versions.append((now, new))
+        current = [*current[:place], new, *current[place + 1 :]]
+        versions.append((current, new))
     return versions, spans
 
 

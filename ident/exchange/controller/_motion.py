@@ -104,9 +104,9 @@ class Motion:
         Raises:
             ExchangeError: If the motion does not have it.
         """
-        known = ", ".join(f"{self.name(number)}.position" for number in self.positions)
-        wanted = f"{self.name(axis)}.position {why}"
-        expect(axis in self.positions, self.source, known or "no position", wanted)
+        roles = ", ".join(f"{self.name(number)}.position" for number in self.positions)
+        expected = f"{self.name(axis)}.position {why}"
+        expect(axis in self.positions, self.source, roles or "no position", expected)
         return self.positions[axis]
 
     def check(self, cycle_time: float | None = None) -> None:
@@ -215,5 +215,5 @@ def direction_of_motion(position: Column, start: int = 1) -> Int[np.ndarray, " t
         start: Direction before the first motion (S-21).
     """
     places = jnp.asarray(filled(position, 256))
-    ways, _, _ = directions(DirectionState.start(start), places)
-    return np.asarray(ways)[: len(position)].astype(np.int64)
+    signs, _, _ = directions(DirectionState.start(start), places)
+    return np.asarray(signs)[: len(position)].astype(np.int64)

@@ -95,49 +95,49 @@ def simulate(
     versions, spans = loaded_versions(lists, events or (), motion.rows)
     added: dict[tuple[int, str], Column] = {}
     why: dict[InUse, str | None] = {}
-    shown: set[int] = set()
+    axes: set[int] = set()
     for version, new in versions:
         machine = machine_lists(version)
         used = [
-            one
-            for one in machine.in_use(reading.conventions, reading.lines)
-            if only is None or only(one)
+            use
+            for use in machine.in_use(reading.conventions, reading.lines)
+            if only is None or only(use)
         ]
         expect(
-            machine.compensation or any(one.kind.holder == "axis" for one in used),
-            ", ".join(one.source for one in version) or "lists",
+            machine.compensation or any(use.kind.holder == "axis" for use in used),
+            ", ".join(listing.source for listing in version) or "lists",
             "no compensation list",
             "at least one (kopf.*, kw.*)",
         )
-        lacks = {one: one.kind.entries.lacks(one, motion, reading) for one in used}
-        computed = [one for one in used if lacks[one] is None]
-        for one in computed:
-            for axis in one.kind.entries.looks_at(one, motion):
-                motion.position(axis, f"for {one.kind.noun} of A{one.axis}")
+        lacks = {use: use.kind.entries.lacks(use, motion, reading) for use in used}
+        computed = [use for use in used if lacks[use] is None]
+        for use in computed:
+            for axis in use.kind.entries.looks_at(use, motion):
+                motion.position(axis, f"for {use.kind.noun} of A{use.axis}")
         numbers = axes_in_use(used, machine)
         controller = controller_of(computed, machine, numbers, reading)
         whole = _controller_motion(motion, numbers, reading.conventions)
         if events is not None:
-            others = [one for one in events if one.action != "reload"]
+            others = [event for event in events if event.action != "reload"]
             windows = {
-                (one.axis, one.name): spans[id(one.listing)]
-                for one in used
-                if id(one.listing) in spans
+                (use.axis, use.name): spans[id(use.listing)]
+                for use in used
+                if id(use.listing) in spans
             }
             homed = homed_rows(others, numbers, motion.rows)
             active = selected_rows(controller, others, numbers, motion.rows, windows)
             whole = dataclasses.replace(whole, homed=homed, active=active)
         offsets = _run(controller, whole, settled=motion.time is None)
-        for one in computed:
+        for use in computed:
             # What was there before a list was loaded again is added already.
-            if new is None or one.listing is new:
-                rows = offsets[one.name][:, numbers.index(one.axis)]
-                added[one.axis, one.name] = rows + added.get((one.axis, one.name), 0.0)
+            if new is None or use.listing is new:
+                rows = offsets[use.name][:, numbers.index(use.axis)]
+                added[use.axis, use.name] = rows + added.get((use.axis, use.name), 0.0)
         why |= lacks
-        shown |= {one.axis for one in used}
-        shown |= set(machine.compensation) if only is None else set()
+        axes |= {use.axis for use in used}
+        axes |= set(machine.compensation) if only is None else set()
     waiting = events is not None
-    return tuple(_axis(axis, added, why, motion, waiting) for axis in sorted(shown))
+    return tuple(_axis(axis, added, why, motion, waiting) for axis in sorted(axes))
 
 
 def _controller_motion(
@@ -151,11 +151,11 @@ def _controller_motion(
     Raises:
         ExchangeError: If the conventions take actual positions and there are none.
     """
-    none = np.zeros(motion.rows)
+    zeros = np.zeros(motion.rows)
 
     def table(columns: Mapping[int, Column | None]) -> Float[Array, "t a"]:
         rates = [columns.get(number) for number in numbers]
-        return as_array(np.stack([none if c is None else c for c in rates], axis=1))
+        return as_array(np.stack([zeros if c is None else c for c in rates], axis=1))
 
     def rates(actual: bool) -> list[Float[Array, "t a"]]:
         pairs = {number: motion.rates(number, actual) for number in numbers}
@@ -165,14 +165,14 @@ def _controller_motion(
     if by_actual and not motion.actuals:
         like = f"columns such as A{numbers[0]}.actual, as the convention {by_actual[0]}"
         raise ExchangeError(motion.source, "no actual positions", f"{like} takes them")
-    ways: dict[int, Column | None] = {}
+    signs: dict[int, Column | None] = {}
     places = motion.actuals if "direction_source" in by_actual else motion.positions
     for axis in numbers:
         if axis in motion.directions:
-            ways[axis] = motion.directions[axis].astype(float)
+            signs[axis] = motion.directions[axis].astype(float)
         elif motion.time is not None and axis in places:
             place = motion.unwrapped(axis, places[axis])
-            ways[axis] = direction_of_motion(place, 0).astype(float)
+            signs[axis] = direction_of_motion(place, 0).astype(float)
     velocity, acceleration = rates(actual=False)
     fast, pushed = rates(True) if "crosstalk_input" in by_actual else (None, None)
     warm = list(motion.temperatures.values())
@@ -183,7 +183,7 @@ def _controller_motion(
         velocity=velocity,
         acceleration=acceleration,
         temperature=as_array(np.stack(warm, axis=1)) if warm else None,
-        direction=table(ways) if motion.directions or motion.ranges else None,
+        direction=table(signs) if motion.directions or motion.ranges else None,
         actual=None if actual is None else table(actual),
         actual_velocity=fast,
         actual_acceleration=pushed,
@@ -229,9 +229,9 @@ def _axis(
     waiting: bool,
 ) -> AxisOffsets:
     """Return what is added to an axis; why something is not computed, by what is in use."""
-    act = [each for each in kinds() if (axis, each.name) in added]
-    parts = {each.name: added[axis, each.name] for each in act if not each.adds_current}
-    currents = [added[axis, each.name] for each in act if each.adds_current]
+    act = [kind for kind in kinds() if (axis, kind.name) in added]
+    parts = {kind.name: added[axis, kind.name] for kind in act if not kind.adds_current}
+    currents = [added[axis, kind.name] for kind in act if kind.adds_current]
     mine = {entry: reason for entry, reason in why.items() if entry.axis == axis}
     out = {entry.name: reason for entry, reason in mine.items() if reason is not None}
     remarks = [
@@ -298,7 +298,7 @@ class AxisLists:
             self.reading.conventions, self.reading.lines
         )
         mine = {entry.name: entry for entry in entries if entry.axis == self.axis}
-        places = [sort.name for sort in kinds() if not sort.adds_current]
+        places = [kind.name for kind in kinds() if not kind.adds_current]
         return {name: mine[name] for name in places if name in mine}
 
     def inputs(self, name: str) -> tuple[int, ...]:
@@ -322,7 +322,7 @@ class AxisLists:
         Raises:
             ExchangeError: If a list makes none.
         """
-        return {name: model_of(one, self.reading) for name, one in self.used.items()}
+        return {name: model_of(use, self.reading) for name, use in self.used.items()}
 
     def parts(self, motion: Motion) -> dict[str, Column]:
         """Return what the controller adds, by compensation, in mm or °.
@@ -333,7 +333,7 @@ class AxisLists:
         Raises:
             ExchangeError: If a list makes no table.
         """
-        if not any(self._is_known(one, motion) for one in self.used.values()):
+        if not any(self._is_known(use, motion) for use in self.used.values()):
             return {}
         whole = motion
         if self.axis not in motion.positions and self._has_no_slope:
@@ -343,7 +343,7 @@ class AxisLists:
             self.files,
             whole,
             self.reading,
-            only=lambda one: self._is_known(one, motion),
+            only=lambda use: self._is_known(use, motion),
         )
         return dict(axis.parts)
 

@@ -146,12 +146,12 @@ def _fits(job: JobFile) -> Iterator[Fault]:
     for k, fit in enumerate(job.fits):
         where: KeyPath = ("fits", k)
         yield from _references(job, fit, where)
-        twin = first.setdefault((fit.compensation, fit.axis), k)
-        if twin != k:
+        earlier = first.setdefault((fit.compensation, fit.axis), k)
+        if earlier != k:
             yield (
                 (*where, "axis"),
                 f"found a second {fit.compensation} fit of {fit.axis} (the first is"
-                f" fits[{twin}]), expected one: an axis has one of each kind",
+                f" fits[{earlier}]), expected one: an axis has one of each kind",
             )
         for key in fit.lacking:
             if key in fit.model_fields_set:
@@ -188,7 +188,7 @@ def _groups(job: JobFile) -> Iterator[Fault]:
             )
     groups = job.groups
     together = {
-        name for own in groups.values() for k in own for name in job.fits[k].sources
+        name for group in groups.values() for k in group for name in job.fits[k].sources
     }
     for name, measured in job.measurements.items():
         if measured.drift and job.fits and name not in together:

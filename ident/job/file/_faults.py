@@ -103,12 +103,12 @@ def first_fault(
     value = _quoted(first.get("input"))
     if kind == "extra_forbidden":
         part = _part(where[:-1], values)
-        known = [
+        keys = [
             field.alias or name
             for name, field in (part.model_fields.items() if part else ())
         ]
         reason = "unknown key"
-        if close := difflib.get_close_matches(str(where[-1]), known, 1, cutoff=0.0):
+        if close := difflib.get_close_matches(str(where[-1]), keys, 1, cutoff=0.0):
             reason += f" (nearest: {close[0]!r})"
     elif kind == "missing":
         reason = "found nothing, expected this key"
@@ -139,7 +139,7 @@ def first_fault(
     else:
         # A union reports every branch that it tried.
         wishes = [
-            _wish(item["msg"])
+            _expected(item["msg"])
             for item in errors
             if _clean(item["loc"], values) == where
         ]
@@ -171,10 +171,10 @@ def _is_type_name(part: str) -> bool:
     return bool(re.match(r"(str|int|float|bool|list|constrained|literal|Column)", part))
 
 
-def _wish(message: str) -> str:
+def _expected(message: str) -> str:
     """Return what pydantic expected, in the words of TOML."""
-    wish = message.removeprefix("Input should be ").replace("a valid ", "")
-    return "a table" if wish.startswith("dictionary or instance") else wish
+    expected = message.removeprefix("Input should be ").replace("a valid ", "")
+    return "a table" if expected.startswith("dictionary or instance") else expected
 
 
 def _quoted(value: Any) -> str:

@@ -71,27 +71,28 @@ def found_keys(
     return result
 
 
-def _sources(observation: Observation, found: Discovery, one: Found) -> tuple[str, ...]:
+def _sources(
+    observation: Observation, discovery: Discovery, fit: Found
+) -> tuple[str, ...]:
     """Return the measurements that hold all that a fit, or its group, needs."""
     data = observation.data
-    if kind(one.compensation).adds_current:
-        known = np.isfinite(data.current[one.axis])
-        counts = np.bincount(data.source[known], minlength=len(observation.names))
+    if kind(fit.compensation).adds_current:
+        finite = np.isfinite(data.current[fit.axis])
+        counts = np.bincount(data.source[finite], minlength=len(observation.names))
         return (observation.names[int(np.argmax(counts))],)
-    effects = [one]
-    if one.group is not None:
-        effects = [effect for effect in found.found if effect.group == one.group]
-    known = np.isfinite(data.error[one.axis])
+    effects = [fit]
+    if fit.group is not None:
+        effects = [effect for effect in discovery.found if effect.group == fit.group]
+    finite = np.isfinite(data.error[fit.axis])
     for effect in effects:
-        axes = {*effect.masters, effect.axis} & set(data.position)
-        for axis in axes:
-            known = known & np.isfinite(data.position[axis])
+        for axis in {*effect.masters, effect.axis} & set(data.position):
+            finite = finite & np.isfinite(data.position[axis])
         for sensor in effect.sensors:
-            known = known & np.isfinite(data.temperature[sensor])
+            finite = finite & np.isfinite(data.temperature[sensor])
     return tuple(
         name
         for number, name in enumerate(observation.names)
-        if known[data.source == number].any()
+        if finite[data.source == number].any()
     )
 
 

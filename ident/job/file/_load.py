@@ -250,7 +250,7 @@ def _says_something(line: str) -> bool:
 def _refuse_other_axis(job: Job, name: str, key: str, listing: ListFile) -> None:
     number = job.spec.axes[name].number
     try:
-        found = axis_number(listing)
+        stated = axis_number(listing)
     except ExchangeError:
         return  # The file does not say; the job does.
     says = "kopf.achs_nr"
@@ -258,8 +258,8 @@ def _refuse_other_axis(job: Job, name: str, key: str, listing: ListFile) -> None
         says = Path(listing.source).name
         if _NAMED.fullmatch(says) is None:
             return  # A number in another name may be that of a machine.
-    if found != number:
+    if stated != number:
         raise job.error(
             ("axes", name, key),
-            f"found a list of axis {found} ({says}), expected axis {number}",
+            f"found a list of axis {stated} ({says}), expected axis {number}",
         )

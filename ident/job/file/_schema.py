@@ -342,8 +342,7 @@ class JobFile(JobPart, frozen=True):
         for k, fit in enumerate(self.fits):
             if fit.group is not None:
                 groups[fit.group] = (*groups.get(fit.group, ()), k)
-        known = self.measurements
-        drifting = {name for name, measured in known.items() if measured.drift > 0}
+        drifting = {name for name, spec in self.measurements.items() if spec.drift > 0}
         return {
             name: indices
             for name, indices in groups.items()

@@ -83,15 +83,15 @@ class IdentifiedGroup:
     def datum(self) -> tuple[tuple[float, ...], dict[str, float]]:
         """By member what its table takes over of the axis's datum; by axis what is left."""
         members = self.members
-        left = {axis: float(value) for axis, (value, _) in self.fit.datum.items()}
+        datum = {axis: float(value) for axis, (value, _) in self.fit.datum.items()}
         constant = [0.0] * len(members)
         takers = [
             k for k, m in enumerate(members) if m.takes_constant and self.written[k]
         ]
         for k in sorted(takers, key=lambda k: members[k].fit.kind.takes_constant or 0):
             axis = members[k].axis
-            constant[k], left[axis] = left.get(axis, 0.0), 0.0
-        return tuple(constant), left
+            constant[k], datum[axis] = datum.get(axis, 0.0), 0.0
+        return tuple(constant), datum
 
 
 def fit_group(
@@ -184,9 +184,9 @@ def _effects(
     """Return the effect of each member; some show their form behind the others."""
     effects = [member.effect(recording, None) for member in members]
     errors = {member.axis: recording.data.error[member.axis] for member in members}
-    known = [*(effect for effect in effects if effect is not None), *helpers]
-    if None in effects and known:
-        first = _fit(members, recording, known)
+    others = [*(effect for effect in effects if effect is not None), *helpers]
+    if None in effects and others:
+        first = _fit(members, recording, others)
         fitted = first.predict(recording.data)
         errors |= {axis: errors[axis] - fitted[axis] for axis in first.axes}
     return [
@@ -261,13 +261,13 @@ def confounded(tables: Tables, plans: Mapping[int, AbstractPlan]) -> dict[int, s
         tables: Measurements of the job.
         plans: Fits of no group, by index.
     """
-    known: dict[tuple[str, tuple[str, ...]], list[AbstractPlan]] = {}
+    groups: dict[tuple[str, tuple[str, ...]], list[AbstractPlan]] = {}
     for plan in plans.values():
         if not plan.kind.adds_current:  # friction has its own
             sources = tuple(sorted(plan.fit.sources))
-            known.setdefault((plan.axis, sources), []).append(plan)
+            groups.setdefault((plan.axis, sources), []).append(plan)
     reasons: dict[int, str] = {}
-    for members in known.values():
+    for members in groups.values():
         # A table alone on a log that is read in pieces stays aside: whatever shares the
         # log has it read into memory.
         try:
@@ -325,6 +325,6 @@ def at_once(effect: AbstractEffect) -> AbstractEffect:
 
 
 def few(data: JointData) -> JointData:
-    """Return as many readings as are enough to see what goes together."""
+    """Return evenly spaced readings, few enough to compare the effects quickly."""
     step = -(-len(data) // _MOST)
     return data.take(np.arange(0, len(data), step)) if step > 1 else data

@@ -213,8 +213,8 @@ def _share_of(
     written: bool = False,
 ) -> EffectShare:
     """Return how much a part of the joint fit is."""
-    known = part.contribution[np.isfinite(part.contribution)]
-    rms = float(np.std(known)) if known.size else 0.0
+    contribution = part.contribution[np.isfinite(part.contribution)]
+    rms = float(np.std(contribution)) if contribution.size else 0.0
     effect = part.effect
     return EffectShare(
         index, part.name, effect.axis, effect.compensation,
@@ -250,7 +250,7 @@ def _sum(
     if not any(constant[k] for k in mine):
         # No list takes a constant away: what is left is judged about its middle.
         error, predicted, from_file = (
-            each - float(np.median(each)) for each in (error, predicted, from_file)
+            value - float(np.median(value)) for value in (error, predicted, from_file)
         )
     return AxisSum(
         axis=axis,
@@ -327,17 +327,17 @@ def _added_by_files(
 
     def columns(table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         taken = {name: values[rows] for name, values in table.items()}
-        return {name: each for name, each in taken.items() if np.isfinite(each).all()}
+        return {name: item for name, item in taken.items() if np.isfinite(item).all()}
 
-    ways = columns(data.direction)
+    signs = columns(data.direction)
     motion = job.standing(
         positions=columns(data.position),
-        directions={axis: np.where(way < 0, -1, 1) for axis, way in ways.items()},
+        directions={axis: np.where(sign < 0, -1, 1) for axis, sign in signs.items()},
         velocities=columns(data.velocity),
         accelerations=columns(data.acceleration),
-        temperatures={k: v for one in drafts for k, v in one.warmth.items()},
+        temperatures={k: v for draft in drafts for k, v in draft.warmth.items()},
     )
     names = {draft.compensation for draft in drafts} | set(active)
     added = added_beyond(files.after, files.existing, active, motion)
-    known = [value for name, value in added.items() if name in names]
-    return np.asarray(np.sum(known, axis=0)) if known else np.zeros(len(rows))
+    parts = [value for name, value in added.items() if name in names]
+    return np.asarray(np.sum(parts, axis=0)) if parts else np.zeros(len(rows))

@@ -95,14 +95,14 @@ class GroupRecording:
             error: Of those that are kept, in mm or °.
             keep: Which.
         """
-        way = self.data.direction.get(turns or "")
-        if way is not None:
-            way = way[keep] if np.isfinite(way[keep]).all() else None
+        direction = self.data.direction.get(turns or "")
+        if direction is not None:
+            direction = direction[keep] if np.isfinite(direction[keep]).all() else None
         ends = np.concatenate([[0], np.cumsum(keep)])
         return Readings(
             positions=np.stack([self.data.position[name][keep] for name in over], 1),
             error=error,
-            direction=None if way is None else way.astype(np.int64),
+            direction=None if direction is None else direction.astype(np.int64),
             run=None if self.run is None else self.run[keep],
             order=self.order[keep],
             timed=self.timed,
@@ -143,9 +143,9 @@ def read_group(
     counts = [len(part) for part in parts]
     columns = {table: stacked(parts, table, counts) for table in CHANNELS}
     run = joined_runs([part.run for part in parts], counts)
-    ways = [*columns["direction"].values()]
-    if run is not None and len(ways) == 1 and np.isin(ways[0], (-1.0, 1.0)).all():
-        run = cycles_of(run, ways[0].astype(np.int64))
+    signs = [*columns["direction"].values()]
+    if run is not None and len(signs) == 1 and np.isin(signs[0], (-1.0, 1.0)).all():
+        run = cycles_of(run, signs[0].astype(np.int64))
     several = run is not None and len(np.unique(run)) > 1
     time = joined([part.time for part in parts])
     order = np.arange(sum(counts), dtype=float) if time is None else time
@@ -217,7 +217,7 @@ def _columns(
         axis: rows.position(axis, hint, order if axis in adapted else kinds)
         for axis in placed
     }
-    direction, error = _ways(rows, members, alone), {}
+    direction, error = _directions(rows, members, alone), {}
     for axis in measured:
         lengths = any(fit.lengths for fit in fits if fit.axis == axis)
         # What the drive gives way while another axis accelerates is no crosstalk.
@@ -266,38 +266,38 @@ def _has_error(rows: Rows, axis: str) -> bool:
     return any(f"{axis}.{kind}" in rows.measured.values for kind in ("error", "actual"))
 
 
-def _ways(
+def _directions(
     rows: Rows, members: Sequence["AbstractPlan"], alone: bool
 ) -> dict[str, Float[np.ndarray, " t"]]:
     """Return the directions of motion by axis."""
     turning, fit = _unique(member.turning for member in members), members[0].fit
     if not alone:
-        return {axis: _way(rows, axis, fit) for axis in turning}
+        return {axis: _direction(rows, axis, fit) for axis in turning}
     names = turning or ((fit.axis,) if fit.lengths else ())
-    known = {axis: rows.direction(axis, needed=bool(turning)) for axis in names}
-    return {axis: way.astype(float) for axis, way in known.items() if way is not None}
+    signs = {axis: rows.direction(axis, needed=bool(turning)) for axis in names}
+    return {axis: way.astype(float) for axis, way in signs.items() if way is not None}
 
 
-def _way(rows: Rows, axis: str, fit: FitSpec) -> Float[np.ndarray, " t"]:
+def _direction(rows: Rows, axis: str, fit: FitSpec) -> Float[np.ndarray, " t"]:
     """Return ±1, or NaN where this measurement does not tell it.
 
     In motion neither does what follows a reversal, as long as the play is taken up.
     """
     try:
-        way = rows.way(axis, needed=True)
+        direction = rows.way(axis, needed=True)
     except DirectionUnknown:
         if len(fit.sources) == 1:
             raise
         return np.full(len(rows), np.nan)
-    assert way is not None  # else it has raised
+    assert direction is not None  # else it has raised
     if axis not in rows.moving:
-        return way
+        return direction
     place = rows.position(axis)
     turned = np.maximum.accumulate(
-        np.where(np.diff(way, prepend=0.0), np.arange(len(way)), 0)
+        np.where(np.diff(direction, prepend=0.0), np.arange(len(direction)), 0)
     )
-    least = min(_TAKEN_UP * float(np.ptp(place[np.isfinite(place)])), _LONGEST)
-    return np.where(np.abs(place - place[turned]) < least, np.nan, way)
+    play = min(_TAKEN_UP * float(np.ptp(place[np.isfinite(place)])), _LONGEST)
+    return np.where(np.abs(place - place[turned]) < play, np.nan, direction)
 
 
 def followed(time: Float[np.ndarray, " t"], slices: Mapping[str, slice]) -> bool:

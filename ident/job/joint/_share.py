@@ -143,8 +143,8 @@ class Share:
             over: Axes whose positions it needs.
             turns: Whether the direction of motion counts.
         """
-        way = self.axis if turns else None
-        return self.recording.readings(over, way, self.error, self.rows)
+        axis = self.axis if turns else None
+        return self.recording.readings(over, axis, self.error, self.rows)
 
     @property
     def why_undetermined(self) -> str:

@@ -58,8 +58,8 @@ class WholeAxis:
     @property
     def failed(self) -> bool:
         """Whether its lists must not be loaded."""
-        loud = any(remark.level == "error" for remark in self.remarks)
-        return loud or not all(check.passed for check in self.gate)
+        error = any(remark.level == "error" for remark in self.remarks)
+        return error or not all(check.passed for check in self.gate)
 
     def as_tree(self) -> dict[str, Any]:
         """Return what result.json says of the axis; its remarks stand with its fits."""

@@ -48,10 +48,10 @@ def by_level(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
     return tuple(sorted(remarks, key=lambda remark: levels.index(remark.level)))
 
 
-def some_of(names: Sequence[str], most: int) -> str:
+def some_of(names: Sequence[str], limit: int) -> str:
     """Return a few of many names, and how many more there are."""
-    more = len(names) - most
-    return "; ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
+    omitted = len(names) - limit
+    return "; ".join(names[:limit]) + (f" and {omitted} more" if omitted > 0 else "")
 
 
 def largest_wild(

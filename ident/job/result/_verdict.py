@@ -88,11 +88,11 @@ def judgement_of(fit: "AbstractResult") -> Judgement:
     failed = [check.name for check in fit.gate if not check.passed]
     if failed:
         return Judgement(Verdict.REJECTED, (Reason(Code.GATE, {"checks": failed}),))
-    loud = [remark.message for remark in fit.remarks if remark.level == "error"]
-    if loud:
+    errors = [remark.message for remark in fit.remarks if remark.level == "error"]
+    if errors:
         unwritten = fit.left_out or not fit.files
         verdict = Verdict.UNDETERMINED if unwritten else Verdict.REJECTED
-        return Judgement(verdict, (Reason(Code.ERROR, {"message": loud[0]}),))
+        return Judgement(verdict, (Reason(Code.ERROR, {"message": errors[0]}),))
     if not fit.files:
         return Judgement(Verdict.GOOD, (Reason(Code.NOTHING_WRITTEN),))
     if (fault := _fault_measured(fit)) is not None:
@@ -132,8 +132,8 @@ def _fault_measured(fit: "AbstractResult") -> Reason | None:
             Code.DIAGNOSED, {"verdict": diagnosis.verdict, "value": diagnosis.value}
         )
     # Where no gain was promised only what is plainly worse speaks against the list.
-    least = NO_GAIN if again.predicted < NO_GAIN * again.before else LESS
-    if not excused and again.rms is not None and again.rms >= least * again.before:
+    ratio = NO_GAIN if again.predicted < NO_GAIN * again.before else LESS
+    if not excused and again.rms is not None and again.rms >= ratio * again.before:
         return Reason(Code.NO_BETTER)
     return None
 

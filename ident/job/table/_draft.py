@@ -84,8 +84,8 @@ class TableDraft(AbstractDraft):
 
     @property
     def needs(self) -> str:
-        whose = "it is" if self.fit.lengths else "its masters are"
-        return f"Works once {whose} referenced"
+        subject = "it is" if self.fit.lengths else "its masters are"
+        return f"Works once {subject} referenced"
 
     def entries(self) -> dict[str, Value]:
         values: dict[str, Value] = dict(
@@ -242,7 +242,7 @@ class TableDraft(AbstractDraft):
             places = places_of(samples, fit.wild, self.fit.over)
         else:
             error, beyond = self.log.figures(back)
-            count, wild = self.log.found.count, self.log.found.wild
+            count, wild = self.log.streamed.count, self.log.streamed.wild
         deviation = written_deviation(self.estimate)
         return TableResult(
             **self.frame(done),

@@ -52,8 +52,8 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
             raise plan.job.error(("fits", plan.index, "constraints"), reason)
         draft = fit_log(log)
     else:
-        readings, more = read_fit(tables, plan, left)
-        draft = fit_plan(plan, readings, (*words, *more))
+        readings, notes = read_fit(tables, plan, left)
+        draft = fit_plan(plan, readings, (*words, *notes))
     refuse_unowned_trend(plan, draft.estimate)
     return draft
 
@@ -68,8 +68,8 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     table, spec, remarks = plan.table, plan.fit, [*remarks]
     run, nodes = readings.run, tuple(line.positions for line in table.nodes)
     # Whether the runs go over the same places, so that others can judge each.
-    way = readings.direction if table.branches == 2 else None
-    repeated = run is not None and runs_overlap(readings.positions, run, nodes, way)
+    signs = readings.direction if table.branches == 2 else None
+    repeated = run is not None and runs_overlap(readings.positions, run, nodes, signs)
     if run is not None and not repeated and len(np.unique(run)) > 1:
         words = (
             "The runs do not go over the same places, so that none can be judged by the"
@@ -107,7 +107,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         remarks.append(Remark.warning(words))
     if (inequalities := plan.inequalities) is not None:
         free, fit = fit, inequalities.keep(fit, samples)
-        remarks.append(_kept(plan, fit.values - free.values))
+        remarks.append(_constrained(plan, fit.values - free.values))
     zero, estimate = plan.zeroed(fit)
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
@@ -119,13 +119,13 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     )
 
 
-def _kept(plan: Plan, moved: Float[np.ndarray, "..."]) -> Remark:
-    """Return what it took that the entries keep the constraints."""
+def _constrained(plan: Plan, shifts: Float[np.ndarray, "..."]) -> Remark:
+    """Return by how much entries were shifted so that they keep the constraints."""
     unit = plan.job.spec.axes[plan.axis].small_unit
-    count = int(np.sum(np.abs(moved) >= 0.5 / LIST_UNITS))
+    count = int(np.sum(np.abs(shifts) >= 0.5 / LIST_UNITS))
     return Remark.info(
         f"The entries are {' and '.join(plan.fit.constraints)}, as constraints asks: for it"
-        f" {count} of {moved.size} moved, by up to {1e3 * np.abs(moved).max():.1f} {unit}."
+        f" {count} of {shifts.size} moved, by up to {1e3 * np.abs(shifts).max():.1f} {unit}."
         " Standard deviations are those of the fit without."
     )
 
@@ -185,7 +185,7 @@ def _fit_of_share(plan: Plan, share: "Share") -> TableFit:
 def _doubted(
     plan: Plan, readings: Readings, samples: Samples, fit: TableFit
 ) -> TableFit:
-    """Return a fit whose deviations know what its readings are off together."""
+    """Return a fit whose standard deviations contain the errors that its readings share."""
     patterns = _patterns(plan, readings, samples, fit)
     doubts = [_doubt(plan, samples, fit, pattern) for pattern in patterns]
     squares = sum(map(np.square, doubts), np.square(fit.standard_deviation))
@@ -195,7 +195,7 @@ def _doubted(
 def _patterns(
     plan: Plan, readings: Readings, samples: Samples, fit: TableFit
 ) -> list[Float[np.ndarray, " t"]]:
-    """Return what readings are off together, each by one standard deviation.
+    """Return the errors that readings share, each as its standard deviation at every reading.
 
     By the delay of an instrument: an error in motion that is taken a moment too late has
     changed by that moment times the speed. By the runs: a table keeps the mean of their
@@ -203,8 +203,8 @@ def _patterns(
     """
     patterns = [] if readings.late is None else [readings.late]
     # Least squares takes a run that contradicts the others into the mean as well.
-    apart = () if fit.loss == "gauss" else fit.suspect_runs
-    runs = [run for run in fit.runs if run.run not in apart]
+    suspects = () if fit.loss == "gauss" else fit.suspect_runs
+    runs = [run for run in fit.runs if run.run not in suspects]
     offset, drift = doubt_of_means(runs)
     ones = np.ones(len(samples.error))
     means = [offset * ones]
@@ -222,9 +222,9 @@ def _patterns(
 def _doubt(
     plan: Plan, samples: Samples, estimate: TableFit, pattern: Float[np.ndarray, " t"]
 ) -> Float[np.ndarray, "..."]:
-    """Return by how much each node is off where its readings are off by a pattern.
+    """Return the error of each node where the error of its readings is a pattern.
 
-    What the datum takes off is no doubt; nodes without readings are off as the others are.
+    What the datum takes off does not count; nodes without readings get the rms of the others.
     """
     table, shape = plan.table, plan.table.layout.shape
     at: list[np.ndarray] = [] if samples.branch is None else [samples.branch]

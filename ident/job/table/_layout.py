@@ -161,36 +161,36 @@ def grid_over(
         reach: Ends that the table must reach, or None.
         surface: It is one of two positions of a plane.
     """
-    known = np.unique(np.round(places[np.isfinite(places)], 4))
-    low, high = float(known[0]), float(known[-1])
+    unique = np.unique(np.round(places[np.isfinite(places)], 4))
+    low, high = float(unique[0]), float(unique[-1])
     if reach is not None:
         low, high = min(low, reach[0]), max(high, reach[1])
-    if (targets := _targets(known)) is not None:
+    if (targets := _targets(unique)) is not None:
         first, interval, count = targets
         last = first + interval * (count - 1)
         before = max(0, int(np.ceil((first - low) / interval - _BESIDE)))
         after = max(0, int(np.ceil((high - last) / interval - _BESIDE)))
         return first - before * interval, interval, count + before + after
     count = len(places) // _EACH
-    most = min(_SURFACE, int(np.sqrt(count))) if surface else min(_LINE, count)
-    interval = _round_up((high - low) / max(2, min(most, len(known) - 1)))
+    limit = min(_SURFACE, int(np.sqrt(count))) if surface else min(_LINE, count)
+    interval = _round_up((high - low) / max(2, min(limit, len(unique) - 1)))
     start = np.floor(low / interval + 1e-6) * interval
     points = int(np.ceil((high - start) / interval - 1e-6)) + 1
     return round(float(start), 4), interval, max(points, 2)
 
 
-def _targets(known: Float[np.ndarray, " p"]) -> Grid | None:
+def _targets(places: Float[np.ndarray, " p"]) -> Grid | None:
     """Return the evenly spaced targets at or beside which all places lie, or None.
 
     Args:
-        known: Different places, ascending.
+        places: Different places, ascending.
     """
-    steps = np.diff(known)
+    steps = np.diff(places)
     ends = np.flatnonzero(steps > 0.5 * steps.max(initial=0.0))
     count = len(ends) + 1
     if not 2 <= count <= _TARGETS:
         return None
-    low, high = known[np.append(0, ends + 1)], known[np.append(ends, len(known) - 1)]
+    low, high = places[np.append(0, ends + 1)], places[np.append(ends, len(places) - 1)]
     middle, beside = 0.5 * (low + high), float((high - low).max()) / 2.0
     interval = float(middle[-1] - middle[0]) / (count - 1)
     if beside > _BESIDE * interval:
@@ -217,8 +217,8 @@ def grids_for(
     """
     grids = [grid_over(first, surface=True), grid_over(second, surface=True)]
     places = np.stack([first, second], axis=1)
-    known = np.unique(np.round(places[np.isfinite(places).all(axis=1)], 4), axis=0)
-    while (1.0 - _HOLES) * grids[0][2] * grids[1][2] > len(known):
+    unique = np.unique(np.round(places[np.isfinite(places).all(axis=1)], 4), axis=0)
+    while (1.0 - _HOLES) * grids[0][2] * grids[1][2] > len(unique):
         k = int(grids[1][2] > grids[0][2])
         start, interval, points = grids[k]
         if points == 2:
@@ -246,7 +246,7 @@ def grid_keys(
 def grid_words(places: Sequence[Float[np.ndarray, " t"]]) -> str:
     """Return `grid_keys` as they stand in a job."""
     values = {key: np.atleast_1d(value) for key, value in grid_keys(places).items()}
-    words = {key: ", ".join(f"{each:g}" for each in own) for key, own in values.items()}
+    words = {key: ", ".join(f"{item:g}" for item in row) for key, row in values.items()}
     if len(places) == 2:
         words = {key: f"[{text}]" for key, text in words.items()}
     return ", ".join(f"{key} = {text}" for key, text in words.items())

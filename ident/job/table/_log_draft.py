@@ -29,20 +29,20 @@ class FittedLog:
 
     Attributes:
         readings: What was measured.
-        found: What the passes over it gave, with a table for every block left out.
+        streamed: What the passes over it gave, with a table for every block left out.
         grouping: Tells the block of each reading: a place that is left out as one.
         zero: What was taken off the error, so that it is zero at the datum, in mm or °.
     """
 
     readings: LogReadings
-    found: StreamedFit
+    streamed: StreamedFit
     grouping: Grouping
     zero: float
 
     @property
     def every(self) -> int:
         """One reading in so many is shown."""
-        return max(1, self.found.count // _SHOWN)
+        return max(1, self.streamed.count // _SHOWN)
 
     def figures(self, back: Model) -> tuple[dict[str, ErrorFigures], int]:
         """Return the figures of all readings by stage, and how many lie outside the table.
@@ -55,7 +55,7 @@ class FittedLog:
         tally = dict[str, ErrorTally]()
         folds = {
             label: table.model(plan.integers([fold])[0])
-            for label, fold in self.found.folds.items()
+            for label, fold in self.streamed.folds.items()
         }
         for samples in self.readings.pieces():
             at, before = (samples.positions, samples.branch), samples.error - self.zero
@@ -65,10 +65,10 @@ class FittedLog:
                 row = groups == label
                 part = samples.take(row)
                 held_out[row] += table.offset(folds[label], part.positions, part.branch)
-            wild, _ = self.found.judged(samples)
+            wild, _ = self.streamed.judged(samples)
             for name, error in zip(_STAGES, (before, held_out, residual), strict=True):
-                some = ErrorTally.of(error, wild=wild)
-                tally[name] = tally[name] + some if name in tally else some
+                errors = ErrorTally.of(error, wild=wild)
+                tally[name] = tally[name] + errors if name in tally else errors
             beyond += int(outside(table, samples.positions).sum())
         return {name: sums.figures for name, sums in tally.items()}, beyond
 
@@ -76,10 +76,10 @@ class FittedLog:
         """Return every n-th reading and the largest wild ones, and which these are."""
         parts, rows, first = list[Samples](), list[np.ndarray](), 0
         for samples in self.readings.pieces():
-            own = np.arange(-first % self.every, len(samples.error), self.every)
-            own = np.union1d(own, self._largest_wild(samples))
-            parts.append(samples.take(own))
-            rows.append(first + own)
+            index = np.arange(-first % self.every, len(samples.error), self.every)
+            index = np.union1d(index, self._largest_wild(samples))
+            parts.append(samples.take(index))
+            rows.append(first + index)
             first += len(samples.error)
         row = np.concatenate(rows)
         samples = Samples(
@@ -92,9 +92,9 @@ class FittedLog:
         return samples.take(keep), row[keep]
 
     def _largest_wild(self, samples: Samples) -> Int[np.ndarray, " n"]:
-        if not self.found.wild:
+        if not self.streamed.wild:
             return np.zeros(0, dtype=np.int64)
-        return largest_wild(samples.error - self.zero, self.found.judged(samples)[0])
+        return largest_wild(samples.error - self.zero, self.streamed.judged(samples)[0])
 
 
 def fit_log(readings: LogReadings) -> TableDraft:
@@ -121,7 +121,7 @@ def fit_log(readings: LogReadings) -> TableDraft:
     at, before = (samples.positions, samples.branch), samples.error - zero
     wild, share = streamed.judged(samples)
     residual = samples.error - predict(streamed.fit, *at)[0]
-    left = residual_of_folds(
+    held_out = residual_of_folds(
         table, samples, streamed.folds, grouping(samples), plan.integers, before,
         plan.acted(*at),
     )  # fmt: skip
@@ -141,14 +141,14 @@ def fit_log(readings: LogReadings) -> TableDraft:
             timed=False,
             slices={},
         ),
-        left,
+        held_out,
         (*readings.remarks, *_of_the_route(log)),
         log,
     )
 
 
 def _of_the_route(log: FittedLog) -> Iterator[Remark]:
-    readings, streamed, every = log.readings, log.found, log.every
+    readings, streamed, every = log.readings, log.streamed, log.every
     names, words = ", ".join(map(repr, readings.plan.fit.sources)), ""
     if every > 1:
         words = f"; plots and tables of readings show one reading in {every}"

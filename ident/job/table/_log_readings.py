@@ -149,7 +149,7 @@ class LogReadings:
 
     def _rows(self, source: LogSource, table: Table) -> Samples:
         """Return the readings of a piece, of which nothing is removed yet."""
-        job, fit, way = self.tables.job, self.plan.fit, None
+        job, fit, direction = self.tables.job, self.plan.fit, None
         measured = self.tables.measured(
             source.name, fit.axis, fit.over, (table, source.columns)
         )
@@ -160,13 +160,13 @@ class LogReadings:
         if fit.lengths:
             error = rows.at_reference(fit.axis, error, positions[:, 0])
         if self.plan.turning:
-            way = rows.direction(fit.axis, needed=True)
+            direction = rows.direction(fit.axis, needed=True)
         self._said.update(dict.fromkeys(rows.remarks))
         for change in rows.change.values():
             self._changes[source.name] = max(
                 change, self._changes.get(source.name, 0.0)
             )
-        return Samples(positions, error, self.plan.branch(way))
+        return Samples(positions, error, self.plan.branch(direction))
 
     @cached_property
     def _zeros(self) -> dict[int, Zero]:

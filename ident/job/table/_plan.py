@@ -75,17 +75,17 @@ class Plan(AbstractPlan):
         if len(self.fit.over) < 2:
             return ""
         first, second = (data.position[name] for name in self.fit.over)
-        known = np.isfinite(first) & np.isfinite(second)
-        known &= np.isfinite(data.error[self.axis])
-        x, y = first[known], second[known]
+        finite = np.isfinite(first) & np.isfinite(second)
+        finite &= np.isfinite(data.error[self.axis])
+        x, y = first[finite], second[finite]
         if len(x) < 3 or not np.ptp(x) > 0 or not np.ptp(y) > 0:
             return ""
-        alike = float(np.corrcoef(x, y)[0, 1])
-        if abs(alike) < _TOGETHER:
+        correlation = float(np.corrcoef(x, y)[0, 1])
+        if abs(correlation) < _TOGETHER:
             return ""
         names = " and ".join(self.fit.over)
         return (
-            f"{names} moved together (correlation {alike:.4f}): beside the line on which"
+            f"{names} moved together (correlation {correlation:.4f}): beside the line on which"
             " they went nothing was measured. Move each of them while the other stands"
             " still."
         )
@@ -143,9 +143,9 @@ class Plan(AbstractPlan):
         return -residual if old is None else old - residual
 
     def integers(self, estimates: Sequence[TableFit]) -> Int[np.ndarray, "k ..."]:
-        """Return the entries of the lists of several estimates that none will write.
+        """Return the list entries of several estimates, for proofs: no list is written of them.
 
-        What one extrapolates beyond the type of an entry stays at its end.
+        A value beyond the range of an entry becomes the end of that range.
         """
         offsets = [self.offset(fit.values - self.zero_of(fit)) for fit in estimates]
         ends = self.table.to_offsets(np.array(self.table.value_bounds))
@@ -212,7 +212,7 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
         holder = existing.source
     active = was_active(job, index, fit, holder)
     with job.blaming(where):
-        old, unread = _old_table(job, fit, existing, active)
+        old, notes = _old_table(job, fit, existing, active)
         table = table_of(tables, index, fit, old)
         masters = table.masters
         if existing is not None and old is not None:
@@ -232,7 +232,7 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
                 )
             refuse_lost_nodes(table, old, existing.source)
         elif holder is not None and set(masters) != set(table.masters):
-            unread, old = [_displaced(job, fit, holder, masters)], None
+            notes, old = [_displaced(job, fit, holder, masters)], None
     fit.refuse(job, index, table)
     if table.periodic and "monotone" in fit.constraints:
         reason = (
@@ -247,7 +247,7 @@ def plan(tables: Tables, index: int, fit: TableSpec) -> Plan:
         old=old,
         active=active,
         datum=datum_of(job, index, fit),
-        remarks=(*unread, *_remarks(job, fit, existing, axis_list, old, active)),
+        remarks=(*notes, *_remarks(job, fit, existing, axis_list, old, active)),
     )
 
 
@@ -274,8 +274,8 @@ def _old_table(
 
 def _displaced(job: Job, fit: TableSpec, source: str, masters: Sequence[int]) -> Remark:
     """Return what becomes of an old table over other axes: there is room for one."""
-    known = {axis.number: name for name, axis in job.spec.axes.items()}
-    names = " and ".join(known.get(one, f"axis {one}") for one in masters)
+    by_number = {axis.number: name for name, axis in job.spec.axes.items()}
+    names = " and ".join(by_number.get(number, f"axis {number}") for number in masters)
     return Remark.warning(
         f"The old {fit.compensation} table of {source} follows {names}: the new one takes"
         f" its place, and nothing corrects what it corrected. Where {fit.axis} needs both,"

@@ -36,16 +36,16 @@ def read_fit(
     recording, axis = read_group(tables, [plan], alone=True), plan.axis
     error, remarks = recording.data.error[axis].copy(), [*recording.remarks]
     for name, rows in recording.rows.items():
-        own = recording.slices[name]
+        part = recording.slices[name]
         for beside in left.get((plan.index, name), ()):
             added = beside.at(rows)
             if not beside.shared:
                 # Of it, too, the readings tell no constant or slope of their own.
                 places = [
-                    recording.data.position[other][own] for other in plan.positions
+                    recording.data.position[other][part] for other in plan.positions
                 ]
                 added = without_zero(added, places, rows.spec.remove)
-            error[own] += added
+            error[part] += added
             remarks.append(
                 Remark.info(
                     f"Beside this table acts {beside.words}, which was off while {name!r} was"
@@ -67,13 +67,13 @@ def zero_at(
     """
     if datum is None:
         return 0.0
-    reach = [0.5 * np.diff(each.positions).min() for each in table.nodes]
-    away = np.max(np.abs(readings.positions - datum) / reach, axis=1)
-    near = away <= max(1.0, float(away.min()))
+    reach = [0.5 * np.diff(nodes.positions).min() for nodes in table.nodes]
+    distance = np.max(np.abs(readings.positions - datum) / reach, axis=1)
+    nearest = distance <= max(1.0, float(distance.min()))
     if readings.direction is None or table.branches == 1:
-        return float(np.median(readings.error[near]))
-    ways = [near & (readings.direction == way) for way in (1, -1)]
-    return float(np.mean([np.median(readings.error[w]) for w in ways if w.any()]))
+        return float(np.median(readings.error[nearest]))
+    masks = [nearest & (readings.direction == sign) for sign in (1, -1)]
+    return float(np.mean([np.median(readings.error[at]) for at in masks if at.any()]))
 
 
 def run_table(readings: Readings, table: AbstractTable) -> RunTable | None:

@@ -82,23 +82,23 @@ def fit_remarks(
         yield Remark.warning(f"Contradicts the other runs, and {counts}: run {runs}.")
     if fit.runs:
         largest = 1e3 * max(abs(run.offset) for run in fit.runs)
-        own = "offset and drift" if draft.run_effects == "drift" else "offset"
+        effect = "offset and drift" if draft.run_effects == "drift" else "offset"
         yield Remark.info(
-            f"Each of the {len(fit.runs)} runs was allowed an {own} of its own"
+            f"Each of the {len(fit.runs)} runs was allowed an {effect} of its own"
             f" (offsets up to {largest:.1f} {unit}); the table keeps their"
             " mean."
         )
     elif not draft.run_effects or draft.run_effects == "none":
         if count <= _SPARSE * fit.support.size:
-            known = "is not in the standard deviations"
+            clause = "is not in the standard deviations"
             if fit.line_offset:
-                known = (
+                clause = (
                     "stands in the standard deviations only as an assumed offset of every"
                     f" line of readings, {1e3 * fit.line_offset:.1f} {unit} (1 sd)"
                 )
             yield Remark.info(
                 "Nothing was measured twice: what changes from one measurement to the"
-                f" next {known}. A second measurement, given together with the first,"
+                f" next {clause}. A second measurement, given together with the first,"
                 " brings it in."
             )
     if not fit.converged or fit.loss != draft.fit.loss:
@@ -122,11 +122,11 @@ def outside(
 
 
 def places_of(
-    readings: SampleView, which: Bool[np.ndarray, " t"], masters: Sequence[str]
+    readings: SampleView, mask: Bool[np.ndarray, " t"], masters: Sequence[str]
 ) -> tuple[str, ...]:
     """Return where some of the readings lie: positions, direction and run, in words."""
     places = []
-    for k in np.flatnonzero(which):
+    for k in np.flatnonzero(mask):
         words = [
             f"{name} = {place:.6g}"
             for name, place in zip(masters, readings.positions[k], strict=True)
@@ -139,14 +139,14 @@ def places_of(
     return tuple(places)
 
 
-def _node(one: "TableDraft", index: int) -> str:
+def _node(draft: "TableDraft", index: int) -> str:
     """Return a node of the flattened table in words."""
-    table = one.plan.table
+    table, over = draft.plan.table, draft.fit.over
     place = np.unravel_index(index, table.layout.shape)
     at = [int(k) for k in place[-len(table.nodes) :]]
     words = ", ".join(
         f"{name} = {nodes.positions[k]:g}"
-        for name, nodes, k in zip(one.fit.over, table.nodes, reversed(at), strict=True)
+        for name, nodes, k in zip(over, table.nodes, reversed(at), strict=True)
     )
     if table.branches == 2:
         words += " (positive)" if place[0] == 0 else " (negative)"

@@ -143,8 +143,8 @@ def refuse_unowned_trend(plan: Plan, fit: TableFit) -> None:
     Raises:
         JobError: Naming the measurement, both numbers and the keys that answer.
     """
-    job, silent = plan.job, _silent(plan)
-    if not silent:
+    job, unstated = plan.job, _unstated(plan)
+    if not unstated:
         return
     trend = trend_of(fit)
     if not asks_for_owner(job, trend):
@@ -152,7 +152,7 @@ def refuse_unowned_trend(plan: Plan, fit: TableFit) -> None:
     grouped = plan.fit.group is not None
     datum = "" if grouped else "datum = { at = … } (it is zero there), "
     raise job.error(
-        ("measurements", silent[0]),
+        ("measurements", unstated[0]),
         f"found {trend_words(job, plan.fit, trend)} in the error of {plan.fit.axis}, which the"
         f" {plan.fit.compensation} table would take over; expected the job to say whose"
         f' they are: {datum}remove = "none" (both are the machine\'s), "offset" (the'
@@ -177,7 +177,7 @@ def trend_left(
     trend = trend_through(places, error, periodic=plan.table.periodic)
     if not asks_for_owner(plan.job, trend):
         return None
-    owned = not _silent(plan) and (_has_zero(plan) or not _has_zero(first))
+    owned = not _unstated(plan) and (_has_zero(plan) or not _has_zero(first))
     return LeftTrend(trend_words(plan.job, plan.fit, trend), trend.remainder, owned)
 
 
@@ -187,7 +187,7 @@ def _has_zero(plan: Plan) -> bool:
     return any(spec.remove != "none" or spec.datum is not None for spec in every)
 
 
-def _silent(plan: Plan) -> list[str]:
+def _unstated(plan: Plan) -> list[str]:
     """Return the measurements of which the job does not say whose zero and slope are."""
     spec = plan.job.spec.measurements
     return [
@@ -204,8 +204,8 @@ def asks_for_owner(job: Job, trend: Trend) -> bool:
 
 def is_negligible(job: Job, trend: Trend) -> bool:
     """Return whether a list without the constant and the slopes is no other list."""
-    least = _NEGLIGIBLE * job.limits.max_correction
-    return bool(np.all(trend.sizes <= least))
+    limit = _NEGLIGIBLE * job.limits.max_correction
+    return bool(np.all(trend.sizes <= limit))
 
 
 def trend_words(job: Job, fit: TableSpec, trend: Trend) -> str:
@@ -233,5 +233,5 @@ def _amount(value: float, deviation: float) -> str:
     """Return thousandths of a value with its deviation, to two digits of the latter."""
     small = 1e3 * deviation
     digits = 1 if small <= 0 else int(np.clip(1 - np.floor(np.log10(small)), 0, 6))
-    shown = round(1e3 * value, digits) + 0.0  # no minus before a zero
-    return f"{shown:.{digits}f} ± {small:.{digits}f}"
+    rounded = round(1e3 * value, digits) + 0.0  # no minus before a zero
+    return f"{rounded:.{digits}f} ± {small:.{digits}f}"

@@ -33,11 +33,11 @@ def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
     Axes whose lists failed have no part in them, nor have axes without a word that an NC
     program understands (`nameless`).
     """
-    wordless = nameless(job, [axis.axis for axis in files])
+    unnamed = nameless(job, [axis.axis for axis in files])
     let_out = [
         axis
         for axis in files
-        if axis.lists and not (axis.failed or axis.axis in wordless)
+        if axis.lists and not (axis.failed or axis.axis in unnamed)
     ]
     drafts = [draft for axis in let_out for draft in axis.drafts if draft.written]
     steps: dict[tuple[int, str, frozenset[str]], dict[str, Any]] = {}

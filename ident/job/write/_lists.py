@@ -97,14 +97,14 @@ class AxisFiles:
         if before.machine is None and machine is not None:
             # What the axis list itself says nobody knows: all that the compensation list
             # holds is taken to act.
-            known = [
+            active = [
                 one.name for one in kinds() if machine.get(one.activation) is not None
             ]
-            tables = [name for name in before.used if name not in known]
+            tables = [name for name in before.used if name not in active]
             machine = machine.merge(entries_of_activation(tables))
         machine = machine or before.machine
-        drafts = [one for one in self.drafts if one.written]
-        lines = [line for one in drafts if (line := one.line(machine))]
+        drafts = [draft for draft in self.drafts if draft.written]
+        lines = [line for draft in drafts if (line := draft.line(machine))]
         return AxisLists(
             self.number,
             read_back(self.compensation) or before.compensation,
@@ -118,8 +118,8 @@ class AxisFiles:
     def failed(self) -> bool:
         """Whether its lists must not be loaded."""
         checks = [check for gate in self.gates.values() for check in gate]
-        loud = any(remark.level == "error" for remark in self.remarks)
-        return loud or not all(check.passed for check in checks)
+        error = any(remark.level == "error" for remark in self.remarks)
+        return error or not all(check.passed for check in checks)
 
     def judged(self, whole: WholeAxis) -> "AxisFiles":
         """Return it with what was found of the axis as a whole.
@@ -177,34 +177,34 @@ def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]
 
 def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
     axis, lists = every[0].axis, every[0].lists
-    drafts = [one for one in every if one.written]
-    spreads = [spread for one in drafts if (spread := one.cycles) is not None]
+    drafts = [draft for draft in every if draft.written]
+    spreads = [spread for draft in drafts if (spread := draft.cycles) is not None]
     cycles = max(spreads, default=None)
     gates = {
-        one.index: (*one.gate(cycles), *convergence_checks(one)) if one.written else ()
-        for one in every
+        d.index: (*d.gate(cycles), *convergence_checks(d)) if d.written else ()
+        for d in every
     }
     entries, machine_entries = dict[str, Value](), dict[str, Value]()
     extra, remarks = dict[str, bytes](), list[Remark]()
-    for one in drafts:
-        with job.blaming(("fits", one.index)):
-            entries |= one.entries()
-            machine_entries |= one.machine_entries(cycles)
-        extra |= one.extra_files()
-        remarks += one.machine_remarks()
-        remarks += [] if one.converged else [unsettled(one)]
-        remarks += not_compared(one, gates[one.index])
+    for draft in drafts:
+        with job.blaming(("fits", draft.index)):
+            entries |= draft.entries()
+            machine_entries |= draft.machine_entries(cycles)
+        extra |= draft.extra_files()
+        remarks += draft.machine_remarks()
+        remarks += [] if draft.converged else [unsettled(draft)]
+        remarks += not_compared(draft, gates[draft.index])
     listing, machine = None, None
     if entries:
-        listing, more = _listing(job, drafts, entries)
-        remarks = [*more, *remarks]
+        listing, notes = _listing(job, drafts, entries)
+        remarks = [*notes, *remarks]
     if machine_entries:
-        machine, more = _machine_list(lists, machine_entries, axis)
-        remarks += more
+        machine, notes = _machine_list(lists, machine_entries, axis)
+        remarks += notes
     pairs = (lists.compensation, listing), (lists.machine, machine)
-    known = [(old, new) for old, new in pairs if old is not None and new is not None]
-    compared = {new.source: compare(old, new) for old, new in known}
-    reasons = [reason for one in compared.values() for reason in one.reasons]
+    both = [(old, new) for old, new in pairs if old is not None and new is not None]
+    diffs = {new.source: compare(old, new) for old, new in both}
+    reasons = [reason for diff in diffs.values() for reason in diff.reasons]
     if listing is not None and lists.compensation is None:
         reasons = ["the list is new to the controller (hochlauf.lis names it)"]
     return AxisFiles(
@@ -218,7 +218,7 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
         extra=extra,
         restart=reasons[0] if reasons else None,
         remarks=tuple(remarks),
-        same=frozenset(name for name, one in compared.items() if one.action == "none"),
+        same=frozenset(name for name, diff in diffs.items() if diff.action == "none"),
     )
 
 
@@ -307,22 +307,22 @@ def judge_files(
         for axis, listed in job.lists.items()
     }
     theirs = [listing for listed in existing.values() for listing in listed]
-    fitted = {one.axis for one in files}
+    fitted = {axis.axis for axis in files}
     others = [
         listing
         for axis, listed in existing.items()
         if axis not in fitted
         for listing in listed
     ]
-    ours = [listing for one in files for _, listing in one.lists]
+    ours = [listing for axis in files for _, listing in axis.lists]
     known = {_identity(item) for item in _check(job, theirs)} if theirs else set()
     findings = _check(job, [*ours, *others])
     judged = []
-    for one in files:
-        names = [name for name, _ in one.lists]
+    for axis in files:
+        names = [name for name, _ in axis.lists]
         listed = tuple(item for item in findings if item.file in names)
-        remarks = (*one.remarks, *_remarks(listed, known))
-        judged.append(dataclasses.replace(one, findings=listed, remarks=remarks))
+        remarks = (*axis.remarks, *_remarks(listed, known))
+        judged.append(dataclasses.replace(axis, findings=listed, remarks=remarks))
     rest = [item for item in findings if item.file in {one.source for one in others}]
     new = [item for item in rest if _identity(item) not in known]
     return tuple(judged), tuple(_remarks(new, known))
@@ -345,12 +345,12 @@ def _identity(item: Finding) -> tuple[str | None, str, str]:
 
 
 def _remarks(
-    findings: Iterable[Finding], known: set[tuple[str | None, str, str]]
+    findings: Iterable[Finding], earlier: set[tuple[str | None, str, str]]
 ) -> Iterable[Remark]:
     for item in findings:
         if item.level == "info":
             continue
-        if _identity(item) in known:
+        if _identity(item) in earlier:
             yield Remark.warning(f"Was in your list before and stays: {item}")
         else:
             yield Remark("error" if item.level == "error" else "warning", str(item))

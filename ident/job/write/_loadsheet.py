@@ -63,14 +63,14 @@ def load_sheet(
         results: What came of all fits, in the order of the job.
         programs: Names of the NC programs of a first run that were written.
     """
-    drafts = sorted((d for one in files for d in one.drafts), key=lambda d: d.index)
+    drafts = sorted((d for axis in files for d in axis.drafts), key=lambda d: d.index)
     pairs = [(d, r) for d, r in zip(drafts, results, strict=True) if d.written]
     lines = [_line(job, draft, result) for draft, result in pairs]
-    let_out = [one for one in files if one.lists and not one.failed]
-    axes = [one.axis for one in let_out]
-    written = [one for one in lines if one["axis"] in axes]
+    let_out = [axis for axis in files if axis.lists and not axis.failed]
+    axes = [axis.axis for axis in let_out]
+    written = [line for line in lines if line["axis"] in axes]
     changed = [
-        one for one in let_out if any(name not in one.same for name, _ in one.lists)
+        axis for axis in let_out if any(name not in axis.same for name, _ in axis.lists)
     ]
     demanded: dict[str, list[str]] = {}
     for draft, _ in pairs:
@@ -82,27 +82,27 @@ def load_sheet(
         .render(
             job=job.path.name,
             axes=job.spec.axes,
-            rejected=[one.axis for one in files if one.failed],
+            rejected=[axis.axis for axis in files if axis.failed],
             refuted=[
                 line["name"]
                 for line, (_, result) in zip(lines, pairs, strict=True)
                 if line["axis"] in axes and _is_refuted(result)
             ],
             files=let_out,
-            unsettled=[one for one in lines if one["conventions"]],
+            unsettled=[line for line in lines if line["conventions"]],
             plc_objects={
-                one.axis: " and ".join(
-                    name for name in one.extra if name.endswith(".TcPOU")
+                axis.axis: " and ".join(
+                    name for name in axis.extra if name.endswith(".TcPOU")
                 )
-                for one in let_out
+                for axis in let_out
             },
-            restarts=[one for one in let_out if one.restart],
+            restarts=[axis for axis in let_out if axis.restart],
             changed=changed,
             by_hand=[
-                one.machine_name
-                for one in changed
-                if one.machine is not None
-                and job.spec.axes[one.axis].machine_data is None
+                axis.machine_name
+                for axis in changed
+                if axis.machine is not None
+                and job.spec.axes[axis.axis].machine_data is None
             ],
             programs=programs,
             nameless=[
@@ -110,8 +110,8 @@ def load_sheet(
             ],
             written=written,
             demanded=[f"{axis}: {' | '.join(own)}" for axis, own in demanded.items()],
-            shown=[one["variable"] for one in written if not one["current"]],
-            currents=[one["variable"] for one in written if one["current"]],
+            shown=[line["variable"] for line in written if not line["current"]],
+            currents=[line["variable"] for line in written if line["current"]],
             unproven=[draft.kind for draft, result in pairs if not result.confirmed],
             scope=SCOPE,
             objects=OBJECTS,
@@ -124,8 +124,8 @@ def load_sheet(
 def _is_refuted(result: AbstractResult) -> bool:
     """Return whether a second measurement speaks against a list."""
     judgement = result.judgement
-    shown = judgement.has(Code.DIAGNOSED) or judgement.has(Code.NO_BETTER)
-    return shown and judgement.verdict is Verdict.REJECTED
+    worse = judgement.has(Code.DIAGNOSED) or judgement.has(Code.NO_BETTER)
+    return worse and judgement.verdict is Verdict.REJECTED
 
 
 def _place(axis: str, expected: Expectation) -> str:

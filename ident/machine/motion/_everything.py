@@ -134,9 +134,9 @@ def _rows(
     fast = 0.3 * SPACE[along]
     for place in np.linspace(0.0, SPACE[across], count):
         path.line(150.0, **{across: float(place)})
-        there = 0.0 if path.place[path.axes.index(along)] > 0.5 * SPACE[along] else 1.0
+        end = 0.0 if path.place[path.axes.index(along)] > 0.5 * SPACE[along] else 1.0
         feed = float(rng.uniform(0.35, 1.0)) * fast
-        path.line(feed, **{along: there * SPACE[along]})
+        path.line(feed, **{along: end * SPACE[along]})
         if rng.random() < 0.3:
             path.rest(0.3)
 
@@ -149,8 +149,8 @@ def _strokes(path: Path, rng: np.random.Generator, count: int) -> None:
             path.line(100.0, Z=float(heights[(k // 4) % 5]))
             path.line(200.0, X=float(rng.uniform(100.0, 700.0)))
             path.rest(0.4)
-        way = float(rng.uniform(40.0, 90.0)) * (1 if k % 2 else -1)
-        goal = float(np.clip(path.place[0] + way, 0.0, SPACE["X"]))
+        stroke = float(rng.uniform(40.0, 90.0)) * (1 if k % 2 else -1)
+        goal = float(np.clip(path.place[0] + stroke, 0.0, SPACE["X"]))
         path.line(float(rng.uniform(120.0, 250.0)), X=goal)
         path.rest(0.3)
 
@@ -170,8 +170,8 @@ def _circles(path: Path, rng: np.random.Generator, count: int) -> None:
 
 def _job(path: Path, rng: np.random.Generator) -> None:
     """Go somewhere, then a few cuts about it."""
-    far = {axis: float(rng.uniform(0.0, most)) for axis, most in SPACE.items()}
-    path.line(float(rng.uniform(80.0, 250.0)), **far)
+    target = {axis: float(rng.uniform(0.0, size)) for axis, size in SPACE.items()}
+    path.line(float(rng.uniform(80.0, 250.0)), **target)
     for _ in range(int(rng.integers(2, 6))):
         axis = str(rng.choice(list(SPACE)))
         place = path.place[path.axes.index(axis)]

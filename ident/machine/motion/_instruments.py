@@ -48,9 +48,9 @@ class HeatedPart:
             if on:
                 load[(grid >= start) & (grid < start + length)] = rng.uniform(0.6, 1.0)
             start, on = start + length, not on
-        near = self.rise * following(load, self.warming, _STEP)
-        inside = following(near, self.lag, _STEP)
-        sensor = np.interp(time, grid, near) + self.ambient
+        outside = self.rise * following(load, self.warming, _STEP)
+        inside = following(outside, self.lag, _STEP)
+        sensor = np.interp(time, grid, outside) + self.ambient
         sensor = sensor + self.noise * rng.standard_normal(len(time))
         sensor = self.resolution * np.rint(sensor / self.resolution)
         return sensor, np.interp(time, grid, inside) + self.ambient
@@ -121,10 +121,10 @@ class Tracker:
         reading += _wander(size, self.drift, rng)
         wrong = np.zeros(size, dtype=bool)
         kinds = ((self.outliers, self.outlier_size), (self.wild, self.wild_size))
-        for share, most in kinds:
+        for share, largest in kinds:
             rows = np.flatnonzero(rng.random(size) < share)
             signs = rng.choice([-1.0, 1.0], len(rows))
-            reading[rows] += signs * most * rng.uniform(0.3, 1.0, len(rows))
+            reading[rows] += signs * largest * rng.uniform(0.3, 1.0, len(rows))
             wrong[rows] = True
         return self.resolution * np.rint(reading / self.resolution), wrong
 

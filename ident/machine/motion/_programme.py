@@ -57,18 +57,18 @@ class Path:
 
     def line(self, feed: float, **target: float) -> None:
         """Move to a target in mm at a feed in mm/s; axes left out stay."""
-        there = np.array(
+        goal = np.array(
             [target.get(a, p) for a, p in zip(self.axes, self.place, strict=True)]
         )
-        way = there - self.place
-        length = float(np.linalg.norm(way))
+        move = goal - self.place
+        length = float(np.linalg.norm(move))
         if length < 1e-9:
             return
         along = _profile(length, feed, self.acceleration)
-        piece = along[:, :, None] * (way / length)
+        piece = along[:, :, None] * (move / length)
         piece[:, 0] += self.place
         self._add(piece)
-        self.place = there
+        self.place = goal
 
     def circle(
         self, first: str, second: str, radius: float, feed: float, turns: float
@@ -78,8 +78,8 @@ class Path:
         A negative number of turns goes clockwise.
         """
         s, v, a = _profile(2 * np.pi * radius * abs(turns), feed, self.acceleration).T
-        way = np.sign(turns)
-        angle, speed, rate = way * s / radius, way * v / radius, way * a / radius
+        sign = np.sign(turns)
+        angle, speed, rate = sign * s / radius, sign * v / radius, sign * a / radius
         columns = [self.axes.index(first), self.axes.index(second)]
         piece = np.zeros((len(s), 3, len(self.axes)))
         piece[:, 0] = self.place
@@ -110,15 +110,15 @@ class Path:
         self._rows += len(piece)
 
 
-def _profile(length: float, feed: float, most: float) -> Float[np.ndarray, "n 3"]:
-    """Return way, speed and acceleration along a path from rest to rest.
+def _profile(length: float, feed: float, peak: float) -> Float[np.ndarray, "n 3"]:
+    """Return distance, speed and acceleration along a path from rest to rest.
 
     The speed rises as a raised cosine, so that the acceleration has no jump; its peak is
-    `most` where times were not rounded to cycles.
+    `peak` where times were not rounded to cycles.
     """
     # Peak of the acceleration: π v / (2 ramp). Both ramps together cover v · ramp.
-    speed = min(feed, np.sqrt(2.0 * most * length / np.pi))
-    ramp = max(int(np.ceil(0.5 * np.pi * speed / most / CYCLE)), 2)
+    speed = min(feed, np.sqrt(2.0 * peak * length / np.pi))
+    ramp = max(int(np.ceil(0.5 * np.pi * speed / peak / CYCLE)), 2)
     cruise = max(int(np.ceil((length / speed) / CYCLE)) - ramp, 0)
     rise, whole = ramp * CYCLE, (ramp + cruise) * CYCLE
     speed = length / whole
@@ -126,12 +126,12 @@ def _profile(length: float, feed: float, most: float) -> Float[np.ndarray, "n 3"
     up = np.clip(time / rise, 0.0, 1.0)
     down = np.clip((time - whole) / rise, 0.0, 1.0)
 
-    def way(share: np.ndarray) -> np.ndarray:
+    def distance(share: np.ndarray) -> np.ndarray:
         return 0.5 * rise * (share - np.sin(np.pi * share) / np.pi)
 
     middle = np.clip(time - rise, 0.0, whole - rise)
-    fall = rise * down - way(down)
-    s = speed * (way(up) + middle + fall)
+    fall = rise * down - distance(down)
+    s = speed * (distance(up) + middle + fall)
     v = 0.5 * speed * (np.cos(np.pi * down) - np.cos(np.pi * up))
     a = 0.5 * speed * np.pi / rise * (np.sin(np.pi * up) - np.sin(np.pi * down))
     return np.stack([s, v, a], axis=1)

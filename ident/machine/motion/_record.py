@@ -47,7 +47,7 @@ class AxisLoop:
         push = -self.compliance * (current - current[0])
         return self._respond([1.0, 0.0], [self.integral_time], push)
 
-    def _respond(self, above: list[float], lags: list[float], given: Column) -> Column:
+    def _respond(self, above: list[float], lags: list[float], value: Column) -> Column:
         from scipy.signal import bilinear, lfilter
 
         below = np.array([self.settling, 1.0, self.gain])
@@ -55,9 +55,9 @@ class AxisLoop:
             below = np.convolve(below, [lag, 1.0])
         coefficients = bilinear(above, below, fs=1.0 / CYCLE)
         b, a = (np.asarray(part, dtype=float) for part in coefficients)
-        start = given[0]
+        start = value[0]
         level = start * np.sum(b) / np.sum(a)
-        return np.asarray(lfilter(b, a, given - start) + level)
+        return np.asarray(lfilter(b, a, value - start) + level)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -141,9 +141,9 @@ def record(work: WorkingMachine, programme: Programme, seed: int) -> MotionLog:
         speed = loop.follow(programme.velocity[axis])
         rate = loop.follow(programme.acceleration[axis])
         friction = _friction(drive, speed)
-        shown = drive.inertia * rate + friction + drive.load
+        torque = drive.inertia * rate + friction + drive.load
         noise = drive.noise * rng.standard_normal(len(speed))
-        current[axis] = -(shown + noise)
+        current[axis] = -(torque + noise)
         pushed = loop.yielding(friction - fed[axis])
         raw[axis] = loop.follow(programme.position[axis] + added[axis]) + pushed
         # What is slower than 0.2 mm/s is the creeping of a loop that settles.
@@ -180,11 +180,11 @@ def _compensated(
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Return what the controller adds to positions in mm and to currents in A."""
     axes = tuple(work.machine.axes)
-    none = {axis: np.zeros(len(programme.time)) for axis in axes}
+    zeros = {axis: np.zeros(len(programme.time)) for axis in axes}
     controller = work.machine.controller
     if controller is None:
-        return none, none
-    followed = {
+        return zeros, zeros
+    readings = {
         name: following(values, work.plc_lags.get(name, 0.0), CYCLE)
         for name, values in sensors.items()
     }
@@ -192,7 +192,7 @@ def _compensated(
     def columns(values: Columns) -> Float[Array, "t a"]:
         return jnp.asarray(np.stack([values[axis] for axis in axes], axis=1))
 
-    heat = np.stack(list(followed.values()), axis=1) if followed else None
+    heat = np.stack(list(readings.values()), axis=1) if readings else None
     motion = Motion(
         columns(programme.position),
         columns(programme.velocity),
@@ -203,7 +203,7 @@ def _compensated(
     offset = np.asarray(offsets.offset)
     added = {axis: offset[:, k] for k, axis in enumerate(axes)}
     if offsets.friction is None:
-        return added, none
+        return added, zeros
     fed = np.asarray(offsets.friction)
     units = {a: work.drives[a].rated_current * work.drives[a].torque_unit for a in axes}
     return added, {axis: units[axis] * fed[:, k] for k, axis in enumerate(axes)}
@@ -215,6 +215,6 @@ def write_motion_log(path: Path, log: MotionLog) -> None:
     roles = ("position", "velocity", "acceleration", "encoder", "actual", "current")
     for axis in log.position:
         columns |= {f"{axis}.{role}": getattr(log, role)[axis] for role in roles}
-    columns |= {f"temperature.{name}": each for name, each in log.temperature.items()}
+    columns |= {f"temperature.{name}": value for name, value in log.temperature.items()}
     table = np.column_stack(list(columns.values()))
     np.savetxt(path, table, "%.6f", ",", header=",".join(columns), comments="")

@@ -111,14 +111,14 @@ def _judged(use: InUse, scene: Scene, blurred: bool) -> Diagnosis:
     cases, factor, blind = cases_of(use, scene)
     # Of each word the best case, less likely beforehand where it is a fault.
     best_of: dict[str, Diagnosis] = {}
-    likely: dict[str, float] = {}
+    scores: dict[str, float] = {}
     for criterion, diagnosis in sorted(cases, key=operator.itemgetter(0)):
         if best_of.setdefault(diagnosis.verdict, diagnosis) is diagnosis:
             cost = criterion - (FAULT - SUSPECTED) * (diagnosis.verdict != "right")
-            likely[diagnosis.verdict] = -0.5 * cost
-    total = np.logaddexp.reduce(list(likely.values()))
+            scores[diagnosis.verdict] = -0.5 * cost
+    total = np.logaddexp.reduce(list(scores.values()))
     by_word = {
-        word: float(np.exp(likelihood - total)) for word, likelihood in likely.items()
+        word: float(np.exp(likelihood - total)) for word, likelihood in scores.items()
     }
     word = max(by_word, key=lambda name: by_word[name])
     best = dataclasses.replace(best_of[word], probability=by_word[word])
@@ -146,8 +146,8 @@ def _doubt(
         blind: Shift that these readings cannot tell from none, in the unit of lengths.
         unit: Of lengths.
     """
-    likely = sorted(shares, key=lambda word: -shares[word])
-    if blind is not None and (likely[0] == "right" or likely[:2] == ["shift", "right"]):
+    ranked = sorted(shares, key=lambda word: -shares[word])
+    if blind is not None and (ranked[0] == "right" or ranked[:2] == ["shift", "right"]):
         return (
             f"right, or shifted by up to {blind:.1f} {unit}: these readings"
             " do not show the difference; measure at more places, or with less noise"
@@ -157,16 +157,16 @@ def _doubt(
             "what the list says is the same at all these places, as is the zero of an"
             " instrument"
         )
-    if likely[0] == "cannot tell" and abs(factor) < 0.3:
+    if ranked[0] == "cannot tell" and abs(factor) < 0.3:
         return "it does nothing to any axis that was measured; is it active?"
-    if likely[0] == "cannot tell":
+    if ranked[0] == "cannot tell":
         return (
             f"what it does is {factor:.2g} times what the list says, which"
             " no single fault explains"
         )
     candidates = [
         f"{word} {100 * shares[word]:.0f} %"
-        for word in likely[:3]
+        for word in ranked[:3]
         if shares[word] > 0.005 and word != "cannot tell"
     ]
     return (

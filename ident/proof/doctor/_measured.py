@@ -77,8 +77,8 @@ def difference(before: Sequence[Measured], after: Sequence[Measured]) -> Differe
     else:
         early = _interpolated(earlier, later.keys)
         counts = np.full(len(match), float(np.mean(earlier.count)))
-    known = np.isfinite(early)
-    keys = later.keys[known]
+    finite = np.isfinite(early)
+    keys = later.keys[finite]
     positions = {axis: keys[:, k] * _PLACE for k, axis in enumerate(axes)}
     nuisance = [np.ones(len(keys))]
     if any(measurement.line for measurement in measurements):
@@ -86,8 +86,8 @@ def difference(before: Sequence[Measured], after: Sequence[Measured]) -> Differe
     return Difference(
         positions=positions,
         direction=keys[:, -1] if directed else None,
-        change=later.level[known] - early[known],
-        variance=1.0 / counts[known] + 1.0 / later.count[known],
+        change=later.level[finite] - early[finite],
+        variance=1.0 / counts[finite] + 1.0 / later.count[finite],
         free=np.stack(nuisance, axis=1),
     )
 

@@ -58,15 +58,15 @@ class Verdict:
         return self.verdict == ("agrees",)
 
 
-def judge_channel(channel: AbstractChannel, found: Found) -> Verdict:
+def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
     """Return the verdict on one compensation."""
     axis, name = channel.axis, channel.compensation
-    best = found.rivals[0]
+    best = result.rivals[0]
 
     def verdict(
         words: tuple[str, ...], value: tuple[float | None, ...], sentence: str
     ) -> Verdict:
-        return Verdict(axis, name, words, value, sentence, *settled(channel, found))
+        return Verdict(axis, name, words, value, sentence, *settled(channel, result))
 
     def silent(sentence: str) -> Verdict:
         return Verdict(axis, name, (), (), sentence, {})
@@ -76,15 +76,15 @@ def judge_channel(channel: AbstractChannel, found: Found) -> Verdict:
         return silent(
             "the log cannot tell: on this motion the list adds nothing that changes"
         )
-    if found.nothing < best.criterion - EQUAL:
+    if result.nothing < best.criterion - EQUAL:
         return silent("nothing is added: not active, or not logged")
-    if found.nothing < best.criterion + EQUAL:
+    if result.nothing < best.criterion + EQUAL:
         return silent("the log cannot tell: what is added is lost in its noise")
-    unexplained = systematic(found.residual)
+    unexplained = systematic(result.residual)
     if channel.motion.time is None:
         # Rows stand in any order: neighbours say nothing of noise.
-        unexplained = float(np.sqrt(np.mean(np.square(found.residual))))
-    size = float(np.sqrt(np.mean(np.square(found.column[rows]))))
+        unexplained = float(np.sqrt(np.mean(np.square(result.residual))))
+    size = float(np.sqrt(np.mean(np.square(result.column[rows]))))
     faults = best.hypothesis.faults(channel)
     whole_text = fault_words(best.hypothesis, channel)
     if unexplained > max(_ROUGH * size, 1e-4):
@@ -92,7 +92,7 @@ def judge_channel(channel: AbstractChannel, found: Found) -> Verdict:
         text = f"not explained: {left_over} of {effect} follow no rule that was tried"
         if faults:
             text += f" (nearest: {whole_text})"
-        idle = np.abs(found.residual + found.column[rows]) < RESOLUTION / 100.0
+        idle = np.abs(result.residual + result.column[rows]) < RESOLUTION / 100.0
         if idle.mean() > _IDLE and channel.acting is None:
             text += (
                 f"; {100.0 * idle.mean():.0f} % of the rows hold exactly 0: where it was"
@@ -105,8 +105,8 @@ def judge_channel(channel: AbstractChannel, found: Found) -> Verdict:
         if name not in RULES
     ]
     rules = f" with {joined(named_rules)}" if named_rules else ""
-    equals = _equals(channel, found)
-    unseen = _unseen(channel, found)
+    equals = _equals(channel, result)
+    unseen = _unseen(channel, result)
     tail = f"; this log does not show {joined(unseen)}" if unseen else ""
     if not faults:
         tolerance = max(1e-4, math.ceil(unexplained * 1e4 - 1e-6) / 1e4)
@@ -126,38 +126,38 @@ def judge_channel(channel: AbstractChannel, found: Found) -> Verdict:
     for hypothesis in (best.hypothesis, *equals):
         for word, value in hypothesis.faults(channel).items():
             faults_of_all.setdefault(word, value)
-    alike = _looks_alike(channel, found, set(faults_of_all))
+    clause = _looks_alike(channel, result, set(faults_of_all))
     return verdict(
-        tuple(faults_of_all), tuple(faults_of_all.values()), text + alike + tail
+        tuple(faults_of_all), tuple(faults_of_all.values()), text + clause + tail
     )
 
 
-def _equals(channel: AbstractChannel, found: Found) -> list[Hypothesis]:
+def _equals(channel: AbstractChannel, result: Found) -> list[Hypothesis]:
     """Return hypotheses of other faults that explain the log as well as the best one."""
-    best = found.rivals[0]
+    best = result.rivals[0]
     known_faults = [set(best.hypothesis.faults(channel))]
-    result = []
-    for rival in found.rivals[1:]:
+    equals = []
+    for rival in result.rivals[1:]:
         words = set(rival.hypothesis.faults(channel))
         if rival.criterion > best.criterion + EQUAL or not words:
             continue
         if not any(words >= fewer for fewer in known_faults):
             known_faults.append(words)
-            result.append(rival.hypothesis)
-    return result
+            equals.append(rival.hypothesis)
+    return equals
 
 
-def _looks_alike(channel: AbstractChannel, found: Found, named: set[str]) -> str:
+def _looks_alike(channel: AbstractChannel, result: Found, named: set[str]) -> str:
     """Return what would look like a delay, or like a filter, as the end of a sentence.
 
     On a smooth table both do the same, and which of them is the simpler story says
     nothing of the controller.
     """
-    best = found.rivals[0]
+    best = result.rivals[0]
     faults, either = set(best.hypothesis.faults(channel)), {"lag", "filter"}
     if not either & faults:
         return ""
-    for rival in found.rivals[1:]:
+    for rival in result.rivals[1:]:
         words = set(rival.hypothesis.faults(channel))
         if words ^ faults == either and rival.misfit <= best.misfit + EQUAL:
             text = fault_words(rival.hypothesis, channel, either - named)
@@ -166,9 +166,9 @@ def _looks_alike(channel: AbstractChannel, found: Found, named: set[str]) -> str
     return ""
 
 
-def _unseen(channel: AbstractChannel, found: Found) -> list[str]:
+def _unseen(channel: AbstractChannel, result: Found) -> list[str]:
     """Return what could be otherwise without being seen in this log."""
-    best, *worse = found.rivals
+    best, *worse = result.rivals
     faults = best.hypothesis.faults(channel)
     differences = [
         best.hypothesis.apart(rival.hypothesis)
@@ -195,10 +195,10 @@ def _unseen(channel: AbstractChannel, found: Found) -> list[str]:
 
 
 def settled(
-    channel: AbstractChannel, found: Found
+    channel: AbstractChannel, result: Found
 ) -> tuple[dict[str, int | str], frozenset[str]]:
     """Return the conventions that fit, and which of them nothing settles."""
-    best = found.rivals[0]
+    best = result.rivals[0]
     reads: dict[str, Callable[[Hypothesis], int | str]] = {
         name: operator.attrgetter(f"change.conventions.{name}")
         for name in channel.relevant
@@ -218,7 +218,7 @@ def settled(
         chosen = read(best.hypothesis)
         opposed = [
             rival.criterion
-            for rival in found.rivals
+            for rival in result.rivals
             if read(rival.hypothesis) not in (chosen, _NO_VALUE)
         ]
         if chosen == _NO_VALUE or not opposed:

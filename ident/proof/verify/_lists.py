@@ -129,18 +129,18 @@ def reports_of(
             words = "its state says so, and nothing is expected there"
             remarks.append(f"{offset.column}: off in {off:.0f} % of the rows; {words}.")
         if offset.axis is None:
-            having = [
+            owners = [
                 axis for axis, parts in channels.items() if offset.compensation in parts
             ]
-            if len(having) > 1:
+            if len(owners) > 1:
                 raise ExchangeError(
                     where=str(log.source),
                     found=f"column {offset.column!r} without an axis",
                     expected="the axis before it, as in"
-                    f" A{having[0]}.{offset.column}: {len(having)} axes have"
+                    f" A{owners[0]}.{offset.column}: {len(owners)} axes have"
                     f" {offset.compensation}",
                 )
-            axis = having[0] if having else 0
+            axis = owners[0] if owners else 0
         else:
             axis = number_of(offset.axis, names, str(log.source))
         if offset.compensation not in channels.get(axis, {}):
@@ -176,7 +176,7 @@ def owners(
             continue
         scores: dict[str, float] = {}
         for owner in _CHOICES:
-            rules = _with(reading, kind.owner, owner)
+            rules = _with_rule(reading, kind.owner, owner)
             try:
                 channels = channels_of(lists, motion, rules)
             except ExchangeError:
@@ -190,12 +190,12 @@ def owners(
             continue
         likeliest = min(scores, key=lambda owner: scores[owner])
         if max(scores.values()) - scores[likeliest] >= SETTLED:
-            reading = _with(reading, kind.owner, likeliest)
+            reading = _with_rule(reading, kind.owner, likeliest)
             owner_rules[kind.name] = kind.owner
     return reading, owner_rules
 
 
-def _with(reading: Reading, rule: str, value: str) -> Reading:
+def _with_rule(reading: Reading, rule: str, value: str) -> Reading:
     rules = {**reading.conventions.to_dict(), rule: value}
     return dataclasses.replace(reading, conventions=Conventions.from_dict(rules))
 

@@ -36,17 +36,17 @@ def scaled(
     Factors that leave twice as much as the best one cannot win.
     """
     factor, least_squares_left, power = (
-        float(one[0]) for one in target.fitted(column[None])
+        float(value[0]) for value in target.fitted(column[None])
     )
     if not power:
         return {Hypothesis(change, lag): target.power}
-    excess = _away(np.full(1, factor), target.band)[0]
+    excess = _excess(np.full(1, factor), target.band)[0]
     squares = (least_squares_left + np.square(excess) * power).tolist()
     nearest = np.argsort(np.abs(excess))[:2]
     squares_of = {
-        Hypothesis(change, lag, scale): left
-        for k, (scale, left) in enumerate(zip(_SIZES, squares, strict=True))
-        if left < 2.0 * least_squares_left or k in nearest
+        Hypothesis(change, lag, scale): square
+        for k, (scale, square) in enumerate(zip(_SIZES, squares, strict=True))
+        if square < 2.0 * least_squares_left or k in nearest
     }
     size = _SIZES[nearest[0]]
     if abs(factor - size) > max(FREE_BAND, target.band) * abs(size):
@@ -54,7 +54,7 @@ def scaled(
     return squares_of
 
 
-def _away(factors: Float[np.ndarray, " s"], band: float) -> Float[np.ndarray, "s k"]:
+def _excess(factors: Float[np.ndarray, " s"], band: float) -> Float[np.ndarray, "s k"]:
     """Return how far the best factors are from each of `SCALES`, less what a band allows."""
     sizes = np.array(_SIZES)
     difference = factors[:, None] - sizes
@@ -93,9 +93,9 @@ def otherwise(channel: AbstractChannel, change: Change) -> tuple[list[Change], .
     )
 
 
-def few_of(rows: Int[np.ndarray, " r"], most: int = _ROWS) -> Int[np.ndarray, " f"]:
+def few_of(rows: Int[np.ndarray, " r"], count: int = _ROWS) -> Int[np.ndarray, " f"]:
     """Return some thousand out of rows, evenly spread."""
-    return rows[:: max(1, len(rows) // most)]
+    return rows[:: max(1, len(rows) // count)]
 
 
 def place(
@@ -148,13 +148,13 @@ def least_squares(
     """Return the sum of squares that each column leaves at the best factor of `scaled`."""
     factors, squares, power = target.fitted(columns)
     # A factor near that of a fault counts as it, which leaves the difference of both.
-    excess = np.abs(_away(factors, target.band))
+    excess = np.abs(_excess(factors, target.band))
     is_fault = (excess <= FREE_BAND * np.abs(_SIZES)).any(axis=1)
     return squares + np.where(is_fault, np.square(excess.min(axis=1)) * power, 0.0)
 
 
 def _along(
-    left: Callable[[Float[np.ndarray, "s k"]], Float[np.ndarray, " s"]],
+    squares: Callable[[Float[np.ndarray, "s k"]], Float[np.ndarray, " s"]],
     start: Sequence[float],
     at: int,
     length: float,
@@ -170,11 +170,11 @@ def _along(
         shifts[:, at] = places
         return shifts
 
-    optimum = float(grid[int(np.argmin(left(moved(grid))))])
+    optimum = float(grid[int(np.argmin(squares(moved(grid))))])
     # Ever closer around the best one, each time with all places at once.
     while spacing > 1e-3 * step:
         closer = optimum + spacing * _CLOSER
-        optimum = float(closer[int(np.argmin(left(moved(closer))))])
+        optimum = float(closer[int(np.argmin(squares(moved(closer))))])
         spacing *= 2.0 / (len(_CLOSER) - 1)
     return [float(coordinate) for coordinate in moved(np.array([optimum]))[0]]
 

@@ -184,23 +184,23 @@ class _Rows:
             )
         refined: dict[Hypothesis, float] = {}
         for hypothesis in leaders.values():
-            refined |= self._moved(hypothesis.change, hypothesis.lag)
+            refined |= self._shifted(hypothesis.change, hypothesis.lag)
         return refined
 
-    def _moved(self, change: Change, lag: int) -> dict[Hypothesis, float]:
+    def _shifted(self, change: Change, lag: int) -> dict[Hypothesis, float]:
         """Return a shifted table with its place refined on all rows, with its factors."""
         shifted = np.flatnonzero(change.shift)
         steps = 0.05 * np.array([self.channel.ways[k].step for k in shifted])
 
-        def left(displacement: Float[np.ndarray, " f"]) -> dict[Hypothesis, float]:
+        def squares(displacement: Float[np.ndarray, " f"]) -> dict[Hypothesis, float]:
             shift = np.array(change.shift)
             shift[shifted] += steps * displacement
-            moved = dataclasses.replace(change, shift=tuple(shift.tolist()))
-            return scaled(self.target, moved, lag, self.column(Hypothesis(moved, lag)))
+            trial = dataclasses.replace(change, shift=tuple(shift.tolist()))
+            return scaled(self.target, trial, lag, self.column(Hypothesis(trial, lag)))
 
         # Without derivatives: where an edge is a step, nothing is smooth.
         optimum = minimize(
-            lambda displacement: min(left(displacement).values()),
+            lambda displacement: min(squares(displacement).values()),
             np.zeros(len(shifted)),
             method="Nelder-Mead",
             options={
@@ -210,7 +210,7 @@ class _Rows:
                 "maxfev": _MOST_PLACES * len(shifted),
             },
         )
-        return left(optimum.x)
+        return squares(optimum.x)
 
     def plainest(self, rivals: Sequence[Rival]) -> Rival:
         """Return the best, or the plain one where nothing tells them apart in a list."""
@@ -222,8 +222,8 @@ class _Rows:
             self.target.residual(self.column(rival.hypothesis))
             for rival in (rivals[0], listed)
         )
-        enough = max(RESOLUTION, self.target.step)
-        return listed if float(np.max(np.abs(first - second))) <= enough else rivals[0]
+        limit = max(RESOLUTION, self.target.step)
+        return listed if float(np.max(np.abs(first - second))) <= limit else rivals[0]
 
 
 def independent(residual: Float[np.ndarray, " r"]) -> float:
@@ -234,13 +234,13 @@ def independent(residual: Float[np.ndarray, " r"]) -> float:
     """
     count = len(residual)
     spectrum = np.square(np.abs(np.fft.rfft(residual, 2 * count)))
-    alike = np.fft.irfft(spectrum)[:count]
-    if alike[0] <= 0.0:
+    correlation = np.fft.irfft(spectrum)[:count]
+    if correlation[0] <= 0.0:
         return float(count)
-    alike = alike / alike[0]
-    uncorrelated = alike < 2.0 / np.sqrt(count)
+    correlation = correlation / correlation[0]
+    uncorrelated = correlation < 2.0 / np.sqrt(count)
     reach = int(np.argmax(uncorrelated)) if uncorrelated.any() else count
-    return max(2.0, count / (2.0 * float(alike[:reach].sum()) - 1.0))
+    return max(2.0, count / (2.0 * float(correlation[:reach].sum()) - 1.0))
 
 
 def neighbours(channel: AbstractChannel, best: Hypothesis) -> list[Hypothesis]:

@@ -107,7 +107,7 @@ def verify_log(
         assert motion.cycle is not None
         # The clock is one more thing to explain; it must be worth it.
         cost = FAULT + float(np.log(motion.rows))
-        if _worth(timed_searches) + cost < _worth(searches):
+        if _criterion(timed_searches) + cost < _criterion(searches):
             searches, channels = timed_searches, timed_channels
             direction = "later" if clock > 0 else "earlier"
             remarks.append(
@@ -136,7 +136,7 @@ def verify_log(
     return dataclasses.replace(summary, settled=fixed)
 
 
-def _worth(searches: Explained) -> float:
+def _criterion(searches: Explained) -> float:
     """Return the criterion of all that was found, the smaller the better."""
     return sum(fitted.rivals[0].criterion for _, fitted in searches.values())
 

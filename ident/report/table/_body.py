@@ -38,11 +38,11 @@ def _iso_plot(fit: TableResult) -> Plot | None:
     if figures is None or not figures.iso230 or samples.run is None:
         return None
     # Wild ones included, as in the figures beside the chart.
-    known = np.isfinite(samples.before) & np.isfinite(samples.predicted)
-    place, run, way = samples.positions[known, 0], samples.run[known], samples.direction
-    ways = None if way is None else way[known]
+    finite = np.isfinite(samples.before) & np.isfinite(samples.predicted)
+    place, run = samples.positions[finite, 0], samples.run[finite]
+    signs = None if samples.direction is None else samples.direction[finite]
     tests = {
-        name: iso230(place, getattr(samples, name)[known], run, ways)
+        name: iso230(place, getattr(samples, name)[finite], run, signs)
         for name in ("before", "predicted")
     }
     runs = fit.measured

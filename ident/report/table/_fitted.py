@@ -43,9 +43,9 @@ class Fitted:
 
     def runs(self, start: str, scale: Scale) -> str:
         """Return between which values the error runs, where it is measured if anywhere."""
-        value, known = self.value.ravel(), self.measured.ravel()
-        among = np.flatnonzero(known) if known.any() else np.arange(value.size)
-        ends = [int(among[pick(value[among])]) for pick in (np.argmin, np.argmax)]
+        value, measured = self.value.ravel(), self.measured.ravel()
+        indices = np.flatnonzero(measured) if measured.any() else np.arange(value.size)
+        ends = [int(indices[pick(value[indices])]) for pick in (np.argmin, np.argmax)]
         low, high = (
             f"{number(value[k])} {scale.error} ({self.where(k)} {scale.position})"
             for k in ends
@@ -143,9 +143,9 @@ class Bins:
         The largest of n independent normal means is expected below about sqrt(2 ln 2n)
         standard errors; one more allows for few readings per slice.
         """
-        known = (self.count >= 3) & (self.error > 0)
-        usual = np.sqrt(2 * np.log(2 * max(known.sum(), 1))) + 1.0
-        return bool(np.any(np.abs(self.mean[known]) > usual * self.error[known]))
+        tested = (self.count >= 3) & (self.error > 0)
+        usual = np.sqrt(2 * np.log(2 * max(tested.sum(), 1))) + 1.0
+        return bool(np.any(np.abs(self.mean[tested]) > usual * self.error[tested]))
 
 
 def readings_of(fit: TableResult, scale: Scale) -> Readings:
@@ -153,12 +153,12 @@ def readings_of(fit: TableResult, scale: Scale) -> Readings:
     samples = fit.samples
     size = len(samples.before)
     errors = ("error", "predicted", "from_file", "predicted_sd")
-    way = samples.direction
-    shown = {name: getattr(samples, name) * scale.factor for name in errors}
-    shown["order"] = np.asarray(samples.order, dtype=float)
-    shown["direction"] = np.zeros(size, dtype=int) if way is None else way
+    direction = samples.direction
+    scaled = {name: getattr(samples, name) * scale.factor for name in errors}
+    scaled["order"] = np.asarray(samples.order, dtype=float)
+    scaled["direction"] = np.zeros(size, dtype=int) if direction is None else direction
     return Readings(
-        **vars(samples) | shown,
+        **vars(samples) | scaled,
         wild=fit.fit.wild,
         total=fit.readings,
         total_wild=fit.wild,
@@ -184,7 +184,7 @@ def bin_means(
 
 def robust_limit(value: Float[np.ndarray, " t"]) -> float:
     """Return the size that all but a few of the values stay within, never 0."""
-    known = np.abs(value[np.isfinite(value)])
-    if known.size == 0:
+    finite = np.abs(value[np.isfinite(value)])
+    if finite.size == 0:
         return 1.0
-    return float(np.quantile(known, 0.995)) * 1.15 or 1.0
+    return float(np.quantile(finite, 0.995)) * 1.15 or 1.0

@@ -54,10 +54,10 @@ def _draw_branch(axes: Axes, branch: Fitted) -> None:
     marker = style.DIRECTION_MARKER[branch.direction]
     name = style.DIRECTION_NAME[branch.direction]
     label = "table ± 2 sd" if branch.direction == 0 else f"table ± 2 sd, {name}"
-    known = branch.measured
+    measured = branch.measured
     if len(nodes) <= _ERROR_BARS:
         axes.errorbar(
-            nodes[known], branch.value[known], 2 * branch.sd[known],
+            nodes[measured], branch.value[measured], 2 * branch.sd[measured],
             color=colour, marker=marker, markersize=3.6, linewidth=1.1, capsize=1.8,
             elinewidth=0.8, label=label,
         )  # fmt: skip
@@ -67,9 +67,9 @@ def _draw_branch(axes: Axes, branch: Fitted) -> None:
             color=colour, alpha=0.25, linewidth=0,
         )  # fmt: skip
         axes.plot(nodes, branch.value, color=colour, label=label)
-    if not known.all():
+    if not measured.all():
         axes.errorbar(
-            nodes[~known], branch.value[~known], 2 * branch.sd[~known],
+            nodes[~measured], branch.value[~measured], 2 * branch.sd[~measured],
             linestyle="none", marker=marker, markersize=5, capsize=1.8,
             elinewidth=0.8, color=colour, markerfacecolor="white",
             label="not measured", zorder=5,
@@ -109,16 +109,16 @@ def _say_curve(
 ) -> str:
     unit = scale.error
     names = {0: "The fitted error"} | {
-        way: f"{style.DIRECTION_NAME[way].capitalize()} the error" for way in (1, -1)
+        sign: f"{style.DIRECTION_NAME[sign].capitalize()} the error" for sign in (1, -1)
     }
-    parts = [one.runs(names[one.direction], scale) for one in branches]
+    parts = [branch.runs(names[branch.direction], scale) for branch in branches]
     if len(branches) == 2:
         gap = branches[0].value - branches[1].value
-        most = int(np.argmax(np.abs(gap)))
+        widest = int(np.argmax(np.abs(gap)))
         parts.append(
             f"The two directions differ by {number(float(np.mean(gap)))} {unit} on "
-            f"average (+ minus −), most at {branches[0].where(most)} "
-            f"{scale.position}: {number(gap[most])} {unit}."
+            f"average (+ minus −), most at {branches[0].where(widest)} "
+            f"{scale.position}: {number(gap[widest])} {unit}."
         )
     sd = np.concatenate([branch.sd[branch.measured] for branch in branches])
     if sd.size:

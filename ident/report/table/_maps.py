@@ -31,10 +31,10 @@ def error_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
         size=float(np.clip(60 / np.sqrt(drawn), 0.9, 3)), most=drawn,
     )  # fmt: skip
     wild = np.flatnonzero(readings.wild)
-    shown = wild[style.thin(wild.size, 400)]
+    rows = wild[style.thin(wild.size, 400)]
     if wild.size:
         axes.plot(
-            readings.positions[shown, 0], readings.positions[shown, 1],
+            readings.positions[rows, 0], readings.positions[rows, 1],
             linestyle="none", marker="x", markersize=4.5, color=style.INK,
             label="wild reading",
         )  # fmt: skip
@@ -63,8 +63,8 @@ def coverage_maps(fit: TableResult, scale: Scale) -> Plot:
         figure, (above, below) = style.new_figure(2 * height + 0.8, 2, 1)
     mesh = heat(above, table, table.sd, limits=spread_limits(table))
     bar(figure, mesh, [above], f"sd in {scale.error}")
-    most = max(float(np.quantile(table.support, 0.98)), 1.0)
-    mesh = heat(below, table, table.support.astype(float), limits=(0.0, most))
+    largest = max(float(np.quantile(table.support, 0.98)), 1.0)
+    mesh = heat(below, table, table.support.astype(float), limits=(0.0, largest))
     counts = bar(figure, mesh, [below], "readings per node")
     counts.locator = MaxNLocator(integer=True)
     above.set_title("standard deviation")
@@ -78,25 +78,23 @@ def coverage_maps(fit: TableResult, scale: Scale) -> Plot:
 
 
 def _say_coverage(table: Fitted, scale: Scale) -> str:
-    known = table.measured
-    if not known.any():
+    measured = table.measured
+    if not measured.any():
         return "No node is touched by a reading."
-    sd, support = table.sd[known], table.support[known]
-    worst = int(np.argmax(np.where(known, table.sd, -1.0)))
-    least, most = int(support.min()), int(support.max())
-    readings = ("" if least == most else f"{grouped(least)} to ") + count(
-        most, "reading"
-    )
+    sd, support = table.sd[measured], table.support[measured]
+    worst = int(np.argmax(np.where(measured, table.sd, -1.0)))
+    low, high = int(support.min()), int(support.max())
+    readings = ("" if low == high else f"{grouped(low)} to ") + count(high, "reading")
     text = (
         f"Half of the measured nodes have an sd of {number(float(np.median(sd)))} "
         f"{scale.error} or less, the worst {number(float(sd.max()))} "
         f"{scale.error} ({table.where(worst)} "
         f"{scale.position}); each has {readings}."
     )
-    if not known.all():
+    if not measured.all():
         text += (
             f" Unmeasured nodes (hatched) reach an sd of "
-            f"{number(float(table.sd[~known].max()))} {scale.error}; the colours end "
+            f"{number(float(table.sd[~measured].max()))} {scale.error}; the colours end "
             "at the worst measured node."
         )
     return text
@@ -171,11 +169,11 @@ def map_height(table: Fitted) -> float:
 
 
 def symmetric(value: Float[np.ndarray, "..."]) -> float:
-    known = np.abs(value[np.isfinite(value)])
-    return float(known.max(initial=0.0)) or 1.0
+    finite = np.abs(value[np.isfinite(value)])
+    return float(finite.max(initial=0.0)) or 1.0
 
 
 def spread_limits(table: Fitted) -> tuple[float, float]:
     """Return colour limits that unmeasured nodes, always the worst, do not stretch."""
-    known = table.sd[table.measured] if table.measured.any() else table.sd
-    return 0.0, float(known.max()) * 1.05 or 1.0
+    sd = table.sd[table.measured] if table.measured.any() else table.sd
+    return 0.0, float(sd.max()) * 1.05 or 1.0

@@ -64,7 +64,7 @@ def _draw_cloud(
 ) -> Bins:
     keep = np.flatnonzero(readings.sound)
     keep = keep[style.thin(keep.size)]
-    names = {way: f"reading, {name}" for way, name in style.DIRECTION_NAME.items()}
+    names = {sign: f"reading, {name}" for sign, name in style.DIRECTION_NAME.items()}
     style.draw_cloud(
         axes,
         where[keep],
@@ -78,9 +78,9 @@ def _draw_cloud(
     slices = int(np.clip(np.count_nonzero(sound) // 12, 3, 24))
     slices = min(slices, len(np.unique(where)))
     bins = bin_means(where[sound], readings.predicted[sound], slices)
-    known = bins.count >= 3
+    filled = bins.count >= 3
     axes.errorbar(
-        bins.centre[known], bins.mean[known], 2 * bins.error[known], linestyle="none",
+        bins.centre[filled], bins.mean[filled], 2 * bins.error[filled], linestyle="none",
         marker="s", markersize=3.2, color=style.INK, elinewidth=1, capsize=1.5,
         label="mean of a slice ± 2 standard errors", zorder=5,
     )  # fmt: skip

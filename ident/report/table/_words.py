@@ -34,7 +34,7 @@ def how_it_was_made(
             "probing cannot show it. Probe twice to know."
         )
     yield ("Noise", noise)
-    if honesty := _honesty(readings, scale):
+    if honesty := _calibration(readings, scale):
         yield ("Uncertainty", honesty)
     yield ("Wild readings", _loss(table.loss, readings))
     yield ("Smoothness", _smoothness(table.smoothness))
@@ -46,13 +46,13 @@ def how_it_was_made(
         f"{number(fit.rounding * scale.factor)} {unit}.",
     )
     if fit.every is not None and fit.every > 1:
-        shown = (
+        text = (
             f"{grouped(fit.readings)} readings were read in pieces, and the table and the "
             "errors above rest on all of them. What is drawn of single readings, and said of "
             f"slices and cells, is one reading in {grouped(fit.every)} "
             f"({grouped(readings.size)})."
         )
-        yield ("Shown", shown)
+        yield ("Shown", text)
     if fit.cycles is not None:
         yield (
             "Reversal",
@@ -80,10 +80,10 @@ def _loss(loss: str, readings: Readings) -> str:
     }.get(loss, f"Loss {loss}")
     if not wild:
         return f"{how}; none of {grouped(size)} was rejected as wild."
-    were = "was" if wild == 1 else "were"
+    verb = "was" if wild == 1 else "were"
     return (
         f"{how}; {grouped(wild)} of {grouped(size)} "
-        f"({percent(wild / size)}) {were} rejected as wild and "
+        f"({percent(wild / size)}) {verb} rejected as wild and "
         "had no influence."
     )
 
@@ -98,11 +98,11 @@ def _smoothness(weights: Mapping[str, float]) -> str:
 
 def _runs(effects: Sequence[RunEffect], scale: Scale) -> str:
     """Return by how much the runs lie apart, which is kept out of the table."""
-    far = max(effects, key=lambda effect: abs(effect.offset))
+    farthest = max(effects, key=lambda effect: abs(effect.offset))
     text = (
-        f"Run {far.run} lies farthest from the mean of the {len(effects)} runs: "
-        f"{number(far.offset * scale.factor, signed=True)} ± "
-        f"{scale.shown(2 * far.offset_sd)} (2 sd)."
+        f"Run {farthest.run} lies farthest from the mean of the {len(effects)} runs: "
+        f"{number(farthest.offset * scale.factor, signed=True)} ± "
+        f"{scale.shown(2 * farthest.offset_sd)} (2 sd)."
     )
     fast = max(effects, key=lambda effect: abs(effect.drift))
     if fast.drift:
@@ -114,7 +114,7 @@ def _runs(effects: Sequence[RunEffect], scale: Scale) -> str:
     return text + " This belongs to the runs and is kept out of the table."
 
 
-def _honesty(readings: Readings, scale: Scale) -> str:
+def _calibration(readings: Readings, scale: Scale) -> str:
     """Return how far residuals scatter against what was predicted; empty: too few are."""
     keep = readings.sound & np.isfinite(readings.predicted_sd)
     keep &= readings.predicted_sd > 0
