@@ -81,6 +81,7 @@ def _check_leadscrew(view: ListView) -> None:
             view, key, count, absent=70083 if key == pos else None, strict=modulo
         )
         _check_closed(view, key, count)
+    _check_reached(view, count)
     if sides == 0 and (rows := view.rows(neg)) is not None:
         _unused(view, rows, "the table is unilateral (bilateral 0)")
     option = parameters["kw.ssfk.set_pos_without_comp"]
@@ -134,6 +135,21 @@ def _turn(view: ListView, count: int) -> tuple[Level, str] | None:
     """
     if view.integer("kw.ssfk.modulo"):
         return "warning", "modulo table"
+    ends = _ends(view, count)
+    if ends is None:
+        return None
+    start, end = ends
+    if view.modulo is None:
+        is_turn = end - start == 360 * _PER_DEGREE
+        title = "table over 360 (a whole turn, where the axis goes round)"
+        return ("info", title) if is_turn else None
+    low, high = _range(view)
+    covers = start <= low < high <= end
+    return ("warning", "table over the whole turn of its axis") if covers else None
+
+
+def _ends(view: ListView, count: int) -> tuple[int, int] | None:
+    """Return the positions of the first and last node in list units; None if they have others."""
     start, interval = (
         view.integer(f"kw.ssfk.{n}") for n in ("kw_startpos", "interval")
     )
@@ -146,13 +162,31 @@ def _turn(view: ListView, count: int) -> tuple[Level, str] | None:
         start, end = (None if at is None else setpoints.integers[at] for at in ends)
     if start is None or end is None or view.integer("kw.ssfk.unit") != 1:
         return None
-    if view.modulo is None:
-        is_turn = end - start == 360 * _PER_DEGREE
-        title = "table over 360 (a whole turn, where the axis goes round)"
-        return ("info", title) if is_turn else None
-    low, high = view.modulo.get(axis_number(view) or 0, (0.0, 0.0))
-    covers = start <= round(low * _PER_DEGREE) < round(high * _PER_DEGREE) <= end
-    return ("warning", "table over the whole turn of its axis") if covers else None
+    return start, end
+
+
+def _range(view: ListView) -> tuple[int, int]:
+    """Return the modulo range of the axis in list units; (0, 0) where it goes round in none."""
+    low, high = (view.modulo or {}).get(axis_number(view) or 0, (0.0, 0.0))
+    return round(low * _PER_DEGREE), round(high * _PER_DEGREE)
+
+
+def _check_reached(view: ListView, count: int) -> None:
+    """Report nodes that the positions of an axis that goes round never reach."""
+    ends, (low, high) = _ends(view, count), _range(view)
+    if ends is None or low == high or low <= ends[0] <= ends[1] <= high:
+        return
+    flag = registry().by_key["kw.ssfk.modulo"]
+    first, last, start, end = (at / _PER_DEGREE for at in (*ends, low, high))
+    view.add(
+        "warning",
+        f"the leadscrew nodes from {first:g} to {last:g} lie in part outside the modulo range"
+        " of their axis: no position reaches those, and the value of an end is held instead",
+        view.place(flag.key),
+        parameter=flag,
+        found=f"nodes from {first:g} to {last:g}",
+        expected=f"nodes within {start:g} to {end:g}",
+    )
 
 
 def _check_friction(view: ListView) -> None:

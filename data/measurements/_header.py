@@ -257,6 +257,37 @@ def heading(text: str) -> Heading | None:
     )
 
 
+def other_direction(
+    names: Sequence[Name], headings: Mapping[int, Heading]
+) -> tuple[str, dict[int, Heading]] | None:
+    """Return the one unknown word that can only name the other direction, and its columns.
+
+    ``Hub 1 [µm]``, ``Hub 2 [µm]`` beside ``Rücklauf 1 [µm]``, ``Rücklauf 2 [µm]``: the same
+    runs in the same unit. None where there is no such word.
+    """
+    sides = {item.direction for item in headings.values()}
+    side = sides.pop()
+    if sides or side is None:
+        return None
+    units = {names[at].unit for at in headings}
+    runs = sorted(item.run or 0 for item in headings.values())
+    families: dict[str, dict[int, int]] = {}
+    for at, name in enumerate(names):
+        words = pieces(name.stem.casefold())
+        numbers = [int(word) for word in words if word.isdecimal()]
+        others = [word for word in words if not word.isdecimal()]
+        unknown = len(numbers) == len(others) == 1 and kind_said(others[0]) is None
+        if at not in headings and unknown and {name.unit} == units:
+            families.setdefault(others[0], {})[at] = numbers[0]
+    for word, columns in families.items():
+        if sorted(columns.values()) == runs:
+            kind = next(iter(headings.values())).kind
+            return word, {
+                at: Heading(run, -side, kind, True) for at, run in columns.items()
+            }
+    return None
+
+
 def numbered(headings: Mapping[int, Heading]) -> dict[int, Heading]:
     """Return headings with a run each; those without are counted per direction."""
     counts: dict[int | None, int] = {}

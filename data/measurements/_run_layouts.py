@@ -17,6 +17,7 @@ from ._header import (
     bare_role,
     heading,
     numbered,
+    other_direction,
     roles_of,
 )
 from ._roles import ColumnSpec
@@ -142,7 +143,18 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     certain = kinds[target] == "position" and len(runs) == len(names) - 1
     if not certain:
         runs = {at: item for at, item in runs.items() if item.named}
-    if len(runs) < 2 or {"error", "actual"} & set(kinds):
+    if not runs or {"error", "actual"} & set(kinds):
+        return None
+    if (found := other_direction(names, runs)) is not None:
+        word, others = found
+        sign = "+" if others[min(others)].direction == 1 else "−"
+        remark = (
+            f"The columns of '{word}' have the runs and the unit of those in the other"
+            f" direction: they are taken for the {sign} direction."
+        )
+        runs = dict(sorted((runs | others).items()))
+        table = dataclasses.replace(table, remarks=(*table.remarks, remark))
+    if len(runs) < 2:
         return None
     return _with_runs(table, target, numbered(runs))
 

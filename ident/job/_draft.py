@@ -5,10 +5,10 @@ import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ...data.lists import ListFile, Value
 from ...models import Conventions, TemperatureLine
@@ -220,6 +220,20 @@ class AbstractPlan(AbstractOfFit):
         return LeftOutDraft(self.job, self.index, self.fit, why, share)
 
 
+class Foreseen(NamedTuple):
+    """The error of each reading in mm, ° or the unit of the current.
+
+    Attributes:
+        before: As it is.
+        predicted: With a list that was fitted without that reading.
+        wild: Readings that are the instrument's fault.
+    """
+
+    before: Float[np.ndarray, " t"]
+    predicted: Float[np.ndarray, " t"]
+    wild: Bool[np.ndarray, " t"]
+
+
 @dataclasses.dataclass(frozen=True)
 class AbstractDraft(AbstractOfFit):
     """A compensation of one axis, fitted and not yet written."""
@@ -314,8 +328,18 @@ class AbstractDraft(AbstractOfFit):
         """Rms on readings that the fit did not see, about their middle; None: unknown."""
         return None
 
+    @property
+    def unit(self) -> str:
+        """Unit of its error, in plain letters."""
+        return self.job.spec.axes[self.axis].plain_unit
+
+    @property
+    def foreseen(self) -> "Foreseen | None":
+        """The error before, and what is predicted of it; None where nothing is predicted."""
+        return None
+
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
-        """Return every line of the gate."""
+        """Return the lines of the gate that its kind has of its own."""
         return ()
 
     def second_measurement(
@@ -367,12 +391,11 @@ class AbstractDraft(AbstractOfFit):
     def frame(self, done: "AxisFiles") -> dict[str, Any]:
         """Return what every result says alike, as arguments of its class."""
         job, findings = self.job, done.findings
-        axis = job.spec.axes[self.axis]
         return {
             "compensation": self.compensation,
             "axis": self.axis,
-            "axis_number": axis.number,
-            "unit": axis.plain_unit,
+            "axis_number": job.spec.axes[self.axis].number,
+            "unit": self.unit,
             "gate": done.gates[self.index],
             "conventions": _convention_states(
                 job.conventions, job.verified, self.kind.conventions

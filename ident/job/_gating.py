@@ -7,11 +7,13 @@ from ...data.lists import ListFile
 from ..proof import (
     GateCheck,
     choose_cycles,
+    error_figures,
     gate_check,
 )
 from ..proof.axis import largest_step, switching_cycles
 from .file._load import Job
 from .result._result import Remark
+from .result._verdict import GAIN
 
 if TYPE_CHECKING:
     from ._draft import AbstractDraft
@@ -67,12 +69,38 @@ def switching_remarks(draft: "TableDraft") -> list[Remark]:
     return [Remark.warning(words)]
 
 
-def convergence_checks(draft: "AbstractDraft") -> list[GateCheck]:
-    """Return the line of the gate for a fit that did not settle; none for one that did."""
-    if draft.converged:
+def fit_checks(draft: "AbstractDraft") -> list[GateCheck]:
+    """Return the lines of the gate for the fit itself: that it settled, and that it helps.
+
+    A fit that settled has no line for that.
+    """
+    lines = []
+    if not draft.converged:
+        where = f"{draft.name}: its values still move from pass to pass"
+        lines.append(gate_check("settled", 1.0, 0.0, "unsettled fits", where))
+    if (foreseen := draft.foreseen) is not None:
+        stages = foreseen.before, foreseen.predicted
+        before, predicted = (
+            error_figures(s, wild=foreseen.wild).sound.rms for s in stages
+        )
+        where = "rms on readings that the fit did not see, limit as before"
+        lines.append(gate_check(GAIN, predicted, before, draft.unit, where))
+    return lines
+
+
+def holds_back(
+    draft: "AbstractDraft", gate: Sequence[GateCheck], every: Sequence["AbstractDraft"]
+) -> list[Remark]:
+    """Return that a fit that would not help holds back the others of its axis, if there are."""
+    if len(every) == 1 or all(check.passed or check.name != GAIN for check in gate):
         return []
-    where = f"{draft.name}: its values still move from pass to pass"
-    return [gate_check("settled", 1.0, 0.0, "unsettled fits", where)]
+    others = ", ".join(other.compensation for other in every if other is not draft)
+    return [
+        Remark.warning(
+            f"The {draft.name} would not help, and holds back what stands in the same"
+            f" lists ({others}): take it out of the job to have that."
+        )
+    ]
 
 
 def unsettled(draft: "AbstractDraft") -> Remark:

@@ -133,7 +133,14 @@ def _write_axis(page: JobPage, job: Path, name: str, axis: Axis) -> None:
         )
     if axis.rotary:
         page.add(job_line("type", "rotary"))
-        page.key("# modulo = [0.0, 360.0]", "where it goes round")
+        page.ask(
+            f"axes.{name}.modulo",
+            f"Does {name} go round without end? Without an answer it has two ends. If it goes"
+            f" round, a leadscrew table of {name} covers the whole turn: modulo = true, and"
+            " points with both ends of it.",
+            ["modulo = [0.0, 360.0]"],
+            needed=False,
+        )
     if axis.span is not None:
         low, high = (float(f"{end:.6g}") for end in axis.span)
         page.key(

@@ -127,7 +127,10 @@ def _error(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 def _no_gain(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     second = "" if fit.again is None else f"; {_again(fit, scale)}"
     explanation = _NO_GAIN.get(fit.held_out, "") if isinstance(fit, TableResult) else ""
-    return f"This list would not help, do not load it: {_fall(fit, scale)}{second}.{explanation}"
+    start = "Nothing shows yet that this list helps"
+    if fit.judgement.verdict is Verdict.REJECTED:
+        start = "This list would not help, do not load it"
+    return f"{start}: {_fall(fit, scale)}{second}.{explanation}"
 
 
 def _assumed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:

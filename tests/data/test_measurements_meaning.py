@@ -31,6 +31,10 @@ BODY = "0;0;1;0;1\n10;1;2;1;2\n20;2;3;2;3\n"
         "Run;1;1;2;2\nDirection;+;-;+;-\nTarget [mm];um;um;um;um\n",
         "Target;1;1;2;2\n;up;down;up;down\nmm;µm;µm;µm;µm\n",
         "Ziel Nr.;;;;\nSoll [mm];hin1 [um];rueck1 [um];hin2 [um];rueck2 [um]\n",
+        "Soll [mm];Hinlauf 1 [um];Rücklauf 1 [um];Hinlauf 2 [um];Rücklauf 2 [um]\n",
+        "Soll [mm];up 1 [um];dn 1 [um];up 2 [um];dn 2 [um]\n",
+        "Soll [mm];out 1 [um];back 1 [um];out 2 [um];back 2 [um]\n",
+        "Soll [mm];Hub 1 [um];Rücklauf 1 [um];Hub 2 [um];Rücklauf 2 [um]\n",
         "Soll [mm];↑ [µm];↓ [µm];↑ [µm];↓ [µm]\n",
         "Position;Lauf 1 - hin;Lauf 1 - rück;Lauf 2 - hin;Lauf 2 - rück\n"
         "[mm];[µm];[µm];[µm];[µm]\n",

@@ -382,3 +382,25 @@ def test_check_names_an_open_table_over_the_whole_turn(
     for turn in ("A4=0:720", "A5=0:360"):
         assert main(["check", str(path), "--strict", "--modulo", turn]) == 0
         assert "ends" not in capsys.readouterr().out
+
+
+def test_check_names_nodes_that_no_position_of_a_turning_axis_reaches(
+    tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "achskw4.lis"
+    entries: dict[str, str | int | float | bool] = {
+        "kopf.achs_nr": 4,
+        "kw.ssfk.unit": 1,
+        "kw.ssfk.interval": 900_000,
+        "kw.ssfk.kw_startpos": -1_800_000,
+        "kw.ssfk.kw_nr_max": 5,
+        "kw.ssfk.bilateral": 0,
+    }
+    entries |= {f"kw.ssfk.table[{i}].pos": 7 for i in range(5)}
+    path.write_bytes(new_list(entries).dumps())
+    assert main(["check", str(path), "--strict", "--modulo", "A4=-180:180"]) == 0
+    capsys.readouterr()
+    assert main(["check", str(path), "--strict", "--modulo", "A4=0:360"]) == 1
+    said = capsys.readouterr().out
+    assert "nodes from -180 to 180" in said
+    assert "nodes within 0 to 360" in said

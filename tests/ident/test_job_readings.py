@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.errors import AxcompError
-from axcomp.ident.job import Code, JobError, JobResult, run_job
+from axcomp.ident.job import Code, JobError, JobResult, Verdict, run_job
 from axcomp.ident.readings import (
     cycles_of,
     place_in_run,
@@ -261,12 +261,16 @@ def test_readings_beyond_the_table_are_counted(tmp_path: Path) -> None:
     assert any("2 readings lie outside" in r.message for r in result.tables[0].remarks)
 
 
-def test_list_that_would_not_help_is_named(tmp_path: Path) -> None:
+def test_list_that_would_not_help_is_rejected(tmp_path: Path) -> None:
     rng = np.random.default_rng(37)
     cycle = np.repeat([1, 2, 3], len(NODES))
     place = np.tile(NODES, 3)
     scatter = 1e-3 * rng.standard_normal(len(place))
     result = run(tmp_path, place, scatter, cycle, header="x,e,r", more=', "run" = "r"')
     # Five means of pure noise: they predict the third run worse than nothing does.
-    assert result.tables[0].judgement.has(Code.NO_GAIN)
-    assert result.passed
+    judgement = result.tables[0].judgement
+    assert judgement.verdict is Verdict.REJECTED
+    assert judgement.has(Code.NO_GAIN)
+    assert [c.name for c in result.tables[0].gate if not c.passed] == ["gain"]
+    assert not result.passed
+    assert (tmp_path / "out/rejected/achskw1.lis").exists()

@@ -181,7 +181,14 @@ def test_list_that_would_not_help_is_not_called_good(
     fit = dataclasses.replace(
         fit, error={**fit.error, "predicted": fit.error["before"]}
     )
-    assert "This list would not help" in words(page_of(job(fit), tmp_path))
+    assert "Nothing shows yet that this list helps" in words(
+        page_of(job(fit), tmp_path)
+    )
+    failed = GateCheck("gain", 2.0, 1.0, "mm", False, "on runs held out")
+    fit = dataclasses.replace(fit, gate=(*fit.gate, failed))
+    assert "This list would not help, do not load it" in words(
+        page_of(job(fit), tmp_path)
+    )
 
 
 @pytest.mark.usefixtures("no_drawing")

@@ -14,6 +14,10 @@ NO_GAIN = 0.98
 """Share of the error before that a list must undercut to count as a gain."""
 
 
+GAIN = "gain"
+"""The line of the gate that fails where readings held out would get worse."""
+
+
 class Verdict(enum.StrEnum):
     """What is known of the list of a fit, from best to worst."""
 
@@ -33,7 +37,8 @@ class Code(enum.StrEnum):
     NOTHING_WRITTEN = "nothing_written"
     """There is no list to load."""
     NO_GAIN = "no_gain"
-    """Readings held out would not have gained by it."""
+    """Readings held out would not have gained by it; rejected where repeated runs show that they
+    would lose."""
     ASSUMED = "assumed"
     """Signs or owners that no measurement has settled [conventions]."""
     DIAGNOSED = "diagnosed"
@@ -86,6 +91,8 @@ class Judgement:
 def judgement_of(fit: "AbstractResult") -> Judgement:
     """Return the verdict on a fit, with what a second measurement says where there is one."""
     failed = [check.name for check in fit.gate if not check.passed]
+    if failed == [GAIN]:
+        return Judgement(Verdict.REJECTED, (Reason(Code.NO_GAIN),))
     if failed:
         return Judgement(Verdict.REJECTED, (Reason(Code.GATE, {"checks": failed}),))
     errors = [remark.message for remark in fit.remarks if remark.level == "error"]

@@ -15,7 +15,7 @@ from ...kinds._keys import FitSpec, TableSpec
 from ...proof import GateCheck, GateTable, HeldOut, judge
 from ...proof.axis import check_switching, switching_cycles
 from ...readings import Readings, Tables, without_zero
-from .._draft import AbstractDraft
+from .._draft import AbstractDraft, Foreseen
 from .._gating import spread_over, switching_remarks
 from ..result._result import Remark, SampleView, TableResult, staged
 from ..result._second import SecondMeasurement, part_of
@@ -210,6 +210,14 @@ class TableDraft(AbstractDraft):
     @property
     def in_memory(self) -> bool:
         return self.log is None
+
+    @property
+    def foreseen(self) -> Foreseen | None:
+        if not self.left.by_run:
+            # A place that is left out with its node is told by the nodes around it: that this
+            # fails for a short wave speaks for repeated runs, and not against the table.
+            return None
+        return Foreseen(self.readings.error, self.left.residual, self.estimate.wild)
 
     @property
     def predicted(self) -> float | None:

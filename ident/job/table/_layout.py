@@ -110,18 +110,31 @@ def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> GridNodes:
 
 
 def _full_turn(job: Job, index: int, fit: TableSpec, nodes: ListNodes) -> bool:
-    """Return whether the table goes round, refusing one that goes round in part."""
-    span, turns = job.spec.axes[fit.over[0]].modulo, fit.turns(job.spec.axes)
+    """Return whether the table goes round, refusing one that goes round in part.
+
+    Within the limits of an axis that does not reach where its turn ends, a table may have two
+    ends.
+    """
+    master = job.spec.axes[fit.over[0]]
+    span, turns = master.modulo, fit.turns(job.spec.axes)
     if span is None:
         return turns
     ends = nodes.positions[[0, -1]]
     whole = bool(np.max(np.abs(ends - np.array(span))) <= 1e-9)
-    if whole == turns:
+    within = bool(span[0] - 1e-9 <= ends[0] and ends[1] <= span[1] + 1e-9)
+    if whole == turns and (whole or (within and master.limits is not None)):
         return turns
     reason = (
         f"found nodes from {ends[0]:g} to {ends[1]:g}, expected the modulo range of"
         f" {fit.over[0]} from {span[0]:g} to {span[1]:g}, both ends included"
     )
+    if not turns:
+        reason = (
+            f"found nodes from {ends[0]:g} to {ends[1]:g} for {fit.over[0]}, which goes"
+            f" round from {span[0]:g} to {span[1]:g}, expected its whole turn and modulo ="
+            " true; or nodes within that range, and the limits that keep the axis from"
+            f" turning on (axes.{fit.over[0]}.limits)"
+        )
     if whole:
         reason = (
             f"found nodes over the whole turn of {fit.over[0]} and no modulo, expected"

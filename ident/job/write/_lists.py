@@ -17,7 +17,7 @@ from ...exchange import (
 from ...kinds import kinds
 from ...proof import GateCheck
 from .._draft import AbstractDraft
-from .._gating import convergence_checks, not_compared, unsettled
+from .._gating import fit_checks, holds_back, not_compared, unsettled
 from ..file._load import Job
 from ..result._job_result import WholeAxis
 from ..result._result import Remark
@@ -181,8 +181,7 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
     spreads = [spread for draft in drafts if (spread := draft.cycles) is not None]
     cycles = max(spreads, default=None)
     gates = {
-        d.index: (*d.gate(cycles), *convergence_checks(d)) if d.written else ()
-        for d in every
+        d.index: (*d.gate(cycles), *fit_checks(d)) if d.written else () for d in every
     }
     entries, machine_entries = dict[str, Value](), dict[str, Value]()
     extra, remarks = dict[str, bytes](), list[Remark]()
@@ -194,6 +193,7 @@ def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
         remarks += draft.machine_remarks()
         remarks += [] if draft.converged else [unsettled(draft)]
         remarks += not_compared(draft, gates[draft.index])
+        remarks += holds_back(draft, gates[draft.index], drafts)
     listing, machine = None, None
     if entries:
         listing, notes = _listing(job, drafts, entries)

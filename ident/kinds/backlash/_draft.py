@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ....data.lists import Value
 from ....models import Backlash
-from ...job._draft import AbstractDraft
+from ...job._draft import AbstractDraft, Foreseen
 from ...job._gating import spread_over
 from ...job.result._result import staged
 from ...job.result._second import SecondMeasurement
@@ -86,6 +86,11 @@ class BacklashDraft(AbstractDraft):
         model = Backlash(jnp.asarray(self.width), reference, cycles or 0)
         return dict(entries_of_backlash(model, (), self.job.conventions))
 
+    @property
+    def foreseen(self) -> Foreseen:
+        sides = sides_of(self.share)
+        return Foreseen(sides.before, self._held_out(), sides.wild)
+
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         job, jump, spread = self.job, self.jump, cycles or 0
         limits, unit = job.limits, job.spec.axes[self.axis].unit
@@ -124,12 +129,13 @@ class BacklashDraft(AbstractDraft):
 
     def prove(self, done: "AxisFiles") -> BacklashResult:
         share, sides = self.share, sides_of(self.share)
+        before, predicted, wild = self.foreseen
         # About the mean of both directions, which the tables of the axis look after.
         added = 0.5 * sides.direction * (self._read_back(done) - self.plan.acting)
         from_file = sides.before + added
         result = BacklashResult(
             **self.frame(done),
-            error=staged(sides.before, self._held_out(), from_file, sides.wild),
+            error=staged(before, predicted, from_file, wild),
             remarks=(),
             files=self.files_in(done),
             held_out=share.recording.held_out,

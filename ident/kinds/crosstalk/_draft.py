@@ -11,7 +11,7 @@ from jaxtyping import Float
 from ....data.lists import Value
 from ....models import Crosstalk
 from ..._recording import JointData
-from ...job._draft import AbstractDraft
+from ...job._draft import AbstractDraft, Foreseen
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
 from ...proof import GateCheck, reversal_dynamics
@@ -118,6 +118,13 @@ class CrosstalkDraft(AbstractDraft):
         sizes = self._full, self._full[:2] - self._full[2:], self._turns
         return max(float(np.abs(size).max(initial=0.0)) for size in sizes)
 
+    @property
+    def foreseen(self) -> Foreseen:
+        events = self.found.events
+        # Without a list nothing changes.
+        predicted = self.found.predicted if self.written else events.value
+        return Foreseen(events.value, predicted, events.wild)
+
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         model, limits = self.model, self.job.limits
         points, sizes = np.asarray(model.surface.points), np.abs(self._full)
@@ -169,11 +176,10 @@ class CrosstalkDraft(AbstractDraft):
         fit, log = self.found, self.log
         error = {self.axis: log.error[self.axis] + self.added_to_log(done)}
         residual = cut_events(dataclasses.replace(log, error=error), fit.effect).value
-        # Without a list nothing changes.
-        predicted = fit.predicted if self.written else fit.events.value
+        before, predicted, wild = self.foreseen
         return CrosstalkResult(
             **self.frame(done),
-            error=staged(fit.events.value, predicted, residual, fit.events.wild),
+            error=staged(before, predicted, residual, wild),
             remarks=(*remarks_of(self), *done.remarks),
             files=self.files_in(done),
             held_out="event",

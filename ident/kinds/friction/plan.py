@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from ....data.lists import Value
 from ....data.units import small_unit
 from ....models import FrictionCompensation
 from ...friction import Knots, place_knots
-from ...job._draft import AbstractDraft, AbstractPlan, Leftovers
+from ...job._draft import AbstractDraft, AbstractPlan, Foreseen, Leftovers
 from ...job.result._result import Remark
 from ...proof import CircularTest, GateCheck, circular_test
 from ...readings import Tables
@@ -86,7 +86,7 @@ class FrictionDraft(AbstractDraft):
         recording: What the drive recorded.
         found: The law.
         curve: The law over the driven speeds, or None where it is not determined.
-        unit: What one unit of the list is.
+        out_unit: What one unit of the list is.
         knots: The entries; None where none are written.
         view: What the list leaves of the recording.
         level: Share of the friction that the list gives.
@@ -96,7 +96,7 @@ class FrictionDraft(AbstractDraft):
     recording: DriveRecording
     found: Identified
     curve: LawCurve | None
-    unit: OutUnit
+    out_unit: OutUnit
     knots: Knots | None
     view: FrictionView
     level: float
@@ -124,11 +124,22 @@ class FrictionDraft(AbstractDraft):
         )
         return dict(entries_of_friction(compensation, target=self.target))
 
+    @property
+    def unit(self) -> str:
+        return self.recording.unit or "raw"
+
+    @property
+    def foreseen(self) -> Foreseen:
+        view = self.view
+        return Foreseen(
+            view.before[view.moving], view.predicted[view.moving], view.wild
+        )
+
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         assert self.knots is not None  # it is written
-        assert self.unit.share is not None  # else no entry could be
+        assert self.out_unit.share is not None  # else no entry could be
         largest = int(np.argmax(np.abs(self.knots.out)))
-        value = float(abs(self.knots.out[largest]) * self.unit.share)
+        value = float(abs(self.knots.out[largest]) * self.out_unit.share)
         speed = self.knots.velocity[largest] / 1000.0
         where = f"at {speed:g} {self.recording.samples.unit}/s"
         return (
@@ -140,12 +151,13 @@ class FrictionDraft(AbstractDraft):
         view, listing, model = self.view, done.compensation, None
         if listing is not None and self.knots is not None:
             model = friction_from_list(listing, self.job.conventions)
-        if model is not None and self.unit.current is not None:
-            listed = self.unit.current * model.sign * model.law.evaluate(view.velocity)
+        if model is not None and self.out_unit.current is not None:
+            listed = (
+                self.out_unit.current * model.sign * model.law.evaluate(view.velocity)
+            )
             view = dataclasses.replace(view, listed=listed)
-        unit: dict[str, Any] = {"unit": self.recording.unit or "raw"}
         return FrictionResult(
-            **self.frame(done) | unit,
+            **self.frame(done),
             error={
                 key: view.figures(getattr(view, key))
                 for key in ("before", "predicted", "from_file")
@@ -165,7 +177,7 @@ class FrictionDraft(AbstractDraft):
         """Return a simulated circle, where mass, law and list are known."""
         fit = self.found.fit
         inertia = fit.parameters.get("inertia", 0.0)
-        law, unit = fit.law, self.unit.current
+        law, unit = fit.law, self.out_unit.current
         if model is None or law is None or unit is None:
             return None
         if inertia <= _SURE * fit.standard_deviations.get("inertia", 0.0):
@@ -200,7 +212,7 @@ class FrictionDraft(AbstractDraft):
             )
         elif self.knots is None:
             yield Remark.info(
-                f"The job does not state {self.unit.missing}: the law is reported,"
+                f"The job does not state {self.out_unit.missing}: the law is reported,"
                 " and no list is written."
             )
         if self.knots is not None and self.curve is not None:

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from ....data.lists import ListFile, Value
 from ....models import TemperatureLine
 from ...core import FitError, regress
-from ...job._draft import AbstractDraft
+from ...job._draft import AbstractDraft, Foreseen
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
 from ...job.result._second import SecondMeasurement
@@ -114,6 +114,14 @@ class TemperatureDraft(AbstractDraft):
         texts = {table: self._law.csv(), program: structured_text(plc)} | objects
         return {name: text.encode() for name, text in texts.items()}
 
+    @property
+    def foreseen(self) -> Foreseen:
+        fit = self.found
+        if self.written:
+            return Foreseen(fit.error, fit.predicted, fit.wild)
+        about_middle = fit.error - np.median(fit.error)
+        return Foreseen(about_middle, about_middle, fit.wild)
+
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         law, places, limits = self._law, self._places, self.job.limits
         correction, warm, place = law.largest(places - self._position)
@@ -182,16 +190,16 @@ class TemperatureDraft(AbstractDraft):
 
     def prove(self, done: "AxisFiles") -> TemperatureResult:
         table, fit = done.path(temperature_names(self.axis)[0]), self.found
-        before = predicted = from_file = fit.error - np.median(fit.error)
+        before, predicted, wild = self.foreseen
+        from_file = before
         if self.written and table is not None:
             line = self._line_of(read_columns(table), done.machine)
             place, warm = fit.position, fit.structure
-            before, predicted = fit.error, fit.predicted
             distance = np.zeros(len(before)) if place is None else place
             from_file = before + np.asarray(line.offset(distance, warm))
         return TemperatureResult(
             **self.frame(done),
-            error=staged(before, predicted, from_file, fit.wild),
+            error=staged(before, predicted, from_file, wild),
             remarks=(*remarks_of(self), *done.remarks),
             files=self.files_in(done),
             held_out=self.share.recording.held_out,

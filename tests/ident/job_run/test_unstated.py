@@ -158,6 +158,33 @@ def test_a_table_over_a_whole_turn_closes_or_is_refused(tmp_path: Path) -> None:
     assert not list((tmp_path / "out").glob("*"))
 
 
+@pytest.mark.parametrize(
+    ("start", "points", "found"),
+    [(-180.0, 37, "from -180 to 180"), (-350.0, 36, "from -350 to 0"),
+     (0.0, 35, "from 0 to 340")],
+)  # fmt: skip
+def test_nodes_over_another_turn_or_a_part_of_it_are_refused(
+    tmp_path: Path, start: float, points: int, found: str
+) -> None:
+    # Positions wrap into the modulo range: nodes beside it are never reached, and between
+    # the last one and the first one of the next turn the axis would step.
+    turn = start + np.arange(0.0, 360.0, 15.0)
+    error = 4e-3 * np.sin(np.deg2rad(turn))
+    path = job(tmp_path, shown(0, 0), axis="C", interval=10.0, points=points)
+    path.write_text(path.read_text().replace("start = 0.0", f"start = {start}"))
+    table(tmp_path / "m.csv", "C.position [deg],C.error [deg]", turn, error)
+    with pytest.raises(JobError, match=rf"{found} for C, .*goes\s+round from 0 to 360"):
+        run_job(path, tmp_path / "out")
+    if start == 0.0:  # with two ends it may be a part of the turn
+        text = path.read_text()
+        limits = "modulo = [0.0, 360.0]\nlimits = [0.0, 345.0]"
+        text = text.replace("modulo = [0.0, 360.0]", limits)
+        path.write_text(
+            text.replace('file = "m.csv"', 'file = "m.csv"\nremove = "none"')
+        )
+        run_job(path, tmp_path / "out")
+
+
 def test_a_list_with_the_compensation_asks_whether_it_was_on(tmp_path: Path) -> None:
     laser(tmp_path / "laser.csv")
     run_job(screw_job(tmp_path), tmp_path / "out")
