@@ -21,6 +21,7 @@ class RemarkCode(enum.StrEnum):
     GLUED_COMMENT = "glued-comment"
     GLUED_QUOTE = "glued-quote"
     END_LINE = "end-line"
+    BEHIND_END = "behind-end"
     NO_BREAK_SPACE = "no-break-space"
     NAME_BLANK = "name-blank"
     NO_VALUE = "no-value"
@@ -81,7 +82,13 @@ REMARKS: dict[str, RemarkRule] = {
         "S-04",
     ),
     RemarkCode.END_LINE: RemarkRule(
-        "warning", "closing line without #", "# Ende, or nothing", "S-09"
+        "info", "closing line without #", "# Ende, or nothing", "S-09"
+    ),
+    RemarkCode.BEHIND_END: RemarkRule(
+        "warning",
+        "entries stand behind the closing line",
+        "Ende as the last line",
+        "S-09",
     ),
     RemarkCode.NO_BREAK_SPACE: RemarkRule(
         "warning", "no-break space", "a plain blank", "S-09"

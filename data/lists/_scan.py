@@ -189,6 +189,10 @@ def scan(lines: tuple[str, ...]) -> Scan:
     for rows in filled.values():
         if len(rows.lines) > 1:
             remarks.extend(_repeated(rows, lines))
+    entries = [line for rows in filled.values() for line in rows.lines]
+    if end_line is not None and (behind := [k for k in entries if k > end_line]):
+        line, code = min(behind), str(RemarkCode.BEHIND_END)
+        remarks.append(TextRemark(line, 1, code, lines[line - 1].strip()[:20]))
     remarks.sort(key=lambda remark: (remark.line, remark.column))
     return Scan(filled, tuple(remarks), continued, end_line)
 

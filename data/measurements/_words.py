@@ -28,7 +28,8 @@ WORDS: dict[str, frozenset[str]] = {
         " passata pasada",
         "time": "time zeit timestamp elapsed laufzeit uhrzeit temps tempo tiempo",
         "actual": "laser interferometer reference measured tracker reading",
-        "encoder": "encoder enc feedback",
+        "encoder": "encoder enc feedback geber drehgeber messsystem meßsystem wegmesssystem"
+        " codeur encodeur codificatore",
         "shown": "actual act ist istposition istwert istpos",
         "position": "set soll command commanded cmd des target nominal position pos ziel"
         " setpoint sollposition sollwert sollpos zielposition messposition verfahrweg weg"

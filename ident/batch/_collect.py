@@ -35,12 +35,14 @@ class Task:
         path: The job file.
         sha256: Hash of that.
         text: What goes into the job file where it comes from a table, else None.
+        fault: Why its row of the table makes no job, or None.
     """
 
     name: str
     path: Path
     sha256: str
     text: str | None = None
+    fault: str | None = None
 
     def as_file(self) -> "Task":
         """Return it as a worker needs it, the job file of a table written."""
@@ -66,11 +68,7 @@ def collect_jobs(arguments: Sequence[str | Path], out: Path) -> tuple[Task, ...]
     for argument in arguments:
         for path in _files(str(argument)):
             if path.suffix.lower() in _TABLES:
-                jobs = out / "jobs"
-                tasks += [
-                    Task(name, jobs / f"{name}.toml", _hash(text.encode()), text)
-                    for name, text in read_job_table(path, jobs)
-                ]
+                tasks += read_job_table(path, out / "jobs")
             else:
                 files.setdefault(path)
     for name, path in zip(_names(list(files)), files, strict=True):
@@ -127,16 +125,23 @@ _PATHS = {"conventions", "list", "machine_data", "file", "files"}
 _WITH_FILES = ("machine", "axes", "measurements")
 
 
-def read_job_table(path: Path, jobs: Path) -> Iterator[tuple[str, str]]:
-    """Yield name and text of the job of every row.
+def read_job_table(path: Path, jobs: Path) -> list[Task]:
+    """Return the job of every row; that of a row that makes none has its fault.
 
     Args:
         path: CSV or Parquet; paths in it are relative to it.
         jobs: Folder that the job files are going to lie in.
 
     Raises:
-        BatchError: If the table or a cell cannot be read.
+        BatchError: If the table cannot be read, a name is no name, or no row makes a job.
     """
+    tasks = list(_tasks(path, jobs))
+    if all(task.fault is not None for task in tasks):
+        raise BatchError(str(path), str(tasks[0].fault))
+    return tasks
+
+
+def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
     templates: dict[Path, dict[str, Any]] = {}
     named: dict[str, int] = {}
     for number, row in enumerate(_table_rows(path), start=1):
@@ -148,12 +153,16 @@ def read_job_table(path: Path, jobs: Path) -> Iterator[tuple[str, str]]:
             reason = f"rows {named[name]} and {number}: found two jobs named {name!r},"
             raise BatchError(str(path), f"{reason} expected names of their own")
         tree: dict[str, Any] = {}
+        faults: list[str] = []
         template = row.pop("template", None)
         if template:
             base = path.parent / str(template)
-            if base not in templates:
-                templates[base] = _template(base, f"{path}: row {number}")
-            tree = _rebased(templates[base], base.parent, jobs)
+            try:
+                if base not in templates:
+                    templates[base] = _template(base)
+                tree = _rebased(templates[base], base.parent, jobs)
+            except BatchError as error:
+                faults.append(f"row {number}: {error}")
         for key, cell in row.items():
             if cell is None or cell == "":
                 continue
@@ -163,9 +172,12 @@ def read_job_table(path: Path, jobs: Path) -> Iterator[tuple[str, str]]:
             try:
                 _put(tree, parts, value)
             except (AttributeError, TypeError, ValueError, IndexError):
-                reason = f"row {number}: {key!r} leads through a key that has a value"
-                raise BatchError(str(path), reason) from None
-        yield name, job_text(tree) + "\n"
+                faults.append(
+                    f"row {number}: {key!r} leads through a key that has a value"
+                )
+        text = job_text(tree) + "\n"
+        fault = faults[0] if faults else None
+        yield Task(name, jobs / f"{name}.toml", _hash(text.encode()), text, fault)
 
 
 def _table_rows(path: Path) -> list[dict[str, Any]]:
@@ -199,14 +211,17 @@ def _table_rows(path: Path) -> list[dict[str, Any]]:
     return list(table.to_pylist())
 
 
-def _template(path: Path, where: str) -> dict[str, Any]:
+def _template(path: Path) -> dict[str, Any]:
     try:
         return read_toml(path)[1]
     except OSError as error:
-        reason = f"found template {path}: {error.strerror}, expected a job file"
+        reason = f"found {error.strerror}, expected a job file"
+        where = f"template {path}"
         raise BatchError(where, reason) from None
     except TomlError as error:
-        raise BatchError(where, f"template {error}") from None
+        place, _, reason = str(error).partition(": ")
+        where = f"template {place}"
+        raise BatchError(where, reason) from None
 
 
 def _value(key: str, cell: Any) -> Any:

@@ -7,9 +7,12 @@ import datetime
 import functools
 import hashlib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from ...data.toml import TomlError, read_toml
 
 VERSION = 1
 """Stands in the metadata of the Parquet file as ``axcomp.schema``."""
@@ -32,7 +35,8 @@ COLUMNS: dict[str, tuple[str, str]] = {
     ),
     "verified": (
         "bool",
-        "every convention used is verified; else the list lies in `unverified/`",
+        "every convention that turns its sign or owner is verified; else the list lies in"
+        " `unverified/`",
     ),
     "verdict": (
         "string",
@@ -142,6 +146,30 @@ def rows_of(
         common | {"fit": k} | _fit_row(fit, remarks)
         for k, fit in enumerate(result["fits"])
     ]
+
+
+def identity_in(path: Path) -> Row:
+    """Return what a job file that cannot run says of machine, date, axis and compensation.
+
+    Axis and compensation only where all of its fits have the same.
+    """
+    try:
+        tree = read_toml(path)[1]
+    except (TomlError, OSError):
+        return {}
+    machine, fits = tree.get("machine"), tree.get("fits")
+    row: Row = {"title": tree.get("title")}
+    if isinstance(machine, Mapping):
+        row |= {
+            "machine_id": machine.get("id"),
+            "measured_at": machine.get("measured_at"),
+        }
+    for key in ("axis", "compensation"):
+        fits = fits if isinstance(fits, list) else []
+        values = {str(fit.get(key)) for fit in fits if isinstance(fit, Mapping)}
+        row[key] = values.pop() if len(values) == 1 else None
+    texts = ("title", "machine_id")
+    return row | {key: None for key in texts if not isinstance(row.get(key), str)}
 
 
 def hash_of_inputs(inputs: Mapping[str, str]) -> str:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from ...data.errors import AxcompError
 from ...data.files import sync_folder
 from ._collect import Task
-from ._rows import Row, hash_of_inputs, rows_of
+from ._rows import Row, hash_of_inputs, identity_in, rows_of
 
 if TYPE_CHECKING:
     from ..job import JobResult
@@ -71,6 +71,9 @@ def examine(tasks: Sequence[Task]) -> list[str | Outcome]:
     """Return the shape of each job, or the outcome of one that cannot run."""
     shapes: list[str | Outcome] = []
     for task in tasks:
+        if task.fault is not None:
+            shapes.append(failed(task, task.fault))
+            continue
         try:
             shapes.append(_shape(task.path))
         except (AxcompError, OSError) as error:
@@ -196,7 +199,7 @@ def _guarded(task: Task, stage: Path, work: Callable[[], Outcome]) -> Outcome:
 
 def failed(task: Task, reason: str) -> Outcome:
     """Return the outcome of a job that wrote no list."""
-    row = {
+    row = identity_in(task.path) | {
         "job": task.name,
         "state": "failed",
         "reason": " ".join(reason.split()),
@@ -240,8 +243,12 @@ def _job_outcome(task: Task, order: Order, stage: Path) -> Outcome:
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(stage))
     if order.reports or not result.passed:
         _report(result, stage)
+    # The rules that a verdict asks for; by the others no list is unproven.
     verified = all(
-        rule.state == "verified" for fit in result.fits for rule in fit.conventions
+        rule.state == "verified"
+        for fit in result.fits
+        for rule in fit.conventions
+        if rule.decides
     )
     # What lies there says what the result does: no need to read it back.
     folder = f"{'lists' if verified else 'unverified'}/{task.name}"

@@ -61,7 +61,8 @@ class Unclear:
     Attributes:
         column: Its name.
         asks: What there is to say: ``unit``, ``instrument``, ``column`` (which of those that
-            name the role), ``role`` (which of those that name none), ``sign``, ``drift``.
+            name the role), ``role`` (which of those that name none), ``sign``, ``drift``,
+            ``probed`` (an error, or a position).
         choices: Role and column of each possible answer, the likeliest first.
         largest: Largest absolute value, in the unit of the file.
     """
@@ -120,6 +121,7 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         return Meaning(axes[0] if axes else "Z", {}, {}, (), unused)
     named, outside = _with_encoders(table, named)
     named, drift = _with_drift(named)
+    named, probed = _with_probed(named)
     home, owner = _home(table, axes, named), _owner(table, axes, named)
     angles = _angles(table, named, home[0])
     assumed: dict[str, str] = {}
@@ -151,6 +153,9 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         options, asks = _options(each, axis, outside=outside, turns=turns)
         if each.column is drift:
             asks |= {"drift"}
+        if each.column is probed:
+            asks |= {"probed"}
+            options += [(f"{each.axis}.position", _spec(each.column, each.column.unit))]
         if asks:
             unclear.append(_unclear(each.column, asks, options))
         else:
@@ -179,6 +184,8 @@ _WITH_PLACE = _PLACES | {"temperature", "current"}
 """Kinds beside which no column without a name is a position."""
 _READ = frozenset(("error", "actual", "encoder", "current"))
 """Kinds of role that were measured."""
+_PROBED = 0.02
+"""Share of the smallest other travel over which a probed surface deviates at most."""
 _AT_REST = 0.1
 """Share of its position over which an axis at rest drifts at most."""
 
@@ -300,10 +307,19 @@ def _with_encoders(table: Table, named: Sequence[_Named]) -> tuple[list[_Named],
 
     Beside what an instrument showed, or the current of a drive, it is the encoder's.
     """
-    drive = table.format == SCOPE_FORMAT or any(e.kind == "current" for e in named)
-    if table.format == LASER_FORMAT and not drive:
-        return list(named), False  # what it holds beside its errors they were made of
+    kinds = {each.kind for each in named}
+    if "error" in kinds and not kinds & {"position", "actual"}:
+        # There is no other place that the error could be of.
+        named = [
+            dataclasses.replace(each, kind="position")
+            if each.kind == "encoder"
+            else each
+            for each in named
+        ]
+    drive = table.format == SCOPE_FORMAT or "current" in kinds
     seen = any(e.kind == "error" or (e.kind == "actual" and not e.own) for e in named)
+    if table.format == LASER_FORMAT and not drive:
+        return list(named), seen  # what it holds beside its errors they were made of
     if not (drive or seen):
         return list(named), False
     return [
@@ -328,6 +344,22 @@ def _with_drift(named: Sequence[_Named]) -> tuple[list[_Named], Column | None]:
         return list(named), None
     error = dataclasses.replace(place, kind="error")
     return [error if each is place else each for each in named], place.column
+
+
+def _with_probed(named: Sequence[_Named]) -> tuple[list[_Named], Column | None]:
+    """Return the columns, and the one that holds what a probe or an indicator showed.
+
+    Of several positions, with nothing that was measured, the one that hardly moves.
+    """
+    places = [each for each in named if each.kind == "position" and each.axis]
+    places.sort(key=lambda each: span(each.column.values))
+    if {each.kind for each in named} & (_READ | {"time"}) or len(places) < 2:
+        return list(named), None  # beside a time an axis that hardly moves stands still
+    last, *others = places
+    if not 0.0 < span(last.column.values) <= _PROBED * span(others[0].column.values):
+        return list(named), None
+    error = dataclasses.replace(last, kind="error")
+    return [error if each is last else each for each in named], last.column
 
 
 def _telling(each: _Named) -> int:

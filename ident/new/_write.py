@@ -221,6 +221,11 @@ def _unclear_words(each: Unclear) -> str:
             " for what the axis at rest drifts by. Counts are of the unit inc, and need the"
             " axis's increment."
         )
+    if "probed" in each.asks:
+        words.append(
+            f'No column says that it is an error: beside the other positions "{each.column}"'
+            " hardly moves, and is taken for what was probed."
+        )
     if "sign" in each.asks:
         words.append(
             "Corrections (trims), and targets less what was reached, are the negative of"

@@ -161,7 +161,7 @@ def test_comment_over_a_whole_line_needs_no_remark() -> None:
 def test_reading_goes_on_behind_bad_lines_and_closing_lines() -> None:
     found = parse("?\nkw.ssfk.unit 1\nEnde\nkw.ssfk.interval 5\n")
     assert found.integer("kw.ssfk.interval") == 5
-    assert [remark.line for remark in found.remarks] == [1, 3]
+    assert [remark.line for remark in found.remarks] == [1, 3, 4]
 
 
 def test_last_of_repeated_entries_counts() -> None:

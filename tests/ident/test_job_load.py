@@ -1,5 +1,6 @@
 """Job files: every mistake ends in one line with the place, before any work."""
 
+import datetime
 import pickle
 from pathlib import Path
 
@@ -52,6 +53,19 @@ def loaded(folder: Path, old: str = "", new: str = "") -> None:
     assert old in GOOD
     (folder / "job.toml").write_text(GOOD.replace(old, new))
     load_job(folder / "job.toml")
+
+
+@pytest.mark.parametrize("stated", ['"2026-11-20"', '"20.11.2026"'])
+def test_a_date_in_words_is_that_date(folder: Path, stated: str) -> None:
+    (folder / "job.toml").write_text(GOOD.replace("2026-11-20", stated))
+    when = load_job(folder / "job.toml").spec.machine.measured_at
+    assert when == datetime.date(2026, 11, 20)
+
+
+@pytest.mark.parametrize("stated", ["2026-13-40", "week 47"])
+def test_what_is_no_date_is_refused(folder: Path, stated: str) -> None:
+    with pytest.raises(JobError, match=rf"5: machine\.measured_at: found '{stated}'"):
+        loaded(folder, "2026-11-20", f'"{stated}"')
 
 
 def test_good_job_loads(folder: Path) -> None:

@@ -1,5 +1,6 @@
 """The job file as data: every key, its type and its default (interface.md)."""
 
+import contextlib
 import datetime
 import functools
 import operator
@@ -35,12 +36,27 @@ def _plain(name: str) -> str:
     return name
 
 
+def _day(value: datetime.date | str) -> datetime.date:
+    if not isinstance(value, str):
+        return value
+    for form in (datetime.date, datetime.datetime):
+        with contextlib.suppress(ValueError):
+            return form.fromisoformat(value)
+    try:
+        return datetime.datetime.strptime(value.strip(), "%d.%m.%Y").date()
+    except ValueError:
+        msg = "expected a date like 2026-11-20 or 20.11.2026"
+        raise ValueError(msg) from None
+
+
 class Machine(JobPart, frozen=True):
     """Identity of the machine, for trends and stored conventions."""
 
     id: str | None = None
     """Name of the machine, for trends. Example: `"mill-7"`."""
-    measured_at: datetime.date | datetime.datetime | str | None = None
+    measured_at: (
+        Annotated[datetime.date | datetime.datetime | str, AfterValidator(_day)] | None
+    ) = None
     """When it was measured. Example: `2026-11-20`."""
     conventions: str | None = None
     """File with the rules that a measurement has settled (`axcomp verify --save`); left

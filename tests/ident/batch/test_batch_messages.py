@@ -10,6 +10,7 @@ from axcomp.ident.batch import query_results
 from axcomp.ident.batch._collect import collect_jobs
 from axcomp.ident.batch._folder import BatchError
 from axcomp.ident.batch._table import write_results
+from axcomp.ident.batch._work import Outcome, examine
 from axcomp.ident.cli import main
 
 JOB = '[axes.X]\nnumber = 1\n[measurements.m]\nfile = "m.csv"\n'
@@ -20,8 +21,8 @@ JOB = '[axes.X]\nnumber = 1\n[measurements.m]\nfile = "m.csv"\n'
     [
         ("job,template\nx,a.toml\ny,a.toml\nx,a.toml\n",
          r"t\.csv: rows 1 and 3: found two jobs named 'x'"),
-        ("job,template\nx,a.toml\ny,nix.toml\n",
-         r"t\.csv: row 2: found template .*nix\.toml: No such file or directory, expected"),
+        ("job,template\nx,nix.toml\ny,nix.toml\n",
+         r"t\.csv: row 1: template .*nix\.toml: found No such file or directory, expected"),
         ("job,template\nx,bad.toml\n", r"t\.csv: row 1: template .*bad\.toml:1: not TOML"),
         ("job,template\n", r"t\.csv: found no rows, expected one per job"),
     ],
@@ -34,6 +35,24 @@ def test_a_table_of_jobs_is_refused_with_its_row(
     (tmp_path / "t.csv").write_text(table)
     with pytest.raises(BatchError, match=match):
         collect_jobs([str(tmp_path / "t.csv")], tmp_path / "out")
+
+
+def test_a_row_without_its_template_does_not_end_the_fleet(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(JOB)
+    rows = "x,a.toml,mill-1,2026-11-20,X\ny,nix.toml,mill-2,20.11.2026,X\n"
+    head = "job,template,machine.id,machine.measured_at,fits.0.axis\n"
+    (tmp_path / "t.csv").write_text(head + rows)
+    out = tmp_path / "out"
+    out.mkdir()
+    tasks = [each.as_file() for each in collect_jobs([str(tmp_path / "t.csv")], out)]
+    lost = examine(tasks)[1]
+    assert isinstance(lost, Outcome)
+    (row,) = lost.rows
+    assert "row 2: template" in row["reason"]
+    assert (row["machine_id"], row["axis"]) == ("mill-2", "X")
+    write_results(out, lost.rows)
+    (row,) = query_results(out).to_pylist()
+    assert row["machine_id"] == "mill-2"
 
 
 @pytest.mark.parametrize("name", ["t.csv", "a.toml"])

@@ -1,6 +1,7 @@
 """What `axcomp new` writes: roles, nodes, fits and questions."""
 
 import json
+import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -168,6 +169,67 @@ def test_a_rotary_axis_without_a_unit_is_asked_for_one_of_angles(
     told = [str(each["answers"]) for each in asked(tmp_path, capsys)]
     (answers,) = [each for each in told if ".error" in each]
     assert re.findall(r'unit = "(\w+)"', answers) == units
+
+
+@pytest.mark.parametrize(
+    ("head", "roles"),
+    [
+        ("Zeit [s];Geber X [mm];Laser X [mm]", ["X.encoder", "X.actual"]),
+        ("time [s];Set [mm];Feedback [mm];Laser [mm]", ["X.position", "X.encoder", "X.actual"]),
+        ("t [s];Sollposition [mm];Messsystem [mm];Interferometer [mm]",
+         ["X.position", "X.encoder", "X.actual"]),
+        # An error needs a place, and there is no other one.
+        ("time [s];Encoder [mm];Error [mm]", ["X.position", "X.error"]),
+    ],
+)  # fmt: skip
+def test_the_own_reading_of_the_machine_is_known_by_its_names(
+    tmp_path: Path, head: str, roles: list[str]
+) -> None:
+    rows = []
+    for k in range(2000):
+        place = 200.0 + 200.0 * math.sin(0.01 * k)
+        error = 0.01 * math.sin(place / 50.0)
+        own = [place] * (len(roles) - 1)
+        last = error if roles[-1] == "X.error" else place + error
+        rows.append(";".join(f"{value:.5f}" for value in (0.01 * k, *own, last)))
+    job = new(tmp_path, "\n".join([head, *rows]) + "\n", "--axis", "X=1")
+    columns = load_job(job).spec.measurements["readings"].columns
+    assert [role for role in columns if role != "time"] == roles
+    assert load_job(job).spec.fits[0].compensation == "leadscrew"
+
+
+@pytest.mark.parametrize("form", ["X={:g} Y={:g} Z={:.4f}", "{:g};{:g};{:.4f}"])
+def test_probed_points_ask_whether_the_still_coordinate_is_the_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], form: str
+) -> None:
+    points = [
+        (x, y, 1e-4 * x * y / 100) for x in range(0, 101, 20) for y in range(0, 61, 20)
+    ]
+    head = "" if "X" in form else "X [mm];Y [mm];Z [mm]\n"
+    text = head + "".join(form.format(*point) + "\n" for point in points)
+    axes = [
+        word for k, name in enumerate("ZXY", 1) for word in ("--axis", f"{name}={k}")
+    ]
+    job = new(tmp_path, text, *axes)
+    answers = [line for line in job.read_text().splitlines() if line.startswith("#? ")]
+    assert '"Z.error" = { column = "Z' in "\n".join(answers)
+    assert '"Z.position"' in answers[-1]
+    assert 'compensation = "plane"' in job.read_text()
+    # Without the likely answer there is nothing to fit.
+    assert main(["fit", str(job), "--out", str(tmp_path / "none")]) == 1
+    assert "Z.error" in capsys.readouterr().err
+
+
+def test_a_rotary_axis_is_asked_whether_it_goes_round(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{30 * k},{k % 5 / 1000}\n" for k in range(12))
+    new(tmp_path, f"c [deg],error [deg]\n{rows}", "--axis", "C=4")
+    (told,) = [
+        each for each in asked(tmp_path, capsys) if "modulo" in str(each["about"])
+    ]
+    assert told["answers"] == ["modulo = [0.0, 360.0]"]
+    assert not told["needed"]
 
 
 def test_a_current_without_a_unit_is_asked_for(
