@@ -161,8 +161,9 @@ def _number(cell: str, decimal: str, thousands: str) -> float | None:
         return float("nan")
     grouped = _GROUPED[decimal].fullmatch(cell)
     if grouped and (mark := grouped["mark"]):
-        # "1.234" alone may be either; with a decimal mark behind it, it is a group.
-        if mark == thousands or decimal in cell:
+        # "1.234" alone may be either; with a decimal mark behind it, it is a group. An
+        # apostrophe is never anything else.
+        if mark in (thousands, "'") or decimal in cell:
             return float(cell.replace(mark, "").replace(",", "."))
     return None
 

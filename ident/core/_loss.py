@@ -108,8 +108,8 @@ def choose_loss(
         inflation: Factor ≥ 1 that undoes the shrinkage of residuals by the fitted parameters.
         floor: Smallest scale.
         count: How many readings have each residual; None: one. Then they must ascend in size.
-        freedoms: Degrees of freedom of Student's t to choose from, where there are plenty of
-            readings; else the first of `FREEDOMS`.
+        freedoms: Degrees of freedom of Student's t to choose from; of several the heaviest
+            tails, unless there are plenty of readings.
 
     Raises:
         FitError: If the name is unknown.
@@ -137,7 +137,7 @@ def choose_loss(
     square = np.square(size[inner] * inflation)
     counts = np.ones(len(square)) if count is None else count[inner].astype(float)
     # Too few readings cannot tell the tails: stay with heavy ones.
-    trials = freedoms if counts.sum() >= _PLENTY else FREEDOMS[:1]
+    trials = freedoms if counts.sum() >= _PLENTY else freedoms[:1]
     fits = [
         (*_student_fit(square, counts, robust, freedom), freedom) for freedom in trials
     ]

@@ -165,7 +165,7 @@ def _overlapping(job: Job, fit: FitSpec, before: AxisLists) -> Iterator[str]:
 
 def _refuse_taken_over(job: Job, fit: FitSpec, before: AxisLists) -> None:
     """Raise where a table takes over what may have acted while it was measured."""
-    for name in set(fit.switches_off) & before.used.keys():
+    for name in (name for name in fit.switches_off if name in before.used):
         for source in fit.sources:
             stated = job.spec.measurements[source].stated_active
             if stated is not None or not before.acts(name):

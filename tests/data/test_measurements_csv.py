@@ -142,6 +142,13 @@ def test_lines_may_end_with_a_separator(tmp_path: Path) -> None:
         assert matrix(table).tolist() == [[1, 2], [3, 4]]
 
 
+def test_an_apostrophe_groups_digits_with_and_without_decimals(tmp_path: Path) -> None:
+    table = read_table(
+        write(tmp_path, "x [mm];e [um]\n900.5;1.5\n1'000;2.5\n1'000.5;3.5\n")
+    )
+    assert table.column("x").values.tolist() == [900.5, 1000.0, 1000.5]
+
+
 def test_quoted_cells_and_excel_hint_are_understood(tmp_path: Path) -> None:
     table = read_table(write(tmp_path, 'sep=,\n"x [mm]","y"\n"1,5","2"\n"3,5","4"\n'))
     assert matrix(table).tolist() == [[1.5, 2], [3.5, 4]]

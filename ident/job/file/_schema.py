@@ -223,8 +223,8 @@ class MeasurementSpec(JobPart, frozen=True):
     """Expansion of the axis in µm/m per K, to refer lengths to the reference
     temperature. Example: `11.5`."""
     material_temperature: float | str | None = None
-    """Temperature of the axis in °C while measuring, or the column that holds it.
-    Example: `22.4`."""
+    """Temperature of the axis in °C while measuring, or the sensor that shows it: `spindle`
+    of a column of the role `temperature.spindle`. Example: `22.4`."""
     reference_temperature: float = 20.0
     """Temperature in °C to which lengths refer. Example: `20.0`."""
     already_compensated: bool = False

@@ -90,6 +90,12 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     fewest = len(samples.error)  # readings of a direction
     if branch is not None:
         fewest = int(np.bincount(branch, minlength=2).min())
+        if not fewest:
+            missing = "−" if not np.any(branch) else "+"
+            raise plan.refusal(
+                f"found no reading in {missing} direction of {plan.axis}, expected both"
+                " directions for bilateral = true"
+            )
     finer = fewest < table.layout.effect.size // table.branches
     fit = fit_table(
         table.layout,

@@ -184,6 +184,16 @@ def test_axis_list_is_edited_and_its_backlash_switched_off(tmp_path: Path) -> No
     assert (tmp_path / "achsmds1.lis").read_text() == machine
 
 
+def test_a_bilateral_fit_names_the_direction_without_readings(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    head, *rows = (tmp_path / "laser.csv").read_text().splitlines()
+    at = [name.strip() for name in head.split(",")].index("direction")
+    up = [row for row in rows if float(row.split(",")[at]) > 0]
+    (tmp_path / "laser.csv").write_text("\n".join([head, *up]) + "\n")
+    with pytest.raises(JobError, match="found no reading in − direction of X"):
+        run_job(screw_job(tmp_path), tmp_path / "out")
+
+
 def test_backlash_active_beside_a_bilateral_fit_is_refused(tmp_path: Path) -> None:
     laser(tmp_path / "laser.csv")
     job = screw_job(tmp_path, measurement='active = ["backlash"]')
