@@ -42,6 +42,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
         "string",
         "`good`, `unproven`, `undetermined`, `rejected`; null where the job failed",
     ),
+    "reasons": ("strings", "codes of its reasons: `no_gain`, `assumed`, `gate`, …"),
     "folder": (
         "string",
         "of the job's files, relative to that of the batch; null where failed",
@@ -192,6 +193,7 @@ def _fit_row(fit: Mapping[str, Any], remarks: Sequence[Mapping[str, str]]) -> Ro
         "support": _flat(fit.get("support")),
         "files": list(fit["files"]),
         "verdict": fit.get("verdict"),
+        "reasons": [reason["code"] for reason in fit.get("reasons", ())],
     }
     for stage, figures in fit["error"].items():
         for figure in _SIZES:

@@ -15,7 +15,7 @@ NO_GAIN = 0.98
 
 
 GAIN = "gain"
-"""The line of the gate that fails where readings held out would get worse."""
+"""The line of the gate that fails where readings held out would get plainly worse."""
 
 
 class Verdict(enum.StrEnum):
@@ -38,7 +38,7 @@ class Code(enum.StrEnum):
     """There is no list to load."""
     NO_GAIN = "no_gain"
     """Readings held out would not have gained by it; rejected where repeated runs show that they
-    would lose."""
+    would plainly lose."""
     ASSUMED = "assumed"
     """Signs or owners that no measurement has settled [conventions]."""
     DIAGNOSED = "diagnosed"
