@@ -92,10 +92,11 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         fewest = int(np.bincount(branch, minlength=2).min())
         if not fewest:
             missing = "−" if not np.any(branch) else "+"
-            raise plan.refusal(
+            reason = (
                 f"found no reading in {missing} direction of {plan.axis}, expected both"
                 " directions for bilateral = true"
             )
+            raise plan.refusal(reason)
     finer = fewest < table.layout.effect.size // table.branches
     fit = fit_table(
         table.layout,
