@@ -353,14 +353,17 @@ class _Axis:
         others = [name for name in names if name != comparison.compensation]
         follows = any("temperature" in kind(name).follows for name in names)
         warm = f" {_WARM}" if follows else ""
+        fits = [draft.fit for draft in self.drafts if draft.compensation in names]
+        jointly = fits[0].group is not None and len({fit.group for fit in fits}) == 1
+        group = 'identify them together (the same group = "…" in their [[fits]]), '
         return Remark.error(
             f"With all that will act on {self.name}, {comparison.together:.4g} {self.unit} rms"
             f" are left of measurement {comparison.measurement!r}, where the"
             f" {comparison.compensation} alone leaves {comparison.alone:.4g} {self.unit}: it and"
             f" {' and '.join(others)} correct the same error. State in"
             f" [measurements.{comparison.measurement}] what was on while measuring (active),"
-            ' identify them together (the same group = "…" in their [[fits]]), or switch'
-            f" one of them off in the axis list of {self.name} (machine_data).{warm}",
+            f" {'' if jointly else group}or switch one of them off in the axis list of"
+            f" {self.name} (machine_data).{warm}",
         )
 
 
