@@ -134,6 +134,11 @@ class Fit(Mapping[str, FittedEffect]):
 
         return plot_fit(self.effects)
 
+    def __repr__(self) -> str:
+        from ._notebook import fit_text
+
+        return fit_text(self)
+
     def _repr_html_(self) -> str:
         from ._notebook import fit_html
 

@@ -1,4 +1,4 @@
-"""How fits show themselves in a notebook: a table in HTML, and plots."""
+"""How fits show themselves: a table as text and in HTML, and plots."""
 
 import html
 from collections.abc import Mapping
@@ -19,19 +19,37 @@ _COLORS = ("#0072B2", "#D55E00")
 """Of positive and negative direction (Okabe-Ito)."""
 
 
+_HEADS = ("effect", "values", "largest", "largest σ", "readings")
+
+
+def fit_text(fit: "Fit") -> str:
+    """Return what a fit found as text: effects, noise by axis, what is not determined."""
+    rows = [_HEADS, *((name, *_summary(one)) for name, one in fit.items())]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        for row in rows
+    ]
+    return "\n".join([*(line.rstrip() for line in lines), *_sentences(fit)])
+
+
 def fit_html(fit: "Fit") -> str:
-    """Return what a fit found: effects, noise by axis, what is not determined."""
+    """Return the same in HTML."""
     rows = [(name, *_summary(one)) for name, one in fit.items()]
-    parts = [table_html(("effect", "values", "largest", "largest σ", "readings"), rows)]
+    sentences = (f"<p>{html.escape(sentence)}</p>" for sentence in _sentences(fit))
+    return "".join([table_html(_HEADS, rows), *sentences])
+
+
+def _sentences(fit: "Fit") -> list[str]:
     noise = ", ".join(f"{axis} {value:.3g}" for axis, value in fit.noise.items())
-    parts.append(f"<p>Scatter of one reading: {html.escape(noise)}.</p>")
-    parts += [
-        f"<p>Not determined: {html.escape(one if isinstance(one, str) else one.sentence)}</p>"
+    sentences = [f"Scatter of one reading: {noise}."]
+    sentences += [
+        f"Not determined: {one if isinstance(one, str) else one.sentence}"
         for one in fit.undetermined
     ]
     if not fit.converged:
-        parts.append("<p><b>The iterations did not reach their tolerance.</b></p>")
-    return "".join(parts)
+        sentences.append("The iterations did not reach their tolerance.")
+    return sentences
 
 
 def _summary(one: "FittedEffect") -> tuple[str, ...]:

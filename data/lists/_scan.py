@@ -191,8 +191,8 @@ def scan(lines: tuple[str, ...]) -> Scan:
             remarks.extend(_repeated(rows, lines))
     entries = [line for rows in filled.values() for line in rows.lines]
     if end_line is not None and (behind := [k for k in entries if k > end_line]):
-        line, code = min(behind), str(RemarkCode.BEHIND_END)
-        remarks.append(TextRemark(line, 1, code, lines[line - 1].strip()[:20]))
+        first, code = min(behind), str(RemarkCode.BEHIND_END)
+        remarks.append(TextRemark(first, 1, code, lines[first - 1].strip()[:20]))
     remarks.sort(key=lambda remark: (remark.line, remark.column))
     return Scan(filled, tuple(remarks), continued, end_line)
 

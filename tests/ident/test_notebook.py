@@ -28,6 +28,10 @@ def test_a_fit_shows_its_effects_and_its_scatter(fit: axcomp.Fit) -> None:
     page = fit._repr_html_()
     assert "<td>leadscrew</td><td>18</td>" in page
     assert "Scatter of one reading: X 0.000" in page
+    head, row, scatter = repr(fit).splitlines()  # and no page of arrays
+    assert head.split()[:2] == ["effect", "values"]
+    assert row.split()[:2] == ["leadscrew", "18"]
+    assert scatter.startswith("Scatter of one reading: X 0.000")
 
 
 def test_a_plot_holds_the_values_of_the_model_at_its_nodes(fit: axcomp.Fit) -> None:
