@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from ..data.measurements import find_role
+from ..data.measurements import MissingRole, find_role
 from ..data.measurements._units import LIBRARY_UNIT
 from ._job_text import job_text
 from ._readings import Friction
@@ -93,7 +93,13 @@ def write_job(
         "fits": fits,
     }
     path.write_bytes(signed(job_text(job) + "\n", _SIGNED))
-    return run_job(path, folder)
+    try:
+        return run_job(path, folder)
+    except MissingRole as error:
+        msg = (
+            f"write: found no {error.role} among the readings, expected it {error.why}"
+        )
+        raise FitError(msg) from None
 
 
 def verdicts_of(result: "JobResult", names: Sequence[str]) -> dict[str, str]:

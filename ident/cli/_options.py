@@ -139,7 +139,7 @@ def read_lists(files: Sequence[Path]) -> "list[ListFile]":
 
 
 def refuse_existing(path: Path, option: str, *, force: bool | None = None) -> None:
-    """Raise where a file to be written exists.
+    """Raise where a file to be written exists, or its folder is a file.
 
     Args:
         path: The file.
@@ -149,6 +149,8 @@ def refuse_existing(path: Path, option: str, *, force: bool | None = None) -> No
     Raises:
         UsageError: Naming what to do.
     """
+    if path.parent.exists() and not path.parent.is_dir():
+        refuse(option, f"{path.parent}, which is a file", "a folder for the new file")
     if path.exists() and not force:
         instead = "a new file" if force is None else "a new file or --force"
         refuse(option, f"{path}, which exists", instead)

@@ -693,3 +693,15 @@ def test_the_held_out_error_leaves_out_what_the_noise_leaves_out() -> None:
     fit = axcomp.fit([screw], {"X.position": place, "X.error": error, "run": run})
     # Two readings of 126 that are 0.5 mm off would make 0.06 mm.
     assert fit.held_out["X"] < 1.3 * fit.noise["X"]
+
+
+def test_writing_names_the_role_that_a_job_needs_and_no_file_of_its_own(
+    tmp_path: Path,
+) -> None:
+    way = np.tile([1.0, -1.0], 50)
+    noise = 1e-4 * np.random.default_rng(0).normal(size=100)
+    found = axcomp.fit(
+        [axcomp.Backlash("X")], {"X.direction": way, "X.error": 2e-3 * way + noise}
+    )
+    with pytest.raises(FitError, match=r"write: found no X\.position among the read"):
+        found.write(tmp_path, axes={"X": 1})

@@ -69,6 +69,15 @@ LASER = "run,direction,target [mm],error [um]\n" + "".join(
 )
 
 
+def test_a_job_in_a_file_for_a_folder_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "readings.csv").write_text(LASER)
+    job = tmp_path / "readings.csv" / "job.toml"
+    assert main(["new", str(tmp_path / "readings.csv"), "--out", str(job)]) == 2
+    assert "which is a file, expected a folder" in capsys.readouterr().err
+
+
 def test_a_job_that_exists_is_replaced_only_when_that_is_asked_for(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
