@@ -9,7 +9,7 @@ from ..models import AbstractLookup
 from ._readings import Friction
 from .core import FitError
 from .fit import Constraint
-from .fit.joint import AbstractEffect, Part
+from .fit.joint import AbstractEffect, Part, is_number, numbers_of
 
 Datum = float | Sequence[float]
 """A position, one per master."""
@@ -25,16 +25,29 @@ def check_options(remove: Any, solver: Any, smoothness: Any, drift: Any) -> None
         ("remove", remove, ("none", "offset", "line")),
         ("solver", solver, ("factor", "ipopt", None)),
     ):
-        if word not in words:
+        if not isinstance(word, str | None) or word not in words:
             known = ", ".join(repr(each) for each in words if each)
             msg = f"{option}: found {word!r}, expected one of {known}."
             raise FitError(msg)
-    if smoothness is None:
-        msg = "smoothness: found None, expected 'auto' or a number >= 0"
+    if not isinstance(smoothness, str) and not is_number(smoothness):
+        msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0"
         raise FitError(msg)
     if not isinstance(drift, int | np.integer) or drift < 0:
         msg = f"drift: found {drift!r}, expected a whole number of 0 or more"
         raise FitError(msg)
+
+
+def check_friction(**options: Any) -> None:
+    """Check that options of tables are left out where there is a friction alone.
+
+    Raises:
+        FitError: If one is stated.
+    """
+    usual = {"loss": "student", "smoothness": "auto", "drift": 0, "remove": "none"}
+    for name, value in options.items():
+        if value != usual.get(name):
+            msg = f"{name}: found {value!r} of a friction, which has none; leave it out"
+            raise FitError(msg)
 
 
 def stack_of(effects: Any) -> tuple[AbstractEffect | Friction, ...]:
@@ -44,7 +57,8 @@ def stack_of(effects: Any) -> tuple[AbstractEffect | Friction, ...]:
         FitError: If there is none, or one is something else.
     """
     known = AbstractEffect | Friction
-    stack = (effects,) if isinstance(effects, known) else tuple(effects)
+    several = isinstance(effects, Iterable) and not isinstance(effects, known)
+    stack: tuple[Any, ...] = tuple(effects) if several else (effects,)
     wrong = [repr(one) for one in stack if not isinstance(one, known)]
     if wrong or not stack:
         found = ", ".join(wrong) or "none"
@@ -79,7 +93,24 @@ def by_name(constraints: Any) -> dict[str, Any]:
     rows = {
         name: (own,) if isinstance(own, str) else own for name, own in found.items()
     }
-    return {name: own for name, own in rows.items() if callable(own) or len(own)}
+    for name, own in rows.items():
+        words = isinstance(own, Sequence) and all(isinstance(each, str) for each in own)
+        if not callable(own) and not words:
+            msg = f"constraints of {name}: found {own!r}, expected words or a function"
+            raise FitError(msg)
+    return {name: own for name, own in rows.items() if callable(own) or own}
+
+
+def models_by_name(active: Any) -> dict[str, Any]:
+    """Return the models that acted, by name.
+
+    Raises:
+        FitError: If there are no names.
+    """
+    if not isinstance(active, Mapping | None):
+        msg = "active: expected models by name: {'leadscrew': model}"
+        raise FitError(msg)
+    return dict(active or {})
 
 
 def check_names(
@@ -119,7 +150,14 @@ def datum_of(
         msg = f"datum: found {', '.join(datum) or 'no key'}, expected at"
         raise FitError(msg)
     at = datum["at"] if isinstance(datum, Mapping) else datum
-    place = tuple(float(each) for each in np.atleast_1d(np.asarray(at)))
+    numbers = numbers_of(at)
+    if numbers.ndim > 1 or not numbers.size:
+        msg = f"datum: found {at!r}, expected a position for each master"
+        raise FitError(msg)
+    place = tuple(np.atleast_1d(numbers).tolist())
+    if not stack:
+        msg = "datum: found it of a friction, which has none; leave it out"
+        raise FitError(msg)
     for one in stack:
         nodes = one.grid
         alone = [other.axis for other in stack].count(one.axis) == 1

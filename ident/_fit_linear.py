@@ -24,11 +24,12 @@ from ..models import Cross, FrictionTable, Leadscrew, ModuloNodes, Plane
 from ._linear_solver import Arrow, ArrowCholesky
 from ._parameters import (
     Form,
-    as_float,
     as_measured,
     fitted_arrays,
     inputs_of,
+    number_of,
     path_name,
+    readings_of,
     weights_of,
 )
 from .core import FitError, TableEffect, shared_table
@@ -83,10 +84,12 @@ def fit_linear(
         measured: Readings in the unit of the predictions.
         smoothness: Weight of the squared second differences per node distance of each
             table, relative to 1/noise²; or a pair with that of fourth differences; or
-            either by the path of a table in the tree (``"[0]"``, ``"screw"``).
+            either by the path of a table in the tree (``"0"``, ``"screw"``).
         weights: Of the readings, relative; 0 leaves one out.
         solver: Of the normal equations, any of lineax that takes a positive definite
-            operator; left out: `ArrowCholesky`, a band on the host.
+            operator; left out: `ArrowCholesky`, a band on the host. What does not factorise
+            (`lineax.CG`, `lineax.SVD`) finds some model of many where the readings do not
+            determine it, and does not say so.
         throw: Raise where the readings do not determine the model; else it is NaN.
 
     Returns:
@@ -102,7 +105,7 @@ def fit_linear(
         msg = f"solver: found {solver!r}, expected one of lineax, made"
         raise FitError(msg)
     params, rest = eqx.partition(model, fitted_arrays(model, None))
-    form, readings = Form.of(params), as_float(measured)
+    form, readings = Form.of(params), readings_of(measured)
     smooth = _weights_by_table(model, smoothness)
     problem = _Problem(
         predict,
@@ -148,10 +151,12 @@ def _weights_by_table(
     every = 0.0 if isinstance(smoothness, Mapping) else smoothness
     found = [named.get(name, every) for name in names]
     pairs = [each if isinstance(each, tuple | list) else (each,) for each in found]
-    result = tuple(tuple(as_float(weight) for weight in pair) for pair in pairs)
+    if not all(1 <= len(pair) <= 2 for pair in pairs):
+        msg = f"smoothness: found {smoothness!r}, expected a number, or two"
+        raise FitError(msg)
+    result = tuple(tuple(number_of(w, "smoothness") for w in pair) for pair in pairs)
     for weight in (weight for pair in result for weight in pair):
-        known = not isinstance(weight, Tracer)
-        if jnp.ndim(weight) or (known and not 0 <= weight < np.inf):
+        if not isinstance(weight, Tracer) and not 0 <= weight < np.inf:
             msg = f"smoothness: found {weight}, expected a number of 0 or more"
             raise FitError(msg)
     return result

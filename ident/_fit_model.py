@@ -20,10 +20,11 @@ from ._parameters import (
     Form,
     Pairs,
     Scaled,
-    as_float,
     as_measured,
     fitted_arrays,
     inputs_of,
+    number_of,
+    readings_of,
     weights_of,
 )
 from .core import FitError, one_blas_thread
@@ -117,9 +118,12 @@ def fit_model(
     if solver != "ipopt" and not made:
         msg = f"solver: found {solver!r}, expected one of optimistix, made, or 'ipopt'"
         raise FitError(msg)
+    if not isinstance(max_steps, int | np.integer) or max_steps < 1:
+        msg = f"max_steps: found {max_steps!r}, expected a whole number of 1 or more"
+        raise FitError(msg)
     params, rest = eqx.partition(model, fitted_arrays(model, fitted))
     form = Form.of(params)
-    readings = as_float(measured)
+    readings = readings_of(measured)
     problem = _Problem(
         predict,
         constraints,
@@ -129,11 +133,14 @@ def fit_model(
         readings,
         weights_of(readings, weights),
         form.pairs(bounds, (-np.inf, np.inf), "bounds"),
-        form.pairs(priors, (0.0, np.inf), "priors"),
+        form.pairs(priors, (0.0, np.inf), "priors", whole=True),
     )
     form.check(problem.limits, np.less_equal, "bounds, the least one first")
     form.check(problem.prior, lambda _, s: s > 0, "a prior's deviation above 0")
-    start, known = form.flat(params), None if noise is None else as_float(noise)
+    start, known = (
+        form.flat(params),
+        None if noise is None else number_of(noise, "noise"),
+    )
     if (
         known is not None
         and not isinstance(known, Tracer)

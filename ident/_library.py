@@ -17,14 +17,17 @@ from ._arguments import (
     Datum,
     by_name,
     check_alike,
+    check_friction,
     check_names,
     check_options,
     check_reach,
     check_words,
     datum_of,
+    models_by_name,
     names_of,
     stack_of,
 )
+from ._datum import datum_row, deviation_at_datum, zeroed, zeroed_deviations
 from ._ipopt import least_squares_ipopt, one_vector
 from ._readings import Friction, Roles, arrays_of, recording_of, without_zero_of
 from ._write_job import Stated, verdicts_of, write_job
@@ -68,6 +71,8 @@ class FittedEffect:
         lags: Time constant in s and its standard deviation, by sensor; empty without.
         common: Standard deviation that all values have in common, in mm or °: that of the
             constant which the table holds; 0 without.
+        datum: Share of each value in what the table says at the datum, which is taken off all;
+            None without.
     """
 
     effect: AbstractEffect | Friction
@@ -76,6 +81,7 @@ class FittedEffect:
     support: Int[np.ndarray, " p"]
     lags: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     common: float = 0.0
+    datum: Float[np.ndarray, " p"] | None = None
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the values with two standard deviations, and return the matplotlib axes.
@@ -159,7 +165,7 @@ class Fit(Mapping[str, FittedEffect]):
             run = np.arange(len(self.data)) * _FOLDS // max(len(self.data), 1)
         left = held_out_errors(self.joint, self.data, run)
         believed = {
-            axis: left[axis][own.design.rows][own.active]
+            axis: left[axis][own.design.rows][own.counted]
             for axis, own in self.joint.fits.items()
         }
         return {axis: float(np.sqrt(np.mean(e**2))) for axis, e in believed.items()}
@@ -176,7 +182,8 @@ class Fit(Mapping[str, FittedEffect]):
         one = self.effects[name]
         if self.joint is None or not isinstance(one.effect, AbstractEffect):
             raise KeyError(name)
-        return self.joint.part(one.effect.name).covariance + one.common**2
+        joint = self.joint.part(one.effect.name).covariance
+        return joint + one.common**2 if one.datum is None else zeroed(joint, one.datum)
 
     def write(
         self,
@@ -277,7 +284,7 @@ def fit(
     """
     check_options(remove, solver, smoothness, drift)
     effects = stack_of(effects)
-    constraints = by_name(constraints)
+    constraints, active = by_name(constraints), models_by_name(active)
     if constraints and solver == "factor":
         msg = "constraints need solver='ipopt': the factor knows no inequalities."
         raise FitError(msg)
@@ -286,6 +293,10 @@ def fit(
     names = names_of(effects)
     place = datum_of(stack, datum)
     check_reach(stack, given)
+    if not stack:
+        check_friction(
+            loss=loss, smoothness=smoothness, drift=drift, remove=remove, solver=solver
+        )
     options = {"loss": loss, "smoothness": smoothness}
     treated = {"drift": drift, "remove": remove, "datum": place}
     check_names(names, effects, active or (), constraints)
@@ -297,6 +308,7 @@ def fit(
     found: dict[str, FittedEffect] = {}
     noise: dict[str, float] = {}
     constant: dict[str, tuple[float, float]] = {}
+    doubts: dict[str, float] = {}
     undetermined: list[Confusion | str] = []
     joint: JointFit | None = None
     if stack:
@@ -308,7 +320,16 @@ def fit(
             drift=drift,
         )
         noise |= joint.noise
-        constant |= joint.datum if remove != "none" else _with_runs(joint)
+        if (
+            remove == "none"
+        ):  # The mean of the runs is the machine's, which few do not tell.
+            doubts |= {
+                axis: doubt_of_means(runs)[0] for axis, runs in joint.runs.items()
+            }
+        constant |= {
+            axis: (value, float(np.hypot(deviation, doubts.get(axis, 0.0))))
+            for axis, (value, deviation) in joint.datum.items()
+        }
         undetermined += joint.confusions
     holders = _holders(stack) if place is None else {}
     gauges = () if joint is None else joint.gauges
@@ -325,11 +346,11 @@ def fit(
             found[name] = FittedEffect(one, law, sigma, np.array([choice.fit.count]))
             continue
         part = next(parts)
-        table, common = part.table, 0.0
+        values, common = part.values, 0.0
         if holders.get(one.axis) is one:
             value, common = constant[one.axis]
             constant[one.axis] = (0.0, common)
-            table = table + value
+            values = values + value
             gauges = tuple(
                 dataclasses.replace(
                     each, rule=f"{each.rule} The {part.name} holds the datum."
@@ -340,22 +361,26 @@ def fit(
             )
         acted: Float[np.ndarray, ...] | float = 0.0
         if active and name in active:
-            check_alike(name, active[name], part.effect.to_model(table, -1.0))
+            check_alike(name, active[name], part.effect.to_model(part.table, -1.0))
             acted = one.offsets(active[name])
+        row = datum_row(part.effect, place)
         if name in constraints:
-            table = _constrained(part, table, constraints[name], place, acted)
-        zero = _zero(part.effect, table, place)
-        table = table - zero - acted
+            values = _constrained(part, values, constraints[name], row, acted)
+        deviation = np.hypot(part.standard_deviation, common)
         if place is not None:
-            value, deviation = constant[one.axis]
-            constant[one.axis] = (value + zero, deviation)
+            zero, doubt = float(row @ values), doubts.get(one.axis, 0.0)
+            own = float(np.hypot(deviation_at_datum(part, row), doubt))
+            constant[one.axis] = (constant[one.axis][0] + zero, own)
+            values, deviation = values - zero, zeroed_deviations(part, row)
+        table = part.effect.table(values) - acted
         found[name] = FittedEffect(
             one,
             part.effect.to_model(table, -1.0),
-            part.effect.to_model(np.hypot(part.deviation_table, common), 1.0),
+            part.effect.to_model(part.effect.table(deviation), 1.0),
             part.support,
             part.lags,
             common,
+            None if place is None else row,
         )
     return Fit(
         effects=found,
@@ -370,15 +395,6 @@ def fit(
     )
 
 
-def _with_runs(joint: JointFit) -> dict[str, tuple[float, float]]:
-    """Return the constant of each axis; it keeps the mean of the runs, which few do not tell."""
-    doubts = {axis: doubt_of_means(runs)[0] for axis, runs in joint.runs.items()}
-    return {
-        axis: (value, float(np.hypot(deviation, doubts[axis])))
-        for axis, (value, deviation) in joint.datum.items()
-    }
-
-
 def _holders(stack: Sequence[AbstractEffect]) -> dict[str, AbstractEffect]:
     """Return by axis the table that holds the constant error, as in the list of a job."""
     ranks = [(kind(one.compensation).takes_constant, one) for one in stack]
@@ -387,18 +403,6 @@ def _holders(stack: Sequence[AbstractEffect]) -> dict[str, AbstractEffect]:
     for _, one in sorted(known, key=lambda pair: pair[0]):
         found.setdefault(one.axis, one)
     return found
-
-
-def _zero(
-    effect: AbstractEffect,
-    table: Float[np.ndarray, "..."],
-    place: tuple[float, ...] | None,
-) -> float:
-    """Return what a table says at the datum, the mean of both directions; 0 without one."""
-    if place is None:
-        return 0.0
-    model = effect.to_model(table, -1.0)
-    return -float(np.mean(effect.offsets(model, *(np.array([x]) for x in place))))
 
 
 def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
@@ -410,18 +414,18 @@ def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
 
 def _constrained(
     part: Part,
-    table: Float[np.ndarray, "..."],
+    values: Float[np.ndarray, " p"],
     constraint: Callable[[Any], Array] | Sequence[Constraint],
-    place: tuple[float, ...] | None,
+    datum: Float[np.ndarray, " p"],
     acted: Float[np.ndarray, "..."] | float,
-) -> Float[np.ndarray, "..."]:
-    """Return the most probable table of a part whose model keeps inequalities, by IPOPT.
+) -> Float[np.ndarray, " p"]:
+    """Return the most probable values of a part whose model keeps inequalities, by IPOPT.
 
     Args:
         part: As it was fitted.
-        table: Its values, with the constant that they hold.
+        values: With the constant that they hold.
         constraint: Of the model of the controller, as for `fit`.
-        place: Where that is zero, None where nothing says so.
+        datum: Share of each in what is zero, see `datum_row`.
         acted: What a table added to its values while measuring.
 
     Raises:
@@ -436,10 +440,10 @@ def _constrained(
     kept = sizes > _EMPTY * sizes.max()
     # What neither readings nor prior move stays where it is.
     span = modes[:, kept] * np.sqrt(sizes[kept])
-    moves = [effect.table(column) for column in span.T]
-    written = table - _zero(effect, table, place) - acted
-    along = np.stack([one - _zero(effect, one, place) for one in moves], axis=-1)
-    each = np.stack(moves, axis=-1)
+    written = effect.table(values - datum @ values) - acted
+    along = np.stack(
+        [effect.table(column) for column in (span - datum @ span).T], axis=-1
+    )
     if not callable(constraint):
         check_words(part, constraint)
         entries, unit = _entries(effect, written), float(np.sqrt(sizes.max()))
@@ -447,7 +451,7 @@ def _constrained(
         slopes = sp.csr_array(np.stack(rows, axis=-1).reshape(-1, len(rows)))
         free = sp.eye_array(len(rows), format="csr")
         move = most_probable(constraint, entries / unit, effect.grid, slopes, free)
-        return np.asarray(table + each @ move)
+        return np.asarray(values + span @ move)
 
     def keeps(move: Float[Array, " k"], args: Any) -> Float[Array, " g"]:
         middle, along = args
@@ -462,7 +466,7 @@ def _constrained(
     if not found.converged:
         msg = f"constraints of {part.name}: IPOPT ended as '{found.status}'"
         raise FitError(msg)
-    return np.asarray(table + each @ found.values)
+    return np.asarray(values + span @ found.values)
 
 
 def _entries(

@@ -1,5 +1,6 @@
 """The fitted arrays of a model as one vector: names, limits, and units for a solver."""
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -34,7 +35,7 @@ def fitted_arrays(model: Any, fitted: Sequence[str] | None) -> Any:
     arrays = eqx.filter(model, eqx.is_inexact_array)
     known = [path_name(path) for path, _ in jtu.tree_leaves_with_path(arrays)]
     for name in fitted:
-        if not any((own + ".").startswith(name + ".") for own in known):
+        if not any((own + ".").startswith(f"{name}.") for own in known):
             msg = f"fitted: found {name}, expected some of {', '.join(known)}"
             raise FitError(msg)
     return jtu.tree_map_with_path(
@@ -104,9 +105,15 @@ class Form:
         return jax.tree.unflatten(self.structure, leaves)
 
     def pairs(
-        self, given: Pairs, default: tuple[float, float], what: str
+        self, given: Pairs, default: tuple[float, float], what: str, whole: bool = False
     ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
         """Return the first and the second number of all pairs, as two vectors.
+
+        Args:
+            given: Pairs; where one is None, or one of its numbers, the default counts.
+            default: Pair of numbers.
+            what: They are, in words.
+            whole: Whether a pair has both its numbers.
 
         Raises:
             FitError: If a name is unknown, or a pair is none or of another shape.
@@ -130,8 +137,9 @@ class Form:
         sides: tuple[list[Array], list[Array]] = ([], [])
         for path, shape in zip(self.paths, self.shapes, strict=True):
             pair = named.get(path)
-            if not _is_pair(pair):
-                msg = f"{what} of {path}: found {pair!r}, expected a pair or None"
+            if not _is_pair(pair) or (whole and pair is not None and None in pair):
+                numbers = "a pair of numbers" if whole else "a pair"
+                msg = f"{what} of {path}: found {pair!r}, expected {numbers} or None"
                 raise FitError(msg)
             for side, one, other in zip(sides, pair or default, default, strict=True):
                 value = other if one is None else one
@@ -222,9 +230,40 @@ def as_float(value: Any) -> Any:
     if isinstance(value, Array):
         wide = jnp.issubdtype(value.dtype, jnp.floating)
         return value.astype(jnp.float64) if wide else value
+    if np.ma.is_masked(value):
+        value = np.ma.filled(np.ma.asarray(value).astype(float), np.nan)
     if isinstance(value, np.ndarray | np.generic | int | float | Sequence):
         return jnp.asarray(value, jnp.float64)
     return value
+
+
+def number_of(value: Any, what: str) -> Array:
+    """Return a number as an array of no dimension, or what may be traced as it is.
+
+    Raises:
+        FitError: If it is none.
+    """
+    with contextlib.suppress(TypeError, ValueError):
+        number = None if isinstance(value, str) else as_float(value)
+        if isinstance(number, Array) and not number.ndim:
+            return number
+    msg = f"{what}: found {value!r}, expected a number"
+    raise FitError(msg)
+
+
+def readings_of(measured: Any) -> Array:
+    """Return readings as an array.
+
+    Raises:
+        FitError: If they are no numbers.
+    """
+    with contextlib.suppress(TypeError, ValueError):
+        readings = None if isinstance(measured, str) else as_float(measured)
+        if isinstance(readings, Array):
+            return readings
+    found = type(measured).__name__
+    msg = f"measured: found {found}, expected an array of numbers"
+    raise FitError(msg)
 
 
 def inputs_of(inputs: Any) -> Any:

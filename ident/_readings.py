@@ -16,6 +16,7 @@ from ..data.measurements import (
     ColumnSpec,
     Lines,
     Measurement,
+    MeasurementError,
     MissingRole,
     derive_direction,
     derive_error,
@@ -26,7 +27,7 @@ from ..data.measurements import (
     without_motion,
 )
 from .core import FitError
-from .fit.joint import AbstractEffect, JointData, Number, Temperature
+from .fit.joint import AbstractEffect, JointData, Number, Temperature, is_number
 
 Roles = Mapping[str, ArrayLike]
 """Arrays by role (``"X.position"``, ``"temperature.scale"``, ``"run"``) in mm, °, s, °C."""
@@ -49,7 +50,8 @@ class Friction:
     no_keys: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
-        if isinstance(self.inertia, str) and self.inertia != "fit":
+        word = isinstance(self.inertia, str) and self.inertia == "fit"
+        if not word and not is_number(self.inertia):
             msg = f"inertia: found {self.inertia!r}, expected 'fit' or a number"
             raise FitError(msg)
 
@@ -88,10 +90,16 @@ def read(
         OSError: If the file cannot be read.
         MeasurementError: If it holds nothing usable, or a column, role or unit is not known.
     """
-    specs = {
-        role: ColumnSpec(column) if isinstance(column, str) else ColumnSpec(*column)
-        for role, column in (columns or {}).items()
-    }
+    specs: dict[str, ColumnSpec] = {}
+    for role, column in (columns or {}).items():
+        pair = (column,) if isinstance(column, str) else tuple(column or ())
+        if not 1 <= len(pair) <= 2 or not all(isinstance(part, str) for part in pair):
+            msg = f"columns: {role}: found {column!r}, expected a column, or (column, unit)"
+            raise MeasurementError(str(path), msg)
+        specs[role] = ColumnSpec(pair[0], pair[1] if len(pair) > 1 else None)
+    if rows is not None and np.shape(rows) != (2,):
+        msg = f"rows: found {rows!r}, expected the first and the last line of numbers"
+        raise MeasurementError(str(path), msg)
     table = read_table(Path(path), lines=Lines.of(skip, header, rows))
     return measurement(table, specs, axis=axis, masters=masters, increments=increments)
 
@@ -109,7 +117,8 @@ def without_zero_of(
         roles = [role for one in stack if one.axis == axis for role in one.roles]
         own = dict.fromkeys(role for role in roles if role.endswith(".position"))
         places = [given[role] for role in own]
-        result[f"{axis}.error"] = without_zero(given[f"{axis}.error"], places, kind)
+        error = given[f"{axis}.error"]
+        result[f"{axis}.error"] = without_zero(error, places, kind, given.get("run"))
     return result
 
 
@@ -118,7 +127,8 @@ def arrays_of(
 ) -> dict[str, np.ndarray]:
     """Return the arrays by role that the effects need, and runs and time.
 
-    Errors of a measurement in motion are those that a standstill would show.
+    Errors of a measurement in motion are those that a standstill would show. What is masked
+    is NaN; instants (``datetime64``) are seconds from the first one.
     """
     wanted = ["run", "time"]
     if isinstance(data, Measurement):
@@ -136,7 +146,7 @@ def arrays_of(
         if isinstance(data, Measurement):
             values = _measured(data, role)
         else:
-            values = None if role not in data else np.asarray(data[role])
+            values = None if role not in data else _filled(data[role], role)
             if values is not None and role.endswith(".direction"):
                 values = _directions(values, role)
         if values is None and role in ("run", "time") and role not in wanted[2:]:
@@ -149,15 +159,32 @@ def arrays_of(
     return found
 
 
+def _filled(given: ArrayLike, role: str) -> np.ndarray:
+    """Return an array, what is masked in it as NaN: a reading that was missed.
+
+    Raises:
+        FitError: If a run is masked.
+    """
+    if not np.ma.is_masked(given):
+        return np.asarray(given)
+    if role == "run":
+        msg = "run: found masked rows, expected the run of every reading"
+        raise FitError(msg)
+    return np.asarray(np.ma.filled(np.ma.asarray(given).astype(float), np.nan))
+
+
 def _row_of(values: np.ndarray, role: str) -> np.ndarray:
-    """Return numbers, one per row; runs may have names.
+    """Return numbers, one per row; runs may have names, instants become seconds.
 
     Raises:
         FitError: If they are others.
     """
     shape = np.shape(values)
+    if role == "time" and values.dtype.kind in "mM" and values.size:
+        values = (values - np.fmin.reduce(values)) / np.timedelta64(1, "s")
+    known = values.dtype.kind not in "cmM" or role == "run"
     with contextlib.suppress(TypeError, ValueError):
-        if len(shape) == 1 and shape != (0,) and not np.iscomplexobj(values):
+        if len(shape) == 1 and shape != (0,) and known:
             return np.asarray(values, None if role == "run" else np.float64)
     msg = f"{role}: found {values.dtype} of shape {shape}, expected one number per row"
     raise FitError(msg)
@@ -169,7 +196,8 @@ def _directions(given: np.ndarray, role: str) -> np.ndarray:
     Raises:
         FitError: If they are others: of 0 and 1 a backlash would come out twice as wide.
     """
-    if given.dtype.kind in "UO":
+    if given.dtype.kind in "SUO":
+        given = given.astype(str) if given.dtype.kind == "S" else given
         words = [direction_of(str(each)) for each in given.ravel()]
         given = np.reshape([0 if way is None else way for way in words], given.shape)
     strange = given[~(np.isin(given, (-1, 1)) | np.isnan(given))]
@@ -215,7 +243,11 @@ def recording_of(
             tables.setdefault(role.kind, {})[name] = values
     run = None
     if "run" in given:
-        run = np.unique(given["run"], return_inverse=True)[1].astype(np.int64)
+        try:
+            run = np.unique(given["run"], return_inverse=True)[1].astype(np.int64)
+        except TypeError:
+            msg = "run: found numbers beside names or None, expected one or the other"
+            raise FitError(msg) from None
     heated = [one.axis for one in stack if isinstance(one, Temperature)]
     return JointData(
         **tables,

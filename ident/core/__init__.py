@@ -47,7 +47,7 @@ from ._hold_out import (
     simplest as simplest,
     sums_by_group as sums_by_group,
 )
-from ._loss import Loss as Loss, choose_loss as choose_loss
+from ._loss import WILD as WILD, Loss as Loss, choose_loss as choose_loss
 from ._polyline import node_shares as node_shares
 from ._posterior import (
     CellCovariance as CellCovariance,

@@ -213,6 +213,9 @@ def write_lists(
             "AxisModels(1, {'cross': …})",
         )
     numbers = [axis_models.axis for axis_models in given_models]
+    for number in numbers:
+        natural = isinstance(number, int) and number >= 1
+        expect(natural, "axis", repr(number), "its logical number, 1 or more")
     surplus = {*(lists or {})} - {*numbers}
     expect(not surplus, "lists", f"axes {sorted(surplus)}", f"some of {numbers}")
     given_files: set[Path] = set()

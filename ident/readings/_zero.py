@@ -5,7 +5,10 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
+from scipy import ndimage
+
+from ..core import WILD
 
 _PASSES = 20
 _TUNING = 1.345
@@ -40,6 +43,7 @@ def without_zero(
     error: Float[np.ndarray, " t"],
     positions: Sequence[Float[np.ndarray, " t"]],
     kind: Kind,
+    run: Shaped[np.ndarray, " t"] | None = None,
 ) -> Float[np.ndarray, " t"]:
     """Return the error without its mean, or without the line (plane) through it.
 
@@ -49,6 +53,7 @@ def without_zero(
         error: In mm or °.
         positions: Of each master; none: the error hangs on no place.
         kind: ``none``, ``offset`` or ``line`` (over two masters, a plane).
+        run: Of each reading: an offset of its own makes none of it wild.
     """
     places = np.stack([*positions] or [np.zeros(len(error))], axis=1)
     finite = np.isfinite(error) & np.isfinite(places).all(axis=1)
@@ -57,7 +62,9 @@ def without_zero(
     error_of, at = error[finite], places[finite]
     step = step_of(len(error_of))
     result = error.copy()
-    result[finite] = zero_of(error_of[::step], at[::step], kind).off(error_of, at)
+    runs = None if run is None else run[finite][::step]
+    zero = zero_of(error_of[::step], at[::step], kind, runs)
+    result[finite] = zero.off(error_of, at)
     return result
 
 
@@ -67,11 +74,15 @@ def step_of(count: int) -> int:
 
 
 def zero_of(
-    error: Float[np.ndarray, " t"], positions: Float[np.ndarray, "t d"], kind: Kind
+    error: Float[np.ndarray, " t"],
+    positions: Float[np.ndarray, "t d"],
+    kind: Kind,
+    run: Shaped[np.ndarray, " t"] | None = None,
 ) -> Zero:
     """Return the mean of errors, or the line (plane) through them.
 
-    Fitted with Huber's loss, so that a wild reading does not tilt them.
+    Of all readings but the wild ones, which Huber's loss tells from the rest: what the table
+    holds itself and offsets of runs scatter as well, and count in full.
     """
     centre = positions.mean(axis=0)
     # Centred, so that the columns stay apart from each other.
@@ -90,6 +101,14 @@ def zero_of(
         weight = new
         if settled:
             break
+    left = error - design @ solution
+    if run is not None:
+        labels, own = np.unique(run, return_inverse=True)
+        left = left - ndimage.median(left, own, np.arange(len(labels)))[own]
+    scale = 1.4826 * float(np.median(np.abs(left)))
+    if scale > 0.0:  # else runs of one reading, or no noise: nothing tells wild ones
+        believed = np.abs(left) <= WILD * scale
+        solution = np.linalg.lstsq(design[believed], error[believed])[0]
     return Zero(centre, solution)
 
 

@@ -13,6 +13,8 @@ from ._effect import (
     AbstractEffect as AbstractEffect,
     Block as Block,
     Number as Number,
+    is_number as is_number,
+    numbers_of as numbers_of,
 )
 from ._fit import (
     examine_design as examine_design,

@@ -77,6 +77,14 @@ class AxisFit:
         residual = _error(self.design, self.data) - self.design.columns @ fit.centre
         return np.asarray(~fit.loss.wild(residual / fit.loss.scale))
 
+    @property
+    def counted(self) -> Bool[np.ndarray, " r"]:
+        """Readings that the noise is judged by."""
+        loss = self.estimate.loss
+        return np.asarray(
+            self.active & (np.abs(self.residual) <= loss.wild_from * loss.scale)
+        )
+
     def smoothness(self) -> dict[str, dict[str, float]]:
         """Return the weights of each table, and of the drift, by name."""
         weights = iter(self.estimate.posterior.weights.tolist())
@@ -164,7 +172,8 @@ class AxisFit:
         for sensor, lag in self.lags.items():
             change = known.rules.project(lag.slope)[places] * self.lag_deviation[sensor]
             result = result + np.outer(change, change)
-        result = result + np.diag(self._rounded[places])
+        same = places[:, None] == places[None, :]
+        result = result + np.where(same, self._rounded[places], 0.0)
         confounded = known.confounded[places]
         result[confounded], result[:, confounded] = np.nan, np.nan
         result[confounded, confounded] = np.inf

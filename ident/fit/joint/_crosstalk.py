@@ -12,7 +12,7 @@ from jaxtyping import Float
 from .... import models
 from ...core import FitError, filled
 from ...kinds.crosstalk import BRANCHES, MOST_TESTS
-from ._effect import AbstractEffect, Inputs, Number, Ranges, Rank, Rows
+from ._effect import AbstractEffect, Inputs, Number, Ranges, Rank, Rows, numbers_of
 
 
 @final
@@ -55,9 +55,19 @@ class Crosstalk(AbstractEffect):
     )
 
     def __post_init__(self) -> None:
+        if isinstance(self.adaptation, str):
+            object.__setattr__(self, "adaptation", (self.adaptation,))
         if self.positions is not None:
-            rows = tuple(tuple(map(float, row)) for row in self.positions)
-            object.__setattr__(self, "positions", rows)
+            points = numbers_of(self.positions)
+            if not points.size:
+                msg = (
+                    f"{self.name}: found positions {self.positions!r}, expected numbers in mm,"
+                    " a row of them for each test"
+                )
+                raise FitError(msg)
+            # Along one axis a row of numbers says it all.
+            points = points[:, None] if points.ndim == 1 else np.atleast_2d(points)
+            object.__setattr__(self, "positions", tuple(map(tuple, points.tolist())))
         if len(self.adaptation) > 2:
             msg = (
                 f"{self.name}: found {len(self.adaptation)} adaptation axes, expected two "

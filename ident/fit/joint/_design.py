@@ -326,7 +326,8 @@ def _course(
     low, high = np.full(len(runs), np.inf), np.full(len(runs), -np.inf)
     np.minimum.at(low, index, data.time[rows])
     np.maximum.at(high, index, data.time[rows])
-    high = np.maximum(high, low + 1e-12)
+    # A clock may stand still within a run.
+    high = np.maximum(high, np.nextafter(low, np.inf))
     spans = tuple(zip(low.tolist(), high.tolist(), strict=True))
     most = min(_STEPS, len(data) // _READINGS) // (len(runs) * drift)
     return Course(runs, spans, drift, max(most, 1) if wander else 1)

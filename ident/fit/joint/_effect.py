@@ -1,6 +1,7 @@
 """What every effect on the readings of several axes has: a name, inputs, columns, and words."""
 
 import abc
+import contextlib
 import dataclasses
 import enum
 from collections.abc import Mapping, Sequence
@@ -273,6 +274,21 @@ class AbstractEffect(abc.ABC):
         del model, places
         msg = f"active: found {self.compensation}, expected a table or backlash"
         raise FitError(msg)
+
+
+def is_number(value: object) -> bool:
+    """Return whether a value is one finite number."""
+    numbers = numbers_of(value)
+    return not isinstance(value, str) and numbers.ndim == 0
+
+
+def numbers_of(given: object) -> Float[np.ndarray, "..."]:
+    """Return an array of finite numbers; empty where they are none."""
+    with contextlib.suppress(TypeError, ValueError):
+        numbers = np.asarray(given, np.float64)
+        if np.isfinite(numbers).all():
+            return numbers
+    return np.zeros(0)
 
 
 def in_a_row(names: Sequence[str]) -> str:

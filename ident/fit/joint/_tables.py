@@ -14,7 +14,16 @@ from jaxtyping import Float, Int
 
 from .... import models
 from ...core import FitError, Readings, Smooth, TableEffect, axis_nodes, shared_table
-from ._effect import AbstractEffect, Component, Inputs, Number, Ranges, Rank, Rows
+from ._effect import (
+    AbstractEffect,
+    Component,
+    Inputs,
+    Number,
+    Ranges,
+    Rank,
+    Rows,
+    numbers_of,
+)
 
 Numbers = Sequence[Number] | Float[np.ndarray, " n"]
 _DIGITS = 10
@@ -30,7 +39,11 @@ class AbstractTable(AbstractEffect):
 
     def __post_init__(self) -> None:
         for nodes in self.grid:
-            if len(nodes) < 2 or not (np.diff(nodes) > 0).all():
+            if (
+                len(nodes) < 2
+                or not (np.diff(nodes) > 0).all()
+                or not np.isfinite(nodes).all()
+            ):
                 msg = f"{self.name}: expected at least two nodes in ascending order."
                 raise FitError(msg)
 
@@ -168,7 +181,9 @@ class AbstractLine(AbstractTable):
 
     def __post_init__(self) -> None:
         if self.setpoints is not None:
-            nodes = np.atleast_1d(np.asarray(self.setpoints, np.float64))
+            nodes = np.ravel(numbers_of(self.setpoints))
+            if np.ndim(self.setpoints) > 1:
+                nodes = np.zeros(0)  # rows and columns are no line
             object.__setattr__(self, "setpoints", tuple(nodes.tolist()))
         super().__post_init__()
 
@@ -307,7 +322,8 @@ class Plane(AbstractTable):
 
     def __post_init__(self) -> None:
         for key in ("masters", "start", "interval", "points"):
-            if (value := getattr(self, key)) is None:
+            value: Any = getattr(self, key)
+            if value is None and key != "masters":
                 continue
             if np.shape(value) != (2,):
                 msg = (

@@ -23,6 +23,9 @@ from ._effect import (
     Rank,
     Rows,
     dense_rows,
+    in_a_row,
+    is_number,
+    numbers_of,
 )
 
 Nodes = str | int | Sequence[Number] | Float[np.ndarray, " _n"]
@@ -114,8 +117,14 @@ class Temperature(AbstractEffect):
             raise FitError(msg)
         ordered = {law: self.sensors[law] for law in LAWS if law in self.sensors}
         object.__setattr__(self, "sensors", ordered)
+        strange = (
+            {*self.lag} - {*self.sensor_names} if isinstance(self.lag, Mapping) else ()
+        )
+        if strange:
+            msg = f"{self.name}: found lag of {in_a_row([*strange])}, expected of its sensors"
+            raise FitError(msg)
         for value in self.lags.values():
-            if isinstance(value, str) and value != "fit":
+            if value != "fit" and not is_number(value):
                 msg = (
                     f"{self.name}: found lag {value!r}, expected 'fit' (or 'auto'), 'none'"
                     " or seconds."
@@ -124,9 +133,13 @@ class Temperature(AbstractEffect):
         law: dict[str, Nodes] = {}
         for name, entry in self.law.items():
             nodes: str | int | Float[np.ndarray, " _n"]
-            nodes = entry if isinstance(entry, str | int) else np.asarray(entry, float)
+            nodes = entry if isinstance(entry, str | int) else numbers_of(entry)
             if isinstance(nodes, np.ndarray):
-                valid = len(nodes) > 0 and bool((np.diff(nodes) > 0).all())
+                valid = (
+                    nodes.ndim == 1
+                    and len(nodes) > 0
+                    and bool((np.diff(nodes) > 0).all())
+                )
             else:
                 valid = nodes in _COUNTS if isinstance(nodes, str) else nodes > 0
             if not valid:
@@ -161,7 +174,10 @@ class Temperature(AbstractEffect):
             lags = dict.fromkeys(self.sensor_names, lags)
         words: dict[Number | str, Number | str] = {"auto": "fit", "none": 0.0}
         all_lags = {sensor: lags.get(sensor, 0.0) for sensor in self.sensor_names}
-        return {sensor: words.get(lag, lag) for sensor, lag in all_lags.items()}
+        return {
+            sensor: words.get(lag, lag) if isinstance(lag, str) else lag
+            for sensor, lag in all_lags.items()
+        }
 
     @property
     def nodes(self) -> dict[str, Float[np.ndarray, " _n"]]:
