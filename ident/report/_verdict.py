@@ -204,10 +204,15 @@ def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     )
 
 
+def _nothing_written(fit: AbstractResult, scale: Scale, _: Reason) -> str:
+    fall = _fall(fit, scale, listed=False)
+    return f"Nothing to load, no list was asked for or needed: {fall}."
+
+
 _SENTENCES: dict[Code, str | Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.GATE: _gate,
     Code.ERROR: _error,
-    Code.NOTHING_WRITTEN: "Nothing to load, no list was asked for or needed: {fall}.",
+    Code.NOTHING_WRITTEN: _nothing_written,
     Code.NO_GAIN: _no_gain,
     Code.ASSUMED: _assumed,
     Code.DIAGNOSED: _diagnosed,
@@ -233,7 +238,7 @@ def _again(fit: AbstractResult, scale: Scale) -> str:
     return f"{text} found {scale.figure(second.rms)} {scale.error} rms{mostly}"
 
 
-def _fall(fit: AbstractResult, scale: Scale) -> str:
+def _fall(fit: AbstractResult, scale: Scale, listed: bool = True) -> str:
     before, after = fit.error.get("before"), fit.error.get("predicted")
     unit = scale.error
     if before is None:
@@ -253,7 +258,7 @@ def _fall(fit: AbstractResult, scale: Scale) -> str:
             f"on readings that the fit did not see, {error} falls from "
             f"{_size(before, scale)} to {end}, by {percent(1 - after.rms / before.rms)}"
         )
-    return f"{start}, and {end} are predicted with the list"
+    return f"{start}, and {end} are predicted with the list" if listed else start
 
 
 def _size(figures: ErrorFigures, scale: Scale) -> str:

@@ -9,6 +9,8 @@ import pytest
 from axcomp.data.lists import ListFile, check
 from axcomp.ident.job import BacklashResult, JobError, run_job
 from axcomp.ident.report import write_report
+from axcomp.ident.report._scale import Scale
+from axcomp.ident.report._verdict import headline_of
 
 WIDTH = 0.0123
 NOISE = 0.0004
@@ -164,6 +166,8 @@ def test_no_backlash_writes_nothing_and_says_so(tmp_path: Path) -> None:
     found = run(tmp_path)
     assert not (tmp_path / "out" / "achsmds1.add.lis").exists()
     assert any("No backlash shows" in remark.message for remark in found.remarks)
+    scale = Scale("mm", "µm")
+    assert "with the list" not in headline_of(found, scale).sentence
 
 
 def test_a_list_of_another_fit_is_none_of_a_backlash_that_is_not_written(

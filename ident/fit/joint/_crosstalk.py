@@ -59,7 +59,7 @@ class Crosstalk(AbstractEffect):
             object.__setattr__(self, "adaptation", (self.adaptation,))
         if self.positions is not None:
             points = numbers_of(self.positions)
-            if not points.size:
+            if points.shape == (0,):
                 msg = (
                     f"{self.name}: found positions {self.positions!r}, expected numbers in mm,"
                     " a row of them for each test"

@@ -11,10 +11,17 @@ from ...core import FitError, Regression, node_shares, regress, simplest
 from ._events import Events
 
 _CELLS, _FOLDS = 8, 8
+_SAME_PLACE = 1e-3
+"""Share of the travel within which two events stand at one place."""
+_VISITS = 3
+"""Events at each place, on average, from which on the axes come back to few places."""
 _LEAST_SPAN = 0.01
 """mm below which an axis stands still, whatever its positions scatter by."""
 TOUCHED = 1e-9
 """Weight of a test in an event from which on the event touches it."""
+
+_TOLD = 1e-6
+"""Singular value, absolute, from which on events tell a combination of tests."""
 
 Axes = tuple[int, ...]
 Nodes = tuple[Float[np.ndarray, " _n"], ...]
@@ -123,6 +130,16 @@ def choose_tests(
             "axes that it needs."
         )
         raise FitError(msg)
+    # A test that the events do not tell has no value; where all grids have one, it is left out.
+    told = [
+        np.linalg.matrix_rank(columns_of(events.positions, *each), _TOLD)
+        for each in candidates
+    ]
+    candidates = [
+        (axes, grid)
+        for (axes, grid), rank in zip(candidates, told, strict=True)
+        if rank == math.prod(map(len, grid))
+    ] or candidates
     sizes = [math.prod(map(len, grid)) for _, grid in candidates]
     # What the finest choice rejects has no part in the search.
     columns = columns_of(events.positions, *candidates[int(np.argmax(sizes))])
@@ -171,9 +188,17 @@ def _candidates(
 
 
 def _cells(positions: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
-    """Return the number of the place of each event, among as many as can be held out."""
+    """Return the number of the place of each event, among as many as can be held out.
+
+    Few places that the axes come back to again and again are no sample of what lies between
+    them: there each event stands for itself.
+    """
     if not positions.shape[1]:
         return np.arange(len(positions)) % _FOLDS
+    steps = np.maximum(np.ptp(positions, axis=0) * _SAME_PLACE, _LEAST_SPAN)
+    places = np.unique(np.round(positions / steps), axis=0)
+    if len(places) * _VISITS <= len(positions):
+        return np.arange(len(positions))
     parts = []
     for column in positions.T:
         edges = np.quantile(column, np.linspace(0.0, 1.0, _CELLS + 1)[1:-1])

@@ -195,6 +195,16 @@ class FrictionDraft(AbstractDraft):
             yield Remark.warning(f"{name.replace('_', ' ')} is not known: {reason}")
         yield from self.found.remarks
         yield Remark.info(choice_sentence(self.found.choice))
+        inertia, sd = (
+            fit.parameters.get("inertia", 0.0),
+            fit.standard_deviations.get("inertia", 0.0),
+        )
+        if inertia < -_SURE * sd:
+            yield Remark.warning(
+                f"The inertia is {inertia:.4g} ± {sd:.2g}, below 0: no axis brakes when its current"
+                " accelerates it. Look at the signs of velocity, acceleration and current: the"
+                " friction is as wrong as they are."
+            )
         load, sd = self.view.offset, fit.standard_deviations.get("offset", 0.0)
         if load is not None and abs(load) > _SURE * sd:
             yield Remark.info(

@@ -250,6 +250,16 @@ def test_current_that_opposes_the_motion_is_turned_round(tmp_path: Path) -> None
     assert any("turned round" in remark.message for remark in found.remarks)
 
 
+def test_an_inertia_below_zero_is_named(tmp_path: Path) -> None:
+    # Friction with the motion, inertia against it: a column of the wrong sign.
+    record(tmp_path, inertia=-INERTIA)
+    found = friction(run(tmp_path, keys=""))
+    assert any("below 0" in remark.message for remark in found.remarks)
+    record(tmp_path)
+    found = friction(run(tmp_path, keys=""))
+    assert not any("below 0" in remark.message for remark in found.remarks)
+
+
 def test_level_scales_the_list_and_leaves_the_knob_alone(tmp_path: Path) -> None:
     record(tmp_path)
     half = friction(run(tmp_path, keys=f"{PLAIN}\nlevel = 0.5"))
