@@ -182,6 +182,19 @@ def test_over_one_axis_three_tests_are_chosen_where_two_would_do() -> None:
     assert (fit.effect.mode, len(fit.effect.points)) == (2, 3)
 
 
+def test_places_that_recur_are_those_of_the_tests() -> None:
+    def along(branch: np.ndarray, places: np.ndarray) -> np.ndarray:
+        return np.asarray(BOTH_WAYS[branch] * (1.0 + places[:, 1] / 800.0))
+
+    at = np.array([[0.0, 0.0], [0.0, 200.0], [0.0, 400.0]])
+    for seed in range(6):
+        fit = fitted(over(log(seed, along, moves=12, at=at), "B"))
+        np.testing.assert_array_equal(fit.effect.points, at[:, 1:])
+        truth = truth_at(along, fit.effect.points, (1,))
+        # 4 or 8 events of 0.12 µm scatter at a test, 72 values: 4 deviations.
+        np.testing.assert_allclose(fit.values, truth, atol=4 * 1.2e-4 / 2.0)
+
+
 @pytest.mark.parametrize(("law", "apart"), [(mode_1, True), (alike, False)])
 def test_directions_get_values_of_their_own_only_where_they_differ(
     law: Law, apart: bool
