@@ -42,7 +42,7 @@ def test_everything_is_named_and_nothing_else(
     log = record(work, work_programme(1800.0, seed), seed + 100).every(18)
     write_motion_log(tmp_path / "log.csv", log)
     (tmp_path / "job.toml").write_text(JOB)
-    seen = observe(load_job(tmp_path / "job.toml", needs_fits=False))
+    seen = observe(load_job(tmp_path / "job.toml", fits=False))
     found = benchmark.pedantic(lambda: discover(seen.data, tuple("XYZ")), rounds=1)
     wanted = {
         ("leadscrew", "X", ()),

@@ -46,7 +46,7 @@ def discover(
         from ..job import load_job
         from ..readings import observe
 
-        loaded = load_job(job, needs_fits=False)
+        loaded = load_job(job, fits=False)
         progress("reading the measurements")
         observed = observe(loaded)
         discovery = look(

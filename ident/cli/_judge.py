@@ -142,7 +142,7 @@ def doctor(
     from ..readings import read_outside
 
     use_compilation_cache()
-    old, new = (load_job(path, needs_fits=False) for path in (before, after))
+    old, new = (load_job(path, fits=False) for path in (before, after))
     lists = read_lists(files)
     names = {axis.number: name for name, axis in new.spec.axes.items()}
     with working("reading the measurements"):

@@ -95,7 +95,7 @@ def plan_second(
         for name, listing in axis.lists
     }
     if path is not None:
-        after = load_job(path, needs_fits=False)
+        after = load_job(path, fits=False)
         _refuse_other_axes(job, after)
         name = job.relative(path)
         other = _other_list(job, after, root, files, lists)
@@ -116,7 +116,7 @@ def plan_second(
     if earlier["lists"] == lists:
         why = "it has changed since, or is gone"
         with contextlib.suppress(AxcompError, OSError):
-            after = load_job(job.file(name), needs_fits=False)
+            after = load_job(job.file(name), fits=False)
             if _hashes(after) == earlier["inputs"]:
                 return Second(after, name, str(earlier["date"]), lists), ()
     words = (
@@ -254,7 +254,10 @@ def _diagnoses(
     """Return what each list does, by axis number and compensation."""
     lists = [ListFile.read(root / name) for name in second.lists]
     names = {axis.number: name for name, axis in job.spec.axes.items()}
-    remarks = [Remark.info(line) for line in not_judged(lists, job.conventions, names)]
+    lines = not_judged(lists, job.conventions, names)
+    if all(kind(result.compensation).unseen for result in results):
+        return {}, [*map(Remark.warning, lines)]
+    remarks = [*map(Remark.info, lines)]
     try:
         diagnoses = diagnose(
             lists,

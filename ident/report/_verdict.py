@@ -28,6 +28,8 @@ class Headline:
     sentence: str
 
 
+_BETTER = 0.9
+"""Error left, in that before, up to which it is called better."""
 _LOOK = {
     Verdict.GOOD: ("good", "good", "ready"),
     Verdict.UNPROVEN: ("warn", "unproven", "unproven"),
@@ -204,6 +206,16 @@ def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     )
 
 
+def _less_than_predicted(fit: AbstractResult, scale: Scale, _: Reason) -> str:
+    again = fit.again
+    assert again is not None  # the reason comes from it
+    assert again.rms is not None
+    better = again.rms <= _BETTER * again.before
+    start = "Better, but less than predicted" if better else "Hardly any better"
+    words = "" if again.diagnosis is None else f" ({again.diagnosis.sentence})"
+    return f"{start}: {_fall(fit, scale)}; {_again(fit, scale)}{words}."
+
+
 def _nothing_written(fit: AbstractResult, scale: Scale, _: Reason) -> str:
     fall = _fall(fit, scale, listed=False)
     return f"Nothing to load, no list was asked for or needed: {fall}."
@@ -217,7 +229,7 @@ _SENTENCES: dict[Code, str | Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.ASSUMED: _assumed,
     Code.DIAGNOSED: _diagnosed,
     Code.NO_BETTER: _no_better,
-    Code.LESS_THAN_PREDICTED: "Better, but less than predicted: {fall}; {again}{found}.",
+    Code.LESS_THAN_PREDICTED: _less_than_predicted,
     Code.BESIDE: _beside,
     Code.UNOWNED: _unowned,
     Code.IN_PART: _in_part,

@@ -190,7 +190,7 @@ def test_old_list_keeps_everything_but_its_table(demo: Path) -> None:
 
 @pytest.mark.slow
 def test_job_of_the_second_measurement_can_be_read(demo: Path) -> None:
-    load_job(demo / "second" / "job.toml", needs_fits=False)
+    load_job(demo / "second" / "job.toml", fits=False)
 
 
 @pytest.mark.slow

@@ -8,9 +8,8 @@ import pytest
 
 from axcomp.data.lists import ListFile, check
 from axcomp.ident.job import BacklashResult, JobError, run_job
-from axcomp.ident.report import write_report
+from axcomp.ident.report import headline_of, write_report
 from axcomp.ident.report._scale import Scale
-from axcomp.ident.report._verdict import headline_of
 
 WIDTH = 0.0123
 NOISE = 0.0004

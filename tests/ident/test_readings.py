@@ -31,7 +31,7 @@ def job_of(folder: Path, rows: str, keys: str = "") -> Job:
     (folder / "a.csv").write_text("c,x,dx,t\n" + rows)
     path = folder / "job.toml"
     path.write_text(JOB.format(keys=keys))
-    return load_job(path, needs_fits=False)
+    return load_job(path, fits=False)
 
 
 def rows_of(job: Job, *, gaps: bool) -> Rows:

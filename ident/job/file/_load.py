@@ -135,12 +135,13 @@ class Job:
         return error_at(self.path, self.text, where, reason)
 
 
-def load_job(path: Path, *, needs_fits: bool = True) -> Job:
+def load_job(path: Path, *, fits: bool = True) -> Job:
     """Read a job file and check everything that can be checked without measurements.
 
     Args:
         path: The job file.
-        needs_fits: A job without ``[[fits]]`` is refused.
+        fits: A job without ``[[fits]]`` is refused; else they are not looked at: a job of
+            what was measured may be a copy of one that fits.
 
     Raises:
         TomlError: Naming file, line, what was found and what was expected.
@@ -151,8 +152,10 @@ def load_job(path: Path, *, needs_fits: bool = True) -> Job:
         spec = JobFile.model_validate(values)
     except pydantic.ValidationError as error:
         raise first_fault(path, error, values, text) from None
+    if not fits:
+        spec = spec.model_copy(update={"fits": ()})
     job = Job(path, spec, _ASSUMED, frozenset(), text, ())
-    if needs_fits and not spec.fits:
+    if fits and not spec.fits:
         empty = "found 0 values, expected 1"
         missing = "found nothing, expected this key"
         raise job.error(("fits",), empty if "fits" in values else missing)

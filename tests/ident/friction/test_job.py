@@ -260,6 +260,18 @@ def test_an_inertia_below_zero_is_named(tmp_path: Path) -> None:
     assert not any("below 0" in remark.message for remark in found.remarks)
 
 
+def test_a_second_measurement_of_friction_says_what_shows_it(tmp_path: Path) -> None:
+    record(tmp_path)
+    run(tmp_path)
+    job = tmp_path / "job.toml"
+    after = job.read_text().replace('file = "', 'active = ["friction"]\nfile = "')
+    (tmp_path / "after.toml").write_text(after)
+    result = run_job(job, tmp_path / "out", after=tmp_path / "after.toml")
+    warnings = [one.message for one in result.remarks if one.level == "warning"]
+    assert len(warnings) == 1
+    assert "X friction: not judged: it adds current and no position" in warnings[0]
+
+
 def test_level_scales_the_list_and_leaves_the_knob_alone(tmp_path: Path) -> None:
     record(tmp_path)
     half = friction(run(tmp_path, keys=f"{PLAIN}\nlevel = 0.5"))
