@@ -279,7 +279,14 @@ def test_accelerations_beyond_the_stated_one_are_named(tmp_path: Path) -> None:
     text = JOB.format(axis="", active="[]", keys="", columns="")
     path.write_text(text.replace("2000.0", "1500.0"))
     found = run_job(path, tmp_path / "out").fits[0]
-    assert any("up to 13" in remark.message for remark in found.remarks)
+    words = "".join(remark.message for remark in found.remarks)
+    assert "up to 13" in words
+    assert "of the specified acceleration" in words
+    stated = "acceleration = 1500.0\ndeceleration = -1500.0\n"
+    path.write_text(text.replace("2000.0", "1500.0").replace(stated, ""))
+    found = run_job(path, tmp_path / "out").fits[0]
+    words = "".join(remark.message for remark in found.remarks)
+    assert "specified" not in words
 
 
 def test_crosstalk_that_does_not_settle_fails_its_gate(

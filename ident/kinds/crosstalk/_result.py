@@ -208,11 +208,17 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
     excess = float(np.max(np.abs(events.peak) / draft.found.full))
     if excess > _ABOVE:
         up, down = draft.found.rates
+        stated = (
+            draft.fit.acceleration is not None and draft.fit.deceleration is not None
+        )
+        name = "the specified acceleration" if stated else "what it mostly reaches here"
+        measured = (
+            "" if stated else ", and record faster if they last a few samples only"
+        )
         yield Remark.warning(
-            f"{master} accelerates up to {excess:.0%} of the specified acceleration"
-            f" ({up:g} and {down:g} mm/s²). Above it the controller is taken to hold the"
-            " correction (S-36): state the largest one as acceleration and deceleration"
-            " in the job."
+            f"{master} accelerates up to {excess:.0%} of {name} ({up:g} and {down:g}"
+            " mm/s²). Above it the controller is taken to hold the correction (S-36):"
+            f" state the largest one as acceleration and deceleration in the job{measured}."
         )
 
 
