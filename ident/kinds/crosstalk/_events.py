@@ -188,6 +188,9 @@ def cut_events(data: JointData, form: Crosstalk, over: Sequence[str] = ()) -> Ev
         sound = _sound(event.design, error[event.rows])
         size = _amplitude(event.design[sound], error[event.rows][sound])
         if size is None:
+            # Which events there are hangs on the motion alone, not on what the slave did.
+            size = _amplitude(event.design, error[event.rows])
+        if size is None:
             continue
         rows, weight = slice(event.start, event.stop), event.share**2
         place, signal = weight @ places[rows] / weight.sum(), acceleration[rows]

@@ -391,6 +391,19 @@ def test_single_wild_readings_do_not_spoil_the_events_that_they_lie_in() -> None
     assert np.max(fit.standard_deviation / sound.standard_deviation) < 1.5
 
 
+def test_the_events_are_the_same_whatever_the_slave_does() -> None:
+    readings = over(log(1, alike, moves=12, noise=1e-7), "A", "B")
+    counts = []
+    for seed in range(4):
+        rng, error = np.random.default_rng(seed), readings.error["Z"].copy()
+        # Wild readings in half of all rows: what is left of some events tells nothing.
+        wild = rng.random(len(error)) < 0.5
+        error[wild] += rng.uniform(-0.5, 0.5, int(wild.sum()))
+        spoiled = dataclasses.replace(readings, error={"Z": error})
+        counts.append(len(cut_events(spoiled, FORM, ("A", "B"))))
+    assert set(counts) == {len(cut_events(readings, FORM, ("A", "B")))}
+
+
 def test_missed_readings_of_the_slave_are_left_out() -> None:
     readings = over(log(9, mode_1))
     error = readings.error["Z"].copy()
