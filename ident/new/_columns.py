@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
 from jaxtyping import Float
@@ -28,7 +28,8 @@ from ...data.measurements import (
 )
 
 _LETTERS = {"v": "velocity", "a": "acceleration", "i": "current", "e": "error"}
-"""Single letters beside the name of an axis: ``v_x``."""
+"""Single letters beside the name of an axis, ``v_x``, or beside its column, ``x``."""
+_PLACE_LETTERS = frozenset("xyzXYZ")
 _DIMENSIONS = {
     "temperature": "temperature",
     "current": "current",
@@ -114,7 +115,8 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         table: The file as read.
         axes: Axes that the user names; the first is the one whose error was measured.
     """
-    named = [each for column in table.columns if (each := _named(column)) is not None]
+    letters = {column.name.strip() for column in table.columns}
+    named = [each for c in table.columns if (each := _named(c, letters)) is not None]
     taken = {id(each.column) for each in named}
     unused = tuple(c.name for c in table.columns if id(c) not in taken)
     if table.format in MESH_FORMATS:
@@ -413,8 +415,14 @@ def _without_commands(named: Sequence[_Named]) -> list[_Named]:
     ]
 
 
-def _named(column: Column) -> _Named | None:
-    """Return what a column is by its role, its unit or its name, or None."""
+def _named(column: Column, letters: Set[str] = frozenset()) -> _Named | None:
+    """Return what a column is by its role, its unit or its name, or None.
+
+    Args:
+        column: Of the file.
+        letters: Names of all columns: beside ``x`` a ``v`` alone is a velocity, beside ``t``
+            a ``T`` a temperature.
+    """
     if column.role is not None:
         role = find_role(column.role)
         own = column.name != column.role and bool(words_in([column.name]) & _OWN)
@@ -434,6 +442,8 @@ def _named(column: Column) -> _Named | None:
     words = words_in(piece for piece in pieces if piece.upper() != axis)
     kinds = ["encoder" if kind == "shown" else kind for kind in kinds_in(words)]
     kinds += [_LETTERS[word] for word in words if axis and word in _LETTERS]
+    if column.name.strip() in _LETTERS and letters & _PLACE_LETTERS:
+        kinds.append(_LETTERS[column.name.strip()])
     unit = find_unit(column.unit or "")
     decided = _DIMENSIONS.get(unit.dimension if unit else "")
     if "lag" in kinds or (decided and "error" in kinds):
@@ -444,7 +454,8 @@ def _named(column: Column) -> _Named | None:
     if decided is None and unit is not None and unit.dimension == "time":
         decided = "time"
     if decided is None and column.name.strip().casefold() == "t":
-        decided = "time"
+        warm = column.name.strip() == "T" and "t" in letters
+        decided = "temperature" if warm else "time"
     if decided is None and unit is None and not axis and pieces[-1:] in (["t"], ["T"]):
         decided = "temperature"  # "frame_t"
     kind = decided or (kinds[0] if kinds else None)

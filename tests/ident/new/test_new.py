@@ -352,6 +352,23 @@ def test_columns_that_name_no_role_are_asked_for(
     assert [fit.compensation for fit in load_job(job).spec.fits] == ["leadscrew"]
 
 
+def test_single_letters_beside_a_position_are_what_engineers_mean(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(
+        f"{k / 100},{k % 50},{k % 9 - 4},{0.3 * (k % 9 - 4)},{20 + k / 9}\n"
+        for k in range(200)
+    )
+    job = new(tmp_path, f"t,x,v,i,T\n{rows}")
+    text = job.read_text()
+    for line in ('time = "t"', '"X.position" = "x"', '"X.velocity" = "v"'):
+        assert line in text
+    assert '"temperature.sensor" = "T"' in text
+    assert '#? "X.current" = { column = "i", unit = "A" }' in text
+    assert "[axes.Y]" not in text
+    assert "QUESTION" in capsys.readouterr().out
+
+
 def test_of_corrections_the_sign_is_asked_for(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
