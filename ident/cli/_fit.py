@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from ...data.errors import AxcompError
 from ..report._scale import Scale, number, scale_of
-from ._console import print_line, print_remarks, table_of, working
+from ._console import note, print_line, print_remarks, table_of, working
 from ._options import AsJson
 
 if TYPE_CHECKING:
@@ -50,7 +51,11 @@ def fit(
         from ..job import run_job, tree_json, use_compilation_cache
 
         use_compilation_cache()
-        result = run_job(job, out, progress=step, after=after)
+        try:
+            result = run_job(job, out, progress=step, after=after)
+        except AxcompError:
+            _name_question(job)
+            raise
         step("drawing the report")
         from ..report import write_report
 
@@ -65,6 +70,16 @@ def fit(
     if as_json:
         typer.echo(tree_json(result.tree), nl=False)
     return result.passed and result.confirmed
+
+
+def _name_question(job: Path) -> None:
+    """Say which question of a job has no answer yet: what is wrong often follows from it."""
+    from ..new import open_question
+
+    text = job.read_text(encoding="utf-8", errors="replace") if job.is_file() else ""
+    if (found := open_question(text)) is not None:
+        line, words = found
+        note([f"{job}:{line}: no answer yet: {words}"])
 
 
 def _print_fits(console: "Console", result: "JobResult") -> None:

@@ -238,10 +238,12 @@ def _print_questions(out: Path, job: "NewJob") -> None:
             f" {shlex.quote(str(out))} --write fits.toml"
         )
         return
+    from ..new import OPTIONAL
+
     if job.questions:
         typer.echo('It asks (take the "#? " off the answer that is right):')
     for number, question in enumerate(job.questions, start=1):
-        optional = "" if question.needed else " (may stay open)"
+        optional = "" if question.needed else OPTIONAL
         typer.echo(
             f"  {out}:{question.line}: QUESTION {number}{optional}: {question.words}"
         )

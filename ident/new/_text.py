@@ -1,11 +1,16 @@
 """A job as text that asks: keys, remarks, and questions with their possible answers."""
 
 import dataclasses
+import itertools
+import re
 import textwrap
 from collections.abc import Sequence
 
 ANSWER = "#? "
 """Stands before each possible answer to a question."""
+OPTIONAL = " (may stay open)"
+"""Stands behind the number of a question that a fit does without."""
+_OPEN = re.compile(r"# QUESTION \d+: ")
 _WIDTH = 88
 
 
@@ -26,6 +31,32 @@ class Question:
     words: str
     answers: tuple[str, ...]
     needed: bool
+
+
+def open_question(text: str) -> tuple[int, str] | None:
+    """Return the line and the words of the first question of a job that has no answer yet.
+
+    One that may stay open is none.
+    """
+    lines = text.splitlines()
+    for number, line in enumerate(lines, start=1):
+        if not _OPEN.match(line):
+            continue
+        rest = itertools.dropwhile(lambda one: one.startswith("# "), lines[number:])
+        block = [
+            *itertools.takewhile(lambda one: one and not one.startswith("# "), rest)
+        ]
+        wanted = {_key(one) for one in block if one.startswith(ANSWER)}
+        if wanted and not wanted & {_key(one) for one in block if one[0] != "#"}:
+            words = itertools.takewhile(
+                lambda one: one.startswith("# "), lines[number:]
+            )
+            return number, " ".join(each.removeprefix("# ") for each in (line, *words))
+    return None
+
+
+def _key(line: str) -> str:
+    return line.removeprefix(ANSWER).partition("=")[0].strip()
 
 
 class JobPage:
@@ -56,7 +87,8 @@ class JobPage:
         self.questions.append(
             Question(len(self.lines) + 1, about, words, tuple(answers), needed)
         )
-        self.lines += _wrapped(words, f"# QUESTION {number}: ", "# ")
+        head = f"# QUESTION {number}{'' if needed else OPTIONAL}: "
+        self.lines += _wrapped(words, head, "# ")
         self.lines += [f"{ANSWER}{answer}" for answer in answers]
 
     def text(self, head: Sequence[str]) -> str:

@@ -46,6 +46,25 @@ def test_an_open_job_is_refused_at_its_first_question(
     assert words in capsys.readouterr().err
 
 
+def test_a_fit_that_fails_names_the_question_that_has_no_answer(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{k / 100},{k % 50},{0.3 * (k % 9 - 4)}\n" for k in range(200))
+    job = new(tmp_path, f"t,x,i\n{rows}")
+    job.write_text(job.read_text().replace("#? number =", "number = 1"))
+    capsys.readouterr()
+    assert main(["fit", str(job), "--out", str(tmp_path / "out")]) == 1
+    said = capsys.readouterr().err
+    assert "no answer yet: QUESTION 2: The file states no unit" in said
+    # Answered, what is wrong is something else; a question that may stay open is none.
+    text = job.read_text()
+    assert "QUESTION 3 (may stay open)" in text
+    job.write_text(text.replace('#? "X.current"', '"X.current"', 1))
+    (tmp_path / "out").write_text("in the way")
+    assert main(["fit", str(job), "--out", str(tmp_path / "out")]) == 1
+    assert "no answer yet" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["laser", "straightness", "probe", "motion"])
 def test_the_fit_asks_for_the_owner_of_a_constant_as_the_job_does(
     written: Written, name: str, capsys: pytest.CaptureFixture[str]
