@@ -3,9 +3,19 @@
 import numpy as np
 from jaxtyping import Float
 
-from ..signals import Motion, SignalError, filtered_motion, read_clock, smoothed_motion
+from ..signals import (
+    Clock,
+    Motion,
+    SignalError,
+    filtered_motion,
+    read_clock,
+    smoothed_motion,
+)
 from ._errors import MeasurementError, MissingRole
 from ._measurement import Measurement
+
+_REPEATED = 1.0 / 3.0
+"""Share of samples at the instant before them from which on the clock is too coarse."""
 
 
 def derive_error(
@@ -86,12 +96,24 @@ def derive_motion(
         position = cumulative_trapezoid(speed, time, initial=0.0)
     try:
         clock = read_clock(time)
+        _refuse_repeats(clock, time.size)
         cutoff = min(0.1 / clock.sample_time, 100.0) if cutoff is None else cutoff
         if clock.uniform:
             return filtered_motion(time, position, cutoff=cutoff, clock=clock)
         return smoothed_motion(time, position, bandwidth=cutoff, clock=clock)
     except SignalError as error:
         raise MeasurementError(str(measurement.source), f"{role}: {error}") from error
+
+
+def _refuse_repeats(clock: Clock, count: int) -> None:
+    """Raise where so many samples share an instant that nothing moves between them."""
+    repeats = sum(jump.kind == "repeat" for jump in clock.jumps)
+    if repeats > _REPEATED * count:
+        what, found = (
+            "clock",
+            f"{repeats} of {count} samples at the instant before them",
+        )
+        raise SignalError(what, found, "an instant of its own for each, in finer units")
 
 
 def wrap_degrees(angle: Float[np.ndarray, "*t"]) -> Float[np.ndarray, "*t"]:

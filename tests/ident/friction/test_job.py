@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from axcomp.data.errors import AxcompError
 from axcomp.data.lists import ListFile, check
 from axcomp.data.measurements import MeasurementError
 from axcomp.ident.job import FrictionResult, JobError, JobResult, Verdict, run_job
@@ -270,6 +271,17 @@ def test_a_second_measurement_of_friction_says_what_shows_it(tmp_path: Path) -> 
     warnings = [one.message for one in result.remarks if one.level == "warning"]
     assert len(warnings) == 1
     assert "X friction: not judged: it adds current and no position" in warnings[0]
+
+
+def test_a_clock_too_coarse_for_its_samples_is_refused_in_words(
+    tmp_path: Path,
+) -> None:
+    record(tmp_path)
+    table = np.loadtxt(tmp_path / "trace.csv", delimiter=",", skiprows=1)
+    table[:, 0] = np.round(table[:, 0] / 4e-3) * 4e-3  # two samples of 2 ms each
+    np.savetxt(tmp_path / "trace.csv", table, "%.7f", ",", header="t,x,i", comments="")
+    with pytest.raises(AxcompError, match="samples at the instant before them"):
+        run(tmp_path)
 
 
 def test_level_scales_the_list_and_leaves_the_knob_alone(tmp_path: Path) -> None:
