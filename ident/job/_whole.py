@@ -236,9 +236,9 @@ class _Axis:
                     float(place.min(initial=low)),
                     float(place.max(initial=high)),
                 )
-        # How warm the sensors get that temperature laws follow.
+        # How warm the sensors get that temperature laws follow, laws of zeros among them.
         warmth: dict[str, tuple[float, float]] = {}
-        for draft in self.drafts:
+        for draft in (each for each in self.files.drafts if each.written):
             line = draft.line(self.files.existing.machine)
             if line is not None and isinstance(line.offset_0, TemperatureCurve):
                 ends = np.asarray(line.offset_0.nodes.positions)[[0, -1]]

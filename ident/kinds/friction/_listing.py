@@ -128,7 +128,7 @@ def _by_direction(
 def law_curve(result: Identified, samples: DriveSamples) -> LawCurve | None:
     """Return the law over the speeds that were driven.
 
-    None where it is not determined, or one direction was never driven.
+    None where it is not determined, one direction was never driven, or nothing moved.
     """
     velocity, fit = samples.velocity[samples.in_motion], result.fit
     driven = [np.sort(sign * velocity[sign * velocity > 0]) for sign in (1, -1)]
@@ -136,6 +136,8 @@ def law_curve(result: Identified, samples: DriveSamples) -> LawCurve | None:
         return None
     low = max(quantile(np.abs(velocity), 0.001), 1e-3)
     high = max(speeds[-1] for speeds in driven)
+    if high <= low:
+        return None  # no speed stands above the slowest that counts
     half = _POINTS // 2
     grids = np.geomspace(low, high, half), np.linspace(low, high, half)
     speed = np.unique(np.concatenate(grids))

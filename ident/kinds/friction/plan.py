@@ -220,6 +220,12 @@ class FrictionDraft(AbstractDraft):
                 "The law of friction cannot be told from this recording: no list is"
                 " written."
             )
+        elif self.curve is None:
+            speed = float(np.abs(self.recording.samples.velocity).max())
+            yield Remark.error(
+                f"No list is written. The largest speed is {speed:.2g}"
+                f" {self.recording.samples.unit}/s: look at the units of time and position."
+            )
         elif self.knots is None:
             yield Remark.info(
                 f"The job does not state {self.out_unit.missing}: the law is reported,"

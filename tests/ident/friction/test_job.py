@@ -273,6 +273,17 @@ def test_a_second_measurement_of_friction_says_what_shows_it(tmp_path: Path) -> 
     assert "X friction: not judged: it adds current and no position" in warnings[0]
 
 
+def test_a_time_in_microseconds_read_as_seconds_is_named(tmp_path: Path) -> None:
+    record(tmp_path)
+    table = np.loadtxt(tmp_path / "trace.csv", delimiter=",", skiprows=1)
+    table[:, 0] *= 1e6
+    np.savetxt(tmp_path / "trace.csv", table, "%.7f", ",", header="t,x,i", comments="")
+    result = run(tmp_path)
+    assert not result.passed
+    errors = [one.message for one in friction(result).remarks if one.level == "error"]
+    assert any("look at the units of time and position" in each for each in errors)
+
+
 def test_a_clock_too_coarse_for_its_samples_is_refused_in_words(
     tmp_path: Path,
 ) -> None:

@@ -224,3 +224,48 @@ def test_what_cannot_be_one_fit_is_refused(
     (tmp_path / "probe.csv").write_bytes((folder / "probe.csv").read_bytes())
     with pytest.raises(JobError, match=match):
         load_job(m.job(tmp_path, fits))
+
+
+CONSTANT = """
+[axes.X]
+number = 1
+limits = [0.0, 400.0]
+[measurements.m]
+file = "m.csv"
+active = []
+remove = "none"
+[measurements.m.columns]
+time = "t"
+run = "run"
+"X.position" = "x"
+"X.direction" = "d"
+"temperature.scale" = "T"
+"X.error" = "e"
+"""
+
+
+def test_an_error_that_is_the_same_everywhere_is_judged_beside_a_law_of_zeros(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(3)
+    place = np.tile(np.r_[0.0:401.0:25.0, 400.0:-1.0:-25.0], 8)
+    way, run = np.tile(np.repeat([1, -1], 17), 8), np.repeat(np.arange(8), 34)
+    warm = 20.0 + 1.2 * run + 0.02 * rng.normal(size=place.size)
+    time, error = 5.0 * np.arange(place.size), np.full(place.size, -0.0058)
+    table = np.column_stack([time, run, place, way, warm, error])
+    head = "t,run,x,d,T,e"
+    np.savetxt(tmp_path / "m.csv", table, "%.6f", ",", header=head, comments="")
+    keys = {
+        "leadscrew": "start = 0.0\ninterval = 25.0\npoints = 17",
+        "backlash": "",
+        "temperature": 'sensor = "scale"',
+    }
+    common = 'axis = "X"\nmeasurement = "m"\ngroup = "X"'
+    fits = "".join(
+        f'[[fits]]\ncompensation = "{name}"\n{common}\n{own}\n'
+        for name, own in keys.items()
+    )
+    (tmp_path / "job.toml").write_text(CONSTANT + fits)
+    found = run_job(tmp_path / "job.toml", tmp_path / "out")
+    # The table takes all of it: the last digit of the file, and of the list.
+    assert found.groups[0].axes[0].error["from_file"].rms < 2e-6
