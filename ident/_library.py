@@ -254,8 +254,9 @@ def fit(
     Args:
         effects: What to fit, each at most once.
         data: A measurement (`read`), or arrays by role in mm, °, s, °C; they count as they
-            stand. ``run`` may hold numbers or names, directions are 1 and −1. NaN is a
-            reading that was missed; a drive must not have been sampled with gaps.
+            stand. ``run`` may hold numbers or names, directions are 1 and −1, ``time`` also
+            instants (``datetime64``). NaN, or what is masked, is a reading that was missed;
+            a drive must not have been sampled with gaps.
         loss: ``"student"`` and ``"huber"`` resist wild readings, ``"gauss"`` does not, nor
             any where a stated smoothness leaves few readings beside the values.
         smoothness: ``"auto"``: by evidence; or the weight of the squared second differences
