@@ -45,7 +45,7 @@ def check_friction(**options: Any) -> None:
     """
     usual = {"loss": "student", "smoothness": "auto", "drift": 0, "remove": "none"}
     for name, value in options.items():
-        if value != usual.get(name):
+        if np.ndim(value) or value != usual.get(name):
             msg = f"{name}: found {value!r} of a friction, which has none; leave it out"
             raise FitError(msg)
 
@@ -86,10 +86,9 @@ def by_name(constraints: Any) -> dict[str, Any]:
     Raises:
         FitError: If there are no names.
     """
-    if not isinstance(constraints, Mapping | None):
-        msg = "constraints: expected them by name: {'leadscrew': ['monotone']}"
-        raise FitError(msg)
-    found = dict(constraints or {})
+    found = _named(
+        "constraints", constraints, "them by name: {'leadscrew': ['monotone']}"
+    )
     rows = {
         name: (own,) if isinstance(own, str) else own for name, own in found.items()
     }
@@ -107,10 +106,14 @@ def models_by_name(active: Any) -> dict[str, Any]:
     Raises:
         FitError: If there are no names.
     """
-    if not isinstance(active, Mapping | None):
-        msg = "active: expected models by name: {'leadscrew': model}"
+    return _named("active", active, "models by name: {'leadscrew': model}")
+
+
+def _named(option: str, given: Any, expected: str) -> dict[str, Any]:
+    if not isinstance(given, Mapping | None):
+        msg = f"{option}: expected {expected}"
         raise FitError(msg)
-    return dict(active or {})
+    return dict(given or {})
 
 
 def check_names(
@@ -155,9 +158,6 @@ def datum_of(
         msg = f"datum: found {at!r}, expected a position for each master"
         raise FitError(msg)
     place = tuple(np.atleast_1d(numbers).tolist())
-    if not stack:
-        msg = "datum: found it of a friction, which has none; leave it out"
-        raise FitError(msg)
     for one in stack:
         nodes = one.grid
         alone = [other.axis for other in stack].count(one.axis) == 1

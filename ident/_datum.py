@@ -31,7 +31,7 @@ def zeroed(
 ) -> Float[np.ndarray, "p p"]:
     """Return the covariance of values less what they say at the datum.
 
-    What is not told stays so: its variance is inf, and NaN stands beside it.
+    What is not determined stays so: its variance is inf, and NaN stands beside it.
     """
     at = np.flatnonzero(row)
     shared = covariance[:, at] @ row[at]

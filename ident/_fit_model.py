@@ -137,15 +137,9 @@ def fit_model(
     )
     form.check(problem.limits, np.less_equal, "bounds, the least one first")
     form.check(problem.prior, lambda _, s: s > 0, "a prior's deviation above 0")
-    start, known = (
-        form.flat(params),
-        None if noise is None else number_of(noise, "noise"),
-    )
-    if (
-        known is not None
-        and not isinstance(known, Tracer)
-        and (jnp.ndim(known) or not 0 < known < np.inf)
-    ):
+    start = form.flat(params)
+    known = None if noise is None else number_of(noise, "noise")
+    if known is not None and not isinstance(known, Tracer) and not 0 < known < np.inf:
         msg = f"noise: found {known}, expected one number above 0"
         raise FitError(msg)
     leaves = jax.tree.leaves((problem, start, known))

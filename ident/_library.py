@@ -292,17 +292,17 @@ def fit(
     given = arrays_of(effects, data)
     stack = [one for one in effects if isinstance(one, AbstractEffect)]
     names = names_of(effects)
-    place = datum_of(stack, datum)
-    check_reach(stack, given)
+    options = {"loss": loss, "smoothness": smoothness}
     if not stack:
         check_friction(
-            loss=loss, smoothness=smoothness, drift=drift, remove=remove, solver=solver
+            **options, drift=drift, remove=remove, datum=datum, solver=solver
         )
-    options = {"loss": loss, "smoothness": smoothness}
+    place = datum_of(stack, datum)
+    check_reach(stack, given)
     treated = {"drift": drift, "remove": remove, "datum": place}
-    check_names(names, effects, active or (), constraints)
+    check_names(names, effects, active, constraints)
     stated = Stated(
-        effects, given, options, treated, tuple(active or ()), names, constraints
+        effects, given, options, treated, tuple(active), names, constraints
     )  # fmt: skip
     way = cast("Literal['none', 'offset', 'line']", remove)
     recording = recording_of(stack, without_zero_of(stack, given, way))
@@ -361,7 +361,7 @@ def fit(
                 for each in gauges
             )
         acted: Float[np.ndarray, ...] | float = 0.0
-        if active and name in active:
+        if name in active:
             check_alike(name, active[name], part.effect.to_model(part.table, -1.0))
             acted = one.offsets(active[name])
         row = datum_row(part.effect, place)

@@ -109,10 +109,8 @@ def _refuse_repeats(clock: Clock, count: int) -> None:
     """Raise where so many samples share an instant that nothing moves between them."""
     repeats = sum(jump.kind == "repeat" for jump in clock.jumps)
     if repeats > _REPEATED * count:
-        what, found = (
-            "clock",
-            f"{repeats} of {count} samples at the instant before them",
-        )
+        what = "clock"
+        found = f"{repeats} of {count} samples at the instant before them"
         raise SignalError(what, found, "an instant of its own for each, in finer units")
 
 

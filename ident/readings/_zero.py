@@ -6,7 +6,6 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Shaped
-from scipy import ndimage
 
 from ..core import WILD
 
@@ -103,6 +102,8 @@ def zero_of(
             break
     left = error - design @ solution
     if run is not None:
+        from scipy import ndimage  # loads more than a job without runs needs
+
         labels, own = np.unique(run, return_inverse=True)
         left = left - ndimage.median(left, own, np.arange(len(labels)))[own]
     scale = 1.4826 * float(np.median(np.abs(left)))

@@ -3,7 +3,15 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 
-from ..job import AbstractResult, Code, ErrorFigures, Reason, TableResult, Verdict
+from ..job import (
+    AbstractResult,
+    Code,
+    ErrorFigures,
+    MeasuredAgain,
+    Reason,
+    TableResult,
+    Verdict,
+)
 from ._scale import Scale, percent
 
 _DOES = {
@@ -46,15 +54,7 @@ def headline_of(fit: AbstractResult, scale: Scale) -> Headline:
     if not judgement.reasons:
         return Headline(level, word, f"Ready to load: {_fall(fit, scale)}.")
     reason = judgement.reasons[0]
-    template = _SENTENCES[reason.code]
-    if not isinstance(template, str):
-        return Headline(level, word, template(fit, scale, reason))
-    second, diagnosis_words = "", ""
-    if fit.again is not None:
-        second, diagnosis = _again(fit, scale), fit.again.diagnosis
-        diagnosis_words = "" if diagnosis is None else f" ({diagnosis.sentence})"
-    words = template.format(fall=_fall(fit, scale), again=second, found=diagnosis_words)
-    return Headline(level, word, words)
+    return Headline(level, word, _SENTENCES[reason.code](fit, scale, reason))
 
 
 def short_verdict(verdict: Verdict, *, assumed: bool) -> str:
@@ -152,8 +152,7 @@ def _assumed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     assert fit.again is not None  # it made the diagnosis
-    diagnosis = fit.again.diagnosis
-    words = "" if diagnosis is None else f" ({diagnosis.sentence})"
+    words = _diagnosis_of(fit.again)
     if fit.judgement.verdict is not Verdict.REJECTED:
         file, date = fit.again.source["file"], fit.again.source["date"]
         return f"Not verified by a second measurement ({file}, {date}){words}."
@@ -163,8 +162,7 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 def _no_better(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     assert fit.again is not None  # its figures make the reason
-    diagnosis, trend = fit.again.diagnosis, fit.again.trend
-    words = "" if diagnosis is None else f" ({diagnosis.sentence})"
+    words, trend = _diagnosis_of(fit.again), fit.again.trend
     if trend is not None:
         remainder = f"{scale.figure(trend.rest)} {scale.error}"
         words = (
@@ -212,8 +210,12 @@ def _less_than_predicted(fit: AbstractResult, scale: Scale, _: Reason) -> str:
     assert again.rms is not None
     better = again.rms <= _BETTER * again.before
     start = "Better, but less than predicted" if better else "Hardly any better"
-    words = "" if again.diagnosis is None else f" ({again.diagnosis.sentence})"
+    words = _diagnosis_of(again)
     return f"{start}: {_fall(fit, scale)}; {_again(fit, scale)}{words}."
+
+
+def _verified(fit: AbstractResult, scale: Scale, _: Reason) -> str:
+    return f"Verified: {_fall(fit, scale)}; {_again(fit, scale)}."
 
 
 def _nothing_written(fit: AbstractResult, scale: Scale, _: Reason) -> str:
@@ -221,7 +223,7 @@ def _nothing_written(fit: AbstractResult, scale: Scale, _: Reason) -> str:
     return f"Nothing to load, no list was asked for or needed: {fall}."
 
 
-_SENTENCES: dict[Code, str | Callable[[AbstractResult, Scale, Reason], str]] = {
+_SENTENCES: dict[Code, Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.GATE: _gate,
     Code.ERROR: _error,
     Code.NOTHING_WRITTEN: _nothing_written,
@@ -233,10 +235,14 @@ _SENTENCES: dict[Code, str | Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.BESIDE: _beside,
     Code.UNOWNED: _unowned,
     Code.IN_PART: _in_part,
-    Code.VERIFIED: "Verified: {fall}; {again}.",
+    Code.VERIFIED: _verified,
 }
 """The first reason of a verdict in a sentence: with the fall of the error, and what a second
 measurement found."""
+
+
+def _diagnosis_of(again: MeasuredAgain) -> str:
+    return "" if again.diagnosis is None else f" ({again.diagnosis.sentence})"
 
 
 def _again(fit: AbstractResult, scale: Scale) -> str:

@@ -181,8 +181,8 @@ class AbstractLine(AbstractTable):
 
     def __post_init__(self) -> None:
         if self.setpoints is not None:
-            nodes = np.ravel(numbers_of(self.setpoints))
-            if np.ndim(self.setpoints) > 1:
+            nodes = np.atleast_1d(numbers_of(self.setpoints))
+            if nodes.ndim > 1:
                 nodes = np.zeros(0)  # rows and columns are no line
             object.__setattr__(self, "setpoints", tuple(nodes.tolist()))
         super().__post_init__()

@@ -188,7 +188,7 @@ def cut_events(data: JointData, form: Crosstalk, over: Sequence[str] = ()) -> Ev
         sound = _sound(event.design, error[event.rows])
         size = _amplitude(event.design[sound], error[event.rows][sound])
         if size is None:
-            # Which events there are hangs on the motion alone, not on what the slave did.
+            # Which events there are depends on the motion alone, not on what the slave did.
             size = _amplitude(event.design, error[event.rows])
         if size is None:
             continue

@@ -20,8 +20,8 @@ _LEAST_SPAN = 0.01
 TOUCHED = 1e-9
 """Weight of a test in an event from which on the event touches it."""
 
-_TOLD = 1e-6
-"""Singular value, absolute, from which on events tell a combination of tests."""
+_DETERMINED = 1e-6
+"""Singular value, absolute, from which on events determine a combination of tests."""
 
 Axes = tuple[int, ...]
 Nodes = tuple[Float[np.ndarray, " _n"], ...]
@@ -130,32 +130,31 @@ def choose_tests(
             "axes that it needs."
         )
         raise FitError(msg)
-    # A test that the events do not tell has no value; where all grids have one, it is left out.
-    told = [
-        np.linalg.matrix_rank(columns_of(events.positions, *each), _TOLD)
-        for each in candidates
-    ]
-    candidates = [
-        (axes, grid)
-        for (axes, grid), rank in zip(candidates, told, strict=True)
-        if rank == math.prod(map(len, grid))
-    ] or candidates
-    sizes = [math.prod(map(len, grid)) for _, grid in candidates]
+    designs = [columns_of(events.positions, *each) for each in candidates]
+    # A test that the events do not determine has no value; where all grids have one, it is
+    # left out.
+    pairs = [*zip(candidates, designs, strict=True)]
+    pairs = [
+        (candidate, design)
+        for candidate, design in pairs
+        if np.linalg.matrix_rank(design, _DETERMINED) == design.shape[1]
+    ] or pairs
+    sizes = [design.shape[1] for _, design in pairs]
     # What the finest choice rejects has no part in the search.
-    columns = columns_of(events.positions, *candidates[int(np.argmax(sizes))])
+    _, finest = pairs[int(np.argmax(sizes))]
     sound = np.ones(len(events), bool)
-    for _, members, regression in fitted(events, group, columns, "student"):
+    for _, members, regression in fitted(events, group, finest, "student"):
         sound[members] = ~regression.wild
     events, group = events.take(sound), group[sound]
     cell, no_wild = _cells(events.positions), np.zeros(len(events), bool)
-    tried = []
-    for candidate in candidates:
-        columns = columns_of(events.positions, *candidate)
-        residual = held_out(events, group, columns, cell, no_wild)
-        tried.append(residual * np.sqrt(events.weight))
+    root = np.sqrt(events.weight)
+    tried = [
+        held_out(events, group, design[sound], cell, no_wild) * root
+        for _, design in pairs
+    ]
     scale = min(max(1.4826 * float(np.median(np.abs(loss))), 1e-9) for loss in tried)
     chosen, _ = simplest(tried, sizes, scale, cell)
-    axes, grid = candidates[chosen]
+    (axes, grid), _ = pairs[chosen]
     return axes, np.array([*itertools.product(*grid)])
 
 

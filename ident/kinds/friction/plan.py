@@ -195,10 +195,8 @@ class FrictionDraft(AbstractDraft):
             yield Remark.warning(f"{name.replace('_', ' ')} is not known: {reason}")
         yield from self.found.remarks
         yield Remark.info(choice_sentence(self.found.choice))
-        inertia, sd = (
-            fit.parameters.get("inertia", 0.0),
-            fit.standard_deviations.get("inertia", 0.0),
-        )
+        inertia = fit.parameters.get("inertia", 0.0)
+        sd = fit.standard_deviations.get("inertia", 0.0)
         if inertia < -_SURE * sd:
             yield Remark.warning(
                 f"The inertia is {inertia:.4g} ± {sd:.2g}, below 0: no axis brakes when its current"
