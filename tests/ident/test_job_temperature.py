@@ -12,8 +12,7 @@ from axcomp.ident._recording import lagged
 from axcomp.ident.cli import main
 from axcomp.ident.job import JobError, JobResult, TemperatureResult, run_job
 from axcomp.ident.kinds.temperature.entries import temperature_from_list
-from axcomp.ident.report import headline_of, write_report
-from axcomp.ident.report._scale import Scale
+from axcomp.ident.report import write_report
 from axcomp.models import Conventions
 
 GROWTH, CROSSING, NOISE = 1.1e-5, -200.0, 0.0005
@@ -159,34 +158,6 @@ def test_table_reproduces_the_fit_to_half_a_unit(
         fit = found.fit.predict(warm[:, None], np.full(50, place))
         # Half of 0.1 µm.
         np.testing.assert_allclose(offset + 1e-6 * slope * away, -fit, atol=0.5e-4)
-
-
-@pytest.mark.parametrize(
-    ("left", "code", "words"),
-    [(0.0, "verified", "Verified"), (0.94, "less_than_predicted", "Hardly any better")],
-)
-def test_a_copy_of_the_job_with_the_line_active_verifies_it(
-    again: Path, left: float, code: str, words: str
-) -> None:
-    # What of the growth is left with the line active; the copy keeps its [[fits]].
-    names = ("t", "x", "e", "frame")
-    time, place, error, sensor = np.loadtxt(
-        again / "warm.csv", delimiter=",", skiprows=1
-    ).T
-    grown = GROWTH * (sensor - 20.0) * (place - CROSSING)
-    tables = 0.004 + 2e-5 * place
-    columns = time, place, error + (left - 1.0) * grown - tables, sensor
-    job = again / "job.toml"
-    after = job.read_text().replace("warm.csv", "after.csv")
-    after = after.replace('file = "after', 'active = ["temperature"]\nfile = "after')
-    (again / "after.toml").write_text(after)
-    before = (again / "warm.csv").read_bytes()
-    write(again, names, columns)
-    (again / "warm.csv").rename(again / "after.csv")
-    (again / "warm.csv").write_bytes(before)
-    found = run_job(job, again / "out", after=again / "after.toml").fits[0]
-    assert str(found.judgement.reasons[0].code) == code
-    assert headline_of(found, Scale("mm", "µm")).sentence.startswith(words)
 
 
 def test_existing_axis_list_keeps_everything_else(tmp_path: Path) -> None:

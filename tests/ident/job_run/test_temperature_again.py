@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from axcomp.ident.cli import main
+from axcomp.ident.job import run_job
+from axcomp.ident.report import headline_of
+from axcomp.ident.report._scale import Scale
 
 TIME = np.arange(0.0, 3 * 3600.0, 60.0)
 WARM = 20.0 + 6.0 * np.where(
@@ -116,3 +119,23 @@ def test_an_offset_at_one_position_is_measured_again(tmp_path: Path) -> None:
     # Noise of the readings alone, as above.
     truth = np.sqrt(np.mean((left - 0.002) ** 2 + 3e-4**2))
     assert one["error"]["verified"]["rms"] == pytest.approx(truth, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("acts", "code", "words"),
+    [
+        (1.0, "verified", "Verified"),
+        (0.06, "less_than_predicted", "Hardly any better"),
+    ],
+)
+def test_a_copy_of_the_job_with_the_line_active_verifies_it(
+    acts: float, code: str, words: str, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    job = write(tmp_path, "job", GROWTH, "[]", FIT)
+    run_job(job, out)
+    left = GROWTH + acts * added(out)
+    after = write(tmp_path, "after", left, '["temperature"]', FIT)
+    found = run_job(job, out, after=after).fits[0]
+    assert str(found.judgement.reasons[0].code) == code
+    assert headline_of(found, Scale("mm", "µm")).sentence.startswith(words)
