@@ -20,6 +20,11 @@ _QUIET = 0.02
 _TURN = 0.1
 """Share of the impulse of an acceleration that a direction has at least where the master
 turns in it; less is the edge of a filtered acceleration."""
+_LOBE = 0.15
+"""Share of the peak of an event up to which what follows it with the other sign is where a
+filter rings."""
+_SILENT = 0.002
+"""Share of the peak of an event up to which nothing rings."""
 _LEAST_SPEED = 1e-12
 """mm/s: tells a direction and nothing else."""
 _ROWS = 4
@@ -89,6 +94,7 @@ class Events:
         peak: Largest acceleration in mm/s², with its sign.
         value: Error of the slave at the specified acceleration that the event shows, in mm.
         standard_deviation: Of that, from the scatter within the event.
+        left_out: Readings of the event and beside it that were taken for wild.
         wild: Set aside because it contradicts the others.
     """
 
@@ -99,6 +105,7 @@ class Events:
     peak: Float[np.ndarray, " n"]
     value: Float[np.ndarray, " n"]
     standard_deviation: Float[np.ndarray, " n"]
+    left_out: Int[np.ndarray, " n"]
     wild: Bool[np.ndarray, " n"]
 
     def __len__(self) -> int:
@@ -189,13 +196,15 @@ def cut_events(data: JointData, form: Crosstalk, over: Sequence[str] = ()) -> Ev
         size = _amplitude(event.design[sound], error[event.rows][sound])
         if size is None:
             # Which events there are depends on the motion alone, not on what the slave did.
+            sound = np.ones(len(sound), bool)
             size = _amplitude(event.design, error[event.rows])
         if size is None:
             continue
         rows, weight = slice(event.start, event.stop), event.share**2
         place, signal = weight @ places[rows] / weight.sum(), acceleration[rows]
         peak = signal[np.argmax(np.abs(signal))]
-        cut.append((event.start, event.stop, event.branch, place, peak, *size, False))
+        edges, wild = (event.start, event.stop), int((~sound).sum())
+        cut.append((*edges, event.branch, place, peak, *size, wild, False))
     if not cut:
         msg = (
             f"no acceleration of the master reaches {100 * _LEAST:.0f} % of "
@@ -232,26 +241,92 @@ def _windows(data: JointData, form: Crosstalk) -> Iterator[_Window]:
     """Yield the events of a log that are strong and long enough."""
     share, label = _shares_of(data, form)
     log, time, error = _logs(data), data.clock_for(form.name), data.error[form.axis]
-    for start, stop in _stretches(label, log):
-        shares, length = share[start:stop], stop - start
-        if label[start] < 0 or shares.max() < _LEAST:
-            continue
+    strong = [
+        rows
+        for rows in _stretches(label, log)
+        if label[rows[0]] >= 0 and share[slice(*rows)].max() >= _LEAST
+    ]
+    lobes = _lobes(share, label, log, strong)
+    acceleration = form.columns_of(data)[0]
+    impulse, owner = share.copy(), label.copy()
+    for (start, stop), around in zip(strong, lobes, strict=True):
+        peak = start + int(np.argmax(share[start:stop]))
+        impulse[around] = acceleration[around] * (share[peak] / acceleration[peak])
+        owner[around] = label[start]
+    for (start, stop), around in zip(strong, lobes, strict=True):
+        length = stop - start
         rows = np.arange(max(start - length, 0), min(stop + length, len(share)))
         rows = rows[(log[rows] == log[start]) & np.isfinite(error[rows])]
-        event = (rows >= start) & (rows < stop)
-        if event.sum() < _ROWS:
+        if ((rows >= start) & (rows < stop)).sum() < _ROWS:
             continue
-        others = [~event & (label[rows] == branch) for branch in range(len(BRANCHES))]
+        event = (rows >= around.start) & (rows < around.stop)
+        others = [~event & (owner[rows] == branch) for branch in range(len(BRANCHES))]
         others = [other for other in others if other.sum() >= _ROWS]
         events = np.stack([event, *others], axis=1)
-        keep = events.any(axis=1) | (label[rows] < 0)
+        keep = events.any(axis=1) | (owner[rows] < 0)
         rows, events = rows[keep], events[keep]
         clock = time[rows] - time[rows].mean()
         clock /= max(float(np.abs(clock).max()), 1e-300)
         design = np.column_stack(
-            [events * share[rows, None], np.ones(len(rows)), clock]
+            [events * impulse[rows, None], np.ones(len(rows)), clock]
         )
+        shares = share[start:stop]
         yield _Window(start, stop, int(label[start]), shares, rows, design)
+
+
+def _lobes(
+    share: Float[np.ndarray, " t"],
+    label: Int[np.ndarray, " t"],
+    log: Int[np.ndarray, " t"],
+    events: Sequence[tuple[int, int]],
+) -> list[slice]:
+    """Return the rows of each event with those around it in which a filter of it rings.
+
+    A filter keeps the impulse only together with these: the event alone has too much of it.
+
+    Args:
+        share: Of the specified acceleration.
+        label: Row of `BRANCHES`, −1 where the master does not accelerate.
+        log: Number of the log.
+        events: First row and row after the last, in their order.
+    """
+    top = np.zeros(len(share))
+    for start, stop in _stretches(label, log):
+        if label[start] >= 0:
+            top[start:stop] = share[start:stop].max()
+    # An event reaches as far as half of its length, and half of the way to the next one.
+    edges = np.array([0, *np.ravel(events), len(share)]).reshape(-1, 2)
+    halves = (edges[:, 1] - edges[:, 0] + 1) // 2
+    around = []
+    for (start, stop), before, behind in zip(
+        events, halves[:-1], halves[1:], strict=True
+    ):
+        reach, peak = (stop - start) // 2, float(share[start:stop].max())
+        beside = (
+            np.arange(start - 1, start - 1 - min(reach, int(before)), -1),
+            np.arange(stop, stop + min(reach, int(behind))),
+        )
+        fore, aft = (
+            _ringing(
+                share[rows] / peak,
+                np.where(log[rows] == log[start], top[rows], np.inf) / peak,
+            )
+            for rows in beside
+        )
+        around.append(slice(start - fore, stop + aft))
+    return around
+
+
+def _ringing(share: Float[np.ndarray, " t"], height: Float[np.ndarray, " t"]) -> int:
+    """Return in how many rows beside an event a filter of it rings.
+
+    Args:
+        share: Acceleration in the rows, the nearest first, in shares of the peak of the event.
+        height: Largest one of the stretch that each row belongs to.
+    """
+    free = np.logical_and.accumulate(height <= _LOBE)
+    rings = np.flatnonzero(free & (share > _SILENT))
+    return int(rings[-1]) + 1 if rings.size else 0
 
 
 def _shares_of(
@@ -261,8 +336,11 @@ def _shares_of(
 
     That is −1 where the master does not accelerate.
     """
+    # An event tells its size by all of its impulse. Held above the specified acceleration, a
+    # filtered one would lose where it overshoots, and keep where it falls short.
+    rules = dataclasses.replace(form.rules, crosstalk_above="line")
     everywhere = dataclasses.replace(
-        form, adaptation=(), positions=None, velocity_dependent=True
+        form, adaptation=(), positions=None, velocity_dependent=True, conventions=rules
     )
     model = everywhere.to_model(np.zeros((4, 1)), 1.0)
     stencil = model.stencil(*map(filled, everywhere.columns_of(directed(data, form))))
@@ -281,11 +359,21 @@ def _stretches(*labels: np.ndarray) -> list[tuple[int, int]]:
 def _sound(
     design: Float[np.ndarray, "w c"], error: Float[np.ndarray, " w"]
 ) -> Bool[np.ndarray, " w"]:
-    """Return which readings of a window are not wild; one of them would spoil its event."""
-    residual = np.abs(error - design @ np.linalg.lstsq(design, error, rcond=None)[0])
-    if residual.max(initial=0.0) <= _FAR * float(np.median(residual)):
+    """Return which readings of a window are not wild; one of them would spoil its event.
+
+    A reading between the least and the largest of an event never is: a filter smears the
+    acceleration there.
+    """
+    solution = np.linalg.lstsq(design, error, rcond=None)[0]
+    residual = np.abs(error - design @ solution)
+    limit = _FAR * float(np.median(residual))
+    if residual.max(initial=0.0) <= limit:
         return np.ones(len(residual), bool)
-    return ~regress(design, error, noise=0.0).wild
+    found = regress(design, error, noise=0.0)
+    # Without noise the robust one may take the whole event for wild.
+    fitted = np.concatenate([design @ solution, design @ found.coefficients])
+    beyond = np.abs(error - np.clip(error, fitted.min(), fitted.max()))
+    return ~(found.wild & (beyond > limit))
 
 
 def _amplitude(
@@ -303,7 +391,7 @@ def _amplitude(
     if freedom <= 0 or np.linalg.matrix_rank(design, 1.0 / _BLIND) < design.shape[1]:
         return None
     impulses, solutions = design.copy(), []
-    impulses[:, :-2] = design[:, :-2] > 0
+    impulses[:, :-2] = design[:, :-2] != 0
     for instruments in (design, impulses):
         matrix = instruments.T @ design
         if np.linalg.cond(matrix) > _BLIND**2:

@@ -197,6 +197,12 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
     if events.wild.any():
         words = f"{events.wild.sum()} events contradict the others and were left out."
         yield Remark.warning(words)
+    if events.left_out.any():
+        words = f"{events.left_out.sum()} readings in and beside"
+        yield Remark.info(
+            f"{words} {np.count_nonzero(events.left_out)} events lie far from the others"
+            " there and were left out."
+        )
     if delay:
         word = "late" if delay > 0 else "early"
         yield Remark.warning(
