@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from itertools import count
 from pathlib import Path
 
-_LONGEST = 200
+LONGEST_NAME = 200
 """Bytes of a name to which some can be added on any file system."""
 
 
@@ -138,7 +138,7 @@ def _sync(files: Sequence[int]) -> None:
 
 def _draft_name(name: str) -> str:
     raw = os.fsencode(name)
-    if len(raw) <= _LONGEST:
+    if len(raw) <= LONGEST_NAME:
         return f"{name}.part"
     # Beside a name as long as a file system takes there is no room for more.
     return f"{hashlib.sha256(raw).hexdigest()[:32]}.part"

@@ -19,6 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...data.files import LONGEST_NAME
 from ...data.toml import TomlError, read_toml, read_utf8
 from .._job_text import job_text
 from ._folder import BatchError
@@ -63,19 +64,20 @@ def collect_jobs(arguments: Sequence[str | Path], out: Path) -> tuple[Task, ...]
     Raises:
         BatchError: If something does not exist, or there is no job at all.
     """
-    files: dict[Path, None] = {}
+    files: dict[Path, Path] = {}
     tasks: list[Task] = []
     for argument in arguments:
         for path in _files(str(argument)):
             if path.suffix.lower() in _TABLES:
                 tasks += read_job_table(path, out / "jobs")
             else:
-                files.setdefault(path)
-    for name, path in zip(_names(list(files)), files, strict=True):
+                # Its files lie beside it, also where it is a link to a job elsewhere.
+                files.setdefault(path.parent.resolve() / path.name, path)
+    for name, path in zip(_names([*files.values()]), files, strict=True):
         content = b""
         with contextlib.suppress(OSError):  # the job itself will say what is wrong
             content = path.read_bytes()
-        tasks.append(Task(name, path.resolve(), _hash(content)))
+        tasks.append(Task(name, path, _hash(content)))
     names = [name for name, n in Counter(task.name for task in tasks).items() if n > 1]
     if names:
         raise BatchError(
@@ -117,12 +119,12 @@ def _names(paths: list[Path]) -> list[str]:
 
 _TEXTS = {
     *("title", "id", "conventions", "build", "name", "type", "list", "machine_data"),
-    *("gantry", "file", "axis", "material_temperature", "compensation", "master"),
+    *("gantry", "file", "axis", "compensation", "master"),
     *("measurement", "sensor", "group", "method"),
 }
 """Last parts of keys whose value is a text, though it may look like a number."""
-_PATHS = {"conventions", "list", "machine_data", "file", "files"}
-_WITH_FILES = ("machine", "axes", "measurements")
+_PATHS = {"conventions", "list", "machine_data", "file", "files", "job"}
+_WITH_FILES = ("machine", "axes", "measurements", "verify")
 
 
 def read_job_table(path: Path, jobs: Path) -> list[Task]:
@@ -145,8 +147,10 @@ def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
     templates: dict[Path, dict[str, Any]] = {}
     named: dict[str, int] = {}
     for number, row in enumerate(_table_rows(path), start=1):
-        name = str(row.pop("job", "") or f"{path.stem}-{number:05d}")
-        if not name.strip(". ") or any(mark in name for mark in '/\\:*?"<>|\0'):
+        given = row.pop("job", None)
+        name = f"{path.stem}-{number:05d}" if given in (None, "") else str(given)
+        marked = any(mark in name for mark in '/\\:*?"<>|\0')
+        if not name.strip(". ") or marked or len(os.fsencode(name)) > LONGEST_NAME:
             reason = f"row {number}: found {name!r}, expected a name fit for a folder"
             raise BatchError(str(path), reason)
         if named.setdefault(name, number) != number:
@@ -200,6 +204,10 @@ def _table_rows(path: Path) -> list[dict[str, Any]]:
         reason = f"cannot read the table of jobs: {str(error).splitlines()[0]}"
         raise BatchError(str(path), reason) from None
     names = table.column_names
+    twice = [name for name, n in Counter(names).items() if n > 1]
+    if twice:
+        reason = f"found the column {twice[0]!r} twice, expected each once"
+        raise BatchError(str(path), reason)
     if not any(name.startswith("fits.") or name == "template" for name in names):
         reason = (
             f"found the columns {', '.join(names[:6])}, expected keys of a job"
@@ -228,9 +236,12 @@ def _value(key: str, cell: Any) -> Any:
     if not isinstance(cell, str) or key.rpartition(".")[2] in _TEXTS:
         return cell
     try:
-        return tomllib.loads(f"value = {cell}")["value"]
+        value = tomllib.loads(f"value = {cell}")["value"]
     except tomllib.TOMLDecodeError:
         return cell
+    # A column of a file without a header is called 1.
+    is_number = ".columns." in key and isinstance(value, int | float)
+    return cell if is_number else value
 
 
 def _put(tree: Any, parts: Sequence[str], value: Any) -> None:

@@ -14,7 +14,7 @@ from ._collect import Task, collect_jobs
 from ._folder import BatchError, begin, end, locked
 from ._rows import Row
 from ._summary import Summary, prepare_summary, summarise
-from ._table import write_results
+from ._table import read_results, write_results
 from ._work import WORK, Order, Outcome, examine
 from ._workers import prepare_workers, run_chunks, workers_of
 
@@ -117,6 +117,8 @@ def run_batch(
     start = time.monotonic()
     if scheduler is None:
         prepare_workers()
+    for folder in history:
+        read_results(folder)  # before the night, not after it
     out = out.resolve()
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -179,7 +181,7 @@ def _run(
     try:
         with workers_of(scheduler, workers) as client:
             crew = max(workers or 0, len(client.scheduler_info()["workers"]), 1)
-            runnable, bad = _examined(client, tasks, crew)
+            runnable, bad = _examined(client, tasks, order, crew)
             # Enough chunks that nobody works on a last one while the others have none left.
             size = max(1, min(_CHUNK, -(-len(runnable) // (_ROUNDS * crew))))
             for outcomes in chain([bad], run_chunks(client, runnable, order, size)):
@@ -205,12 +207,13 @@ def _progress(stand: Progress) -> str:
 
 
 def _examined(
-    client: Any, tasks: Sequence[Task], crew: int
+    client: Any, tasks: Sequence[Task], order: Order, crew: int
 ) -> tuple[list[Task], list[Outcome]]:
     """Return the jobs to run, those of equal shape together, and those that cannot run."""
     size = max(1, len(tasks) // (_ROUNDS * crew))
     parts = [tasks[start : start + size] for start in range(0, len(tasks), size)]
-    shapes = chain.from_iterable(client.gather(client.map(examine, parts, pure=False)))
+    futures = client.map(examine, parts, order=order, pure=False)
+    shapes = chain.from_iterable(client.gather(futures))
     pairs = list(zip(tasks, shapes, strict=True))
     bad = [outcome for _, outcome in pairs if isinstance(outcome, Outcome)]
     good = [(shape, task) for task, shape in pairs if isinstance(shape, str)]

@@ -96,7 +96,7 @@ class Summary:
         reasons: Why, by reason with names and numbers left out, most frequent first.
         rejected: Fits whose list must not be loaded.
         gate: Checks that failed, by name.
-        unverified: Fits whose list lies in ``unverified/``.
+        unverified: Fits that passed and whose list lies in ``unverified/``.
         verdicts: Fits by verdict; ``unproven``: computed, no measurement has settled
             the sign.
         spreads: Errors (rms) by ``compensation`` and ``unit``: ``count`` of the fits, and by
@@ -158,7 +158,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         reasons=dict(reasons.most_common(20)),
         rejected=len(fits) - sum(map(bool, fits["passed"].to_pylist())),
         gate=dict(gate.most_common()),
-        unverified=len(fits) - sum(map(bool, fits["verified"].to_pylist())),
+        unverified=len(fits.filter(pc.field("passed") & ~pc.field("verified"))),
         verdicts=dict(Counter(filter(None, fits["verdict"].to_pylist()))),
         spreads=spreads,
         outliers=outliers,

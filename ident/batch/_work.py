@@ -4,6 +4,7 @@ A job writes into a folder of its own under ``.work/``; when all of it is there 
 is moved to its place at once. So a list either is there, complete, or it is not.
 """
 
+import contextlib
 import dataclasses
 import errno
 import functools
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from ..job import JobResult
 
 WORK = ".work"
+_KINDS = {"lists": True, "unverified": False}
+"""Folders of what is done, and whether the rules are verified by which it is."""
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}
 _LATE = 83
 """Exit status of a worker that a job did not let go on."""
@@ -67,17 +70,26 @@ class Outcome:
     full: bool = False
 
 
-def examine(tasks: Sequence[Task]) -> list[str | Outcome]:
-    """Return the shape of each job, or the outcome of one that cannot run."""
+def examine(tasks: Sequence[Task], order: Order) -> list[str | Outcome]:
+    """Return the shape of each job, or the outcome of one that cannot run.
+
+    What an earlier run wrote for such a one is taken away.
+    """
     shapes: list[str | Outcome] = []
     for task in tasks:
-        if task.fault is not None:
-            shapes.append(failed(task, task.fault))
-            continue
+        reason = task.fault
         try:
-            shapes.append(_shape(task.path))
+            if reason is None:
+                shapes.append(_shape(task.path))
+                continue
         except (AxcompError, OSError) as error:
-            shapes.append(failed(task, str(error)))
+            reason = str(error)
+        try:
+            for kind in _KINDS:
+                _take_away(Path(order.out) / kind / task.name, order)
+        except OSError as error:
+            reason = f"{reason} ({error})"
+        shapes.append(failed(task, reason))
     return shapes
 
 
@@ -164,7 +176,10 @@ def start_worker() -> None:
 
 
 def _start(task: Task, order: Order, disk: Executor) -> Outcome | Future[Outcome]:
-    rows = published(task, Path(order.out))
+    try:
+        rows = published(task, order)
+    except OSError as error:
+        return failed(task, str(error))
     if rows is not None:
         return Outcome(task.name, rows)
     if (order.work / "late" / task.name).exists():
@@ -280,27 +295,41 @@ def _report(result: "JobResult", folder: Path) -> None:
         write_report(result, folder)
 
 
-def published(task: Task, out: Path) -> list[Row] | None:
+def published(task: Task, order: Order) -> list[Row] | None:
     """Return the rows of a job whose files lie in their place, made of what is there now.
 
     None where there are none, of a job that was changed since, or of a worker that was
     stopped: what lies there then is taken away.
 
-    Args:
-        task: The job.
-        out: Folder of the batch.
+    Raises:
+        OSError: If it cannot be taken away: no other list may be told of then.
     """
-    for verified, kind in ((True, "lists"), (False, "unverified")):
-        folder = out / kind / task.name
-        try:
+    for kind, verified in _KINDS.items():
+        folder = Path(order.out) / kind / task.name
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
             result = json.loads((folder / "result.json").read_bytes())
-        except (OSError, ValueError):
-            continue
-        inputs = result["inputs"]
-        current = task.sha256 in inputs.values()
-        current = current and hash_of_inputs(inputs) == inputs_hash(task.path)
-        if current and all((folder / file).is_file() for file in result["files"]):
-            place = f"{kind}/{task.name}"
-            return rows_of(task.name, place, verified, task.sha256, result)
-        shutil.rmtree(folder, ignore_errors=True)
+            inputs = result["inputs"]
+            current = task.sha256 in inputs.values()
+            current = current and hash_of_inputs(inputs) == inputs_hash(task.path)
+            if current and all((folder / file).is_file() for file in result["files"]):
+                place = f"{kind}/{task.name}"
+                return rows_of(task.name, place, verified, task.sha256, result)
+        _take_away(folder, order)
     return None
+
+
+def _take_away(folder: Path, order: Order) -> None:
+    """Take away what an earlier run of the batch wrote for a job, all of it or nothing.
+
+    Raises:
+        OSError: If it stays.
+    """
+    trash = order.work / "earlier" / folder.parent.name / folder.name
+    try:
+        if folder.exists():
+            trash.parent.mkdir(parents=True, exist_ok=True)
+            folder.rename(trash)
+    except OSError as error:
+        reason = f"the lists of an earlier run lie there and cannot be taken away: {error.strerror}"
+        raise OSError(error.errno, reason, str(folder)) from None
+    shutil.rmtree(trash, ignore_errors=True)

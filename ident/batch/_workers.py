@@ -4,7 +4,9 @@ import contextlib
 import logging
 import multiprocessing
 import os
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any, cast
@@ -42,10 +44,27 @@ def prepare_workers() -> None:
     before = dict(os.environ)
     os.environ.update(_ONE_THREAD | before)
     try:
-        forkserver.ensure_running()
+        with _deaf():
+            forkserver.ensure_running()
     finally:
         for name in _ONE_THREAD.keys() - before.keys():
             del os.environ[name]
+
+
+@contextlib.contextmanager
+def _deaf() -> Iterator[None]:
+    """Let processes that are started meanwhile, and theirs, not hear a Ctrl-C.
+
+    The terminal sends it to all of them; they end with the process that they work for.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextlib.contextmanager
@@ -66,6 +85,8 @@ def workers_of(scheduler: str | None, count: int | None) -> Iterator[Any]:
         "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
         "distributed.worker.multiprocessing-method": _METHOD,
         "distributed.comm.timeouts.connect": _CONNECT,
+        # The death of a worker counts against all that waits there for its turn.
+        "distributed.scheduler.worker-saturation": 1.0,
         # It would look at the stacks of all jobs of a group a hundred times a second.
         "distributed.worker.profile.enabled": False,
         # Nobody asks how late the event loops are, fifty times a second.
@@ -125,7 +146,7 @@ def run_chunks(
     """Yield the outcomes of jobs as they come, those of a chunk together.
 
     A chunk that loses its workers again and again is run job by job; a job that then does so
-    too is the one at fault.
+    twice over is the one at fault.
 
     Args:
         client: Of the workers.
@@ -139,6 +160,7 @@ def run_chunks(
     import distributed
 
     chunks: dict[Any, list[Task]] = {}
+    suspected = set[str]()
     running = distributed.as_completed([], raise_errors=False)  # type: ignore[no-untyped-call]
 
     def submit(chunk: list[Task]) -> None:
@@ -150,6 +172,10 @@ def run_chunks(
         for start in range(0, len(tasks), size):
             submit(list(tasks[start : start + size]))
         for future in running:
+            if future.status in ("pending", "lost"):
+                # A worker died with the outcomes that it had; they are made once more.
+                running.add(future)  # type: ignore[no-untyped-call]
+                continue
             chunk = chunks.pop(future)
             if future.status == "finished":
                 yield future.result()
@@ -160,6 +186,10 @@ def run_chunks(
                     submit([task])
             else:
                 died = type(error := future.exception()).__name__ == "KilledWorker"
+                if died and (task := chunk[0]).name not in suspected:
+                    suspected.add(task.name)
+                    submit(chunk)
+                    continue
                 words = "the worker died while it ran" if died else str(error)
                 yield [failed(chunk[0], words)]
     finally:

@@ -373,7 +373,7 @@ def _sound(
     # Without noise the robust one may take the whole event for wild.
     fitted = np.concatenate([design @ solution, design @ found.coefficients])
     beyond = np.abs(error - np.clip(error, fitted.min(), fitted.max()))
-    return ~(found.wild & (beyond > limit))
+    return np.asarray(~(found.wild & (beyond > limit)))
 
 
 def _amplitude(

@@ -29,8 +29,9 @@ _PATIENCE = 120.0
 def start(*arguments: object, cwd: Path) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "axcomp", "batch", *map(str, arguments)]
     return subprocess.Popen(
-        command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+        command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )  # fmt: skip
 
 
 def wait_for(what: Callable[[], bool]) -> None:
@@ -125,6 +126,45 @@ def test_a_killed_worker_a_corrupt_job_and_an_endless_one_cost_only_themselves(
     assert "00007.csv" in reasons["00007"]
     assert "took more than 4 s" in reasons["endless"]
     assert "26 jobs, 3 failed" in said
+
+
+def test_jobs_that_all_take_too_long_are_told_so(
+    tmp_path: Path, endless_job: Callable[[Path, str], None]
+) -> None:
+    # Eight deaths of two workers; four that met a job while it waited made it the culprit.
+    (tmp_path / "jobs").mkdir()
+    endless_job(tmp_path / "jobs", "0")
+    for k in range(1, 8):
+        (tmp_path / "jobs" / f"{k}.toml").write_bytes(
+            (tmp_path / "jobs" / "0.toml").read_bytes()
+        )
+    out = tmp_path / "out"
+    batch = start(
+        tmp_path / "jobs" / "*.toml", "--out", out, "--workers", 2,
+        "--time-limit", 0.2, cwd=tmp_path,
+    )  # fmt: skip
+    batch.communicate(timeout=_PATIENCE)
+    reasons = query_results(out, select="reason").to_pylist()
+    words = "took more than 0.2 s (--time-limit) and was given up"
+    assert [row["reason"] for row in reasons] == [words] * 8
+
+
+@linux
+def test_an_interrupted_batch_says_so_and_nothing_else(
+    tmp_path: Path, fleet: Fleet
+) -> None:
+    fleet(tmp_path / "jobs", 40)
+    out = tmp_path / "out"
+    batch = start(
+        tmp_path / "jobs" / "*.toml", "--out", out, "--workers", 2, cwd=tmp_path
+    )
+    wait_for(lambda: done(out) > 0)
+    # As a terminal does: to the batch and all of its workers.
+    os.killpg(batch.pid, signal.SIGINT)
+    _, said = batch.communicate(timeout=_PATIENCE)
+    assert batch.returncode == 130
+    assert "axcomp: interrupted" in said
+    assert "Traceback" not in said
 
 
 def test_a_killed_batch_goes_on_and_a_second_one_is_refused(

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from axcomp.ident.batch import query_results
+from axcomp.ident.batch import query_results, run_batch
 from axcomp.ident.batch._collect import collect_jobs
 from axcomp.ident.batch._folder import BatchError
 from axcomp.ident.batch._table import write_results
-from axcomp.ident.batch._work import Outcome, examine
+from axcomp.ident.batch._work import Order, Outcome, examine
 from axcomp.ident.cli import main
 
 JOB = '[axes.X]\nnumber = 1\n[measurements.m]\nfile = "m.csv"\n'
@@ -45,7 +45,7 @@ def test_a_row_without_its_template_does_not_end_the_fleet(tmp_path: Path) -> No
     out = tmp_path / "out"
     out.mkdir()
     tasks = [each.as_file() for each in collect_jobs([str(tmp_path / "t.csv")], out)]
-    lost = examine(tasks)[1]
+    lost = examine(tasks, Order(str(out), "t"))[1]
     assert isinstance(lost, Outcome)
     (row,) = lost.rows
     assert "row 2: template" in row["reason"]
@@ -67,6 +67,15 @@ def test_a_table_or_template_that_is_no_utf_8_is_refused_as_a_job_is(
     match = rf"{name}:{line}: found byte 0xe4, expected UTF-8 text"
     with pytest.raises(BatchError, match=match):
         collect_jobs([str(tmp_path / "t.csv")], tmp_path / "out")
+
+
+def test_a_history_that_is_none_is_told_before_the_night(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(JOB)
+    with pytest.raises(
+        BatchError, match=r"nigth.*expected the folder of a finished batch"
+    ):
+        run_batch([tmp_path / "a.toml"], tmp_path / "out", history=[tmp_path / "nigth"])
+    assert not (tmp_path / "out").exists()
 
 
 def test_one_name_in_a_table_and_in_a_file_is_refused(tmp_path: Path) -> None:
