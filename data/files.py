@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from itertools import count
 from pathlib import Path
 
+_PART = 1 << 16
+"""Bytes of a file that are hashed at a time: most files are no longer."""
 LONGEST_NAME = 200
 """Bytes of a name to which some can be added on any file system."""
 
@@ -89,6 +91,15 @@ def keep_copy(path: Path, folder: Path) -> Path | None:
         if copy.read_bytes() == content:
             return None
     raise AssertionError  # names never end
+
+
+def sha256(path: Path) -> str:
+    """Return the hash of a file, for the record."""
+    digest = hashlib.sha256()
+    with path.open("rb", buffering=0) as file:
+        while part := file.read(_PART):
+            digest.update(part)
+    return digest.hexdigest()
 
 
 def _write(path: Path, content: bytes) -> None:

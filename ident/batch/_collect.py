@@ -74,6 +74,9 @@ def collect_jobs(arguments: Sequence[str | Path], out: Path) -> tuple[Task, ...]
                 # Its files lie beside it, also where it is a link to a job elsewhere.
                 files.setdefault(path.parent.resolve() / path.name, path)
     for name, path in zip(_names([*files.values()]), files, strict=True):
+        if any("\ud800" <= sign <= "\udfff" for sign in name):
+            reason = f"found the name {name!r}, expected one that is UTF-8"
+            raise BatchError(str(path.parent), reason)
         content = b""
         with contextlib.suppress(OSError):  # the job itself will say what is wrong
             content = path.read_bytes()

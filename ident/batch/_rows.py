@@ -176,7 +176,8 @@ def identity_in(path: Path) -> Row:
 def hash_of_inputs(inputs: Mapping[str, str]) -> str:
     """Return one hash for the hashes of all files of a job, by name."""
     lines = (f"{name} {inputs[name]}\n" for name in sorted(inputs))
-    return hashlib.sha256("".join(lines).encode()).hexdigest()
+    text = "".join(lines)
+    return hashlib.sha256(text.encode(errors="surrogateescape")).hexdigest()
 
 
 def _fit_row(fit: Mapping[str, Any], remarks: Sequence[Mapping[str, str]]) -> Row:

@@ -115,6 +115,9 @@ def run_batch(
         OSError: If a file cannot be read or written.
     """
     start = time.monotonic()
+    if time_limit is not None and not time_limit > 0.0:
+        name, reason = "time_limit", f"found {time_limit:g}, expected seconds above 0"
+        raise BatchError(name, reason)
     if scheduler is None:
         prepare_workers()
     for folder in history:

@@ -15,12 +15,14 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...data.errors import AxcompError
-from ...data.files import sync_folder
+from ...data.files import sha256, sync_folder
 from ._collect import Task
+from ._folder import BatchError
 from ._rows import Row, hash_of_inputs, identity_in, rows_of
 
 if TYPE_CHECKING:
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 WORK = ".work"
 _KINDS = {"lists": True, "unverified": False}
 """Folders of what is done, and whether the rules are verified by which it is."""
+_EARLIER = "earlier"
+"""Folder of what was in its place before: numbered where there is more than one."""
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}
 _LATE = 83
 """Exit status of a worker that a job did not let go on."""
@@ -73,7 +77,7 @@ class Outcome:
 def examine(tasks: Sequence[Task], order: Order) -> list[str | Outcome]:
     """Return the shape of each job, or the outcome of one that cannot run.
 
-    What an earlier run wrote for such a one is taken away.
+    What an earlier run wrote for such a one is moved away.
     """
     shapes: list[str | Outcome] = []
     for task in tasks:
@@ -86,9 +90,9 @@ def examine(tasks: Sequence[Task], order: Order) -> list[str | Outcome]:
             reason = str(error)
         try:
             for kind in _KINDS:
-                _take_away(Path(order.out) / kind / task.name, order)
-        except OSError as error:
-            reason = f"{reason} ({error})"
+                _take_away(Path(order.out) / kind / task.name)
+        except BatchError as error:
+            reason = f"{reason}; {error}"
         shapes.append(failed(task, reason))
     return shapes
 
@@ -178,7 +182,7 @@ def start_worker() -> None:
 def _start(task: Task, order: Order, disk: Executor) -> Outcome | Future[Outcome]:
     try:
         rows = published(task, order)
-    except OSError as error:
+    except (AxcompError, OSError) as error:
         return failed(task, str(error))
     if rows is not None:
         return Outcome(task.name, rows)
@@ -299,10 +303,10 @@ def published(task: Task, order: Order) -> list[Row] | None:
     """Return the rows of a job whose files lie in their place, made of what is there now.
 
     None where there are none, of a job that was changed since, or of a worker that was
-    stopped: what lies there then is taken away.
+    stopped: what lies there then is moved away.
 
     Raises:
-        OSError: If it cannot be taken away: no other list may be told of then.
+        AxcompError: If it cannot be moved away: no other list may be told of then.
     """
     for kind, verified in _KINDS.items():
         folder = Path(order.out) / kind / task.name
@@ -311,25 +315,52 @@ def published(task: Task, order: Order) -> list[Row] | None:
             inputs = result["inputs"]
             current = task.sha256 in inputs.values()
             current = current and hash_of_inputs(inputs) == inputs_hash(task.path)
-            if current and all((folder / file).is_file() for file in result["files"]):
+            current = current and all(
+                (folder / file).is_file() for file in result["files"]
+            )
+            for name, digest in result["digests"].items():
+                # A list that somebody has changed is no longer what its result says.
+                current = current and sha256(folder / name) == digest
+            if current:
                 place = f"{kind}/{task.name}"
                 return rows_of(task.name, place, verified, task.sha256, result)
-        _take_away(folder, order)
+        if folder.exists():
+            _refuse_own(task, folder)
+        _take_away(folder)
     return None
 
 
-def _take_away(folder: Path, order: Order) -> None:
-    """Take away what an earlier run of the batch wrote for a job, all of it or nothing.
+def _refuse_own(task: Task, folder: Path) -> None:
+    """Raise where a job reads what an earlier run of it wrote.
 
     Raises:
-        OSError: If it stays.
+        BatchError: Naming the file.
     """
-    trash = order.work / "earlier" / folder.parent.name / folder.name
+    from ..job import load_job
+
+    job = load_job(task.path)
+    for file in (*job.inputs, *job.second_inputs):
+        if folder.resolve() in file.resolve().parents:
+            reason = (
+                "the job reads it, and would replace it: found it among the results of the"
+                " batch, expected a copy elsewhere"
+            )
+            raise BatchError(str(file), reason)
+
+
+def _take_away(folder: Path) -> None:
+    """Move what an earlier run of the batch wrote for a job into ``earlier/``.
+
+    Raises:
+        BatchError: If it stays.
+    """
+    if not folder.exists():
+        return
+    earlier = folder.parent.parent / _EARLIER
+    places = (earlier / f"{folder.name}{f'.{k}' if k else ''}" for k in count())
     try:
-        if folder.exists():
-            trash.parent.mkdir(parents=True, exist_ok=True)
-            folder.rename(trash)
+        earlier.mkdir(exist_ok=True)
+        folder.rename(next(place for place in places if not place.exists()))
     except OSError as error:
-        reason = f"the lists of an earlier run lie there and cannot be taken away: {error.strerror}"
-        raise OSError(error.errno, reason, str(folder)) from None
-    shutil.rmtree(trash, ignore_errors=True)
+        reason = f"the lists of an earlier run cannot be moved away: {error.strerror}"
+        raise BatchError(str(folder), reason) from None

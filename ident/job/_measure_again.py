@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from ...data.errors import AxcompError
-from ...data.files import write_atomically
+from ...data.files import sha256, write_atomically
 from ...data.lists import ListFile
 from ..exchange import ExchangeError, StoredConventions, read_conventions
 from ..kinds import kind
 from ..proof import Diagnosis, diagnose, not_judged
 from ..readings import Tables, errors_in, read_outside
 from ._draft import AbstractDraft
-from .file._load import Job, load_job, sha256
+from .file._load import Job, load_job
 from .result._job_result import JobResult
 from .result._result import AbstractResult, Remark
 from .result._second import LESS, MeasuredAgain, SecondMeasurement

@@ -3,7 +3,6 @@
 import contextlib
 import dataclasses
 import functools
-import hashlib
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 import pydantic
 
+from ....data.files import sha256
 from ....data.lists import ListFile
 from ....data.toml import read_toml
 from ....models import Conventions
@@ -30,8 +30,6 @@ from ._checks import find_fault
 from ._faults import JobError, error_at, first_fault
 from ._schema import JobFile
 
-_PART = 1 << 16
-"""Bytes of a file that are hashed at a time: most files are no longer."""
 _TABLES = ("kw.", "frict_comp.")
 """What only a compensation list holds."""
 _NAMED = re.compile(r"achs(kw|mds)[0-9]+\.lis", re.IGNORECASE)
@@ -115,9 +113,29 @@ class Job:
             raise self.error(where, f"{start}{error}") from None
 
     def hashes(self, without: Collection[Path] = ()) -> dict[str, str]:
-        """Return the hash of the job and of each file that it names, by relative name."""
-        files = [self.path, *(file for file in self.inputs if file not in without)]
-        return {self.relative(file): sha256(file) for file in files}
+        """Return the hash of the job and of each file that it names, by relative name.
+
+        The files that the job of its second measurement names are among them.
+
+        Raises:
+            TomlError: If that job is none.
+            OSError: If a file cannot be read.
+        """
+        files = [self.path, *self.inputs, *self.second_inputs]
+        return {
+            self.relative(file): sha256(file) for file in files if file not in without
+        }
+
+    @functools.cached_property
+    def second_inputs(self) -> tuple[Path, ...]:
+        """Files of the job that ``[verify]`` names, without the rules that a run settles."""
+        # A second job may be a copy that names itself.
+        if self.spec.verify is None or not self.spec.fits:
+            return ()
+        second = load_job(self.file(self.spec.verify.job), fits=False)
+        rules = second.spec.machine.conventions
+        settled = None if rules is None else second.file(rules)
+        return tuple(file for file in second.inputs if file != settled)
 
     def relative(self, file: Path) -> str:
         """Return the path of a file, seen from the job file."""
@@ -175,15 +193,6 @@ def load_job(path: Path, *, fits: bool = True) -> Job:
     return dataclasses.replace(
         job, conventions=rules.conventions, verified=rules.verified
     )
-
-
-def sha256(path: Path) -> str:
-    """Return the hash of a file, for the record."""
-    digest = hashlib.sha256()
-    with path.open("rb", buffering=0) as file:
-        while part := file.read(_PART):
-            digest.update(part)
-    return digest.hexdigest()
 
 
 def _files(spec: JobFile) -> Iterable[tuple[KeyPath, str]]:

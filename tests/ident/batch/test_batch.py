@@ -367,8 +367,10 @@ def test_a_job_that_can_no_longer_run_leaves_no_list_of_before(
     assert isinstance(shape, str)
     assert isinstance(lost, Outcome)
     assert lost.rows[0]["state"] == "failed"
-    lists = {path.parent.name for path in (tmp_path / "out").rglob("*.lis")}
-    assert lists == {"00000"}
+    out = tmp_path / "out"
+    assert [path.name for path in (out / "unverified").iterdir()] == ["00000"]
+    # Nothing is lost: a list may be on the machine.
+    assert (out / "earlier" / "00001" / "achskw1.lis").is_file()
 
 
 def test_a_damaged_result_is_made_again(tmp_path: Path, fleet: Fleet) -> None:
@@ -379,6 +381,56 @@ def test_a_damaged_result_is_made_again(tmp_path: Path, fleet: Fleet) -> None:
     for content in ("{}", "[]", '{"inputs": {', ""):
         result.write_text(content)
         assert run_chunk(tasks, order)[0].rows[0].get("table") == table
+
+
+def test_a_list_that_was_changed_by_hand_is_made_again_and_kept(
+    tmp_path: Path, fleet: Fleet
+) -> None:
+    tasks = tasks_of(tmp_path / "jobs", fleet(tmp_path / "jobs", 1))
+    order = Order(str(tmp_path / "out"), "t")
+    run_chunk(tasks, order)
+    listed = tmp_path / "out" / "unverified" / "00000" / "achskw1.lis"
+    before = listed.read_bytes()
+    changed = before.replace(b"-", b"")
+    listed.write_bytes(changed)
+    run_chunk(tasks, order)
+    assert listed.read_bytes() == before
+    earlier = tmp_path / "out" / "earlier" / "00000" / "achskw1.lis"
+    assert earlier.read_bytes() == changed
+
+
+def test_a_job_does_not_replace_the_list_that_it_reads(
+    tmp_path: Path, fleet: Fleet
+) -> None:
+    (name,) = fleet(tmp_path / "jobs", 1)
+    order = Order(str(tmp_path / "out"), "t")
+    run_chunk(tasks_of(tmp_path / "jobs", [name]), order)
+    listed = tmp_path / "out" / "unverified" / name / "achskw1.lis"
+    before = listed.read_bytes()
+    job = tmp_path / "jobs" / f"{name}.toml"
+    measured = job.read_text().replace("active = []", 'active = ["leadscrew"]')
+    axis = f'number = 1\nlist = "../out/unverified/{name}/achskw1.lis"\n'
+    job.write_text(measured.replace("number = 1\n", axis))
+    (row,) = run_chunk(tasks_of(tmp_path / "jobs", [name]), order)[0].rows
+    assert row["state"] == "failed"
+    assert "the job reads it, and would replace it" in row["reason"]
+    assert listed.read_bytes() == before
+
+
+def test_a_changed_second_measurement_is_looked_at_again(
+    tmp_path: Path, fleet: Fleet, readings: Callable[[int, float], str]
+) -> None:
+    first, second = fleet(tmp_path / "jobs", 2)
+    job = tmp_path / "jobs" / f"{first}.toml"
+    job.write_text(job.read_text() + f'[verify]\njob = "{second}.toml"\n')
+    tasks = tasks_of(tmp_path / "jobs", [first])
+    order = Order(str(tmp_path / "out"), "t")
+    done = run_chunk(tasks, order)[0].rows[0]
+    assert run_chunk(tasks, order)[0].rows[0]["wall_time"] == done["wall_time"]
+    (tmp_path / "jobs" / f"{second}.csv").write_text(readings(1, 2.0))
+    again = run_chunk(tasks, order)[0].rows[0]
+    assert again["inputs_sha256"] != done["inputs_sha256"]
+    assert again["wall_time"] != done["wall_time"]
 
 
 def test_a_list_of_before_that_cannot_be_taken_away_is_not_told_as_a_new_one(
@@ -401,10 +453,7 @@ def test_a_list_of_before_that_cannot_be_taken_away_is_not_told_as_a_new_one(
     monkeypatch.setattr(Path, "rename", denied)
     (row,) = run_chunk(tasks, order)[0].rows
     assert row["state"] == "failed"
-    assert (
-        "the lists of an earlier run lie there and cannot be taken away"
-        in row["reason"]
-    )
+    assert "the lists of an earlier run cannot be moved away" in row["reason"]
     assert listed.read_bytes() == before
 
 

@@ -1,5 +1,7 @@
 """What a batch says of tables, folders and questions that it cannot use."""
 
+import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -76,6 +78,19 @@ def test_a_history_that_is_none_is_told_before_the_night(tmp_path: Path) -> None
     ):
         run_batch([tmp_path / "a.toml"], tmp_path / "out", history=[tmp_path / "nigth"])
     assert not (tmp_path / "out").exists()
+
+
+def test_a_name_that_is_no_utf_8_is_refused_before_any_job_runs(tmp_path: Path) -> None:
+    path = Path(os.fsdecode(os.fsencode(tmp_path / "m") + b"\xfchle.toml"))
+    path.write_text(JOB)
+    with pytest.raises(BatchError, match=r"'m\\udcfchle', expected one that is UTF-8"):
+        collect_jobs([str(path)], tmp_path / "out")
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, math.nan])
+def test_a_time_limit_that_is_none_is_refused(tmp_path: Path, limit: float) -> None:
+    with pytest.raises(BatchError, match="expected seconds above 0"):
+        run_batch([tmp_path / "a.toml"], tmp_path / "out", time_limit=limit)
 
 
 def test_one_name_in_a_table_and_in_a_file_is_refused(tmp_path: Path) -> None:
