@@ -39,7 +39,7 @@ from ._effect import (
     shared_table as shared_table,
     touched as touched,
 )
-from ._errors import FitError as FitError
+from ._errors import NOT_DETERMINED as NOT_DETERMINED, FitError as FitError
 from ._evidence import choose_weights as choose_weights
 from ._factor import ArrowFactor as ArrowFactor
 from ._hold_out import (

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._effect import GroupEffect
-from ._errors import FitError
+from ._errors import NOT_DETERMINED, FitError
 from ._posterior import Posterior, Problem
 from ._readings import Readings
 from ._robust import Estimate
@@ -116,8 +116,7 @@ def leave_one_out(
         problem = Problem.of(total, theta, gain, pins.get(label))
         post = problem.at(estimate.posterior.weights)
         if post is None:
-            msg = "the readings do not determine the table: the normal matrix is singular."
-            raise FitError(msg)
+            raise FitError(NOT_DETERMINED)
         posteriors[label] = post
     return posteriors
 

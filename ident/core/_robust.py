@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from ._errors import FitError
+from ._errors import NOT_DETERMINED, FitError
 from ._evidence import Spread, View, choose_weights, spread_of
 from ._factor import ArrowFactor
 from ._loss import FREEDOMS, LOSSES, WILD, Loss, choose_loss
@@ -343,8 +343,7 @@ class _Passes:
     ) -> Posterior:
         post = problem.at(weights, factor)
         if post is None:
-            msg = "the readings do not determine the table: the normal matrix is singular."
-            raise FitError(msg)
+            raise FitError(NOT_DETERMINED)
         return post
 
     def _weighed(self, problem: Problem) -> Posterior:

@@ -46,6 +46,22 @@ class Placed(eqx.Module):
         """Return a fit over X, Y and Z for a tool, with what its points do not tell."""
         return cls(fit.law(tool), columns, fit.remarks(tool))
 
+    def refuse_beyond(self, count: int) -> None:
+        """Raise where its columns are not those of axes, each its own.
+
+        Raises:
+            ExchangeError: Naming them.
+        """
+        columns = self.columns
+        if len(set(columns)) == len(columns) and set(columns) <= set(range(count)):
+            return
+        raise ExchangeError(
+            where="columns of a placed model",
+            found=", ".join(map(str, columns)),
+            expected=f"columns of the {count} axes, from 0 on and each once; logical"
+            " numbers are none",
+        )
+
     def __call__(self, positions: Float[Array, "t a"]) -> Float[Array, "t a"]:
         """Return the offsets of all axes in mm or °; 0 for those that it does not know."""
         columns = np.array(self.columns)
@@ -106,13 +122,19 @@ def export_external(
         ramp: Time in s over which a command ON, OFF or LEVEL comes into effect.
 
     Raises:
-        ExchangeError: If the axes do not ascend, the workspace is none, the folder is
-            that of a job, or the offsets are no numbers or too steep.
+        ExchangeError: If the axes do not ascend, the workspace is none or lacks an axis, a
+            model has columns or a shape of other axes, the folder is that of a job, or
+            the offsets are no numbers or too steep.
         UntraceableError: If C code cannot do what a model does.
         OSError: If a file cannot be written.
     """
     folder = Path(out)
     parts = _parts_of(models)
+    if not parts:
+        raise ExchangeError(where="models", found="none", expected="one at least")
+    for part in parts:
+        if isinstance(part, Placed):
+            part.refuse_beyond(len(axes))
     law = _sum_of(parts)
     box = _box(axes, workspace)
     if (folder / "result.json").exists():
@@ -122,6 +144,13 @@ def export_external(
             expected="a folder of its own: entries of both have the same file names",
         )
     function = casadi_function(law, len(axes), LAW)
+    _, looked_at = function.jac_sparsity(0, 0).get_triplet()
+    for axis in sorted({axes[k] for k in looked_at} - workspace.keys()):
+        raise ExchangeError(
+            where=f"workspace of A{axis}",
+            found="nothing",
+            expected="its lowest and highest position: offsets depend on it",
+        )
     found = extremes(
         law, box, feed=feed / 60.0, acceleration=acceleration, cycle_time=cycle_time
     )

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...data.files import write_atomically
+from ...data.files import sha256, write_atomically
 from ...data.lists import ListFile
 from ...models import Conventions, ExternalCompensation, OffsetStack
 from ..exchange import (
@@ -172,6 +172,7 @@ def _given(paths: Sequence[Path]) -> _Given:
         rules = _conventions({rule["name"]: rule["value"] for rule in stated})
         known = frozenset((fit["axis"], fit["compensation"]) for fit in fits)
         names = [name for name in tree["files"] if _is_list(name)]
+        digests = dict(tree["digests"])
     except (ValueError, KeyError, TypeError, AttributeError):
         raise ExchangeError(
             where=str(file),
@@ -189,7 +190,13 @@ def _given(paths: Sequence[Path]) -> _Given:
         f"Signs of {', '.join(unproven)} are assumed: no measurement has shown them."
     )
     lists = [file.parent / name for name in names]
-    return _Given(job, lists, known, (remark,) if unproven else (), file)
+    remarks = [remark] if unproven else []
+    remarks += (
+        f"{path.name} is not as axcomp fit wrote it: what {file.name} says is not about it."
+        for path in lists
+        if path.is_file() and sha256(path) != digests.get(path.name)
+    )
+    return _Given(job, lists, known, tuple(remarks), file)
 
 
 def _is_list(name: str) -> bool:

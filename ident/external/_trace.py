@@ -18,6 +18,7 @@ from jax.extend.core import ClosedJaxpr, JaxprEqn, Literal
 from jaxtyping import Array, Float
 
 from ...data.errors import AxcompError
+from ..exchange import ExchangeError
 from ._arithmetic import MOVES, REDUCTIONS, elementwise
 
 OffsetLaw = Callable[[Float[Array, "t a"]], Float[Array, "t a"]]
@@ -48,8 +49,21 @@ def casadi_function(law: OffsetLaw, axes: int, name: str) -> ca.Function:
 
     Raises:
         UntraceableError: If the model does what the graph cannot hold.
+        ExchangeError: If its offsets are not those of all axes.
     """
-    traced = jax.make_jaxpr(law)(jnp.zeros((1, axes)))
+    try:
+        traced = jax.make_jaxpr(law)(jnp.zeros((1, axes)))
+    except jax.errors.JAXTypeError:
+        # NumPy, float() or if look at a value while the model is traced.
+        name = "conversion to a number"
+        raise UntraceableError(name) from None
+    shapes = [each.shape for each in traced.out_avals]
+    if shapes != [(1, axes)]:
+        raise ExchangeError(
+            where="the model",
+            found=f"offsets of shape {', '.join(map(str, shapes))}",
+            expected=f"{(1, axes)}: one offset of each axis for a row of positions",
+        )
     positions = ca.MX.sym("position", axes)
     (found,) = _run(traced, [_array((positions[k] for k in range(axes)), (1, axes))])
     offsets = ca.vertcat(*_expressions(found).reshape(-1))

@@ -67,7 +67,14 @@ def read_snapshot(path: Path) -> Snapshot | None:
         row: list[int] = []
         while (name := f"extcomp_{side}[{len(row)}]") in found:
             row.append(found[name])
-        sides.append(from_interface(np.array(row, dtype=np.int64)))
+        try:
+            sides.append(from_interface(np.array(row, dtype=np.int64)))
+        except OverflowError:
+            raise ExchangeError(
+                where=str(path),
+                found=f"{max(row, key=abs)} as extcomp_{side}",
+                expected="integers of 64 bits",
+            ) from None
     if not len(sides[0]) or len(sides[0]) != len(sides[1]):
         raise ExchangeError(
             where=str(path),
@@ -184,6 +191,8 @@ def _judged(
         if np.abs(found).max() <= 2.0 * step:
             return verdict((), None, "cannot tell: the tables add nothing here")
         return verdict((), None, "adds what is in no table of these lists")
+    if np.abs(found).max() <= 2.0 * step:
+        return verdict((), None, f"adds nothing, the tables {1e3 * size:.2g} µm")
     factor = float(found @ wanted / (wanted @ wanted))
     left = float(np.sqrt(np.mean((found - factor * wanted) ** 2)))
     if left > step + _CLOSE * max(abs(factor), 1.0) * size:
@@ -194,7 +203,9 @@ def _judged(
         within = float(np.abs(found - wanted).max())
         return verdict(("agrees",), within, f"agrees within {1e3 * within:.2g} µm")
     for known, word in _FACTORS.items():
-        if abs(factor / known - 1.0) <= miss / min(abs(known), 1.0):
-            return verdict((word,), known, f"adds {known:g} times what the tables say")
+        if abs(factor - known) <= step / size + _CLOSE * abs(known):
+            text = f"adds {known:g} times what the tables say"
+            level = f"{text}: a LEVEL, or a wrong unit"
+            return verdict((word,), known, level if 0.0 < known < 1.0 else text)
     text = f"adds {factor:.2g} times what the tables say: a LEVEL, or a software limit near"
     return verdict((), None, text)

@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from scipy.ndimage import median
 
 from ..core import (
+    NOT_DETERMINED,
     Estimate,
     FitError,
     GroupEffect,
@@ -136,8 +137,7 @@ def fit_values(
         problem = Problem.of(sums_of(stack, readings, zero, Loss())[0], zero)
         values = problem.values_at(fixed_weights(smoothness, names)(problem))
     if values is None:
-        msg = "the readings do not determine the table: the normal matrix is singular."
-        raise FitError(msg)
+        raise FitError(NOT_DETERMINED)
     return layout.effect.to_table(values)
 
 

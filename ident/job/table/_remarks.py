@@ -59,8 +59,12 @@ def fit_remarks(
                 " which nobody has measured there."
             )
     if beyond:
-        yield Remark.info(
-            f"{beyond} readings lie outside the table, where its edge is held."
+        mostly = beyond > 0.5 * count
+        check = " Are unit and origin of their positions right?" if mostly else ""
+        yield Remark(
+            "warning" if mostly else "info",
+            f"{beyond} of {count} readings lie outside the table, where its edge is held."
+            f"{check}",
         )
     if wild:
         yield Remark(

@@ -37,7 +37,9 @@ class OutputError(AxcompError, OSError):
 
 def signed(text: str, comment: str = _SIGNED) -> bytes:
     """Return a text with its digest at the end, by which it is known again."""
-    return (text + comment.format(_digest(text.encode()))).encode()
+    # A path may hold bytes that are no UTF-8.
+    content = text.encode(errors="backslashreplace")
+    return content + comment.format(_digest(content)).encode()
 
 
 def is_signed(content: bytes, comment: str = _SIGNED) -> bool:

@@ -149,6 +149,21 @@ Law = Callable[[jnp.ndarray], jnp.ndarray]
         (spike(0.01), (1, 2), {1: (5.0, 1.0)}, "workspace of A1: found 5 to 1"),
         (spike(9.0), (1, 2), BOX, r"offset of A2: found a slope of .* expected less"),
         (lambda p: p / 0.0, (1, 2), BOX, "offset of A1: found no number"),
+        (
+            spike(0.01),
+            (1, 2),
+            {1: BOX[1]},
+            "workspace of A2: found nothing, expected its",
+        ),
+        ([], (1, 2), BOX, "models: found none"),
+        (lambda p: p[:, :1], (1, 2), BOX, r"found offsets of shape \(1, 1\), expected"),
+        (
+            Placed(spike(0.01), (1, 2)),
+            (1, 2),
+            BOX,
+            "found 1, 2, expected columns of the 2",
+        ),
+        (Placed(spike(0.01), (1, 1)), (1, 2), BOX, "found 1, 1, expected columns"),
     ],
 )
 def test_what_makes_no_compensation_is_refused(
@@ -164,6 +179,10 @@ def test_what_c_cannot_do_is_named(folder: Path) -> None:
         export_external(
             lambda p: jnp.sort(p, axis=1), folder / "out", axes=(1, 2), workspace=BOX
         )
+    with pytest.raises(
+        UntraceableError, match="found the operation 'conversion to a n"
+    ):
+        export_external(np.sin, folder / "out", axes=(1, 2), workspace=BOX)  # type: ignore[arg-type]
 
 
 def test_lists_become_a_compensation_and_are_switched_off(
@@ -239,6 +258,11 @@ def test_a_job_is_exported_by_its_own_rules_and_limits(
     assert found.remarks == ("Signs of X are assumed: no measurement has shown them.",)
     assert main(["export-external", "fit/result.json", "--out", "fit"]) == 1
     assert "found the files of a job, expected a folder" in capsys.readouterr().err
+    listed = job / "achskw1.lis"
+    written = listed.read_bytes()
+    listed.write_bytes(written.replace(b"-", b""))
+    assert "achskw1.lis is not as axcomp fit wrote it" in list_source([job]).remarks[1]
+    listed.write_bytes(written)
     before = (job / "result.json").read_text()
     assert main(["export-external", "fit", "--out", "fit/external"]) == 0
     after = (job / "result.json").read_text().splitlines()

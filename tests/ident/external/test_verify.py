@@ -59,7 +59,8 @@ def diagdata(offset: int, state: int = 1) -> str:
         (2_500_001, 1, ["agrees"], "agrees within 1e-05 µm"),
         (-2_500_000, 1, ["sign"], "adds -1 times"),
         (5_000_000, 1, ["twice"], "adds 2 times"),
-        (250_000, 1, ["unit"], "adds 0.1 times"),
+        (250_000, 1, ["unit"], "adds 0.1 times what the tables say: a LEVEL, or"),
+        (0, 1, [], "adds nothing, the tables 25 µm"),
         (1_250_000, 1, [], "adds 0.5 times what the tables say: a LEVEL"),
         (0, 0, [], "not active: state is not 1"),
     ],
@@ -112,6 +113,16 @@ def test_recording_without_an_external_compensation_is_judged_as_before(
     )
     (found,) = json.loads(capsys.readouterr().out)
     assert (found["compensation"], found["verdict"]) == ("cross", ["agrees"])
+
+
+def test_diagdata_with_numbers_of_more_than_64_bits_are_named(
+    tmp_path: Path, verify: Verify, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = diagdata(2_499_999).replace("2499999", str(10**20))
+    (tmp_path / "diagdata.txt").write_text(text)
+    assert main(["verify", *LISTS, "--log", "diagdata.txt"]) == 1
+    found = f"found {10**20} as extcomp_output, expected integers of 64 bits"
+    assert found in capsys.readouterr().err
 
 
 def test_diagdata_without_values_is_named(

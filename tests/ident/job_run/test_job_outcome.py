@@ -1,6 +1,7 @@
 """What a job says and leaves behind beside its tables."""
 
 import json
+import os
 import signal
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from axcomp.data.lists import ListFile, check
 from axcomp.data.toml import TomlError
 from axcomp.ident.job import TableResult, run_job
 from axcomp.ident.job.write._output import OutFolder
+from axcomp.ident.report import write_report
 
 from .screw import (
     LIST_UNIT,
@@ -296,6 +298,14 @@ def test_a_few_runs_leave_doubt_of_their_mean_unless_a_datum_takes_it_off(
     expected = 1e-3 * runs.std(ddof=1) / np.sqrt(5) * 2.869 / 2
     np.testing.assert_allclose(deviation[0], expected, rtol=0.03)
     assert deviation[1].max() < 0.1 * expected
+
+
+def test_a_job_whose_name_is_no_utf_8_has_its_report(tmp_path: Path) -> None:
+    laser(tmp_path / "laser.csv")
+    name = os.fsdecode(b"m\xfchle.toml")
+    job = screw_job(tmp_path).rename(tmp_path / name)
+    write_report(run_job(job, tmp_path / "out"), tmp_path / "out")
+    assert (tmp_path / "out" / "report.html").is_file()
 
 
 def test_termination_while_lists_are_written_waits_for_their_result(

@@ -75,6 +75,26 @@ def test_table_that_leaves_out_a_part_of_the_travel_says_so(
     assert (words in said) == short
 
 
+@pytest.mark.parametrize("shift", [0.0, 300.0])
+def test_positions_that_mostly_lie_outside_the_table_are_doubted(
+    tmp_path: Path, shift: float
+) -> None:
+    there = np.tile(np.arange(0.0, 401.0, 50.0), 4)
+    error = screw_error(there, np.ones(len(there)))
+    error += 1e-3 * np.random.default_rng(0).normal(size=len(there))
+    there += shift
+    table(tmp_path / "laser.csv", "target,actual", there, there + error)
+    job = screw_job(tmp_path)
+    text = job.read_text()
+    for line in ("bilateral = true", "smoothness = 0", 'loss = "gauss"'):
+        text = text.replace(line, "")
+    job.write_text(text)
+    (fit,) = run_job(job, tmp_path / "out").fits
+    words = "24 of 36 readings lie outside the table, where its edge is held. Are unit"
+    warnings = [r.message for r in fit.remarks if r.level == "warning"]
+    assert any(words in each for each in warnings) == (shift > 0.0)
+
+
 def test_written_leadscrew_list_takes_the_error_away(tmp_path: Path) -> None:
     laser(tmp_path / "laser.csv")
     result = run_job(screw_job(tmp_path), tmp_path / "out")
