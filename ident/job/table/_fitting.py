@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ...core import CellCovariance
+from ...core import CellCovariance, FitError
 from ...exchange import LIST_UNITS
 from ...fit import Samples, TableFit, doubt_of_means, fit_table
 from ...proof import HeldOut, held_out
@@ -27,6 +27,7 @@ from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._plan import Plan
 from ._readings import read_fit
+from ._remarks import doubt_of_places, outside
 from ._trend import refuse_unowned_trend
 
 if TYPE_CHECKING:
@@ -53,7 +54,15 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
         draft = fit_log(log)
     else:
         readings, notes = read_fit(tables, plan, left)
-        draft = fit_plan(plan, readings, (*words, *notes))
+        try:
+            draft = fit_plan(plan, readings, (*words, *notes))
+        except FitError as error:
+            count = len(readings.error)
+            beyond = int(outside(plan.table, readings.positions).sum())
+            if doubt := doubt_of_places(beyond, count):
+                msg = f"{error} {beyond} of {count} readings lie outside the table.{doubt}"
+                raise FitError(msg) from None
+            raise
     refuse_unowned_trend(plan, draft.estimate)
     return draft
 

@@ -59,13 +59,9 @@ def fit_remarks(
                 " which nobody has measured there."
             )
     if beyond:
-        mostly = beyond > 0.5 * count
-        check = " Are unit and origin of their positions right?" if mostly else ""
-        yield Remark(
-            "warning" if mostly else "info",
-            f"{beyond} of {count} readings lie outside the table, where its edge is held."
-            f"{check}",
-        )
+        words = f"{beyond} of {count} readings lie outside the table, where its edge is held."
+        doubt = doubt_of_places(beyond, count)
+        yield Remark("warning" if doubt else "info", words + doubt)
     if wild:
         yield Remark(
             "warning" if wild > _MANY * count else "info",
@@ -107,6 +103,13 @@ def fit_remarks(
             )
     if not fit.converged or fit.loss != draft.fit.loss:
         yield Remark.warning(fit.message)
+
+
+def doubt_of_places(beyond: int, count: int) -> str:
+    """Return a question where most of the readings lie outside the table; else nothing."""
+    if beyond <= 0.5 * count:
+        return ""
+    return " Are unit and origin of their positions right?"
 
 
 def outside(
