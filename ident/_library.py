@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
 from ..data.measurements import Measurement
+from ..data.signals import without_spikes
 from ._arguments import (
     Datum,
     by_name,
@@ -409,6 +410,7 @@ def _holders(stack: Sequence[AbstractEffect]) -> dict[str, AbstractEffect]:
 def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
     inertia = None if effect.inertia == "fit" else float(effect.inertia)
     velocity, acceleration, current = (given[role] for role in effect.roles[1:])
+    current, _ = without_spikes(current)
     samples = DriveSamples(given["time"], velocity, current, acceleration)
     return choose_law(samples, known=Known(inertia=inertia))
 

@@ -10,7 +10,8 @@ in any unit.
 * `estimate_delay`: channels that are late.
 * `estimate_instrument`, `aligned_error`: an external instrument beside the encoder of a
   moving axis; `standing`: where it does not move.
-* `find_polarity`, `find_saturation`, `examine`: what a recording of a current is worth.
+* `find_polarity`, `find_saturation`, `without_spikes`, `examine`: what a recording of a
+  current is worth.
 * `median`, `quantile`: NumPy's for one array, faster.
 """
 
@@ -29,6 +30,7 @@ from ._current import (
     Saturation as Saturation,
     find_polarity as find_polarity,
     find_saturation as find_saturation,
+    without_spikes as without_spikes,
 )
 from ._delay import (
     Delay as Delay,

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from ._errors import check_lengths
 from ._noise import long_run_deviations, resolution
-from ._order import median
+from ._order import median, quantile
 
 _SURE = 4.0
 """Standard deviations from which on the sign is told."""
@@ -16,6 +16,10 @@ _LEAST_POWER = 1e-9
 """Share of a column that the others do not have, below which it is not told from them."""
 _SAME = 1e-13
 """Such a share that is nothing but rounding."""
+_RARE = 0.02
+"""Share of the readings at either end that are not common."""
+_AROUND = 5
+"""Readings whose median tells a spike from a step."""
 _OUTWEIGHS = 5.0
 """Current of friction over that of inertia from which on its sign alone is believed."""
 
@@ -189,6 +193,32 @@ def find_saturation(
         rows |= held
         levels.append(median(current[held]) if held.any() else None)
     return Saturation(rows, levels[0], levels[1], _say(rows, levels[0], levels[1]))
+
+
+def without_spikes(
+    current: Float[np.ndarray, " t"],
+) -> tuple[Float[np.ndarray, " t"], int]:
+    """Return a current whose spikes are drawn from their neighbours, and how many there were.
+
+    A spike is a reading or two in a row far beyond all that is common in the recording and
+    as far from the median of five: a filter would smear it over its neighbours.
+    """
+    if current.size < _AROUND:
+        return current, 0
+    low, high = (quantile(current, share) for share in (_RARE, 1.0 - _RARE))
+    common = high - low
+    beyond = (current > high + common) | (current < low - common)
+    if common == 0.0 or not beyond.any():
+        return current, 0
+    rows = np.flatnonzero(beyond)
+    around = np.clip(
+        rows[:, None] + np.arange(_AROUND) - _AROUND // 2, 0, current.size - 1
+    )
+    rows = rows[np.abs(current[rows] - np.median(current[around], axis=1)) > common]
+    sound = np.ones(current.size, dtype=bool)
+    sound[rows] = False
+    place = np.arange(current.size)
+    return np.interp(place, place[sound], current[sound]), int(rows.size)
 
 
 def _held(values: Float[np.ndarray, " t"], shortest: int) -> Bool[np.ndarray, " t"]:

@@ -13,6 +13,7 @@ from axcomp.data.signals import (
     filtered_motion,
     find_polarity,
     find_saturation,
+    without_spikes,
 )
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -205,6 +206,31 @@ def test_current_within_its_limits_is_not_called_saturated(noise: float) -> None
     assert not find_saturation(np.round(1000.0 * np.sin(TIME))).rows.any()
     # Dry friction without noise stays at two levels, of which neither is a limit.
     assert not find_saturation(np.sign(np.sin(TIME))).rows.any()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_spikes_of_a_current_are_drawn_from_their_neighbours(noise: float) -> None:
+    _, current = record(wave(), noise=noise)
+    unchanged, count = without_spikes(current)
+    assert count == 0
+    np.testing.assert_array_equal(unchanged, current)
+    rows = np.random.default_rng(4).choice(current.size // 3, 80, replace=False) * 3
+    spoiled = current.copy()
+    spoiled[rows] += np.where(np.arange(80) % 2, 1.0, -1.0) * 20.0 * np.ptp(current)
+    mended, count = without_spikes(spoiled)
+    assert count == 80
+    others = np.setdiff1d(np.arange(current.size), rows)
+    np.testing.assert_array_equal(mended[others], current[others])
+    # From the readings beside: a spike at a reversal may come from the other side of it.
+    assert np.abs(mended - current).max() <= np.ptp(current)
+
+
+def test_a_short_push_of_a_motor_is_no_spike() -> None:
+    current = 0.1 * np.random.default_rng(5).normal(size=4000)
+    # Of three samples, sixty times the noise: rare, but no fault of one reading.
+    for start in range(100, 4000, 400):
+        current[start : start + 3] += 6.0
+    assert without_spikes(current)[1] == 0
 
 
 def test_jumps_of_the_clock_are_told_and_their_rows_not_used() -> None:

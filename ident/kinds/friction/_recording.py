@@ -12,7 +12,13 @@ from ....data.measurements import (
     MissingRole,
     derive_motion,
 )
-from ....data.signals import Motion, SignalError, examine, filtered_motion
+from ....data.signals import (
+    Motion,
+    SignalError,
+    examine,
+    filtered_motion,
+    without_spikes,
+)
 from ...friction import DriveSamples
 from ...job.result._result import Remark
 from ...readings import Tables
@@ -63,7 +69,8 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
         raise MeasurementError(source, reason)
     role = f"{axis}.current"
     purpose = f"for the friction fit of {axis}"
-    current = np.asarray(measured.require(role, purpose), dtype=float)
+    recorded = np.asarray(measured.require(role, purpose), dtype=float)
+    current, spikes = without_spikes(recorded)
     motion = _motion(measured, axis)
     spec = tables.job.spec.axes[axis]
     unit = "mm" if spec.kind == "linear" else "°"
@@ -96,6 +103,13 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
         for finding in examined.findings
         if finding.kind not in _NO_LIST
     ]
+    if spikes:
+        remarks.append(
+            Remark.warning(
+                f"{spikes} of {len(current)} readings of the current lie far from those beside"
+                " them, as faults of a transmission do: they were left out."
+            )
+        )
     if turned:
         remarks.append(
             Remark.info(

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from ...job.write._lists import AxisFiles
 
 _ENTRIES = 20
-_SURE = 2.0
-"""Standard deviations from which on an inertia is one."""
+_SURE = 3.0
+"""Standard deviations from which on an inertia or a load is one."""
 
 
 def plan(tables: Tables, index: int, fit: Spec) -> "FrictionPlan":

@@ -112,6 +112,30 @@ def test_law_and_load_come_back(done: tuple[Path, JobResult]) -> None:
     assert np.abs(mean - np.asarray(LAW(found.curve.speed)))[driven].max() < 0.15
 
 
+def test_spikes_of_the_current_move_no_law(
+    tmp_path: Path, done: tuple[Path, JobResult]
+) -> None:
+    record(tmp_path)
+    path = tmp_path / "trace.csv"
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    rng = np.random.default_rng(3)
+    rows = np.flatnonzero(rng.random(len(table)) < 0.01)
+    table[rows, 2] = rng.choice([-50.0, 50.0], len(rows))
+    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    found, sound = friction(run(tmp_path)), friction(done[1])
+    assert found.curve is not None
+    assert sound.curve is not None
+    # The filter smeared them over a hundred readings each: 12 % at slow speeds.
+    speed = sound.curve.speed[sound.curve.speed > 1.5]
+    laws = (np.asarray(each.fit.law.evaluate(speed)) for each in (found, sound))
+    one, other = laws
+    assert np.abs(one - other).max() < 0.02
+    words = (
+        f"{len(rows)} of {len(table)} readings of the current lie far from those beside"
+    )
+    assert any(r.message.startswith(words) for r in found.remarks)
+
+
 def test_list_takes_what_the_law_takes(done: tuple[Path, JobResult]) -> None:
     error = friction(done[1]).error
     assert error["before"].rms > 2.0
