@@ -69,6 +69,10 @@ def fit_carried(
     """
     directional, missing = equation.structure.directional, dict[str, str]()
     fit = fit_equation(equation, weights, near)
+    if near is not None and _drop_reason(fit) is not None:
+        # What a simpler law is best at may lie in another valley.
+        other = fit_equation(equation, weights)
+        fit = min(fit, other, key=lambda each: float(each.share @ each.error**2))
     reason = _shape_reason(fit)
     if reason is not None and _drop_reason(fit) is None:
         missing["stribeck_shape"] = reason

@@ -17,6 +17,7 @@ from ....data.signals import (
     SignalError,
     examine,
     filtered_motion,
+    noise_of,
     without_spikes,
 )
 from ...friction import DriveSamples
@@ -31,6 +32,10 @@ _NO_LIST = (
     "held at a limit",
 )
 """Shortcomings with which a list would be a guess."""
+_SHARE, _MOST = 0.3, 100.0
+"""Cutoff of a derived motion: a share of the sample rate, at most so many Hz."""
+_FINE = 1e-4
+"""Noise of a recorded velocity, as a share of the highest, that is none."""
 _SURE = 0.999
 """Probability from which on a current that opposes the motion is turned round."""
 
@@ -128,13 +133,23 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
 
 
 def _motion(measured: Measurement, axis: str) -> Motion:
-    """Return the motion as recorded, where velocity and acceleration were, or derived."""
-    motion = derive_motion(measured, axis)
+    """Return the motion as recorded where that is as fine as a derived one, or derived."""
+    time = measured.require("time", f"to derive the motion of {axis}")
+    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    # Friction changes with the speed at once, so that a smoothed ramp shows another law.
+    cutoff = min(_SHARE / step, _MOST) if step > 0.0 else None
+    motion = derive_motion(measured, axis, cutoff=cutoff)
     fast, hard = (
-        measured.get(f"{axis}.{quantity}") for quantity in ("velocity", "acceleration")
+        None if values is None else np.asarray(values, float)
+        for values in (
+            measured.get(f"{axis}.velocity"),
+            measured.get(f"{axis}.acceleration"),
+        )
     )
-    if fast is None or hard is None:
+    if fast is None:
         return motion
-    return dataclasses.replace(
-        motion, velocity=np.asarray(fast, float), acceleration=np.asarray(hard, float)
-    )
+    fine = max(motion.velocity_noise, _FINE * float(np.abs(fast).max()))
+    if hard is None and noise_of(fast) > fine:
+        return motion
+    hard = np.gradient(fast, motion.time) if hard is None else hard
+    return dataclasses.replace(motion, velocity=fast, acceleration=hard)

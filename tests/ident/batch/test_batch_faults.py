@@ -151,9 +151,10 @@ def test_jobs_that_all_take_too_long_are_told_so(
 
 @linux
 def test_an_interrupted_batch_says_so_and_nothing_else(
-    tmp_path: Path, fleet: Fleet
+    tmp_path: Path, fleet: Fleet, endless_job: Callable[[Path, str], None]
 ) -> None:
-    fleet(tmp_path / "jobs", 40)
+    fleet(tmp_path / "jobs", 8)
+    endless_job(tmp_path / "jobs", "endless")
     out = tmp_path / "out"
     batch = start(
         tmp_path / "jobs" / "*.toml", "--out", out, "--workers", 2, cwd=tmp_path

@@ -81,7 +81,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     friction = np.asarray(law(velocity))
     current = 0.002 * np.gradient(velocity, step) + friction + 0.3
-    late = np.roll(current, 3) + 0.1 * rng.normal(size=velocity.size)
+    late = np.roll(current, 3) + 0.05 * rng.normal(size=velocity.size)
     record(folder, step, np.cumsum(velocity) * step, late)
     return folder
 
