@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.signal import find_peaks
 
 from ..core import FitError, one_blas_thread
 from ._equation import Known, Recording, record
@@ -26,6 +27,8 @@ _FEWEST = 30
 """Rows in motion that a window needs."""
 _UNLIKELY = 0.02
 """Share of the best law's likelihood below which another law casts no doubt on it."""
+_WAVE, _TURNS = 0.2, 2
+"""Share of the friction by which it rises or falls again, and how often it may do so."""
 _NEAR, _LONGEST = 0.1, 0.5
 """Steps of a shape's logarithm: up to which a law is linear in it, and the longest taken."""
 
@@ -196,6 +199,8 @@ def choose_law(
         decimate: As for `fit_inverse`.
         windows: Stretches to hold out in turn.
 
+    A table that rises and falls again and again does not compete.
+
     Raises:
         FitError: If the recording is too short to hold out windows.
     """
@@ -206,19 +211,25 @@ def choose_law(
     touched = np.stack([edges[:-1] - reach, edges[1:] + reach]).clip(0, len(window))
     cuts = np.unique(np.append(touched, [0, len(window)]))
     kinds = tuple(structures or default_structures(recording))
-    fits, held = list[FrictionFit](), dict[AbstractStructure, _Held]()
+    fits, held = (
+        dict[AbstractStructure, FrictionFit](),
+        dict[AbstractStructure, _Held](),
+    )
     with one_blas_thread():
         weights, near = weigh(recording, loss, cuts), None
         for kind in kinds:
             fit = fit_competing(weights.free.under(kind), weights, near)
             # Both directions apart have nearly the shape that they have together.
             near = fit.shape if len(fit.shape) else None
+            if _wavers(fit):
+                continue
             # Where the data do not carry a law, the simpler one speaks for it.
             if fit.structure not in held:
                 held[fit.structure] = _hold_out(fit, weights, window, touched)
-            fits.append(fit)
-    scores = [held[fit.structure] for fit in fits]
-    residual = np.array([score[1] for score in scores] + [fit.error for fit in fits])
+            fits[kind] = fit
+    scores = [held[fit.structure] for fit in fits.values()]
+    held_out = [score[1] for score in scores]
+    residual = np.array([*held_out, *(fit.error for fit in fits.values())])
     size = recording.load_size
     square = recording.usable * np.minimum(residual**2, weights.limit**2) / size**2
     counts, squares = (
@@ -229,8 +240,8 @@ def choose_law(
     fitted = np.sqrt(squares[len(fits) :].sum(axis=1) / counts.sum())
     candidates = tuple(
         Candidate(kind if fit.missing else fit.structure, fit, laws, error, float(rms))
-        for kind, fit, (laws, _), error, rms in zip(
-            kinds, fits, scores, errors, fitted, strict=True
+        for (kind, fit), (laws, _), error, rms in zip(
+            fits.items(), scores, errors, fitted, strict=True
         )
     )
     # Each sample belongs to the window of the nearest row.
@@ -243,6 +254,23 @@ def choose_law(
         candidates=candidates,
         window=window[np.searchsorted(between, np.arange(len(samples.time)))],
     )
+
+
+def _wavers(fit: FrictionFit) -> bool:
+    """Return whether a table rises and falls again and again over the speed.
+
+    Friction falls and rises once. Between speeds that were held a table follows what the
+    ramps show of a motion that is not quite the true one.
+    """
+    if not isinstance(fit.structure, KnotTable):
+        return False
+    for way in (1.0, -1.0):
+        table = fit.friction(way * np.asarray(fit.structure.knots))
+        least = _WAVE * float(np.sqrt(np.mean(table**2)))
+        turns = (find_peaks(sign * table, prominence=least)[0] for sign in (1.0, -1.0))
+        if sum(map(len, turns)) > _TURNS:
+            return True
+    return False
 
 
 def default_structures(recording: Recording) -> tuple[AbstractStructure, ...]:

@@ -30,6 +30,8 @@ _REACH = 10
 """Half the length of the filter in rows."""
 _TOGETHER = 8
 """Rows that are filtered at a time."""
+_MOSTLY = 0.7
+"""Share of the filter in motion of a row that tells of friction."""
 _RATE = 100.0
 """Rows per s where nothing else is asked for."""
 
@@ -168,9 +170,12 @@ class Recording:
 
     @cached_property
     def usable(self) -> Bool[np.ndarray, " s"]:
-        """Rows to fit: in motion and not saturated, for the most part of the filter."""
+        """Rows to fit: in motion and not saturated, for the most part of the filter.
+
+        At rest the current is anything, and the law has the sign of noise.
+        """
         good = self.samples.in_motion & ~self.samples.saturated
-        return np.asarray(self.lowpass(good[:, None] * 1.0)[:, 0] > 0.5)
+        return np.asarray(self.lowpass(good[:, None] * 1.0)[:, 0] > _MOSTLY)
 
     @cached_property
     def piece(self) -> Int[np.ndarray, " s"]:

@@ -13,6 +13,8 @@ from ._separable import fit_equation
 from ._structures import GAUSS, AbstractStructure, CoulombViscous, Stribeck
 from ._weights import View, Weights, ridged, weigh
 
+_EXPONENTIAL = 1.0
+"""Exponent of the other law that is common beside `GAUSS`."""
 _DROP = 3.0
 """Standard deviations that a drop must show to be one."""
 _OTHER = 3.0
@@ -71,8 +73,12 @@ def fit_carried(
     fit = fit_equation(equation, weights, near)
     if near is not None and _drop_reason(fit) is not None:
         # What a simpler law is best at may lie in another valley.
-        other = fit_equation(equation, weights)
-        fit = min(fit, other, key=lambda each: float(each.share @ each.error**2))
+        exponential = equation.under(Stribeck(directional, _EXPONENTIAL))
+        shape = np.append(
+            fit_equation(exponential, weights).shape, np.log(_EXPONENTIAL)
+        )
+        others = [fit_equation(equation, weights, start) for start in (None, shape)]
+        fit = min(fit, *others, key=lambda each: float(each.share @ each.error**2))
     reason = _shape_reason(fit)
     if reason is not None and _drop_reason(fit) is None:
         missing["stribeck_shape"] = reason

@@ -17,7 +17,6 @@ from ....data.signals import (
     SignalError,
     examine,
     filtered_motion,
-    noise_of,
     without_spikes,
 )
 from ...friction import DriveSamples
@@ -35,7 +34,7 @@ _NO_LIST = (
 _SHARE, _MOST = 0.3, 100.0
 """Cutoff of a derived motion: a share of the sample rate, at most so many Hz."""
 _FINE = 1e-4
-"""Noise of a recorded velocity, as a share of the highest, that is none."""
+"""Median noise of a recorded velocity, as a share of the highest, that is none."""
 _SURE = 0.999
 """Probability from which on a current that opposes the motion is turned round."""
 
@@ -148,8 +147,10 @@ def _motion(measured: Measurement, axis: str) -> Motion:
     )
     if fast is None:
         return motion
+    moving = np.abs(fast) > _FINE * np.abs(fast).max()
     fine = max(motion.velocity_noise, _FINE * float(np.abs(fast).max()))
-    if hard is None and noise_of(fast) > fine:
+    apart = np.abs(fast - motion.velocity)[moving]
+    if hard is None and (not apart.size or float(np.median(apart)) > fine):
         return motion
     hard = np.gradient(fast, motion.time) if hard is None else hard
     return dataclasses.replace(motion, velocity=fast, acceleration=hard)

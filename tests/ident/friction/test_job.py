@@ -112,6 +112,42 @@ def test_law_and_load_come_back(done: tuple[Path, JobResult]) -> None:
     assert np.abs(mean - np.asarray(LAW(found.curve.speed)))[driven].max() < 0.15
 
 
+@pytest.mark.parametrize("recorded", [False, True])
+def test_sharp_ramps_at_a_slow_sample_rate_bend_no_law(
+    tmp_path: Path, recorded: bool
+) -> None:
+    # Ramps of 1500 mm/s²; 0.05 A of noise. Smoothed over a tenth of the sample rate they
+    # made the break-away 3 % too low.
+    step, reach = 0.002, 0.4
+    speeds = np.tile([1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 0.5, 3.0], 2)
+    pieces = []
+    for k, v in enumerate(speeds):
+        fine = np.arange(0.0, reach, step)
+        shape = np.clip(1500.0 * np.minimum(fine, reach - fine) / v, 0.0, 1.0)
+        still = np.zeros(100)
+        pieces += [(1 - 2 * (k >= 9)) * v * shape, still]
+    velocity = np.concatenate(pieces * 3)
+    law = StribeckFriction(1.2, 2.0, 3.0, 1.0, 0.01)
+    acceleration = np.gradient(velocity, step)
+    moving = velocity != 0
+    current = 8e-4 * acceleration + np.where(moving, np.asarray(law(velocity)), 0.0)
+    current += 0.05 * np.random.default_rng(0).normal(size=velocity.size)
+    time, place = step * np.arange(velocity.size), np.cumsum(velocity) * step
+    columns = [time, place, current, *([velocity] if recorded else [])]
+    header = "t,x,i" + (",v" if recorded else "")
+    path = tmp_path / "trace.csv"
+    np.savetxt(path, np.column_stack(columns), "%.9g", ",", header=header, comments="")
+    job = tmp_path / "job.toml"
+    text = friction_job(FULL)
+    if recorded:
+        text = text.replace("[[fits]]", '"X.velocity" = "v"\n[[fits]]')
+    job.write_text(text)
+    fit = friction(run_job(job, tmp_path / "out")).fit
+    found, sd = fit.parameters["breakaway"], fit.standard_deviations["breakaway"]
+    assert found == pytest.approx(2.0, rel=0.015)
+    assert abs(found - 2.0) <= 4.0 * sd
+
+
 def test_spikes_of_the_current_move_no_law(
     tmp_path: Path, done: tuple[Path, JobResult]
 ) -> None:
