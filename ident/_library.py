@@ -367,7 +367,7 @@ def fit(
             acted = one.offsets(active[name])
         row = datum_row(part.effect, place)
         if name in constraints:
-            values = _constrained(part, values, constraints[name], row, acted)
+            values = _constrained(part, values, common, constraints[name], row, acted)
         deviation = np.hypot(part.standard_deviation, common)
         if place is not None:
             zero, doubt = float(row @ values), doubts.get(one.axis, 0.0)
@@ -418,6 +418,7 @@ def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
 def _constrained(
     part: Part,
     values: Float[np.ndarray, " p"],
+    common: float,
     constraint: Callable[[Any], Array] | Sequence[Constraint],
     datum: Float[np.ndarray, " p"],
     acted: Float[np.ndarray, "..."] | float,
@@ -427,6 +428,7 @@ def _constrained(
     Args:
         part: As it was fitted.
         values: With the constant that they hold.
+        common: Deviation of that constant, which moves with them.
         constraint: Of the model of the controller, as for `fit`.
         datum: Share of each in what is zero, see `datum_row`.
         acted: What a table added to its values while measuring.
@@ -435,7 +437,7 @@ def _constrained(
         FitError: If nothing keeps them, the readings do not determine the values, or words
             stand for what is no table.
     """
-    covariance, effect = part.covariance, part.effect
+    covariance, effect = part.covariance + common**2, part.effect
     if not np.isfinite(covariance).all():
         msg = f"constraints: the readings do not determine all of {part.name}"
         raise FitError(msg)

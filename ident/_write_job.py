@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
+from jaxtyping import Bool
 
 from ..data.measurements import MissingRole, find_role
 from ..data.measurements._units import LIBRARY_UNIT
@@ -209,8 +210,11 @@ def _measurement(
         raise FitError(msg)
     if references - {20.0}:
         treated["reference_temperature"] = references.pop()
+    # A lag remembers the temperature of a missed reading; a table has no row for one.
+    complete = slice(None) if heated else _complete(arrays)
     table = {
-        text: pa.array(values, from_pandas=True) for text, values in arrays.items()
+        text: pa.array(np.asarray(values)[complete], from_pandas=True)
+        for text, values in arrays.items()
     }
     pq.write_table(pa.table(table), path)
     return {
@@ -218,6 +222,21 @@ def _measurement(
         "active": list(stated.active_kinds),
         "columns": columns,
     } | treated
+
+
+def _complete(arrays: Mapping[str, np.ndarray]) -> Bool[np.ndarray, " t"]:
+    """Return which rows a fit counts: an error that is there, where nothing else is missing."""
+    gaps = {
+        text: np.isnan(values)
+        for text, values in arrays.items()
+        if np.issubdtype(np.asarray(values).dtype, np.floating)
+    }
+    errors = [gap for text, gap in gaps.items() if text.endswith(".error")]
+    if len(errors) == 1:
+        return np.asarray(~np.any([*gaps.values()], axis=0))
+    if not errors:
+        return np.ones(len(next(iter(arrays.values()))), bool)
+    return np.asarray(~np.all(errors, axis=0))
 
 
 def _fits(stated: Stated) -> Iterator[dict[str, Any]]:

@@ -373,6 +373,33 @@ def test_what_discover_cannot_tell_from_a_drift_a_fit_says_too(
     assert doubt in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("drift", "falls", "words"),
+    [
+        (0.0, True, ""),
+        (0.003, True, "Beside the temperature the error drifted by"),
+        (0.015, True, "Beside the temperature the error drifted by 15 µm"),
+        (0.0, False, "cannot tell: temperature offset of X by frame or drift"),
+    ],
+)
+def test_an_offset_that_may_be_a_drift_is_doubted_however_sure_the_coefficient_is(
+    tmp_path: Path, drift: float, falls: bool, words: str
+) -> None:
+    # 11 µm/m/K about −200 mm, up and down or up alone, without any lag.
+    rng = np.random.default_rng(1)
+    time = 60.0 * np.arange(240)
+    cooling = np.maximum(time - 0.6 * time[-1], 0.0) * falls
+    warm = (1.0 - np.exp(-(time - cooling) / 2900.0)) * np.exp(-cooling / 2900.0)
+    place = np.linspace(0.0, 1000.0, 6)[np.arange(240) % 6]
+    error = GROWTH * 15.0 * warm * (place - CROSSING) + drift * time / time[-1]
+    error += NOISE * rng.normal(size=240)
+    write(tmp_path, ("t", "x", "e", "frame"), (time, place, error, 20.0 + 15.0 * warm))
+    said = [each.message for each in run(tmp_path, keys=AUTO).remarks]
+    doubts = [each for each in said if "cannot tell" in each or "drifted" in each]
+    assert len(doubts) == (words != "")
+    assert all(words in each for each in doubts)
+
+
 def test_a_few_readings_of_a_warm_up_alone_may_be_a_drift_too(tmp_path: Path) -> None:
     only_rising(tmp_path, count=30)
     keys = 'sensors = { offset = "frame" }\nlag = "none"'

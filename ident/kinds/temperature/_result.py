@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from jaxtyping import Float
 
+from ...core import FitError, regress
 from ...job.result._result import AbstractResult, Expectation, Remark
 from ._law import RATE, ThermalLaw
 from ._line import Lag, Law, Meeting, TemperatureFit
@@ -16,8 +17,14 @@ if TYPE_CHECKING:
 
 _ONE_WAY = 0.95
 """Rank correlation of temperature and time from which few readings tell nothing but the clock."""
+_FOLLOWED = 0.99
+"""Share of one effect beside the other that a smooth drift follows where it is like one."""
 _SAME_COURSE = 0.999
 """Correlation of two sensors from which on either does for the other."""
+_SURE, _SLIGHT = 4.0, 2.0
+"""Deviations of a drift, and scatter of a reading, from which on there is one."""
+_LESS = 0.98
+"""Of the scatter beside a lag: where a drift without any leaves less, it is likelier."""
 _FEW = 8.0
 _MEETINGS: Mapping[Meeting, str] = {
     "met": "The lines meet at {at:.5g} mm ± {sure:.2g} mm",
@@ -220,7 +227,7 @@ def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
 
 
 def _or_drift(fit: TemperatureFit) -> Iterator[Remark]:
-    """Return that a drift of the instrument would explain the error as well, if it would."""
+    """Return which effect a drift of the instrument would explain as well, and what one does."""
     count, time, place = len(fit.error), fit.data.time, fit.position
     clock = np.arange(count, dtype=float) if time is None else time
     distance = np.zeros(count) if place is None else place - place.mean()
@@ -230,29 +237,79 @@ def _or_drift(fit: TemperatureFit) -> Iterator[Remark]:
         change = columns["coefficient"] - columns["coefficient"].mean()
         columns["coefficient"] = change * distance
     nuisance = np.stack([np.ones(count), distance], axis=1)
-    heat = np.stack(list(columns.values()), axis=1)
     from ...discover import against_drift, heat_or_drift  # takes long to load
 
-    comparison = against_drift(clock, heat, fit.error, nuisance)
-    if comparison is None:
-        from scipy.stats import rankdata  # takes long to load
+    # All together, then each for itself: how the axis grows says nothing of its shift.
+    together = [[*columns], *([effect] for effect in columns if len(columns) > 1)]
+    for effects in together:
+        heat = np.stack([columns[effect] for effect in effects], axis=1)
+        others = [columns[effect] for effect in columns if effect not in effects]
+        beside = np.column_stack([nuisance, *others])
+        comparison = against_drift(clock, heat, fit.error, beside)
+        if comparison is None:
+            from scipy.stats import rankdata  # takes long to load
 
-        # Too few readings for a drift beside it: one way up or down is like one.
-        first = next(iter(warm.values()))
-        correlation = np.corrcoef(rankdata(clock), rankdata(first))[0, 1]
-        doubtful, rms = abs(float(correlation)) > _ONE_WAY, float(np.std(fit.error))
+            # Too few readings for a drift beside it: one way up or down is like one.
+            first = next(iter(warm.values()))
+            correlation = np.corrcoef(rankdata(clock), rankdata(first))[0, 1]
+            doubtful, rms = abs(float(correlation)) > _ONE_WAY, float(np.std(fit.error))
+        else:
+            doubtful, rms = comparison.doubtful, comparison.rms
+            if len(effects) < len(columns):
+                doubtful = doubtful and comparison.instead > _FOLLOWED
+        if doubtful:
+            break
     else:
-        doubtful, rms = comparison.doubtful, comparison.rms
-    if not doubtful:
+        yield from _drifted(fit, clock, distance)
         return
     # The words of `discover`, which says so of the same readings.
-    effect, sensor = next(iter(fit.line.sensors.items()))
-    axis = fit.line.axis
-    words, remedy = heat_or_drift(f"temperature {effect} of {axis} by {sensor}", axis)
+    effect, axis = effects[0], fit.line.axis
+    name = f"temperature {effect} of {axis} by {fit.line.sensors[effect]}"
+    words, remedy = heat_or_drift(name, axis)
     yield Remark.warning(
         f"The data cannot tell: {words} ({1e3 * rms:.2g} µm rms). {remedy} What is"
         " written takes all of it for the temperature."
     )
+
+
+def _drifted(
+    fit: TemperatureFit,
+    clock: Float[np.ndarray, " t"],
+    distance: Float[np.ndarray, " t"],
+) -> Iterator[Remark]:
+    """Return that the error drifted beside the temperature, if it did, and by how much.
+
+    A lag looks much like a drift: without any, a drift may leave less.
+
+    Args:
+        fit: The fit, which knows no drift.
+        clock: Instant of each reading.
+        distance: Of its position from the mean, in mm.
+    """
+    sound = ~fit.wild & np.isfinite(fit.error)
+    span = (clock - clock.mean()) / (float(np.ptp(clock)) or 1.0)
+    sensors = np.stack([fit.data.temperature[name] for name in fit.sensors], axis=1)
+    lagged = any(lag.applied for lag in fit.lags)
+    left, drifts = [], []  # with the lags as fitted, then without any
+    for warm in (fit.structure, sensors)[: 1 + lagged]:
+        change = warm - warm.mean(axis=0)
+        columns = [span[:, None], np.ones((len(span), 1)), distance[:, None]]
+        columns += [change, change * distance[:, None]]
+        try:
+            found = regress(np.hstack(columns)[sound], fit.error[sound])
+        except FitError:  # too few readings, or one that follows from the others
+            return
+        drifts.append((found.coefficients[0], found.standard_deviation[0]))
+        left.append(float(np.std(found.residual[~found.wild])))
+    drift, sd = drifts[0]
+    if lagged and left[1] < _LESS * left[0]:
+        drift, sd = drifts[1]
+    if abs(drift) > max(_SURE * sd, _SLIGHT * min(left)):
+        yield Remark.warning(
+            f"Beside the temperature the error drifted by {1e3 * abs(drift):.2g} µm over the"
+            " measurement: a part of that is in the law and in its lag. State the drift of"
+            " the instrument (drift = … in a group), or measure for a shorter time."
+        )
 
 
 def _alike(fit: TemperatureFit) -> Iterator[Remark]:
