@@ -74,7 +74,11 @@ def choose_line(
     # Readings without any scatter are told apart by what computing leaves of them.
     scale = max(fit.noise[line.axis], _LEAST)
     judge = _HeldOut(data, sample, fit.share[line.axis][sample], scale)
-    lags = {sensor: lag for sensor, (lag, _) in fit.parts[0].lags.items()}
+    # One that may be a seventh or seven times as long is none that the readings show.
+    lags = {
+        sensor: lag if deviation < lag else 0.0
+        for sensor, (lag, deviation) in fit.parts[0].lags.items()
+    }
     if any(lags.values()):
         choice = judge.simplest([bent, bent.lagging(lags)], [0, 1])
         line = line.lagging(lags if choice else {})
