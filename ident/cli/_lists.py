@@ -215,7 +215,7 @@ def convert(
     if source.suffix.casefold() == ".lis":
         table = table_in(ListFile.read(source), compensation)
     else:
-        table = table_of_file(source, trim=trim)
+        table = table_of_file(source, compensation, trim=trim)
     table = table.stated(compensation, axis, master or [])
     if form == "list":
         listing, machine = list_with(table)

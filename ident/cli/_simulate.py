@@ -17,6 +17,7 @@ from ._options import (
     axis_ranges,
     by_axis,
     read_lists,
+    refuse,
     rules_of,
 )
 
@@ -76,6 +77,9 @@ def simulate(
     from ..job import use_compilation_cache, write_atomically
 
     ranges = axis_ranges(modulo, "--modulo")
+    read = [*files, motion, *([] if events is None else [events])]
+    if out is not None and out.resolve() in {file.resolve() for file in read}:
+        refuse("--out", f"{out}, which is an input", "another file")
     use_compilation_cache()
     rules = rules_of(conventions)
     lists = read_lists(files)

@@ -43,6 +43,7 @@ class ExchangedTable:
         entries: As in the list: errors of a leadscrew, shape ``(1, n)`` or ``(2, n)`` by
             direction, offsets of a cross table ``(1, n)``, of a plane ``(j, i)``.
         modulo: A leadscrew table whose first and last node are the same place.
+        holds: ``errors`` or ``offsets``, where the names of the columns say so.
     """
 
     compensation: str
@@ -51,6 +52,7 @@ class ExchangedTable:
     nodes: tuple[Float[np.ndarray, " _"], ...]
     entries: Float[np.ndarray, "k n"]
     modulo: bool = False
+    holds: str = ""
 
     def stated(
         self, compensation: str | None, axis: int | None, masters: Sequence[int]
@@ -124,6 +126,15 @@ def list_with(table: ExchangedTable) -> tuple[ListFile, dict[str, int]]:
     description = f"{count} masters of a {name} table"
     expect(count == MASTERS[name], "masters", description, expected)
     rows = [table.entries] if len(table.nodes) == 2 else table.entries
+    holds = "errors" if name == "leadscrew" else "offsets"
+    expected = f"{holds}, as the entries of a {name} are: the negative"
+    expect(
+        table.holds in ("", holds), "columns", f"{table.holds} by their name", expected
+    )
+    single = name == "leadscrew" or len(rows) == 1
+    expect(
+        single, "columns", f"{len(rows)} of entries", f"one: a {name} has no directions"
+    )
     turning = {"modulo": True} if table.modulo else {}
     nodes = [_nodes(places) for places in table.nodes]
     model = kind(name).entries.models[0](*nodes, *rows, **turning)
@@ -142,7 +153,13 @@ def _nodes(positions: Float[np.ndarray, " n"]) -> EquidistantNodes | Setpoints:
         interval = _whole((positions[-1] - positions[0]) / (size - 1))
         if np.allclose(positions, start + interval * np.arange(size), 0.0, _GRID):
             return EquidistantNodes(np.asarray(start), np.asarray(interval), size)
-    return Setpoints(np.round(positions * LIST_UNITS) / LIST_UNITS)
+    places = np.round(positions * LIST_UNITS) / LIST_UNITS
+    close = np.flatnonzero(np.diff(places) <= 0)
+    if close.size:
+        found = f"{positions[close[0]]:g} and {positions[close[0] + 1]:g}"
+        expected = "each 0.1 µm or more above the one before"
+        raise ExchangeError(where="nodes", found=found, expected=expected)
+    return Setpoints(places)
 
 
 def _whole(value: float) -> float:
@@ -203,11 +220,14 @@ def text_of(table: ExchangedTable, form: str, *, trim: bool = False) -> str:
     return _bed_mesh(table) if form == "bed-mesh" else _height_map(table)
 
 
-def table_of_file(path: Path, *, trim: bool = False) -> ExchangedTable:
+def table_of_file(
+    path: Path, compensation: str | None = None, *, trim: bool = False
+) -> ExchangedTable:
     """Return the table of a file, recognised by its content: no list.
 
     Args:
         path: A CSV, a LinuxCNC file, a bed mesh or a height map.
+        compensation: What the columns of a CSV stand for, where that is stated.
         trim: LinuxCNC's ``COMP_FILE_TYPE = 1`` instead of 0.
 
     Raises:
@@ -219,7 +239,7 @@ def table_of_file(path: Path, *, trim: bool = False) -> ExchangedTable:
     table = read_table(path)
     if table.format in MESH_FORMATS:
         return _of_mesh(table)
-    return _of_csv(table)
+    return _of_csv(table, compensation or "")
 
 
 def _number(value: float) -> str:
@@ -244,26 +264,58 @@ def _csv(table: ExchangedTable) -> str:
     )
 
 
-def _of_csv(table: Table) -> ExchangedTable:
-    """Return the table of a CSV: positions first, then entries."""
+_PLACES, _ENTRIES = ("position", "master 1", "master 2"), ("pos", "neg", "correction")
+"""Names of columns as `text_of` writes them, in their order."""
+_HOLDS = {
+    "errors": re.compile(r"error|deviation|fehler|abweichung"),
+    "offsets": re.compile(r"offset|compensation|korrektur"),
+}
+
+
+def _of_csv(table: Table, stated: str) -> ExchangedTable:
+    """Return the table of a CSV: by the names that `text_of` writes, or positions first."""
     with table.path.open(encoding="utf-8", errors="replace") as file:
         head = _HEAD.match(file.readline())
-    columns = [_lengths(table, k) for k in range(len(table.columns))]
-    description, expected = (
-        f"{len(columns)} columns",
-        "positions, then one or two of entries",
-    )
-    expect(len(columns) in (2, 3), str(table.path), description, expected)
+    where, expected = str(table.path), "positions, then one or two of entries"
+    names = [column.name.casefold().strip() for column in table.columns]
+    expect(len(names) in (2, 3), where, f"{len(names)} columns", expected)
+    order = [*range(len(names))]
+    if any(name in _PLACES for name in names):
+        known = _PLACES + _ENTRIES
+        order.sort(key=lambda k: known.index(names[k]) if names[k] in known else k + 9)
+        values = [name for name in names if name not in _PLACES]
+        listed = [name in _ENTRIES for name in values]
+        # Not one by its name and another by its place.
+        alike = all(listed) or not any(listed)
+        expect(alike, where, f"the columns {', '.join(values)}", "pos, or pos and neg")
+        lone = "neg" in names and "pos" not in names
+        expect(not lone, where, "neg alone", "pos as well, or one column correction")
+    columns = [_lengths(table, k) for k in order]
     name = head["name"] if head else ""
     axis = int(head["axis"]) if head else None
     over = head["masters"] if head else None
     masters = tuple(map(int, over.split(", "))) if over else ()
-    on_grid = not name and table.columns[1].name.startswith("master")
-    if on_grid or MASTERS.get(name) == 2:
-        return dataclasses.replace(_of_grid(table, columns), axis=axis, masters=masters)
+    on_grid = not name and names[order[1]].startswith("master")
+    entries = [names[k] for k in order[1 + on_grid :]]
+    said = [held for held, words in _HOLDS.items() if any(map(words.search, entries))]
+    holds = said[0] if len(said) == 1 else ""
+    if on_grid or MASTERS.get(name or stated) == 2:
+        expect(
+            len(columns) == 3, where, f"{len(columns)} columns", "two masters, entries"
+        )
+        grid = _of_grid(table, columns)
+        return dataclasses.replace(grid, axis=axis, masters=masters, holds=holds)
     modulo = bool(head and head["modulo"])
-    rows = np.stack(columns[1:])
-    return ExchangedTable(name, axis, masters, (columns[0],), rows, modulo)
+    ascending = np.argsort(columns[0], kind="stable")
+    places, *rows = (column[ascending] for column in columns)
+    again = places[1:][np.diff(places) == 0]
+    expect(
+        not again.size,
+        where,
+        f"the position {again[0] if again.size else 0:g} twice",
+        "each once",
+    )
+    return ExchangedTable(name, axis, masters, (places,), np.stack(rows), modulo, holds)
 
 
 def _lengths(table: Table, number: int) -> Float[np.ndarray, " t"]:
@@ -327,6 +379,9 @@ def _of_grid(
     second, j = np.unique(columns[1], return_inverse=True)
     values = np.full((len(second), len(first)), np.nan)
     values[j, i] = columns[2]
+    _, count = np.unique(np.stack([i, j]), axis=1, return_counts=True)
+    twice = int((count > 1).sum())
+    expect(not twice, str(table.path), f"{twice} places twice", "a value for each")
     holes = int(np.isnan(values).sum())
     description = f"{holes} of {values.size} places without a value"
     expected = f"a full grid; a fit fills it: axcomp new {table.path.name}"

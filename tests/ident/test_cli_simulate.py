@@ -41,6 +41,17 @@ def test_offsets_go_into_the_columns_of_the_interface(folder: Path) -> None:
     np.testing.assert_array_equal(table[:, 1], table[:, 2])
 
 
+@pytest.mark.parametrize("out", ["achskw3.lis", "m.csv", "./m.csv"])
+def test_an_input_is_never_written_onto(
+    folder: Path, capsys: pytest.CaptureFixture[str], out: str
+) -> None:
+    before = (folder / out).read_bytes()
+    command = ["simulate", "achskw3.lis", "--motion", "m.csv", "--out", out]
+    assert main(command) == 2
+    assert "which is an input, expected another file" in capsys.readouterr().err
+    assert (folder / out).read_bytes() == before
+
+
 def test_without_out_the_csv_is_printed(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

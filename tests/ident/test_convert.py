@@ -161,6 +161,63 @@ def test_the_target_is_a_new_file_of_a_known_ending(
     assert "found the ending '.xyz'" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("text", "options", "entries"),
+    [
+        ("position,neg,pos\n0,3,1\n10,3,2\n", ["leadscrew"], [[1, 2], [3, 3]]),
+        ("error,position\n3,10\n2,0\n", ["leadscrew"], [[2, 3]]),
+        ("x,e\n20,3\n10,2\n0,1\n", ["leadscrew"], [[1, 2, 3]]),
+        ("x,y,z\n0,0,1\n5,0,2\n0,5,3\n5,5,4\n", ["plane", 2, 3], [[1, 2], [3, 4]]),
+        (
+            "master 2,master 1,correction\n0,0,1\n0,5,2\n5,0,3\n5,5,4\n",
+            ["plane", 2, 3],
+            [[1, 2], [3, 4]],
+        ),
+    ],
+)
+def test_columns_of_a_csv_are_told_by_their_names_where_they_have_some(
+    tmp_path: Path, text: str, options: list[str | int], entries: list[list[int]]
+) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(text)
+    name, *masters = options
+    stated = ["--compensation", str(name), "--axis", "1"]
+    stated += [part for master in masters for part in ("--master", str(master))]
+    listing = convert(path, tmp_path / "a.lis", *stated)
+    np.testing.assert_allclose(table_in(ListFile.read(listing)).entries, entries)
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "words"),
+    [
+        ("position,neg\n0,5\n10,6\n", ["leadscrew"], "found neg alone"),
+        ("position,pos,e\n0,5,1\n9,6,1\n", ["leadscrew"], "found the columns pos, e"),
+        ("x,e\n0,1\n10,2\n10,3\n", ["leadscrew"], "found the position 10 twice"),
+        ("x,e\n0,1\n10,2\n10.00001,3\n", ["leadscrew"], "each 0.1 µm or more above"),
+        ("x,error\n0,1\n10,2\n", ["cross", 2], "found errors by their name, expected"),
+        ("x,offset\n0,1\n10,2\n", ["leadscrew"], "found offsets by their name"),
+        ("position,pos,neg\n0,1,2\n9,1,2\n", ["cross", 2], "a cross has no directions"),
+        ("x,y,z\n0,0,1\n5,0,2\n0,0,3\n", ["plane", 2, 3], "found 1 places twice"),
+    ],
+)
+def test_a_csv_that_contradicts_its_table_is_refused_in_one_line(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    text: str,
+    options: list[str | int],
+    words: str,
+) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(text)
+    name, *masters = options
+    stated = ["--compensation", str(name), "--axis", "1"]
+    stated += [part for master in masters for part in ("--master", str(master))]
+    assert main(["convert", str(path), str(tmp_path / "a.lis"), *stated]) == 1
+    shown = capsys.readouterr().err
+    assert words in shown
+    assert shown.count("\n") == 1
+
+
 def test_a_list_with_two_tables_needs_one_to_be_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -474,6 +474,35 @@ def test_an_offset_that_no_rule_explains_does_not_agree(tmp_path: Path) -> None:
     assert "not explained" in one.sentence
 
 
+@pytest.mark.parametrize("rows", [400, 3])
+def test_one_entry_that_differs_and_a_log_of_a_few_rows_do_not_agree(
+    tmp_path: Path, rows: int
+) -> None:
+    lines = ["kopf.achs_nr 3", "kw.crosscomp.unit 1", "kw.crosscomp.last_index 40"]
+    lines.append("kw.crosscomp.master_ax_nr 1")
+    nodes = np.arange(0.0, 401.0, 10.0)
+    entries = np.rint(250.0 * np.sin(nodes / 90.0)).astype(int)
+    for k, (place, entry) in enumerate(zip(nodes, entries, strict=True)):
+        lines.append(f"kw.crosscomp.table[{k}].setpoint {int(1e4 * place)}")
+        lines.append(f"kw.crosscomp.table[{k}].correction {entry}")
+    x = 200.0 + 195.0 * np.sin(np.arange(rows) / 40.0)
+    run = entries * 1e-4
+    run[20] += 0.03 * (rows > 3)
+    table = np.column_stack([0.01 * np.arange(rows), x, np.interp(x, nodes, run)])
+    path = tmp_path / "log.csv"
+    head = "time,A1.position,A3.cross"
+    np.savetxt(path, table, "%.6f", ",", header=head, comments="")
+    reading = Reading(Conventions())
+    (found,) = verify_log(
+        [listing("achskw3.lis", *lines)], read_log(path), reading
+    ).verdicts
+    # 30 µm at one of 41 entries: 1 µm over the whole log.
+    words = "as if an entry there were another" if rows > 3 else "3 rows, expected 5"
+    assert not found.agrees
+    assert words in found.sentence
+    assert ("A1 = 20" in found.sentence) == (rows > 3)
+
+
 def test_rows_in_any_order_do_not_hide_what_no_rule_explains(tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     place = rng.uniform(0.0, 300.0, 640)

@@ -25,6 +25,10 @@ _EDGE_VALUES = {"held": "hold", "zero": "zero", "line": _NO_VALUE}
 
 _IDLE = 0.05
 """Share of rows without any offset from which on it may have been switched off meanwhile."""
+_FEWEST, _LEAST = 5, 3
+"""Rows of a log, and rows near a node, that tell of it."""
+_SURE, _FAR = 3.0, 6.0
+"""Deviations of a mean near a node from which on it is told, and contradicts."""
 _ROUGH = 0.25
 """Share of an offset that may be left unexplained before it is said not to agree."""
 
@@ -72,6 +76,9 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
         return Verdict(axis, name, (), (), sentence, {})
 
     rows = channel.motion.judged
+    count = len(result.residual)
+    if count < _FEWEST:
+        return silent(f"the log cannot tell: {count} rows, expected {_FEWEST} or more")
     if float(np.max(np.abs(channel.column(channel.plain)[rows]))) <= 1e-6:
         return silent(
             "the log cannot tell: on this motion the list adds nothing that changes"
@@ -108,8 +115,16 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
     equals = _equals(channel, result)
     unseen = _unseen(channel, result)
     tail = f"; this log does not show {joined(unseen)}" if unseen else ""
+    worst = _worst(channel, result)
+    if not faults and worst.left > max(_ROUGH * size, _FAR * worst.noise):
+        return silent(
+            f"not explained: {_size_of(channel, worst.left)} near {worst.where}, as if an"
+            " entry there were another; elsewhere it agrees"
+        )
     if not faults:
-        tolerance = max(1e-4, math.ceil(unexplained * 1e4 - 1e-6) / 1e4)
+        left = worst.left if worst.left > _SURE * worst.noise else 0.0
+        left = max(unexplained, left)
+        tolerance = max(1e-4, math.ceil(left * 1e4 - 1e-6) / 1e4)
         text = f"agrees within {_size_of(channel, tolerance)}{rules}"
         text += "".join(
             f"; as well explained: {fault_words(hypothesis, channel)}"
@@ -227,6 +242,50 @@ def settled(
         if min(opposed) - best.criterion < SETTLED:
             doubtful.add(name)
     return values, frozenset(doubtful)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Worst:
+    """What is left most near any node of a table.
+
+    Attributes:
+        left: In mm or °.
+        noise: Deviation of that.
+        where: The place, in words.
+    """
+
+    left: float = 0.0
+    noise: float = 0.0
+    where: str = ""
+
+
+def _worst(channel: AbstractChannel, result: Found) -> _Worst:
+    """Return what is left most near any node: over a whole log one wrong entry hardly shows."""
+    masters = channel.masters[-len(channel.ways) :]
+    if not channel.ways or not masters:
+        return _Worst()
+    motion, rows = channel.motion, channel.motion.judged
+    places = [motion.position(axis, "to judge the table")[rows] for axis in masters]
+    cells = [
+        np.rint((place - way.low) / way.step)
+        for place, way in zip(places, channel.ways, strict=True)
+    ]
+    _, first, cell, count = np.unique(
+        np.stack(cells, axis=1),
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+        return_counts=True,
+    )
+    left = np.abs(np.bincount(cell.reshape(-1), result.residual) / count)
+    scatter = np.abs(result.residual - np.median(result.residual))
+    noise = max(1.4826 * float(np.median(scatter)), RESOLUTION) / np.sqrt(count)
+    worst = int(np.argmax(np.where(count >= _LEAST, left / noise, 0.0)))
+    words = (
+        f"{motion.name(axis)} = {place[first[worst]]:.4g}"
+        for axis, place in zip(masters, places, strict=True)
+    )
+    return _Worst(float(left[worst]), float(noise[worst]), ", ".join(words))
 
 
 def systematic(residual: Float[np.ndarray, " r"]) -> float:
