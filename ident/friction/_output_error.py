@@ -112,7 +112,14 @@ def fit_output_error(
     error = residual[: len(runs.run)][runs.compared]
     changes = int((np.diff(np.sign(error - error.mean())) != 0).sum())
     variance = float(error @ error) / (changes + 1)
-    return dataclasses.replace(task, variance=variance).fit(state)
+    found = dataclasses.replace(task, variance=variance).fit(state)
+    # The valley is kinked, and tangents at its bottom tell little of its width: how far the
+    # forces alone led from here says more.
+    law = found.friction
+    apart = np.concatenate([law.state - guess.state, law.shape - guess.shape])
+    doubt = law.state_covariance + np.outer(apart, apart)
+    law = dataclasses.replace(law, given=np.asarray(doubt))
+    return dataclasses.replace(found, friction=law)
 
 
 def laws_held_out(

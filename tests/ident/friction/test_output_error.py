@@ -194,6 +194,16 @@ def test_noise_leaves_the_truth_within_the_reported_errors() -> None:
     assert np.abs(ratios).max() < 3.5
 
 
+def test_a_law_far_from_that_of_the_forces_is_doubtful_by_as_much() -> None:
+    samples = noisy(simulated())
+    guess = started(samples, 1.5 * TRUTH)
+    fit = fit_output_error(guess, samples, trust=0.0).friction
+    sd, apart = np.sqrt(np.diag(fit.state_covariance)), fit.state - guess.state
+    # By tangents at the bottom of a kinked valley a deviation was up to 33 times too small.
+    assert (sd >= np.abs(apart)).all()
+    assert (sd <= 1.5 * np.abs(apart)).all()
+
+
 def test_friction_kept_above_zero_may_fall_with_speed() -> None:
     # Friction that turns to a push at 60 mm/s; the drive reaches more.
     falling = np.array([0.095, 0.0, 6.0, -0.1])
