@@ -150,6 +150,7 @@ def test_jobs_that_all_take_too_long_are_told_so(
 
 
 @linux
+@pytest.mark.heavy  # a signal meets one process of many: seen to pass by once under load
 def test_an_interrupted_batch_says_so_and_nothing_else(
     tmp_path: Path, fleet: Fleet, endless_job: Callable[[Path, str], None]
 ) -> None:
@@ -163,7 +164,7 @@ def test_an_interrupted_batch_says_so_and_nothing_else(
     # As a terminal does: to the batch and all of its workers.
     os.killpg(batch.pid, signal.SIGINT)
     _, said = batch.communicate(timeout=_PATIENCE)
-    assert batch.returncode == 130
+    assert batch.returncode == 130, said
     assert "axcomp: interrupted" in said
     assert "Traceback" not in said
 
