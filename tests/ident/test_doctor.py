@@ -105,6 +105,22 @@ def test_one_draw_of_each_fault_is_right(fault: str) -> None:
     assert one.verdict == ("unit" if "unit" in fault else fault)
 
 
+@pytest.mark.parametrize("entry", [None, 20])
+def test_a_list_that_is_right_but_for_one_entry_is_not_called_right_without_more(
+    entry: int | None,
+) -> None:
+    run = ERROR.copy()
+    if entry is not None:
+        run[entry] += 0.05
+    effect = -np.interp(X, NODES, run)
+    one = draw(effect, 4e-4, np.random.default_rng(4))
+    assert one.verdict == "right"
+    whole = one.sentence == "right: the list adds what it says"
+    assert whole == (entry is None)
+    if entry is not None:
+        assert f"near A1 = {NODES[entry]:.4g}, as if an entry" in one.sentence
+
+
 @pytest.mark.parametrize("fault", ["right", "sign", "small unit", "shift", "twice"])
 def test_in_strong_noise_nothing_is_guessed(fault: str) -> None:
     rng = np.random.default_rng(19)

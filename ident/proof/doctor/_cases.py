@@ -18,6 +18,7 @@ from ..verify import (
     Target,
     fault_words,
     search,
+    worst_of,
 )
 from ._measured import Difference
 
@@ -160,9 +161,27 @@ def cases_of(use: InUse, scene: Scene) -> tuple[list[Case], float, float | None]
             and not _turn_matters(channel)
         ):
             continue
-        cases.append((rival.criterion, _named(rival.hypothesis, channel)))
+        named = _named(rival.hypothesis, channel)
+        if named.verdict == "right" and rival is search_result.rivals[0]:
+            named = _as_a_whole(named, channel, search_result)
+        cases.append((rival.criterion, named))
     cases += _elsewhere(use, scene, search_result)
     return cases, float(factor[0]), _blind(channel, target, search_result)
+
+
+def _as_a_whole(
+    right: Diagnosis, channel: AbstractChannel, search_result: Found
+) -> Diagnosis:
+    """Return a diagnosis that says where a list is right as a whole only."""
+    size = float(np.sqrt(np.mean(search_result.column[search_result.rows] ** 2)))
+    worst = worst_of(channel, search_result)
+    if not worst.beyond(_MATTERS * size):
+        return right
+    text = (
+        f"right as a whole, but {1e3 * worst.left:.2g} µm are left near {worst.where}, as if"
+        " an entry there were another"
+    )
+    return dataclasses.replace(right, sentence=text)
 
 
 def _named(hypothesis: Hypothesis, channel: AbstractChannel) -> Diagnosis:

@@ -23,7 +23,7 @@ from ._hypothesis import (
     Hypothesis as Hypothesis,
     fault_words as fault_words,
 )
-from ._judge import Verdict as Verdict
+from ._judge import Verdict as Verdict, worst_of as worst_of
 from ._log import LogMotion as LogMotion, Target as Target
 from ._search import Found as Found, search as search
 from ._tables import TableChannel as TableChannel, ways_of as ways_of

@@ -115,8 +115,8 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
     equals = _equals(channel, result)
     unseen = _unseen(channel, result)
     tail = f"; this log does not show {joined(unseen)}" if unseen else ""
-    worst = _worst(channel, result)
-    if not faults and worst.left > max(_ROUGH * size, _FAR * worst.noise):
+    worst = worst_of(channel, result)
+    if not faults and worst.beyond(_ROUGH * size):
         return silent(
             f"not explained: {_size_of(channel, worst.left)} near {worst.where}, as if an"
             " entry there were another; elsewhere it agrees"
@@ -245,7 +245,7 @@ def settled(
 
 
 @dataclasses.dataclass(frozen=True)
-class _Worst:
+class Worst:
     """What is left most near any node of a table.
 
     Attributes:
@@ -258,12 +258,16 @@ class _Worst:
     noise: float = 0.0
     where: str = ""
 
+    def beyond(self, limit: float) -> bool:
+        """Return whether it is more than a limit, and no noise."""
+        return self.left > max(limit, _FAR * self.noise)
 
-def _worst(channel: AbstractChannel, result: Found) -> _Worst:
+
+def worst_of(channel: AbstractChannel, result: Found) -> Worst:
     """Return what is left most near any node: over a whole log one wrong entry hardly shows."""
     masters = channel.masters[-len(channel.ways) :]
     if not channel.ways or not masters:
-        return _Worst()
+        return Worst()
     motion, rows = channel.motion, channel.motion.judged
     places = [motion.position(axis, "to judge the table")[rows] for axis in masters]
     cells = [
@@ -282,10 +286,10 @@ def _worst(channel: AbstractChannel, result: Found) -> _Worst:
     noise = max(1.4826 * float(np.median(scatter)), RESOLUTION) / np.sqrt(count)
     worst = int(np.argmax(np.where(count >= _LEAST, left / noise, 0.0)))
     words = (
-        f"{motion.name(axis)} = {place[first[worst]]:.4g}"
-        for axis, place in zip(masters, places, strict=True)
+        f"{motion.name(axis)} = {way.low + way.step * line[first[worst]]:.4g}"
+        for axis, way, line in zip(masters, channel.ways, cells, strict=True)
     )
-    return _Worst(float(left[worst]), float(noise[worst]), ", ".join(words))
+    return Worst(float(left[worst]), float(noise[worst]), ", ".join(words))
 
 
 def systematic(residual: Float[np.ndarray, " r"]) -> float:
