@@ -163,8 +163,7 @@ def test_spikes_of_the_current_move_no_law(
     assert sound.curve is not None
     # The filter smeared them over a hundred readings each: 12 % at slow speeds.
     speed = sound.curve.speed[sound.curve.speed > 1.5]
-    laws = (np.asarray(each.fit.law.evaluate(speed)) for each in (found, sound))
-    one, other = laws
+    one, other = (each.fit.friction(speed) for each in (found, sound))
     assert np.abs(one - other).max() < 0.02
     words = (
         f"{len(rows)} of {len(table)} readings of the current lie far from those beside"
