@@ -85,16 +85,17 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
         )
     if result.nothing < best.criterion - EQUAL:
         return silent("nothing is added: not active, or not logged")
-    if result.nothing < best.criterion + EQUAL:
-        return silent("the log cannot tell: what is added is lost in its noise")
     unexplained = systematic(result.residual)
     if channel.motion.time is None:
         # Rows stand in any order: neighbours say nothing of noise.
         unexplained = float(np.sqrt(np.mean(np.square(result.residual))))
     size = float(np.sqrt(np.mean(np.square(result.column[rows]))))
+    limit = max(_ROUGH * size, 1e-4)
+    if result.nothing < best.criterion + EQUAL and unexplained <= limit:
+        return silent("the log cannot tell: what is added is lost in its noise")
     faults = best.hypothesis.faults(channel)
     whole_text = fault_words(best.hypothesis, channel)
-    if unexplained > max(_ROUGH * size, 1e-4):
+    if unexplained > limit:
         left_over, effect = _size_of(channel, unexplained), _size_of(channel, size)
         text = f"not explained: {left_over} of {effect} follow no rule that was tried"
         if faults:
