@@ -63,19 +63,24 @@ def read_bed_mesh(path: Path, text: str, profile: str | None) -> Table:
     if chosen not in names:
         reason = f"found profiles {', '.join(names)}, expected '{chosen}'"
         raise MeasurementError(str(path), reason)
+    if names.count(chosen) > 1:
+        reason = (
+            f"found {names.count(chosen)} profiles '{chosen}', expected each name once"
+        )
+        raise MeasurementError(str(path), reason)
     mesh = profiles[names.index(chosen)]
     remarks = []
     if len(profiles) > 1:
         others = ", ".join(name for name in names if name != chosen)
         remarks.append(f"Profile '{chosen}' was taken; the file also holds {others}.")
-    axes = [
-        np.linspace(
-            _setting(path, mesh, f"min_{a}"),
-            _setting(path, mesh, f"max_{a}"),
-            int(_setting(path, mesh, f"{a}_count")),
-        )
-        for a in "xy"
-    ]
+    axes = []
+    for a in "xy":
+        low, high = (_setting(path, mesh, f"{end}_{a}") for end in ("min", "max"))
+        count = int(_setting(path, mesh, f"{a}_count"))
+        if count > 1 and not low < high:
+            reason = f"found min_{a} {low:g} and max_{a} {high:g}, expected it below"
+            raise MeasurementError(str(path), reason)
+        axes.append(np.linspace(low, high, count))
     return surface(
         path, "Klipper bed mesh", ("x", "y"), axes, mesh.points, remarks, _ABSENT
     )
@@ -160,7 +165,7 @@ def read_height_map(path: Path, text: str) -> Table:
             ("num1", "ynum"),
         ),
     )
-    axes = []
+    axes, strays = [], list[str]()
     for spelling in spellings:
         low, high, spacing, count = (
             _grid_value(path, lines[0][0], grid, choices) for choices in spelling
@@ -171,10 +176,18 @@ def read_height_map(path: Path, text: str) -> Table:
                 str(path), lines[1][0], spelling[3][0], f"{count}", "a count"
             )
         # The spacing is printed with two decimals; where the far end confirms it, the
-        # ends count.
-        ends_agree = (
-            abs(low + spacing * (number - 1) - high) <= 0.005 * (number - 1) + 0.0051
+        # ends count. A grid may end before its area does, never beyond it.
+        beyond, printed = (
+            low + spacing * (number - 1) - high,
+            0.005 * (number - 1) + 0.0051,
         )
+        ends_agree = abs(beyond) <= printed
+        if beyond > printed:
+            reason = (
+                f"found {number} points every {spacing:g} from {low:g}, expected them to end"
+                f" by {spelling[1][0]} {high:g}"
+            )
+            strays.append(reason)
         steps = np.arange(number, dtype=np.float64)
         axes.append(
             np.linspace(low, high, number) if ends_agree else low + spacing * steps
@@ -185,9 +198,12 @@ def read_height_map(path: Path, text: str) -> Table:
         if len(row) == axes[0].size + 1 and row[-1] == "":
             row.pop()
         points.append((at, row))
-    return surface(
+    table = surface(
         path, "RepRapFirmware height map", names, axes, points, [], _ABSENT_OR_ZERO
     )
+    if strays:
+        raise MeasurementError(str(path), strays[0])
+    return table
 
 
 def _grid_value(

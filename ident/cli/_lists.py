@@ -217,6 +217,7 @@ def convert(
     else:
         table = table_of_file(source, compensation, trim=trim)
     table = table.stated(compensation, axis, master or [])
+    note(table.remarks)
     if form == "list":
         listing, machine = list_with(table)
         write_atomically(target, listing.dumps())

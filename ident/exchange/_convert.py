@@ -44,6 +44,7 @@ class ExchangedTable:
             direction, offsets of a cross table ``(1, n)``, of a plane ``(j, i)``.
         modulo: A leadscrew table whose first and last node are the same place.
         holds: ``errors`` or ``offsets``, where the names of the columns say so.
+        remarks: What was taken for granted, one sentence each.
     """
 
     compensation: str
@@ -53,6 +54,7 @@ class ExchangedTable:
     entries: Float[np.ndarray, "k n"]
     modulo: bool = False
     holds: str = ""
+    remarks: tuple[str, ...] = ()
 
     def stated(
         self, compensation: str | None, axis: int | None, masters: Sequence[int]
@@ -368,7 +370,7 @@ def _of_triplets(path: Path, trim: bool) -> ExchangedTable:
 
 def _of_mesh(table: Table) -> ExchangedTable:
     plane = _of_grid(table, [_lengths(table, k) for k in range(3)])
-    return dataclasses.replace(plane, entries=-plane.entries)
+    return dataclasses.replace(plane, entries=-plane.entries, remarks=table.remarks)
 
 
 def _of_grid(

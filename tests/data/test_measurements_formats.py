@@ -176,6 +176,8 @@ def test_bed_mesh_profile_can_be_chosen(tmp_path: Path) -> None:
         ("0.5", "o.5", r":12: column 'z at x 20': found 'o.5'"),
         ("0.5", "inf", r":12: column 'z at x 20': found 'inf'"),
         ("#*# min_x = 10.0\n", "", r"without min_x, expected min_x = a number"),
+        ("#*# min_x = 10.0", "#*# min_x = 90.0", "found min_x 90 and max_x 30"),
+        ("[bed_mesh default]", "[bed_mesh cold]", "found 2 profiles 'cold'"),
     ],
 )
 def test_bed_mesh_that_breaks_its_form_is_refused(
@@ -240,6 +242,8 @@ def test_height_map_of_the_first_version_reads(tmp_path: Path) -> None:
         (",4,2", ",4,3", r"found 2 rows of points, expected 3"),
         (",4,2", ",4,1", r":5: found row 2 of points, expected 1 rows"),
         ("20.00", "abc", r":3: column 'min0': found 'abc'"),
+        ("20.00,280.00", "280.00,20.00", "every 86.67 from 280, expected them to end"),
+        ("86.67", "96.67", "every 96.67 from 20, expected them to end by max0 280"),
         (" -0.033", " ????", r":4: column 'z at X 106.667': found '\?\?\?\?'"),
     ],
 )

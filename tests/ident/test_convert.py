@@ -110,6 +110,19 @@ def test_a_plane_takes_the_negative_height(tmp_path: Path) -> None:
     assert np.array_equal(table_of_file(path).entries, -height)
 
 
+def test_a_profile_that_was_taken_for_granted_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mesh = "points =\n\t0.1, 0.2\n\t0.3, 0.4\nx_count = 2\ny_count = 2\n"
+    mesh += "min_x = 0\nmax_x = 10\nmin_y = 0\nmax_y = 10\n"
+    path = tmp_path / "mesh.cfg"
+    path.write_text(f"[bed_mesh cold]\n{mesh}[bed_mesh warm]\n{mesh}")
+    convert(path, tmp_path / "a.csv")
+    assert (
+        "Profile 'cold' was taken; the file also holds warm" in capsys.readouterr().err
+    )
+
+
 def test_a_spreadsheet_needs_to_be_told_what_it_holds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
