@@ -196,6 +196,9 @@ def _run(
                         order.out, f"no room left on the disk; {_progress(stand)}"
                     )
     except OSError as error:
+        # Workers that are sent away by an interrupt may not go without a noise.
+        if isinstance(error.__context__, KeyboardInterrupt):
+            raise KeyboardInterrupt from None
         # A broken connection is an OSError too; only files have a number of their own.
         broken = error.errno is None or isinstance(error, ConnectionError)
         text = "the scheduler was lost" if broken else f"cannot write: {error.strerror}"

@@ -32,6 +32,11 @@ if TYPE_CHECKING:
     from ...job.write._lists import AxisFiles
 
 _ENTRIES = 20
+_LOOKED_AT, _PARTS = 3_000, 5
+"""Samples by which a load that changes with the position is looked for, and parts of the
+recording that have to agree on it."""
+_BY_PLACE = 0.05
+"""Share of the friction from which on such a load is told."""
 _SURE = 3.0
 """Standard deviations from which on an inertia or a load is one."""
 
@@ -211,6 +216,7 @@ class FrictionDraft(AbstractDraft):
                 " offset of the drive, not into the list. With the list written here"
                 " this offset leaves the least of the current."
             )
+        yield from self._of_place()
         if self.recording.unsure:
             yield Remark.error(f"No list is written. {self.recording.unsure}")
         elif not fit.has_law:
@@ -231,6 +237,34 @@ class FrictionDraft(AbstractDraft):
             )
         if self.knots is not None and self.curve is not None:
             yield from self._unsaid()
+
+    def _of_place(self) -> Iterator[Remark]:
+        """Return that the load changes with the position, which no law of friction knows."""
+        fit, samples = self.found.fit, self.recording.samples
+        rows = np.flatnonzero(samples.in_motion)
+        rows = rows[:: -(-len(rows) // _LOOKED_AT)]
+        if samples.position is None or not fit.has_law:
+            return
+        place, speed = samples.position[rows], samples.velocity[rows]
+        friction = fit.friction(speed)
+        columns = [np.ones(len(rows)), place, friction, np.sign(speed)]
+        if samples.acceleration is not None:
+            columns.append(samples.acceleration[rows])
+        design, current = np.stack(columns, axis=1), samples.current[rows]
+        slopes = [
+            np.linalg.lstsq(design[part], current[part])[0][1]
+            for part in np.array_split(np.arange(len(rows)), _PARTS)
+        ]
+        mean, scatter = float(np.mean(slopes)), float(np.std(slopes))
+        change = abs(mean) * float(np.ptp(place))
+        size = float(np.sqrt(np.mean(friction**2)))
+        if abs(mean) > _SURE * scatter / _PARTS**0.5 and change > _BY_PLACE * size:
+            yield Remark.warning(
+                f"The load changes by {change:.3g} {self.recording.unit} over the positions"
+                " driven, as a spring, a cable or a lever does: that is no friction, and the"
+                " law, the inertia and what differs between the directions hold a part of"
+                " it. Record on a short way to and fro."
+            )
 
     def _unsaid(self) -> Iterator[Remark]:
         """Return what the list cannot say of the law."""

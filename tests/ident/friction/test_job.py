@@ -171,6 +171,19 @@ def test_spikes_of_the_current_move_no_law(
     assert any(r.message.startswith(words) for r in found.remarks)
 
 
+@pytest.mark.parametrize("spring", [0.0, 0.02])
+def test_a_load_that_changes_with_the_position_is_told(
+    tmp_path: Path, spring: float
+) -> None:
+    record(tmp_path, velocity=np.tile(motion(), 5))
+    path = tmp_path / "trace.csv"
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table[:, 2] += spring * table[:, 1]
+    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    said = [remark.message for remark in friction(run(tmp_path)).remarks]
+    assert any("The load changes by" in each for each in said) == (spring > 0.0)
+
+
 def test_list_takes_what_the_law_takes(done: tuple[Path, JobResult]) -> None:
     error = friction(done[1]).error
     assert error["before"].rms > 2.0
