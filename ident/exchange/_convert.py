@@ -268,6 +268,8 @@ def _csv(table: ExchangedTable) -> str:
 
 _PLACES, _ENTRIES = ("position", "master 1", "master 2"), ("pos", "neg", "correction")
 """Names of columns as `text_of` writes them, in their order."""
+_FOLLOWS = 0.02
+"""Share of the travel within which entries of a table are positions themselves."""
 _HOLDS = {
     "errors": re.compile(r"error|deviation|fehler|abweichung"),
     "offsets": re.compile(r"offset|compensation|korrektur"),
@@ -310,6 +312,10 @@ def _of_csv(table: Table, stated: str) -> ExchangedTable:
     modulo = bool(head and head["modulo"])
     ascending = np.argsort(columns[0], kind="stable")
     places, *rows = (column[ascending] for column in columns)
+    near = _FOLLOWS * float(np.ptp(places))
+    follows = any(np.abs(row - places).max() < near for row in rows)
+    expected = "errors or offsets; a file of LinuxCNC ends in .comp"
+    expect(not follows, where, "entries that follow the positions", expected)
     again = places[1:][np.diff(places) == 0]
     expect(
         not again.size,

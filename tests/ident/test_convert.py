@@ -209,6 +209,7 @@ def test_columns_of_a_csv_are_told_by_their_names_where_they_have_some(
         ("x,e\n0,1\n10,2\n10.00001,3\n", ["leadscrew"], "each 0.1 µm or more above"),
         ("x,error\n0,1\n10,2\n", ["cross", 2], "found errors by their name, expected"),
         ("x,offset\n0,1\n10,2\n", ["leadscrew"], "found offsets by their name"),
+        ("x,f,r\n0,0.01,0\n9,9.01,9\n", ["leadscrew"], "that follow the positions"),
         ("position,pos,neg\n0,1,2\n9,1,2\n", ["cross", 2], "a cross has no directions"),
         ("x,y,z\n0,0,1\n5,0,2\n0,0,3\n", ["plane", 2, 3], "found 1 places twice"),
     ],
