@@ -110,7 +110,8 @@ def _save(path: Path, stored: "StoredConventions", answer: "Verification") -> No
     merged = dataclasses.replace(stored, conventions=fitting).with_verified(
         settled, saved_at=datetime.date.today().isoformat()
     )
-    write_atomically(path, merged.dumps())
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    write_atomically(path, merged.saved_over(text))
     names = ", ".join(f"{name} = {value}" for name, value in settled.items())
     note([f"{path}: settled {names or 'nothing'}"])
     note(f"{name} was settled otherwise before; the new log counts." for name in turned)

@@ -5,6 +5,7 @@ second measurement of that machine; what stands in ``[assumed]`` holds until the
 """
 
 import dataclasses
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -63,8 +64,41 @@ class StoredConventions:
             n for n in values if n in self.verified and current[n] != values[n]
         )
 
+    def saved_over(self, before: str) -> bytes:
+        """Return a file with these rules settled; order and comments in it stay.
+
+        Args:
+            before: The file as it is, which reads well; empty where there is none.
+        """
+        if not before.strip():
+            return self.dumps()
+        import tomlkit  # takes long to load
+
+        document: Any = tomlkit.parse(before)
+        for rule in self.conventions.listing():
+            name, settled = rule.name, rule.name in self.verified
+            held = [key for key in _TABLES if name in document.get(key, ())]
+            if not settled and not held and rule.value == rule.default:
+                continue
+            group = "verified" if settled else "assumed"
+            if name not in document and group not in document:
+                document[group] = tomlkit.table()
+            place = document if name in document else document[group]
+            if place.get(name) != rule.value:
+                place[name] = rule.value
+            for other in {*held} - {group}:
+                del document[other][name]
+        text = tomlkit.dumps(document)
+        for name, value in (("machine", self.machine), ("saved_at", self.saved_at)):
+            if value is None or str(document.get(name)) == value:
+                continue
+            line = job_line(name, value) if name == "machine" else f"{name} = {value}"
+            own = re.compile(rf"^{name}\s*=.*$", re.MULTILINE)
+            text = own.sub(line, text, 1) if name in document else f"{line}\n{text}"
+        return text.encode()
+
     def dumps(self) -> bytes:
-        """Return the file: settled rules, then those assumed against the defaults."""
+        """Return a new file: settled rules, then those assumed against the defaults."""
         lines = ["# How the controller of this machine applies its lists."]
         if self.machine is not None:
             lines.append(job_line("machine", self.machine))

@@ -403,7 +403,8 @@ def _save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[R
             machine=job.spec.machine.id,
             saved_at=datetime.date.today().isoformat(),
         )
-        write_atomically(path, merged.dumps())
+        before = path.read_text(encoding="utf-8") if path.is_file() else ""
+        write_atomically(path, merged.saved_over(before))
     words = ", ".join(f"{name} = {value}" for name, value in settled.items())
     if words:
         own = job.relative(path)

@@ -28,6 +28,30 @@ def test_what_is_saved_is_read(tmp_path: Path) -> None:
     assert "(S-18)" in text
 
 
+def test_what_a_user_wrote_into_the_file_stays(tmp_path: Path) -> None:
+    path = tmp_path / "mill.toml"
+    before = (
+        "# Mill in hall 3, ask Anna.\n\n[assumed]\n"
+        'plane_index = "ij"  # as the manual has it\ncross_edge = "zero"\n'
+        "[verified]\nplane_sign = -1  # dial gauge, May\n"
+    )
+    path.write_text(before)
+    known = read_conventions(path)
+    found = known.with_verified(
+        {"cross_edge": "hold", "leadscrew_sign": -1, "plane_sign": 1},
+        machine='mill "7"',
+        saved_at="2026-11-28",
+    )
+    path.write_bytes(found.saved_over(path.read_text()))
+    assert read_conventions(path) == found
+    text = path.read_text()
+    for words in ("ask Anna.", "# as the manual has it", "# dial gauge, May"):
+        assert words in text
+    # Saved once more with nothing new: not a byte is another.
+    assert found.saved_over(text).decode() == text
+    assert found.saved_over("") == found.dumps()
+
+
 def test_settled_rules_stay_settled_and_a_new_verdict_replaces_the_old() -> None:
     found = stored().with_verified({"leadscrew_sign": -1, "plane_sign": 1})
     assert found.verified == {"leadscrew_sign", "cross_edge", "plane_sign"}
