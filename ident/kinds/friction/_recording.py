@@ -145,7 +145,7 @@ def _motion(measured: Measurement, axis: str) -> Motion:
             measured.get(f"{axis}.acceleration"),
         )
     )
-    if fast is None:
+    if fast is None or (hard is None and (np.diff(motion.time) <= 0.0).any()):
         return motion
     moving = np.abs(fast) > _FINE * np.abs(fast).max()
     fine = max(motion.velocity_noise, _FINE * float(np.abs(fast).max()))
