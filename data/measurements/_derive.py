@@ -61,6 +61,7 @@ def derive_motion(
     axis: str,
     *,
     cutoff: float | None = None,
+    share: float = 0.1,
     order: tuple[str, ...] = ("encoder", "actual", "position"),
 ) -> Motion:
     """Return velocity and acceleration of an axis in mm or °, per s and s².
@@ -73,8 +74,9 @@ def derive_motion(
     Args:
         measurement: With `time` and a position of the axis.
         axis: Name of the axis.
-        cutoff: Of the filter in Hz, or the bandwidth of the spline; a tenth of the
+        cutoff: Of the filter in Hz, or the bandwidth of the spline; a share of the
             sample rate, at most 100 Hz, where left out.
+        share: Of the sample rate.
         order: Which positions to take, the best first.
 
     Raises:
@@ -97,7 +99,7 @@ def derive_motion(
     try:
         clock = read_clock(time)
         _refuse_repeats(clock, time.size)
-        cutoff = min(0.1 / clock.sample_time, 100.0) if cutoff is None else cutoff
+        cutoff = min(share / clock.sample_time, 100.0) if cutoff is None else cutoff
         if clock.uniform:
             return filtered_motion(time, position, cutoff=cutoff, clock=clock)
         return smoothed_motion(time, position, bandwidth=cutoff, clock=clock)

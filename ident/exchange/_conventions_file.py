@@ -5,7 +5,6 @@ second measurement of that machine; what stands in ``[assumed]`` holds until the
 """
 
 import dataclasses
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -88,14 +87,11 @@ class StoredConventions:
                 place[name] = rule.value
             for other in {*held} - {group}:
                 del document[other][name]
-        text = tomlkit.dumps(document)
-        for name, value in (("machine", self.machine), ("saved_at", self.saved_at)):
-            if value is None or str(document.get(name)) == value:
-                continue
-            line = job_line(name, value) if name == "machine" else f"{name} = {value}"
-            own = re.compile(rf"^{name}\s*=.*$", re.MULTILINE)
-            text = own.sub(line, text, 1) if name in document else f"{line}\n{text}"
-        return text.encode()
+        if self.machine not in (None, document.get("machine")):
+            document["machine"] = self.machine
+        if self.saved_at not in (None, str(document.get("saved_at"))):
+            document["saved_at"] = tomlkit.value(self.saved_at)
+        return tomlkit.dumps(document).encode()
 
     def dumps(self) -> bytes:
         """Return a new file: settled rules, then those assumed against the defaults."""

@@ -117,9 +117,8 @@ def fit_output_error(
     # forces alone led from here says more.
     law = found.friction
     apart = np.concatenate([law.state - guess.state, law.shape - guess.shape])
-    doubt = law.state_covariance + np.outer(apart, apart)
-    law = dataclasses.replace(law, given=np.asarray(doubt))
-    return dataclasses.replace(found, friction=law)
+    doubt = np.asarray(law.state_covariance + np.outer(apart, apart))
+    return dataclasses.replace(found, friction=dataclasses.replace(law, given=doubt))
 
 
 def laws_held_out(

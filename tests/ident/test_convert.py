@@ -174,6 +174,12 @@ def test_the_target_is_a_new_file_of_a_known_ending(
     assert "found the ending '.xyz'" in capsys.readouterr().err
 
 
+def stated(name: str | int, *masters: str | int) -> list[str]:
+    """What a file does not say of its table of axis 1."""
+    options = ["--compensation", str(name), "--axis", "1"]
+    return options + [part for each in masters for part in ("--master", str(each))]
+
+
 @pytest.mark.parametrize(
     ("text", "options", "entries"),
     [
@@ -193,10 +199,7 @@ def test_columns_of_a_csv_are_told_by_their_names_where_they_have_some(
 ) -> None:
     path = tmp_path / "t.csv"
     path.write_text(text)
-    name, *masters = options
-    stated = ["--compensation", str(name), "--axis", "1"]
-    stated += [part for master in masters for part in ("--master", str(master))]
-    listing = convert(path, tmp_path / "a.lis", *stated)
+    listing = convert(path, tmp_path / "a.lis", *stated(*options))
     np.testing.assert_allclose(table_in(ListFile.read(listing)).entries, entries)
 
 
@@ -223,10 +226,8 @@ def test_a_csv_that_contradicts_its_table_is_refused_in_one_line(
 ) -> None:
     path = tmp_path / "t.csv"
     path.write_text(text)
-    name, *masters = options
-    stated = ["--compensation", str(name), "--axis", "1"]
-    stated += [part for master in masters for part in ("--master", str(master))]
-    assert main(["convert", str(path), str(tmp_path / "a.lis"), *stated]) == 1
+    command = ["convert", str(path), str(tmp_path / "a.lis"), *stated(*options)]
+    assert main(command) == 1
     shown = capsys.readouterr().err
     assert words in shown
     assert shown.count("\n") == 1

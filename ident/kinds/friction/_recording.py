@@ -31,8 +31,9 @@ _NO_LIST = (
     "held at a limit",
 )
 """Shortcomings with which a list would be a guess."""
-_SHARE, _MOST = 0.3, 100.0
-"""Cutoff of a derived motion: a share of the sample rate, at most so many Hz."""
+_SHARE = 0.3
+"""Of the sample rate, up to which a motion is derived: friction changes with the speed at
+once, so that a smoothed ramp shows another law."""
 _FINE = 1e-4
 """Median noise of a recorded velocity, as a share of the highest, that is none."""
 _SURE = 0.999
@@ -133,11 +134,7 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
 
 def _motion(measured: Measurement, axis: str) -> Motion:
     """Return the motion as recorded where that is as fine as a derived one, or derived."""
-    time = measured.require("time", f"to derive the motion of {axis}")
-    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-    # Friction changes with the speed at once, so that a smoothed ramp shows another law.
-    cutoff = min(_SHARE / step, _MOST) if step > 0.0 else None
-    motion = derive_motion(measured, axis, cutoff=cutoff)
+    motion = derive_motion(measured, axis, share=_SHARE)
     fast, hard = (
         None if values is None else np.asarray(values, float)
         for values in (

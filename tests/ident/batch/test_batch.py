@@ -356,11 +356,16 @@ def test_a_job_whose_measurement_changed_is_to_be_done_again(
     assert again[1].rows[0]["table"] != done[1].rows[0]["table"]
 
 
+def ordered(folder: Path, fleet: Fleet, count: int) -> tuple[list[Task], Order]:
+    """A fleet in the folder, and the order to run it."""
+    tasks = tasks_of(folder / "jobs", fleet(folder / "jobs", count))
+    return tasks, Order(str(folder / "out"), "t")
+
+
 def test_a_job_that_can_no_longer_run_leaves_no_list_of_before(
     tmp_path: Path, fleet: Fleet
 ) -> None:
-    tasks = tasks_of(tmp_path / "jobs", fleet(tmp_path / "jobs", 2))
-    order = Order(str(tmp_path / "out"), "t")
+    tasks, order = ordered(tmp_path, fleet, 2)
     run_chunk(tasks, order)
     (tmp_path / "jobs" / "00001.csv").unlink()
     shape, lost = examine(tasks, order)
@@ -374,8 +379,7 @@ def test_a_job_that_can_no_longer_run_leaves_no_list_of_before(
 
 
 def test_a_damaged_result_is_made_again(tmp_path: Path, fleet: Fleet) -> None:
-    tasks = tasks_of(tmp_path / "jobs", fleet(tmp_path / "jobs", 1))
-    order = Order(str(tmp_path / "out"), "t")
+    tasks, order = ordered(tmp_path, fleet, 1)
     table = run_chunk(tasks, order)[0].rows[0]["table"]
     result = tmp_path / "out" / "unverified" / "00000" / "result.json"
     for content in ("{}", "[]", '{"inputs": {', ""):
@@ -386,8 +390,7 @@ def test_a_damaged_result_is_made_again(tmp_path: Path, fleet: Fleet) -> None:
 def test_a_list_that_was_changed_by_hand_is_made_again_and_kept(
     tmp_path: Path, fleet: Fleet
 ) -> None:
-    tasks = tasks_of(tmp_path / "jobs", fleet(tmp_path / "jobs", 1))
-    order = Order(str(tmp_path / "out"), "t")
+    tasks, order = ordered(tmp_path, fleet, 1)
     run_chunk(tasks, order)
     listed = tmp_path / "out" / "unverified" / "00000" / "achskw1.lis"
     before = listed.read_bytes()
@@ -439,8 +442,7 @@ def test_a_list_of_before_that_cannot_be_taken_away_is_not_told_as_a_new_one(
     readings: Callable[[int, float], str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    tasks = tasks_of(tmp_path / "jobs", fleet(tmp_path / "jobs", 1))
-    order = Order(str(tmp_path / "out"), "t")
+    tasks, order = ordered(tmp_path, fleet, 1)
     run_chunk(tasks, order)
     listed = tmp_path / "out" / "unverified" / "00000" / "achskw1.lis"
     before = listed.read_bytes()
