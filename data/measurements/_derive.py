@@ -11,9 +11,12 @@ from ..signals import (
     read_clock,
     smoothed_motion,
 )
-from ._errors import MeasurementError, MissingRole
+from ._errors import CellError, MeasurementError, MissingRole
 from ._measurement import Measurement
 
+_ENOUGH, _ALIKE, _MULTIPLE = 8, 0.9, 2.0
+"""Rows, and their correlation, that tell of how many times another column one is; and how many
+are a contradiction: positions written with few digits follow an error badly."""
 _REPEATED = 1.0 / 3.0
 """Share of samples at the instant before them from which on the clock is too coarse."""
 
@@ -24,7 +27,8 @@ def derive_error(
     """Return the error e = actual − commanded of an axis in mm or °.
 
     The error column where there is one, else actual − position at standstill. Errors of
-    rotary axes are wrapped into [−180°, 180°).
+    rotary axes are wrapped into [−180°, 180°). Where the file holds all three, the error must
+    be that of the positions, but for a constant.
 
     Args:
         measurement: Any.
@@ -34,13 +38,15 @@ def derive_error(
     Raises:
         MissingRole: If neither the error nor both positions are there.
         MeasurementError: If the rows were taken in motion: actual − position then
-            contains the following error, which is not to be compensated.
+            contains the following error, which is not to be compensated. Or if the error
+            is another multiple of actual − position than one.
         CellError: If a needed column holds a cell that is no number.
     """
     error_role, actual_role = f"{axis}.error", f"{axis}.actual"
     if error_role in measurement.values:
         error = np.asarray(measurement.values[error_role], dtype=np.float64)
         unit = measurement.units[error_role]
+        _refuse_contradiction(measurement, axis, against)
     elif actual_role in measurement.values:
         recorded = [kind for kind in against if f"{axis}.{kind}" in measurement.values]
         role = f"{axis}.{[*recorded, 'position'][0]}"
@@ -54,6 +60,42 @@ def derive_error(
             str(measurement.source), error_role, why, tuple(measurement.values)
         )
     return wrap_degrees(error) if unit == "deg" else error
+
+
+def _refuse_contradiction(
+    measurement: Measurement, axis: str, against: tuple[str, ...]
+) -> None:
+    """Raise where an error column has another sign or unit than the positions beside it.
+
+    Raises:
+        MeasurementError: If it is a multiple of actual − position other than one.
+    """
+    roles = [f"{axis}.{kind}" for kind in (*against, "position")]
+    role = next((role for role in roles if role in measurement.values), None)
+    actual_role = f"{axis}.actual"
+    if role is None or actual_role not in measurement.values:
+        return
+    error = measurement.values[f"{axis}.error"]
+    try:
+        difference = measurement.values[actual_role] - measurement.values[role]
+    except CellError:  # the error does without them
+        return
+    both = np.stack([error, difference]).astype(float)
+    both = both[:, np.isfinite(both).all(axis=0)]
+    if both.shape[1] < _ENOUGH:
+        return
+    (own, product), (_, square) = np.cov(both)
+    if product**2 < _ALIKE**2 * own * square or not own * square:
+        return
+    factor = product / square
+    if not 1.0 / _MULTIPLE < factor < _MULTIPLE:
+        remedy = "sign = -1" if factor < 0 else "the unit"
+        reason = (
+            f"found '{axis}.error' {factor:.3g} times '{actual_role}' − '{role}', expected"
+            f" once: state {remedy} of the column that is wrong (columns), or leave"
+            f" '{actual_role}' out of them"
+        )
+        raise MeasurementError(str(measurement.source), reason)
 
 
 def derive_motion(

@@ -30,6 +30,8 @@ def print_remarks(
         message = remark.message
         for sentence in printed:
             message = message.replace(sentence, "").strip()
+        if message.endswith(":"):
+            message += " as said above."
         if message:
             print_line(console, f"{remark.level}: {message}")
         printed.add(remark.message)

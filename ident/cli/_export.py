@@ -4,7 +4,7 @@ import dataclasses
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,6 +19,7 @@ from ._options import (
     Rules,
     axis_ranges,
     by_axis,
+    cycle,
     matched,
     read_lists,
     rules_of,
@@ -213,7 +214,7 @@ def export_external(
     conventions: Rules = None,
     feed: Positive = 30000.0,
     acceleration: Positive = 5000.0,
-    cycle_time: Positive = 0.001,
+    cycle_time: Annotated[float, typer.Option(callback=cycle)] = 0.001,
     ramp: Positive = 1.0,
 ) -> None:
     """Write tables as C and C++ of an external compensation, with its list entries.

@@ -127,7 +127,7 @@ def doctor(
     """Say what is wrong with a list, from measurements without and with it.
 
     Right, sign, unit, shift, wrong axis, swapped directions, applied twice, or that the
-    measurements cannot tell. Exit status 0 where all is right.
+    measurements cannot tell. Exit status 0 where all is right, at every place.
 
     Options:
         files (FILE.lis …): Lists as they were active in the second measurement.
@@ -167,4 +167,4 @@ def doctor(
         trees if as_json else None,
         [f"{name} {answer.compensation}: {answer.sentence}" for name, answer in pairs],
     )
-    return all(answer.verdict == "right" for answer in diagnoses)
+    return all(answer.is_right for answer in diagnoses)

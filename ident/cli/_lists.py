@@ -20,6 +20,7 @@ from ._options import (
     read_shown_list,
     refuse,
     refuse_existing,
+    refuse_input,
     rules_of,
 )
 
@@ -129,10 +130,17 @@ def diff(
     Examples:
       axcomp diff achskw1.lis axcomp-out/achskw1.lis
     """
-    from ...data.lists import compare, offset_curves
+    from ...data.lists import RemarkCode, compare, offset_curves
 
     lists = read_shown_list(old), read_shown_list(new)
     comparison = compare(*lists)
+    note(
+        f"{listing.source}:{remark.line}: left out, neither an entry nor a comment:"
+        f" {remark.text}"
+        for listing in lists
+        for remark in listing.remarks
+        if remark.code == RemarkCode.UNREADABLE_LINE
+    )
     print_result(comparison if as_json else None, _lines(comparison))
     if out is not None:
         from ._list_plots import draw_tables
@@ -212,6 +220,7 @@ def convert(
     if form not in FORMATS:
         refuse("--to", repr(form), f"one of {', '.join(FORMATS)}")
     refuse_existing(target, "OUT", force=force)
+    refuse_input(target, "OUT", [source])
     if source.suffix.casefold() == ".lis":
         table = table_in(ListFile.read(source), compensation)
     else:

@@ -4,7 +4,7 @@ import copy
 import inspect
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, get_args, get_origin
 
@@ -22,6 +22,8 @@ _OPTION = re.compile(
     r" (?P<help>.+(?:\n {8}.+)*)",
     re.MULTILINE,
 )
+_LONGEST_CYCLE = 0.1
+"""s; position controllers run at 0.25 to 20 ms."""
 _ONE_LINE = re.compile(r"(?<=\S)\n *(?=\S)")
 
 
@@ -83,6 +85,18 @@ def positive(value: float | None) -> float | None:
     return value
 
 
+def cycle(value: float) -> float:
+    """Return the value of an option that must be the cycle of a controller in s.
+
+    Raises:
+        BadParameter: If it is not: many write it in ms.
+    """
+    if not 0 < value <= _LONGEST_CYCLE:
+        message = f"found {value:g} s, expected more than 0, at most {_LONGEST_CYCLE:g}"
+        raise typer.BadParameter(message)
+    return value
+
+
 AsJson = Annotated[
     bool,
     typer.Option("--json", help="Print the result for machines on standard output."),
@@ -136,6 +150,16 @@ def read_lists(files: Sequence[Path]) -> "list[ListFile]":
     from ...data.lists import ListFile
 
     return [ListFile.read(file) for file in dict.fromkeys(files)]
+
+
+def refuse_input(path: Path, option: str, inputs: Iterable[Path]) -> None:
+    """Raise where a file to be written is one that is read, whatever may be replaced.
+
+    Raises:
+        UsageError: Naming it.
+    """
+    if path.resolve() in {file.resolve() for file in inputs}:
+        refuse(option, f"{path}, which is an input", "another file")
 
 
 def refuse_existing(path: Path, option: str, *, force: bool | None = None) -> None:

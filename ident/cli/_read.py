@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ._console import note, print_json, table_of, wide_console, working
-from ._options import AsJson, matched, refuse_existing
+from ._options import AsJson, matched, refuse, refuse_existing, refuse_input
 
 if TYPE_CHECKING:
     from ...data.measurements import CellError, Column, Table, TextForm
     from ..new import NewJob
 
+_LAST_AXIS = 65535
 _SHOWN = 20
 """Lines left out that are named."""
 
@@ -213,6 +214,7 @@ def new(
 
     numbers = dict(map(_numbered, axes or []))
     refuse_existing(out, "--out", force=force)
+    refuse_input(out, "--out", [*files, *(lists or [])])
     with working("reading the measurements"):
         job = new_job(files, path=out, lists=lists or [], axes=numbers)
     write_atomically(out, job.text.encode())
@@ -226,6 +228,8 @@ def new(
 def _numbered(text: str) -> tuple[str, int | None]:
     expected = "a name and a number, like X=1"
     match = matched("--axis", text, r"(?a:(\w*[^\W_]\w*)(=(\d+))?)", expected)
+    if match[3] and not 1 <= int(match[3]) <= _LAST_AXIS:
+        refuse("--axis", text, f"a number from 1 to {_LAST_AXIS}")
     return match[1], int(match[3]) if match[3] else None
 
 

@@ -1,6 +1,7 @@
 """The command ``simulate``: what the controller would add along a motion."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from ._options import (
     axis_ranges,
     by_axis,
     read_lists,
-    refuse,
+    refuse_input,
     rules_of,
 )
 
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from ..exchange import AxisOffsets, ControllerEvent, Motion, StoredConventions
 
 _RELOAD = "RELOAD "
+_WARMED = r"(?P<file>.+?)(?::(?P<sensor>[A-Za-z_][\w-]*))?"
+"""What stands behind ``A1=``: a temperature table, and one sensor of it."""
 _SLACK = 1e-9
 """s: times are written in decimals."""
 
@@ -77,9 +80,11 @@ def simulate(
     from ..job import use_compilation_cache, write_atomically
 
     ranges = axis_ranges(modulo, "--modulo")
-    read = [*files, motion, *([] if events is None else [events])]
-    if out is not None and out.resolve() in {file.resolve() for file in read}:
-        refuse("--out", f"{out}, which is an input", "another file")
+    warmed = by_axis(temperature, "--temperature", _WARMED, "its file as in A1=T.csv")
+    of_plc = [Path(match["file"]) for match in warmed.values()]
+    read = [*files, motion, *of_plc, *([] if events is None else [events])]
+    if out is not None:
+        refuse_input(out, "--out", read)
     use_compilation_cache()
     rules = rules_of(conventions)
     lists = read_lists(files)
@@ -99,7 +104,7 @@ def simulate(
                 rules.conventions,
                 increment,
                 ranges,
-                _lines(temperature or (), lists, path, rules.conventions),
+                _lines(warmed, lists, path, rules.conventions),
             ),
             cycle_time=cycle_time,
             events=happened,
@@ -119,18 +124,16 @@ def simulate(
 
 
 def _lines(
-    texts: Sequence[str],
+    tables: "Mapping[int, re.Match[str]]",
     lists: "Sequence[ListFile]",
     motion: "Motion",
     conventions: "Conventions",
 ) -> "dict[int, TemperatureLine]":
-    """Return the temperature lines that a PLC would follow, by axis."""
+    """Return the temperature lines that a PLC would follow, of their tables, by axis."""
     from ..exchange import machine_lists
     from ..kinds.temperature.entries import read_temperature_table
 
-    machines = machine_lists(lists).machine if texts else {}
-    value = r"(?P<file>.+?)(?::(?P<sensor>[A-Za-z_][\w-]*))?"
-    tables = by_axis(texts, "--temperature", value, "its file as in A1=T.csv")
+    machines = machine_lists(lists).machine if tables else {}
     return {
         axis: read_temperature_table(
             Path(match["file"]),

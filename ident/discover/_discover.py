@@ -27,6 +27,7 @@ from ._unexplained import (
     ripples,
     sensors_alike,
     stays,
+    wandering_runs,
 )
 from ._view import Channel, candidates_of, late_terms, view_of
 
@@ -37,6 +38,8 @@ _UNSURE = 0.3
 _WORTH_WORDS = 0.5
 """Standard deviations of a reading below which what stays is not spoken of: such as what is
 left of a delay that was taken off."""
+_CANCELLED = 0.005
+"""Share of the error below which an effect takes from others what it adds."""
 _ALIKE = 0.9
 """Share of a drift that a temperature follows, from which on it is no sign of the latter."""
 _SLOW = 2e-3
@@ -144,7 +147,7 @@ def examine(
                 text += _steeper(chosen, need.lead)
             label = need.lead.words
             unexplained.append(stays(chosen, label, need.masters, rms, text, share))
-    unexplained += ripples(chosen)
+    unexplained += [*wandering_runs(chosen), *ripples(chosen)]
     size = float(np.sqrt(chosen.square))
     summary = AxisSummary(axis, channel, int(rows.sum()), size, chosen.noise, view.unit)
     return Discovery(
@@ -160,7 +163,10 @@ def _found(chosen: Selection, need: Need, group: str | None) -> Found:
     if need.lead.kind in PUSHES:
         along = f" from {need.masters[0]}"
     sentence = f"{name} of {axis}{along}: {amount(chosen, rms)} rms,"
-    sentence += f" {share:.0%} of the {chosen.view.channel}. {need.words}"
+    part = f"{share:.0%} of the {chosen.view.channel}"
+    if share < _CANCELLED:
+        part = "against what else was found"
+    sentence += f" {part}. {need.words}"
     return Found(
         axis=axis, masters=need.masters, rms=rms, share=share, unit=chosen.view.unit,
         sentence=sentence.strip(), compensation=name, sensor=need.sensor,

@@ -179,6 +179,16 @@ class Selection:
         values = self.groups.values[len(self.groups.values) - count :]
         return np.asarray(self.columns.drift @ values)
 
+    @cached_property
+    def runs(self) -> Float[np.ndarray, " t"]:
+        """What offsets of runs and a drift contribute to each reading."""
+        drifting = self.columns.drift.shape[1]
+        count = drifting + self.columns.runs.shape[1]
+        values = (
+            self.groups.values[-count : -drifting or None] if count else np.zeros(0)
+        )
+        return np.asarray(self.columns.runs @ values) + self.drift
+
     def part(self, term: Term) -> Float[np.ndarray, " t"]:
         """Return what a term contributes to each reading."""
         (group,) = self.index([term])

@@ -25,6 +25,9 @@ _SMOOTH = 3
 _SLIGHT, _SLIGHT_SHARE = 2.0, 0.1
 """A slow change of that many standard deviations, or of that share of the rms of the error,
 is a drift like that of any instrument."""
+_MUCH = 0.3
+"""Share of the rms of the error from which on what runs differ by is said: each run has an
+offset of its own in a fit."""
 _AS_WELL = 0.95
 """Share of what a compensation explains, at which a substitute is as good."""
 _PARTLY = 0.3
@@ -316,6 +319,23 @@ def drifts(chosen: Selection) -> Iterator[Drift]:
             )
         source = int(view.data.source[rows[0]])
         yield Drift(view.axis, source, pieces, rms, view.unit, sentence)
+
+
+def wandering_runs(chosen: Selection) -> Iterator[Unexplained]:
+    """Yield what the runs of each measurement differ by, and drift meanwhile, where it is much."""
+    view = chosen.view
+    if view.channel != "error":
+        return
+    for rows in view.sources:
+        rms = float(np.std(chosen.runs[rows]))
+        least = max(_SLIGHT * chosen.noise, _MUCH * np.sqrt(chosen.square))
+        if len(np.unique(view.data.run[rows])) > 1 and rms >= least:
+            sentence = (
+                f"The runs of {view.axis} differ, or drift meanwhile, by"
+                f" {amount(chosen, rms)} rms beside what was found: the zero of the"
+                " instrument, or what warmed while measuring. No position tells of it."
+            )
+            yield stays(chosen, f"runs of {view.axis}", (), rms, sentence)
 
 
 def ripples(chosen: Selection) -> Iterator[Unexplained]:

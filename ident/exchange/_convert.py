@@ -74,7 +74,11 @@ class ExchangedTable:
             held = getattr(self, key)
             if held and held != value:
                 raise ExchangeError(key, str(held), f"{value}, as stated")
-        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+        stated = dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+        if stated.compensation != "leadscrew" and stated.axis in stated.masters:
+            found = f"axis {stated.axis}, which the table compensates"
+            raise ExchangeError(where="master", found=found, expected="another axis")
+        return stated
 
 
 def table_in(listing: ListFile, compensation: str | None = None) -> ExchangedTable:

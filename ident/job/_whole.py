@@ -355,6 +355,12 @@ class _Axis:
         warm = f" {_WARM}" if follows else ""
         fits = [draft.fit for draft in self.drafts if draft.compensation in names]
         jointly = fits[0].group is not None and len({fit.group for fit in fits}) == 1
+        lacking = [d.name for d in self.files.drafts if not d.written]
+        if lacking:
+            warm = (
+                f" Or {' and '.join(lacking)}, which is left out of the lists, is in these"
+                f" readings, and hides what they do: mend that first.{warm}"
+            )
         group = 'identify them together (the same group = "…" in their [[fits]]), '
         return Remark.error(
             f"With all that will act on {self.name}, {comparison.together:.4g} {self.unit} rms"

@@ -11,6 +11,8 @@ ANSWER = "#? "
 OPTIONAL = " (may stay open)"
 """Stands behind the number of a question that a fit does without."""
 _OPEN = re.compile(r"# QUESTION \d+: ")
+_ZERO = frozenset({"datum", "remove"})
+"""Keys of which either says whose a constant and a slope are."""
 _WIDTH = 88
 
 
@@ -47,7 +49,10 @@ def open_question(text: str) -> tuple[int, str] | None:
             *itertools.takewhile(lambda one: one and not one.startswith("# "), rest)
         ]
         wanted = {_key(one) for one in block if one.startswith(ANSWER)}
-        if wanted and not wanted & {_key(one) for one in block if one[0] != "#"}:
+        stated = {_key(one) for one in block if one[0] != "#"}
+        if wanted & _ZERO:  # either key answers it
+            wanted |= _ZERO
+        if wanted and not wanted & stated:
             words = itertools.takewhile(
                 lambda one: one.startswith("# "), lines[number:]
             )

@@ -190,6 +190,14 @@ def _unowned(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     )
 
 
+def _near(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
+    assert fit.again is not None  # it made the diagnosis
+    return (
+        f"Verified but for one place: {_fall(fit, scale)}; {_again(fit, scale)}"
+        f"{_diagnosis_of(fit.again)}: measure near {reason.fields['where']} again."
+    )
+
+
 def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     fields, unit, where = reason.fields, "°" if fit.unit == "deg" else "mm", []
     if "axis" in fields:
@@ -210,8 +218,14 @@ def _less_than_predicted(fit: AbstractResult, scale: Scale, _: Reason) -> str:
     assert again.rms is not None
     better = again.rms <= _BETTER * again.before
     start = "Better, but less than predicted" if better else "Hardly any better"
-    words = _diagnosis_of(again)
-    return f"{start}: {_fall(fit, scale)}; {_again(fit, scale)}{words}."
+    fall = _fall(fit, scale)
+    if fit.group is not None:  # what was measured again is under all of its lists
+        before, predicted = scale.figure(again.before), scale.figure(again.predicted)
+        fall = (
+            f"the error of {fit.axis} was to fall from {before} to {predicted} {scale.error}"
+            " rms with all lists of its group"
+        )
+    return f"{start}: {fall}; {_again(fit, scale)}{_diagnosis_of(again)}."
 
 
 def _verified(fit: AbstractResult, scale: Scale, _: Reason) -> str:
@@ -234,6 +248,7 @@ _SENTENCES: dict[Code, Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.LESS_THAN_PREDICTED: _less_than_predicted,
     Code.BESIDE: _beside,
     Code.UNOWNED: _unowned,
+    Code.NEAR: _near,
     Code.IN_PART: _in_part,
     Code.VERIFIED: _verified,
 }

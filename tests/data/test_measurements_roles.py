@@ -269,6 +269,27 @@ def test_missing_role_says_what_for(tmp_path: Path) -> None:
         derive_error(data, "X")
 
 
+@pytest.mark.parametrize("actual", ["nan", "10.0"])
+@pytest.mark.parametrize("factor", [1.0, -1.0, 0.1, 25.4])
+def test_an_error_that_contradicts_the_positions_beside_it_is_refused(
+    tmp_path: Path, factor: float, actual: str
+) -> None:
+    # Another zero is none, nor is a cell of the position that the error does without.
+    errors = [0.012, -0.004, 0.007, 0.001, -0.009, 0.003, 0.011, -0.002, 0.005]
+    rows = [f"{k},{k + e},{factor * e + 0.02}\n" for k, e in enumerate(errors)]
+    text = "X.position,X.actual,X.error\n" + "".join(rows) + f"10,{actual},0.02\n"
+    data = measurement(table_of(tmp_path, text))
+    if factor == 1.0 or actual == "nan":
+        assert derive_error(data, "X")[0] == pytest.approx(factor * 0.012 + 0.02)
+        return
+    remedy = "sign = -1" if factor < 0 else "the unit"
+    words = (
+        f"found 'X.error' {factor:.3g} times 'X.actual' − 'X.position', expected once"
+    )
+    with pytest.raises(MeasurementError, match=f"{words}: state {remedy}"):
+        derive_error(data, "X")
+
+
 def test_error_is_actual_minus_commanded(tmp_path: Path) -> None:
     data = measurement(table_of(tmp_path, "X.position,X.actual\n1,1.25\n3,2.5\n"))
     assert derive_error(data, "X").tolist() == [0.25, -0.5]

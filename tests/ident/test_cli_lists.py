@@ -310,6 +310,17 @@ def test_diff_says_what_changed_and_that_a_reload_is_enough(
     ]
 
 
+def test_diff_names_the_lines_that_it_leaves_out(
+    plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    glued = changed(plane, "table[1][2].correction  13", "table[1][2]correction 77")
+    assert main(["diff", str(glued), str(plane)]) == 0
+    line = glued.read_text().split("correction 77")[0].count("\n") + 1
+    shown = capsys.readouterr().err
+    assert f"{glued}:{line}: left out, neither an entry nor a comment" in shown
+    assert "table[1][2]correction 77" in shown
+
+
 def test_diff_as_json_has_the_agreed_shape(
     plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -233,6 +233,29 @@ def test_a_csv_that_contradicts_its_table_is_refused_in_one_line(
     assert shown.count("\n") == 1
 
 
+@pytest.mark.parametrize("masters", [[1], [2, 1]])
+def test_an_axis_is_never_its_own_master(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], masters: list[int]
+) -> None:
+    text = [
+        "position,correction\n0,0\n10,0.001\n",
+        "x,y,z\n0,0,1\n5,0,2\n0,5,3\n5,5,3\n",
+    ]
+    (tmp_path / "t.csv").write_text(text[len(masters) - 1])
+    kind = ["cross", "plane"][len(masters) - 1]
+    target = tmp_path / "a.lis"
+    command = [
+        "convert",
+        str(tmp_path / "t.csv"),
+        str(target),
+        *stated(kind, *masters),
+    ]
+    assert main(command) == 1
+    words = "found axis 1, which the table compensates, expected another axis"
+    assert words in capsys.readouterr().err
+    assert not target.exists()
+
+
 def test_a_list_with_two_tables_needs_one_to_be_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -160,6 +160,9 @@ def test_beside_a_temperature_line_no_fault_is_named(fault: str) -> None:
     verdicts = {one.compensation: (one.verdict, one.sign) for one in found}
     told = ("right", 1) if fault == "right" else ("cannot tell", 0)
     assert verdicts == {"leadscrew": told, "temperature": ("cannot tell", 0)}
+    (screw,) = [one for one in found if one.compensation == "leadscrew"]
+    words = f"{fault} (100 %), or what another list of the axis adds"
+    assert (words in screw.sentence) == (fault != "right")
 
 
 def test_a_factor_that_is_no_fault_is_said_and_not_guessed() -> None:

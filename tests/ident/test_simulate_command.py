@@ -115,6 +115,15 @@ def test_bad_options_are_one_line(
         assert shown.count("\n") == 1
 
 
+def test_a_temperature_table_is_never_written_onto(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = (folder / "t.csv").read_bytes()
+    assert run("--temperature", "A1=t.csv", "--out", "t.csv") == 2
+    assert "which is an input, expected another file" in capsys.readouterr().err
+    assert (folder / "t.csv").read_bytes() == before
+
+
 def test_nan_in_a_motion_is_named_with_its_line(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -182,7 +182,7 @@ def _remedy(parts: Sequence[Component]) -> str:
     if Rank.RUNS in ranks:
         return (
             f"the position of {names} changed together with the runs (or with the time). "
-            "Repeat the same positions in several runs, in another order."
+            "Within each run go to several positions of each, the same in all runs."
         )
     if Rank.DATUM in ranks:
         return f"{names} stood still. Move over the whole table."

@@ -69,7 +69,7 @@ class Controller(JobPart, frozen=True):
     build: str | None = None
     """Build of the controller; it decides which parameters exist. Left out: the newest.
     Example: `"V3.1.3108.4"`."""
-    cycle_time: Annotated[float, Field(gt=0)] = 0.001
+    cycle_time: Annotated[float, Field(gt=0, le=0.1)] = 0.001
     """Cycle of the controller in s. Example: `0.002`."""
 
 

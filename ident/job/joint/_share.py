@@ -170,7 +170,22 @@ class Share:
             if beside
             else f"{TOGETHER}in group {group!r}, alone on {self.axis}."
         )
-        return [Remark.info(words), *self.recording.remarks]
+        return [Remark.info(words), *self._unlisted(), *self.recording.remarks]
+
+    def _unlisted(self) -> list[Remark]:
+        """Return what these figures take off that stands in no list."""
+        missing = [k for k in self.beside if not self.group.written[k]]
+        parts = [self.group.parts[k] for k in missing]
+        if not parts:
+            return []
+        sums = np.sum([part.contribution[self.rows] for part in parts], axis=0)
+        axis = self.group.members[self.number].job.spec.axes[self.axis]
+        names = " and ".join(part.name for part in parts)
+        words = (
+            f"These figures take the {names} off, which stands in no list: its"
+            f" {1e3 * float(np.std(sums)):.2g} {axis.small_unit} rms remain on the machine."
+        )
+        return [Remark.warning(words)]
 
 
 def undetermined_values(part: Part, fit: JointFit) -> tuple[str, ...]:

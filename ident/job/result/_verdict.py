@@ -53,6 +53,8 @@ class Code(enum.StrEnum):
     UNOWNED = "unowned"
     """With the list active a constant or slope is left, and its job does not say whose
     [words]."""
+    NEAR = "near"
+    """It does what it says, but at one place [where]."""
     IN_PART = "in_part"
     """The second measurement saw a part of the travel only [axis, low, high]."""
     VERIFIED = "verified"
@@ -156,6 +158,8 @@ def _doubts(fit: "AbstractResult") -> list[Reason]:
     trend = None if again is None else again.trend
     if trend is not None and not trend.owned:
         return [Reason(Code.UNOWNED, {"words": trend.words})]
+    if again is not None and again.diagnosis is not None and again.diagnosis.near:
+        return [Reason(Code.NEAR, {"where": again.diagnosis.near})]
     if again is not None and again.rms is not None:
         if again.rms > LESS * again.predicted:
             return [Reason(Code.LESS_THAN_PREDICTED)]

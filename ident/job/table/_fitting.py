@@ -27,7 +27,7 @@ from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._plan import Plan
 from ._readings import read_fit
-from ._remarks import doubt_of_places, outside
+from ._remarks import doubt_of_places, limit_remarks, outside
 from ._trend import refuse_unowned_trend
 
 if TYPE_CHECKING:
@@ -75,6 +75,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         ExchangeError: If the result fits no list.
     """
     table, spec, remarks = plan.table, plan.fit, [*remarks]
+    remarks += limit_remarks(plan.job, plan.fit.over, readings.positions)
     run, nodes = readings.run, tuple(line.positions for line in table.nodes)
     # Whether the runs go over the same places, so that others can judge each.
     signs = readings.direction if table.branches == 2 else None

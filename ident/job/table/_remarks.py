@@ -10,6 +10,7 @@ from ...exchange import AbstractTable
 from ..result._result import Remark, SampleView, some_of
 
 if TYPE_CHECKING:
+    from ..file._load import Job
     from ._draft import TableDraft
 
 _MANY = 0.05
@@ -20,6 +21,9 @@ _SPARSE = 1.5
 
 _SHORT = 0.1
 """Share of the travel that a table may leave out before it is said."""
+
+_OVERRUN = 0.01
+"""Share of the travel by which a reading may lie beyond the limits: runs begin before them."""
 
 _MOST, _MOST_WILD = 6, 20
 """Nodes, and wild readings, that are named one by one."""
@@ -103,6 +107,30 @@ def fit_remarks(
             )
     if not fit.converged or fit.loss != draft.fit.loss:
         yield Remark.warning(fit.message)
+
+
+def limit_remarks(
+    job: "Job", axes: Sequence[str], positions: Float[np.ndarray, "t d"]
+) -> Iterator[Remark]:
+    """Return a doubt where readings lie where the software limits let no axis go.
+
+    Args:
+        job: That states the limits.
+        axes: Whose positions they are.
+        positions: Of the readings.
+    """
+    for axis, places in zip(axes, positions.T, strict=True):
+        limits = job.spec.axes[axis].limits
+        if limits is None:
+            continue
+        allowed = _OVERRUN * (limits[1] - limits[0])
+        beyond = np.maximum(limits[0] - places, places - limits[1]) > allowed
+        if count := int(np.sum(beyond)):
+            yield Remark.warning(
+                f"{count} of {len(places)} readings lie beyond the limits of {axis}"
+                f" ({limits[0]:g} to {limits[1]:g}), where it cannot go. Are column, unit and"
+                " origin of its positions right?"
+            )
 
 
 def doubt_of_places(beyond: int, count: int) -> str:

@@ -57,6 +57,7 @@ class Diagnosis:
         sentence: For the person at the machine.
         sign: 1 where the list surely acts with the sign that it has, right or shifted,
             −1 where surely with the opposite one; 0 where neither is sure.
+        near: The place where a list that is right as a whole is not, in words; empty: none.
     """
 
     axis: int
@@ -66,6 +67,12 @@ class Diagnosis:
     probability: float = 0.0
     sentence: str = ""
     sign: int = 0
+    near: str = ""
+
+    @property
+    def is_right(self) -> bool:
+        """Whether it is right at all places that were measured."""
+        return self.verdict == "right" and not self.near
 
     def as_tree(self) -> dict[str, Any]:
         """Return it as result.json has it."""
@@ -163,25 +170,36 @@ def cases_of(use: InUse, scene: Scene) -> tuple[list[Case], float, float | None]
             continue
         named = _named(rival.hypothesis, channel)
         if named.verdict == "right" and rival is search_result.rivals[0]:
-            named = _as_a_whole(named, channel, search_result)
+            rows = scene.changes[use.axis].readings
+            named = _as_a_whole(named, channel, search_result, rows)
         cases.append((rival.criterion, named))
     cases += _elsewhere(use, scene, search_result)
     return cases, float(factor[0]), _blind(channel, target, search_result)
 
 
 def _as_a_whole(
-    right: Diagnosis, channel: AbstractChannel, search_result: Found
+    right: Diagnosis,
+    channel: AbstractChannel,
+    search_result: Found,
+    readings: Float[np.ndarray, " g"],
 ) -> Diagnosis:
-    """Return a diagnosis that says where a list is right as a whole only."""
+    """Return a diagnosis that says where a list is right as a whole only.
+
+    Args:
+        right: It, without that.
+        channel: The compensation.
+        search_result: What explains the change.
+        readings: How many readings each row is the mean of.
+    """
     size = float(np.sqrt(np.mean(search_result.column[search_result.rows] ** 2)))
-    worst = worst_of(channel, search_result)
+    worst = worst_of(channel, search_result, readings[channel.motion.judged])
     if not worst.beyond(_MATTERS * size):
         return right
     text = (
         f"right as a whole, but {1e3 * worst.left:.2g} µm are left near {worst.where}, as if"
         " an entry there were another"
     )
-    return dataclasses.replace(right, sentence=text)
+    return dataclasses.replace(right, sentence=text, near=worst.where)
 
 
 def _named(hypothesis: Hypothesis, channel: AbstractChannel) -> Diagnosis:

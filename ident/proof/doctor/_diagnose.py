@@ -130,13 +130,19 @@ def _judged(use: InUse, scene: Scene, blurred: bool) -> Diagnosis:
         best,
         verdict="cannot tell",
         value=None,
-        sentence=f"cannot tell: {_doubt(by_word, factor, blind, unit)}",
+        near="",
+        sentence=f"cannot tell: {_doubt(by_word, factor, blind, unit, blurred=blurred)}",
         sign=best.sign if sure else 0,
     )
 
 
 def _doubt(
-    shares: Mapping[str, float], factor: float, blind: float | None, unit: str
+    shares: Mapping[str, float],
+    factor: float,
+    blind: float | None,
+    unit: str,
+    *,
+    blurred: bool,
 ) -> str:
     """Return why nothing can be said.
 
@@ -145,6 +151,7 @@ def _doubt(
         factor: What fits best, of the offset that the list gives; NaN: none shows.
         blind: Shift that these readings cannot tell from none, in the unit of lengths.
         unit: Of lengths.
+        blurred: Another list of the axis adds the same at all these places.
     """
     ranked = sorted(shares, key=lambda word: -shares[word])
     if blind is not None and (ranked[0] == "right" or ranked[:2] == ["shift", "right"]):
@@ -163,6 +170,12 @@ def _doubt(
         return (
             f"what it does is {factor:.2g} times what the list says, which"
             " no single fault explains"
+        )
+    if blurred and shares[ranked[0]] >= SURE:
+        return (
+            f"{ranked[0]} ({100 * shares[ranked[0]]:.0f} %), or what another list of the axis"
+            " adds, which is the same at all these places (a temperature line): measure"
+            " with that one off, or both times at one temperature"
         )
     candidates = [
         f"{word} {100 * shares[word]:.0f} %"

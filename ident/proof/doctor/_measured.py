@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 _PLACE = 0.01
 """mm or °: readings that near to each other are of one place."""
 
-_SEVERAL = 4
+_SEVERAL = 2
 """Readings of a place from which on, one more, their median counts and not the mean."""
 
 _MATCHED = 0.5
@@ -46,6 +46,8 @@ class Difference:
         direction: ±1 per place, or None.
         change: In mm or °.
         variance: Of each change, in units of that of a single reading.
+        readings: Before and after, that each change is the mean of; 0 where the first
+            measurement was interpolated: one wild reading of it is in several changes.
         free: Columns that may be in the change: zero and slope of the instrument.
     """
 
@@ -53,6 +55,7 @@ class Difference:
     direction: Int[np.ndarray, " g"] | None
     change: Float[np.ndarray, " g"]
     variance: Float[np.ndarray, " g"]
+    readings: Float[np.ndarray, " g"]
     free: Float[np.ndarray, "g f"]
 
 
@@ -71,7 +74,7 @@ def difference(before: Sequence[Measured], after: Sequence[Measured]) -> Differe
     earlier, later = _places(before, axes, directed), _places(after, axes, directed)
     number = {tuple(key): k for k, key in enumerate(earlier.keys.tolist())}
     match = np.array([number.get(tuple(key), -1) for key in later.keys.tolist()])
-    if np.sum(match >= 0) >= _MATCHED * len(match):
+    if matched := np.sum(match >= 0) >= _MATCHED * len(match):
         early = np.where(match >= 0, earlier.level[match], np.nan)
         counts = earlier.count[match]
     else:
@@ -83,11 +86,13 @@ def difference(before: Sequence[Measured], after: Sequence[Measured]) -> Differe
     nuisance = [np.ones(len(keys))]
     if any(measurement.line for measurement in measurements):
         nuisance += list(positions.values())
+    variance = 1.0 / counts[finite] + 1.0 / later.count[finite]
     return Difference(
         positions=positions,
         direction=keys[:, -1] if directed else None,
         change=later.level[finite] - early[finite],
-        variance=1.0 / counts[finite] + 1.0 / later.count[finite],
+        variance=variance,
+        readings=matched * 2.0 / variance,
         free=np.stack(nuisance, axis=1),
     )
 

@@ -264,8 +264,20 @@ class Worst:
         return self.left > max(limit, _FAR * self.noise)
 
 
-def worst_of(channel: AbstractChannel, result: Found) -> Worst:
-    """Return what is left most near any node: over a whole log one wrong entry hardly shows."""
+def worst_of(
+    channel: AbstractChannel,
+    result: Found,
+    readings: Float[np.ndarray, " e"] | None = None,
+) -> Worst:
+    """Return what is left most near any node: over a whole log one wrong entry hardly shows.
+
+    Args:
+        channel: The compensation.
+        result: What explains its rows.
+        readings: How many readings each row that is judged is the mean of; None: one each.
+    """
+    from scipy.ndimage import mean, median
+
     masters = channel.masters[-len(channel.ways) :]
     if not channel.ways or not masters:
         return Worst()
@@ -275,16 +287,21 @@ def worst_of(channel: AbstractChannel, result: Found) -> Worst:
         np.rint((place - way.low) / way.step)
         for place, way in zip(places, channel.ways, strict=True)
     ]
-    _, first, cell, count = np.unique(
-        np.stack(cells, axis=1),
-        axis=0,
-        return_index=True,
-        return_inverse=True,
-        return_counts=True,
+    _, first, cell = np.unique(
+        np.stack(cells, axis=1), axis=0, return_index=True, return_inverse=True
     )
-    left = np.abs(np.bincount(cell.reshape(-1), result.residual) / count)
-    scatter = np.abs(result.residual - np.median(result.residual))
-    noise = max(1.4826 * float(np.median(scatter)), RESOLUTION) / np.sqrt(count)
+    weight = np.ones(len(cell)) if readings is None else readings
+    labels = cell.reshape(-1)
+    count = np.bincount(labels, weight)
+    if np.max(count) < _LEAST:
+        return Worst()
+    # Of readings the median: a wild one is no entry.
+    middle = mean if readings is None else median
+    left = np.abs(middle(result.residual, labels, np.arange(len(count))))
+    scatter = np.abs(result.residual - np.median(result.residual)) * np.sqrt(weight)
+    noise = max(1.4826 * float(np.median(scatter)), RESOLUTION) / np.sqrt(
+        np.maximum(count, 1.0)
+    )
     worst = int(np.argmax(np.where(count >= _LEAST, left / noise, 0.0)))
     words = (
         f"{motion.name(axis)} = {way.low + way.step * line[first[worst]]:.4g}"

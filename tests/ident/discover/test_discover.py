@@ -488,3 +488,28 @@ def test_pysindy_selects_and_its_libraries_carry_the_terms(
 def nothing_but_zeros(self: Any, rows: Any) -> Any:
     """Return features as a library would that has no functions."""
     return np.zeros((len(rows), self.n_output_features_))
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.02])
+def test_runs_that_drift_far_are_told(drift: float) -> None:
+    rng = np.random.default_rng(1)
+    x, y = (g.ravel() for g in np.meshgrid(np.arange(9.0) * 75, np.arange(6.0) * 80))
+    place = {"X": np.tile(x, 3), "Y": np.tile(y, 3)}
+    rows = len(place["X"])
+    time = np.arange(rows) * 4.0
+    error = 0.008 * np.sin(place["X"] / 150) * np.cos(place["Y"] / 170)
+    error += drift * (1.0 - np.exp(-time / 200)) + 5e-4 * rng.normal(size=rows)
+    found = discover(
+        Observed(
+            time=time,
+            run=np.repeat(np.arange(3), len(x)),
+            source=np.zeros(rows, dtype=np.int64),
+            position=place,
+            error={"Z": error},
+            direction={},
+        ),
+        ("X", "Y", "Z"),
+    )
+    told = [one.sentence for one in found.unexplained if one.what == "runs of Z"]
+    assert len(told) == (drift > 0.0)
+    assert all("The runs of Z differ, or drift meanwhile" in one for one in told)

@@ -76,6 +76,21 @@ def test_table_that_leaves_out_a_part_of_the_travel_says_so(
 
 
 @pytest.mark.parametrize(
+    ("limits", "beyond"), [("[0, 400]", 0), ("[2, 398]", 0), ("[60, 400]", 12)]
+)
+def test_readings_where_the_axis_cannot_go_are_doubted(
+    tmp_path: Path, limits: str, beyond: int
+) -> None:
+    laser(tmp_path / "laser.csv")
+    job = screw_job(tmp_path, axis=f"limits = {limits}")
+    (fit,) = run_job(job, tmp_path / "out").fits
+    said = " ".join(r.message for r in fit.remarks if r.level == "warning")
+    words = f"{beyond} of 54 readings lie beyond the limits of X"
+    assert (words in said) == (beyond > 0)
+    assert ("beyond the limits" in said) == (beyond > 0)
+
+
+@pytest.mark.parametrize(
     ("shift", "words"),
     [
         (0.0, "none"),

@@ -36,10 +36,12 @@ def laser(
     ways: int = 1,
     loaded: tuple[float, float] = (-np.inf, np.inf),
     zero: float = 0.0,
+    entry: float = 0.0,
 ) -> None:
     """Three runs; `added`: how many times the list acts that lies in ``out``.
 
-    It acts within `loaded`, with the entries of the other direction where `ways` is −1.
+    It acts within `loaded`, with the entries of the other direction where `ways` is −1; at 200 mm
+    it adds `entry` more.
     """
     rng = np.random.default_rng(seed)
     target = np.tile(np.concatenate([there, there[::-1]]), 3)
@@ -50,7 +52,9 @@ def laser(
     if added is not None:
         acts = (target >= loaded[0]) & (target <= loaded[1])
         adds = offsets(path.parent / "out", 1, A1=target, D=ways * direction)
-        error += added * acts * adds
+        error += added * acts * adds + entry * np.interp(
+            target, [175, 200, 225], [0, 1, 0]
+        )
     table(
         path, "target,actual,run,direction", target, target + error, run, direction
     )  # fmt: skip
@@ -195,6 +199,21 @@ def test_second_measurement_of_a_part_verifies_that_part_only(
     (reason,) = screw["reasons"]
     assert reason == {"code": "in_part", "axis": "X", "low": 200.0, "high": 400.0}
     assert "X from 200 to 400 mm only" in " ".join(capsys.readouterr().out.split())
+
+
+def test_second_measurement_names_the_one_place_that_its_list_makes_worse(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # A node at each place that is measured: then one entry is one place.
+    fine = job.read_text().replace("interval = 100.0", "interval = 25.0")
+    job.write_text(fine.replace("points = 5", "points = 17"))
+    run_job(job, job.parent / "out")
+    assert fit(job, "--after", str(after_job(job.parent, 1.0, entry=0.008))) == 0
+    (screw,) = result(job)["fits"]
+    assert screw["verdict"] == "unproven"
+    assert screw["reasons"] == [{"code": "near", "where": "X = 200"}]
+    words = " ".join(capsys.readouterr().out.split())
+    assert "measure near X = 200 again" in words
 
 
 def test_second_measurement_that_says_the_list_was_off_verifies_nothing(

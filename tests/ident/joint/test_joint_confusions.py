@@ -187,7 +187,7 @@ def test_runs_that_stood_at_places_of_their_own() -> None:
     )
     fit = fit_joint(data, [Leadscrew("X", X), Cross("X", master="Y", setpoints=Y)])
     pair = _pair(fit, "cross of X over Y", "runs of X")
-    assert "Repeat the same positions in several runs" in pair.sentence
+    assert "Within each run go to several positions" in pair.sentence
     assert _known(fit, "leadscrew of X")
 
 

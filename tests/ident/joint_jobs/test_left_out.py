@@ -219,5 +219,10 @@ def test_a_terminal_reads_the_group_first_and_nothing_twice(
     assert sum("not known" in row and "LEFT OUT" in row for row in rows) == 2
     assert said.count("cannot tell the leadscrew of X and the temperature") == 1
     assert said.count("error: The leadscrew of X is left out:") == 1
+    assert "is left out:\n" not in said
+    assert said.count("is left out: as said above.") == 2
+    # What the written list is judged beside is on the machine.
+    unlisted = "These figures take the leadscrew of X and temperature of X (scale) off"
+    assert unlisted in said
     assert said.count("A straight line over X may be moved between") == 1
     assert "Identified together" not in said

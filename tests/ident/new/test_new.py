@@ -10,6 +10,7 @@ import pytest
 
 from axcomp.ident.cli import main
 from axcomp.ident.job import load_job
+from axcomp.ident.new import open_question
 
 from .conftest import answer
 
@@ -108,6 +109,35 @@ def test_a_job_that_exists_is_replaced_only_when_that_is_asked_for(
     assert job.read_text() == "mine"
     assert main([*again, "--force"]) == 0
     assert job.read_text() != "mine"
+
+
+def test_a_measurement_is_never_replaced_by_its_job(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "readings.csv"
+    file.write_text(LASER)
+    assert main(["new", str(file), "--out", str(file), "--force"]) == 2
+    assert "which is an input, expected another file" in capsys.readouterr().err
+    assert file.read_text() == LASER
+
+
+@pytest.mark.parametrize("number", ["0", "70000"])
+def test_a_number_that_no_axis_has_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], number: str
+) -> None:
+    (tmp_path / "readings.csv").write_text(LASER)
+    command = ["new", str(tmp_path / "readings.csv"), "--axis", f"X={number}"]
+    assert main([*command, "--out", str(tmp_path / "job.toml")]) == 2
+    assert "expected a number from 1 to 65535" in capsys.readouterr().err
+
+
+def test_the_owner_of_a_constant_is_told_by_either_key(written: Written) -> None:
+    text = written("laser").read_text().replace("#? number =", "number =")
+    assert open_question(text) is not None
+    (line,) = [one for one in text.splitlines() if one.startswith("#? datum =")]
+    assert "#? remove =" in text
+    # The lines with the other key stay as they are.
+    assert open_question(text.replace(line, line.removeprefix("#? "))) is None
 
 
 def test_reading_a_file_ends_with_the_command_that_makes_a_job(
