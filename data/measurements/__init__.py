@@ -12,6 +12,7 @@ from ._cnc_objects import (
     INDEX_GROUP as INDEX_GROUP,
     CncObject as CncObject,
 )
+from ._dates import may_be_ms as may_be_ms
 from ._derive import (
     derive_error as derive_error,
     derive_motion as derive_motion,

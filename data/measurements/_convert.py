@@ -10,6 +10,9 @@ from ._units import LIBRARY_UNIT, Unit, find_unit, unit as named_unit
 from ._words import direction_of
 
 _LINEAR = ("length", "velocity", "acceleration")
+_FEWEST, _SURE = 3, 0.9
+"""Steps from row to row in a direction, and by how much more of them go against it than with
+it, that contradict it."""
 _ANGULAR = ("angle", "angular velocity", "angular acceleration")
 
 
@@ -106,6 +109,30 @@ def as_direction(
         cell = BadCell(int(table.lines[at]), found)
         raise table.cell_error(column, cell, expected)
     return values.astype(np.int64)
+
+
+def runs_against(
+    place: Float[np.ndarray, " t"],
+    direction: Int[np.ndarray, " t"],
+    run: Int[np.ndarray, " t"] | None = None,
+) -> bool:
+    """Return whether positions, as they follow each other, go against both directions.
+
+    Args:
+        place: Positions in the order of the file.
+        direction: ±1 of each.
+        run: Of each; between runs nothing is compared.
+    """
+    step = np.sign(np.diff(place))
+    kept = (direction[1:] == direction[:-1]) & np.isfinite(step) & (step != 0)
+    if run is not None:
+        kept &= run[1:] == run[:-1]
+    ways = direction[1:][kept], step[kept]
+    return all(
+        np.sum(ways[0] == way) >= _FEWEST
+        and np.mean(way * ways[1][ways[0] == way]) <= -_SURE
+        for way in (1, -1)
+    )
 
 
 def _is_all_minus(column: Column) -> bool:

@@ -23,6 +23,10 @@ _EXPECTED = "a number of seconds or a date like 2026-11-21 14:30:00"
 _UNCLEAR = (
     "a date like 2026-11-21 or 21.11.2026: nothing in this column tells day from month"
 )
+_SLOW = 0.5
+"""Steps of a clock below which they are in s: no controller logs at fractions of a µs."""
+MOST_SECONDS = 1e11
+"""The year 5000, as seconds since 1970: more is no time in s."""
 _DAY = 86_400.0
 _EPOCH = datetime.date(2020, 1, 1).toordinal()
 """Days are counted from near: the last digits of a second are kept."""
@@ -32,6 +36,12 @@ def is_instant(cell: str) -> bool:
     """Whether a cell holds a date, a time of day, or both."""
     date, clock = _parts(cell)
     return date is not None or clock is not None
+
+
+def may_be_ms(values: Float[np.ndarray, " t"]) -> bool:
+    """Whether instants without a unit go on by so much that they may be in ms."""
+    steps = np.abs(np.diff(values[np.isfinite(values)]))
+    return bool(steps.size) and float(np.median(steps)) >= _SLOW
 
 
 def seconds_of_dates(table: Table, column: Column) -> Float[np.ndarray, " t"]:

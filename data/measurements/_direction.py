@@ -11,7 +11,8 @@ from collections import Counter
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._errors import DirectionUnknown
+from ._convert import runs_against
+from ._errors import DirectionUnknown, MeasurementError
 from ._measurement import Measurement
 
 
@@ -48,11 +49,15 @@ def explain_direction(measurement: Measurement, axis: str) -> Directions:
 
     Raises:
         DirectionUnknown: With what to give, where it cannot be told.
+        MeasurementError: If the column says the opposite of how the positions follow each
+            other.
         MissingRole: If there is neither a direction nor a position of the axis.
     """
     role = f"{axis}.direction"
     if role in measurement.values:
-        return Directions(measurement.values[role].astype(np.int64), "column")
+        stated = measurement.values[role].astype(np.int64)
+        _refuse_contradiction(measurement, axis, stated)
+        return Directions(stated, "column")
     position = measurement.require(f"{axis}.position", "to derive the direction")
     run, time = measurement.get("run"), measurement.get("time")
     finder, valid = _Finder(measurement, axis), np.isfinite(position)
@@ -72,6 +77,21 @@ def explain_direction(measurement: Measurement, axis: str) -> Directions:
         values[group] = values[group[np.maximum(before, np.argmax(valid[group]))]]
     source = "time" if moving else "order of the targets"
     return Directions(values, source, tuple(dict.fromkeys(finder.remarks)))
+
+
+def _refuse_contradiction(
+    measurement: Measurement, axis: str, stated: Int[np.ndarray, " t"]
+) -> None:
+    position = measurement.get(f"{axis}.position")
+    run = measurement.get("run")
+    if position is None or not runs_against(position, stated, run):
+        return
+    reason = (
+        f"found '{axis}.direction' + where '{axis}.position' goes down from row to row and −"
+        " where it goes up, expected one way of counting: state sign = -1 of the column"
+        " that counts the other way than the axis (columns)"
+    )
+    raise MeasurementError(str(measurement.source), reason)
 
 
 def _is_motion(position: Float[np.ndarray, " t"]) -> bool:

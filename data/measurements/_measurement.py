@@ -10,14 +10,14 @@ from jaxtyping import Float, Int
 
 from ..html import table_html
 from ._align import on_one_clock
-from ._convert import as_direction, as_run, library_unit, unit_of
-from ._dates import seconds_of_dates
+from ._convert import as_direction, as_run, library_unit, runs_against, unit_of
+from ._dates import MOST_SECONDS, may_be_ms, seconds_of_dates
 from ._errors import MeasurementError, MissingRole
 from ._roles import ColumnSpec as ColumnSpec, Role, find_role, role as named_role
 from ._table import MESH_FORMATS, Column, Skipped, Table, TextForm
 from ._units import find_unit
 from ._wide import unfolded
-from ._words import kinds_in, says_correction, words_in
+from ._words import is_leg, kinds_in, says_correction, words_in
 
 
 class RoleValues:
@@ -248,11 +248,27 @@ def measurement(
         if (
             column.unit is None
             and spec.unit is None
-            and column.role in ("error", "actual")
+            and column.role in ("position", "error", "actual")
         ):
             remarks.append(
                 f"Column '{column.name}' states no unit: it is taken in {unit.name}."
             )
+        if role.kind == "time" and column.unit is None and spec.unit is None:
+            largest = float(
+                np.max(
+                    np.abs(column.values), initial=0.0, where=np.isfinite(column.values)
+                )
+            )
+            if largest > MOST_SECONDS:
+                reason = (
+                    f"column '{column.name}': found a time of {largest:.3g} without a unit,"
+                    " expected s: state its unit (s, ms, us, ns) in columns"
+                )
+                raise MeasurementError(source, reason)
+            if may_be_ms(column.values):
+                remarks.append(
+                    f"Column '{column.name}' states no unit: it is taken in s, not in ms."
+                )
         if column.doubtful_unit and spec.unit is None and unit.name == column.unit:
             remarks.append(
                 f"Column '{column.name}' is taken in {unit.name} from its name."
@@ -265,6 +281,7 @@ def measurement(
                 gaps[text] = spec.sign * unit.to_library(column.values, scale)
         else:
             good[text] = values
+    remarks += _turned_legs(table, mapping, good)
     return Measurement(
         name=name or table.path.name,
         source=table.path,
@@ -277,6 +294,37 @@ def measurement(
         form=table.form,
         skipped=table.skipped,
     )
+
+
+def _turned_legs(
+    table: Table, mapping: Mapping[str, ColumnSpec], good: dict[str, np.ndarray]
+) -> list[str]:
+    """Turn directions that are named as the way there and back, where there is towards −.
+
+    Returns:
+        What was turned, in sentences.
+    """
+    remarks = []
+    for text, spec in mapping.items():
+        role = find_role(text)
+        place = good.get(text.replace("direction", "position"))
+        if (
+            role is None
+            or role.kind != "direction"
+            or text not in good
+            or place is None
+        ):
+            continue
+        cells = table.column(spec.column).text if spec.column else None
+        if spec.positive is not None or not cells or not all(map(is_leg, {*cells})):
+            continue
+        if runs_against(place, good[text], good.get("run")):
+            good[text] = -good[text]
+            plus = cells[int(np.argmax(good[text]))].strip()
+            remarks.append(
+                f"'{plus}' is motion in + direction: so the positions follow each other."
+            )
+    return remarks
 
 
 def advice(table: Table) -> str:

@@ -22,6 +22,7 @@ from ._header import (
 )
 from ._roles import ColumnSpec
 from ._table import LASER_FORMAT, BadCell, Column, Table
+from ._words import is_leg
 
 _KINDS = {"actual": "actual positions", "error": "errors"}
 _FEWEST = 3
@@ -156,6 +157,22 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
         table = dataclasses.replace(table, remarks=(*table.remarks, remark))
     if len(runs) < 2:
         return None
+    place = table.columns[target].values
+    legs = [
+        at for at, item in runs.items() if item.direction and is_leg(names[at].header)
+    ]
+    if legs and np.all(np.diff(place) < 0.0):
+        for at in legs:
+            direction = runs[at].direction
+            turned = None if direction is None else -direction
+            runs[at] = dataclasses.replace(runs[at], direction=turned)
+        word = names[legs[0]].header
+        way = "+" if runs[legs[0]].direction == 1 else "−"
+        remark = (
+            f"'{word}' is motion in {way} direction: the targets are listed downwards, and"
+            " the way there goes as they are listed."
+        )
+        table = dataclasses.replace(table, remarks=(*table.remarks, remark))
     return _with_runs(table, target, numbered(runs))
 
 

@@ -113,6 +113,13 @@ DIRECTIONS = {
 }
 """Direction of approach, +1 or −1, by the words and signs of files."""
 
+_LEGS = frozenset(
+    "fwd forward forwards vor vorwärts vorwaerts hin hinweg hinfahrt hinlauf hingang vorlauf"
+    " out outward outbound aller avant andata avanti ida bwd backward backwards back rev"
+    " reverse rück rueck zurück zurueck rückwärts rueckwaerts her rückweg rueckweg rückfahrt"
+    " rueckfahrt rücklauf ruecklauf rückgang rueckgang herweg return inward inbound retour"
+    " arrière ritorno indietro vuelta".split()
+)
 _MINUS = re.compile(r"[-−–]|minus")
 _PIECE = re.compile(r"[A-Za-z0-9À-ÿ]+")
 _CAMEL = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+")
@@ -150,6 +157,11 @@ def is_warm(text: str) -> bool:
 def direction_of(text: str) -> int | None:
     """Return the direction that a cell names, or None."""
     return DIRECTIONS.get(text.strip(" .").casefold())
+
+
+def is_leg(text: str) -> bool:
+    """Whether a cell names the way there or back, whichever way that goes."""
+    return any(piece.casefold() in _LEGS for piece in pieces(text))
 
 
 def says_nothing(words: Iterable[str]) -> bool:

@@ -22,6 +22,7 @@ from ...data.measurements import (
     find_role,
     find_unit,
     kinds_in,
+    may_be_ms,
     pieces as pieces_of,
     says_correction,
     words_in,
@@ -49,7 +50,7 @@ _OFF = re.compile(r"d([xyz])", re.IGNORECASE)
 _LINEAR = ("X", "Y", "Z")
 _FINE = 0.5
 """Largest error that rather is one in mm than in µm, or in ° than in m°."""
-_UNSTATED = {"error": ("um", "mm"), "current": ("A", "%", "raw")}
+_UNSTATED = {"error": ("um", "mm"), "current": ("A", "%", "raw"), "time": ("s", "ms")}
 """Units among which a column without one asks, by kind of role."""
 _UNSTATED_ANGLE = ("mdeg", "arcsec", "deg")
 """Units among which the error of a rotary axis asks."""
@@ -511,7 +512,7 @@ def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
     complete = all(each.column.role is not None for each in named)
     if any(each.kind == "encoder" and each.own for each in named):
         return False
-    stated = all(each.column.unit or each.kind not in _UNSTATED for each in named)
+    stated = all(len(_units(e.column, e.kind, turns=False)) == 1 for e in named)
     return complete and stated
 
 
@@ -540,8 +541,10 @@ def _units(column: Column, kind: str, *, turns: bool) -> Sequence[str | None]:
         kind: Of its role.
         turns: The positions of its axis are angles.
     """
-    if column.unit is not None or kind not in _UNSTATED:
+    if column.unit is not None or kind not in _UNSTATED or column.text is not None:
         return [column.unit]
+    if kind == "time" and not may_be_ms(column.values):
+        return [None]
     units = _UNSTATED_ANGLE if turns and kind == "error" else _UNSTATED[kind]
     fine = kind == "error" and _largest(column) < _FINE
     return units[::-1] if fine else units

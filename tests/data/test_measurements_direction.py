@@ -10,6 +10,7 @@ from axcomp.data.measurements import (
     ColumnSpec,
     DirectionUnknown,
     Measurement,
+    MeasurementError,
     derive_direction,
     explain_direction,
     measurement,
@@ -38,6 +39,67 @@ def directions(
 def test_direction_column_counts(tmp_path: Path) -> None:
     found = directions(tmp_path, [0, 1, 2], direction=[-1, 1, -1])
     assert found == [-1, 1, -1]
+
+
+DOWN = [0, -50, -100, -150, -200]
+"""Targets of an axis that is homed at the end of its travel."""
+
+
+def cycle(folder: Path, words: tuple[str, str], places: Sequence[float]) -> Path:
+    path = folder / "cycle.csv"
+    there = [f"{words[0]},{x},{k}" for k, x in enumerate(places)]
+    back = [f"{words[1]},{x},{k}" for k, x in enumerate(places[::-1])]
+    lines = ["Richtung,Soll [mm],Abweichung [um]", *(there + back) * 2]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    "words", [("hin", "her"), ("vorwärts", "rückwärts"), ("fwd", "rev")]
+)
+def test_the_way_there_is_towards_where_the_targets_go(
+    tmp_path: Path, words: tuple[str, str]
+) -> None:
+    for places, way in ((DOWN, -1), (DOWN[::-1], 1)):
+        table = read_table(cycle(tmp_path, words, places))
+        read = measurement(table, axis="X")
+        assert derive_direction(read, "X").tolist() == [*[way] * 5, *[-way] * 5] * 2
+        said = any("is motion in + direction" in remark for remark in read.remarks)
+        assert said == (way < 0)
+        # What a job states goes before.
+        own = {
+            "X.position": ColumnSpec("Soll"),
+            "X.direction": ColumnSpec("Richtung", positive=words[way < 0]),
+        }
+        stated = derive_direction(measurement(table, own), "X")
+        assert stated.tolist() == [*[way] * 5, *[-way] * 5] * 2
+
+
+@pytest.mark.parametrize("words", [("+", "-"), ("up", "down"), ("1", "-1")])
+def test_signs_against_the_order_of_the_targets_are_refused(
+    tmp_path: Path, words: tuple[str, str]
+) -> None:
+    read = measurement(read_table(cycle(tmp_path, words, DOWN)), axis="X")
+    with pytest.raises(MeasurementError, match=r"state sign = -1 of the column"):
+        derive_direction(read, "X")
+    columns = {
+        "X.position": ColumnSpec("Soll"),
+        "X.direction": ColumnSpec("Richtung", sign=-1),
+    }
+    turned = measurement(read_table(cycle(tmp_path, words, DOWN)), columns)
+    assert derive_direction(turned, "X").tolist() == [*[-1] * 5, *[1] * 5] * 2
+
+
+@pytest.mark.parametrize(("first", "way"), [(-200, 1), (0, -1)])
+def test_the_way_there_of_columns_per_run_goes_as_the_targets_are_listed(
+    tmp_path: Path, first: int, way: int
+) -> None:
+    path = tmp_path / "wide.csv"
+    rows = [f"{first + 50 * way * k},{k},{k + 1},{k},{k + 1}" for k in range(5)]
+    heads = "Soll [mm],1 hin [um],1 rück [um],2 hin [um],2 rück [um]"
+    path.write_text("\n".join([heads, *rows]) + "\n", encoding="utf-8")
+    sides = [c.direction for c in read_table(path).columns if c.direction]
+    assert sides == [way, -way, way, -way]
 
 
 def test_standard_cycle_reads_the_end_target_from_both_sides(tmp_path: Path) -> None:

@@ -290,6 +290,29 @@ def test_an_error_that_contradicts_the_positions_beside_it_is_refused(
         derive_error(data, "X")
 
 
+@pytest.mark.parametrize(
+    ("step", "unit", "said"),
+    [("4", "", True), ("0.004", "", False), ("4", " [ms]", False)],
+)
+def test_a_clock_that_may_be_in_ms_is_told_what_it_is_taken_in(
+    tmp_path: Path, step: str, unit: str, said: bool
+) -> None:
+    rows = "".join(f"{float(step) * k},{k}\n" for k in range(9))
+    data = measurement(table_of(tmp_path, f"time{unit},X.position [mm]\n{rows}"))
+    words = "Column 'time' states no unit: it is taken in s, not in ms."
+    assert (words in data.remarks) == said
+    scale = 1e-3 if unit else 1.0
+    assert data.values["time"][1] == pytest.approx(scale * float(step))
+
+
+@pytest.mark.parametrize("start", [1.79e12, 1.33e17])
+def test_milliseconds_since_1970_are_no_seconds(tmp_path: Path, start: float) -> None:
+    rows = "".join(f"{start + 1000 * k:.0f},{k}\n" for k in range(9))
+    table = table_of(tmp_path, f"time,X.position\n{rows}")
+    with pytest.raises(MeasurementError, match="without a unit, expected s: state"):
+        measurement(table)
+
+
 def test_error_is_actual_minus_commanded(tmp_path: Path) -> None:
     data = measurement(table_of(tmp_path, "X.position,X.actual\n1,1.25\n3,2.5\n"))
     assert derive_error(data, "X").tolist() == [0.25, -0.5]
