@@ -190,6 +190,8 @@ class JointData:
         runs: The same by axis, for axes on which other runs than these (or none) may have
             an offset of their own.
         clock_number: Of the clock that tells the time of each row; None where there is one.
+        own_zero: Whether the zero of a row is the machine's, beside rows whose zero is
+            arbitrary; None where all are alike.
     """
 
     position: Columns = dataclasses.field(default_factory=dict)
@@ -204,6 +206,7 @@ class JointData:
         default_factory=dict
     )
     clock_number: Int[np.ndarray, " t"] | None = None
+    own_zero: Bool[np.ndarray, " t"] | None = None
 
     channels: ClassVar[tuple[str, ...]] = CHANNELS
     """Attributes that hold arrays by name."""

@@ -56,6 +56,7 @@ def fit_table(
     loss: str = "student",
     run_effects: str = "none",
     allow_gaps: bool = False,
+    floating: Sequence[int] = (),
 ) -> TableFit:
     r"""Fit the node values of a table to readings of the error.
 
@@ -76,6 +77,7 @@ def fit_table(
             its own, summing to zero over the runs. With a robust loss a run that lies far off
             the others does not count in that mean; it is named in any case.
         allow_gaps: Accept fewer readings than nodes; the prior fills in.
+        floating: Runs whose zero is arbitrary: they do not count in the mean.
 
     Raises:
         FitError: If the readings cannot determine the table or an option is unknown.
@@ -92,11 +94,12 @@ def fit_table(
         run_effects == "drift",
         allow_gaps,
         _steps(samples),
+        tuple(floating),
     )
     extent.check(layout, fit_to.stack(()).free, allow_gaps)
     with one_blas_thread():
         fit = fit_to(loss, ())
-        far = far_runs(fit.runs) if loss != "gauss" else ()
+        far = fit_to.far(fit) if loss != "gauss" else ()
         if far:
             # A run that contradicts the others must not pull their mean.
             fit = fit_to(loss, far)
@@ -223,11 +226,16 @@ class _InMemory:
     drift: bool
     allow_gaps: bool
     steps: Steps
+    floating: tuple[int, ...]
 
     def stack(self, far: Sequence[int]) -> Stack:
         """Return the table, and effects of the runs; some do not count in their mean."""
-        counted = ~np.isin(self.labels, list(far))
+        counted = ~np.isin(self.labels, [*far, *self.floating])
         return _stack(self.layout.effect, counted.tobytes(), self.drift)
+
+    def far(self, fit: TableFit) -> tuple[int, ...]:
+        """Return the runs that contradict the others, of those that count in their mean."""
+        return far_runs([run for run in fit.runs if run.run not in self.floating])
 
     def medians(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " r"]:
         """Return the median of each run."""
@@ -278,7 +286,7 @@ class _InMemory:
         if len(self.labels) > 2:
             scatter = self.medians(np.abs(residual))
             loud = self.labels[scatter > _LOUD * np.median(scatter)].tolist()
-            suspects = tuple(sorted({*loud, *far_runs(fit.runs)}))
+            suspects = tuple(sorted({*loud, *self.far(fit)}))
         return dataclasses.replace(
             fit.doubted(self.steps.common(residual, judged.wild)),
             residual=residual,

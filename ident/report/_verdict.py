@@ -101,6 +101,8 @@ def front_of(fits: Sequence[tuple[str, AbstractResult]], worst: Verdict) -> Fron
     return Front(level, summary, ", ".join(name.replace("_", " ") for name in unproven))
 
 
+_APART = 10.0
+"""Times the scatter of a reading from which on runs that lie apart have zeros of their own."""
 _NO_GAIN = {
     "run": " What was measured is scatter or drift, which no table takes away.",
     # A block that is left out takes all readings of its nodes with it: that shows what the
@@ -128,7 +130,17 @@ def _error(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 def _no_gain(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     second = "" if fit.again is None else f"; {_again(fit, scale)}"
-    explanation = _NO_GAIN.get(fit.held_out, "") if isinstance(fit, TableResult) else ""
+    explanation = ""
+    if isinstance(fit, TableResult):
+        explanation = _NO_GAIN[fit.held_out]
+        offsets = [run.offset for run in fit.fit.runs]
+        apart = max(offsets, default=0.0) - min(offsets, default=0.0)
+        if apart > _APART * fit.fit.noise:
+            explanation = (
+                f" Its runs lie up to {scale.figure(apart)} {scale.error} apart: where each had"
+                " a zero of its own, give it as a measurement of its own, with remove ="
+                ' "offset".'
+            )
     start = "Nothing shows yet that this list helps"
     if fit.judgement.verdict is Verdict.REJECTED:
         start = "This list would not help, do not load it"

@@ -51,12 +51,14 @@ class Course:
         spans: First and last instant of each run in s; empty without a drift.
         pieces: Of the stated drift of each run; 0 = an offset alone.
         steps: Of the bridge upon each piece; one has no bridge.
+        counted: Whether the zero of each run is the machine's; empty: all are alike.
     """
 
     runs: tuple[int, ...] = ()
     spans: tuple[tuple[float, float], ...] = ()
     pieces: int = 0
     steps: int = 1
+    counted: tuple[bool, ...] = ()
 
     @property
     def offsets(self) -> Float[np.ndarray, "i k"]:
@@ -300,8 +302,12 @@ def _nuisance(
         line = chain(np.linspace(0.0, 1.0, course.pieces + 1))
         prior = Smooth(line, None, len(course.runs), np.arange(len(places)))
     name = f"{rank.name.lower()} of {axis}"
-    level = "the run effects sum up to zero"
-    return Component(name, rank, places, prior=prior, level=level)
+    level, reference = "the run effects sum up to zero", None
+    if rank == Rank.RUNS and course.counted:
+        level = "those of runs whose zero is the machine's sum up to zero"
+        knots = len(places) // len(course.runs)
+        reference = np.repeat(np.array(course.counted, dtype=float), knots)[None]
+    return Component(name, rank, places, prior=prior, reference=reference, level=level)
 
 
 def _run_of(
@@ -321,8 +327,12 @@ def _course(
     """
     labels, index = np.unique(_run_of(data, axis, rows), return_inverse=True)
     runs = tuple(int(label) for label in labels)
+    counted: tuple[bool, ...] = ()
+    if data.own_zero is not None and len(runs) > 1:
+        counted = tuple((np.bincount(index, data.own_zero[rows]) > 0).tolist())
+    counted = counted if any(counted) else ()
     if not drift or data.time is None:
-        return Course(runs if len(runs) > 1 else ())
+        return Course(runs if len(runs) > 1 else (), counted=counted)
     low, high = np.full(len(runs), np.inf), np.full(len(runs), -np.inf)
     np.minimum.at(low, index, data.time[rows])
     np.maximum.at(high, index, data.time[rows])
@@ -330,4 +340,4 @@ def _course(
     high = np.maximum(high, np.nextafter(low, np.inf))
     spans = tuple(zip(low.tolist(), high.tolist(), strict=True))
     most = min(_STEPS, len(data) // _READINGS) // (len(runs) * drift)
-    return Course(runs, spans, drift, max(most, 1) if wander else 1)
+    return Course(runs, spans, drift, max(most, 1) if wander else 1, counted)

@@ -172,8 +172,24 @@ def _identified(
     helpers = [*_helpers(members, recording)]
     effects = _effects(members, recording, helpers)
     fit = _fit(members, recording, [*effects, *helpers])
+    if recording.data.own_zero is not None:
+        recording = _zeroed(recording, fit)
+        fit = _fit(members, recording, [*effects, *helpers])
     left = held_out_errors(fit, recording.data, recording.fold, runs=recording.drifting)
     return IdentifiedGroup(name, members, recording, fit, left)
+
+
+def _zeroed(recording: GroupRecording, fit: JointFit) -> GroupRecording:
+    """Return readings whose zero is arbitrary with the one that the others give them."""
+    data, error = recording.data, dict(recording.data.error)
+    assert data.own_zero is not None  # else they are alike
+    for axis, runs in fit.runs.items():
+        number = data.run_of(axis)
+        for run in runs if number is not None else ():
+            rows = (number == run.run) & ~data.own_zero
+            error[axis] = np.where(rows, error[axis] - run.offset, error[axis])
+    data = dataclasses.replace(data, error=error)
+    return dataclasses.replace(recording, data=data)
 
 
 def _effects(

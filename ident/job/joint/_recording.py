@@ -26,6 +26,7 @@ from ..result._result import Remark
 
 if TYPE_CHECKING:
     from .._draft import AbstractPlan
+    from ..file._load import Job
 
 _FOLDS, _BLOCKS = 5, 20
 """In how many turns readings are held out, and stretches of the recording."""
@@ -142,9 +143,11 @@ def read_group(
         remarks += [Remark.info(words) for words in dict.fromkeys(rows.remarks)]
     counts = [len(part) for part in parts]
     columns = {table: stacked(parts, table, counts) for table in CHANNELS}
+    own_zero = _own_zero(tables.job, lead.sources, counts)
     run = joined_runs([part.run for part in parts], counts)
     signs = [*columns["direction"].values()]
-    if run is not None and len(signs) == 1 and np.isin(signs[0], (-1.0, 1.0)).all():
+    one_way = len(signs) == 1 and np.isin(signs[0], (-1.0, 1.0)).all()
+    if run is not None and one_way and own_zero is None:
         run = cycles_of(run, signs[0].astype(np.int64))
     several = run is not None and len(np.unique(run)) > 1
     time = joined([part.time for part in parts])
@@ -174,6 +177,7 @@ def read_group(
             clock_number=None
             if time is None or followed(time, slices)
             else np.repeat(np.arange(len(counts)), counts),
+            own_zero=own_zero,
         ),
         slices=slices,
         run=run,
@@ -190,6 +194,30 @@ def read_group(
         remarks=tuple(remarks),
         rows=every,
     )
+
+
+def _own_zero(
+    job: "Job", sources: Sequence[str], counts: Sequence[int]
+) -> Bool[np.ndarray, " t"] | None:
+    """Return whether the zero of each reading is the machine's; None where all are alike.
+
+    Raises:
+        JobError: If the slope is the instrument's in some measurements only: what the
+            others leave of it would be taken for the machine's.
+    """
+    removed = {name: job.spec.measurements[name].remove for name in sources}
+    kinds = {*removed.values()}
+    if "line" in kinds and len(kinds) > 1:
+        name = next(name for name, kind in removed.items() if kind == "line")
+        others = ", ".join(other for other, kind in removed.items() if kind != "line")
+        reason = (
+            f'found "line" beside {others}, whose slope is the machine\'s, expected one of'
+            " both for measurements that are fitted together"
+        )
+        raise job.error(("measurements", name, "remove"), reason)
+    if len(kinds) < 2:
+        return None
+    return np.repeat([kind == "none" for kind in removed.values()], counts)
 
 
 def _unique(names: Iterable[Sequence[str]]) -> tuple[str, ...]:

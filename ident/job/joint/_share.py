@@ -62,8 +62,22 @@ class Share:
 
     @property
     def constant_deviation(self) -> float:
-        """Standard deviation of that in mm or °; 0 where it takes none over."""
-        return self.fit.datum[self.axis][1] if self.constant else 0.0
+        """Standard deviation of that in mm or °; 0 where it takes none over.
+
+        Where the instrument drifted, nobody knows at what instant its zero was right.
+        """
+        if not self.constant:
+            return 0.0
+        return float(np.hypot(self.fit.datum[self.axis][1], self.drifted))
+
+    @property
+    def drifted(self) -> float:
+        """What the mean of the drifts of all runs may be off by, in mm or °; 0 without one."""
+        data, runs = self.recording.data, self.fit.runs.get(self.axis, ())
+        if not self.recording.drift or not runs:
+            return 0.0
+        both = [self.fit.predict(data, runs=on)[self.axis] for on in (True, False)]
+        return float(np.std((both[0] - both[1])[self.rows]) / np.sqrt(len(runs)))
 
     @property
     def predicted(self) -> Float[np.ndarray, " t"]:
@@ -170,7 +184,20 @@ class Share:
             if beside
             else f"{TOGETHER}in group {group!r}, alone on {self.axis}."
         )
-        return [Remark.info(words), *self._unlisted(), *self.recording.remarks]
+        said = [*self._unlisted(), *self._wandering(), *self.recording.remarks]
+        return [Remark.info(words), *said]
+
+    def _wandering(self) -> list[Remark]:
+        """Return that the constant rests on the mean of a drift, where it is large."""
+        if not self.constant or self.drifted <= self.noise:
+            return []
+        unit = self.group.members[self.number].job.spec.axes[self.axis].small_unit
+        words = (
+            f"The instrument drifted: the constant of this list is the error at the mean of"
+            f" the drift, known to {1e3 * self.drifted:.2g} {unit}. With a datum the zero lies"
+            " where the axis is to be right."
+        )
+        return [Remark.warning(words)]
 
     def _unlisted(self) -> list[Remark]:
         """Return what these figures take off that stands in no list."""

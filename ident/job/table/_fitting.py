@@ -1,6 +1,7 @@
 """A table from its plan to its draft: readings in memory or in pieces, fitted."""
 
 import dataclasses
+import functools
 from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -27,7 +28,7 @@ from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._plan import Plan
 from ._readings import read_fit
-from ._remarks import doubt_of_places, limit_remarks, outside
+from ._remarks import doubt_of_places, limit_remarks, outside, wander_remarks
 from ._trend import refuse_unowned_trend
 
 if TYPE_CHECKING:
@@ -76,7 +77,8 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     """
     table, spec, remarks = plan.table, plan.fit, [*remarks]
     remarks += limit_remarks(plan.job, plan.fit.over, readings.positions)
-    run, nodes = readings.run, tuple(line.positions for line in table.nodes)
+    run, floating = readings.run, _floating(plan, readings)
+    nodes = tuple(line.positions for line in table.nodes)
     # Whether the runs go over the same places, so that others can judge each.
     signs = readings.direction if table.branches == 2 else None
     repeated = run is not None and runs_overlap(readings.positions, run, nodes, signs)
@@ -91,12 +93,20 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         positions=readings.positions,
         error=readings.error,
         branch=branch,
-        run=run if repeated else None,
+        run=run if repeated or floating else None,
         order=place_in_run(run, readings.order)
         if run is not None and repeated
         else None,
     )
-    effects = _run_effects(samples)
+    if samples.run is None:
+        sides = np.zeros(len(samples.error)) if branch is None else branch
+        remarks += wander_remarks(
+            samples.error,
+            np.column_stack([samples.positions, sides]),
+            readings.order,
+            plan.job.spec.axes[plan.axis].small_unit,
+        )
+    effects = _run_effects(samples) if repeated else "offset" if floating else "none"
     fewest = len(samples.error)  # readings of a direction
     if branch is not None:
         fewest = int(np.bincount(branch, minlength=2).min())
@@ -108,14 +118,23 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
             )
             raise plan.refusal(reason)
     finer = fewest < table.layout.effect.size // table.branches
-    fit = fit_table(
+    fit_to = functools.partial(
+        fit_table,
         table.layout,
-        samples,
         smoothness=spec.smoothness,
         loss=spec.loss,
         run_effects=effects,
         allow_gaps=finer,
+        floating=floating,
     )
+    fit = fit_to(samples)
+    if floating:  # with the zero that the others give them
+        offset = {run.run: run.offset for run in fit.runs if run.run in floating}
+        shift = [offset.get(number, 0.0) for number in np.asarray(run).tolist()]
+        error = samples.error - np.array(shift)
+        samples = dataclasses.replace(samples, error=error)
+        readings = dataclasses.replace(readings, error=error)
+        fit = fit_to(samples)
     if finer:
         words = "There are more nodes than readings: the prior fills in between."
         places = [*readings.positions.T]
@@ -221,7 +240,8 @@ def _patterns(
     patterns = [] if readings.late is None else [readings.late]
     # Least squares takes a run that contradicts the others into the mean as well.
     suspects = () if fit.loss == "gauss" else fit.suspect_runs
-    runs = [run for run in fit.runs if run.run not in suspects]
+    aside = {*suspects, *_floating(plan, readings)}
+    runs = [run for run in fit.runs if run.run not in aside]
     offset, drift = doubt_of_means(runs)
     ones = np.ones(len(samples.error))
     means = [offset * ones]
@@ -257,6 +277,21 @@ def _doubt(
     everywhere = np.sqrt(np.mean(mean[count > 0] ** 2))
     values = np.where(count > 0, mean, everywhere).reshape(shape)
     return values - plan.zero_of(dataclasses.replace(estimate, values=values))
+
+
+def _floating(plan: Plan, readings: Readings) -> tuple[int, ...]:
+    """Return the runs whose zero is arbitrary, beside others whose zero is the machine's."""
+    removed = {
+        name: plan.job.spec.measurements[name].remove for name in readings.slices
+    }
+    if len({*removed.values()}) < 2 or readings.run is None:
+        return ()
+    runs = [
+        readings.run[rows]
+        for name, rows in readings.slices.items()
+        if removed[name] != "none"
+    ]
+    return tuple(np.unique(np.concatenate(runs)).tolist())
 
 
 def _run_effects(samples: Samples) -> str:

@@ -259,6 +259,9 @@ def _obstacles(readings: LogReadings, left: Leftovers) -> Iterator[tuple[str, bo
             continue
         if set(other.sources) & set(fit.sources):
             yield f"the {other.compensation} fit of {fit.axis} shares it", False
+    specs = plan.job.spec.measurements
+    if len({specs[name].remove for name in fit.sources}) > 1:
+        yield "the zero of some of them is arbitrary, and that of others is not", False
     for source in readings.sources:
         if f"{fit.axis}.error" not in source.roles and "time" in source.roles:
             words = (

@@ -22,6 +22,10 @@ _SPARSE = 1.5
 _SHORT = 0.1
 """Share of the travel that a table may leave out before it is said."""
 
+_TELLING, _WANDERS = 40, 0.4
+"""Readings of places that were read again that tell a wander from noise; share of the mean square
+of their changes that neighbours in time leave, below which there is one."""
+
 _OVERRUN = 0.01
 """Share of the travel by which a reading may lie beyond the limits: runs begin before them."""
 
@@ -131,6 +135,41 @@ def limit_remarks(
                 f" ({limits[0]:g} to {limits[1]:g}), where it cannot go. Are column, unit and"
                 " origin of its positions right?"
             )
+
+
+def wander_remarks(
+    error: Float[np.ndarray, " t"],
+    places: Float[np.ndarray, "t d"],
+    order: Float[np.ndarray, " t"],
+    unit: str,
+) -> Iterator[Remark]:
+    """Return a doubt where readings of one place change from one visit to the next.
+
+    What white noise makes of the readings of a place does not go on to the next place.
+
+    Args:
+        error: Of the readings, in mm or °.
+        places: Where each was taken, its branch among the columns.
+        order: When.
+        unit: Small one of the errors.
+    """
+    _, number, counts = np.unique(
+        places.round(6), axis=0, return_inverse=True, return_counts=True
+    )
+    number = number.reshape(-1)
+    mean = np.bincount(number, error) / counts
+    again = (counts > 1)[number]
+    change = (error - mean[number])[again][np.argsort(order[again], kind="stable")]
+    if len(change) < _TELLING:
+        return
+    scatter, whole = float(np.mean(np.diff(change) ** 2)) / 2.0, float(np.var(change))
+    if scatter < _WANDERS * whole:
+        yield Remark.warning(
+            f"Readings of the same place wander in time by {1e3 * np.sqrt(whole - scatter):.2g}"
+            f" {unit} rms, beside {1e3 * np.sqrt(scatter):.2g} {unit} of scatter. The standard"
+            " deviations do not hold that: state what was a run of its own (run), or that the"
+            " instrument drifts (drift, with a group)."
+        )
 
 
 def doubt_of_places(beyond: int, count: int) -> str:

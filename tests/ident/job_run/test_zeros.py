@@ -1,0 +1,132 @@
+"""Measurements whose zeros are not alike: the machine's, the instrument's, one per run."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from axcomp.ident.job import JobError, JobResult, TableResult, run_job
+from axcomp.ident.report import headline_of
+from axcomp.ident.report._scale import scale_of
+
+from .screw import offsets, table
+
+NODES = np.arange(0.0, 601.0, 50.0)
+
+
+def error(x: np.ndarray) -> np.ndarray:
+    """19 µm in the mean, with a slope and a wave."""
+    return np.asarray(0.008 * np.sin(x / 110) + 6e-5 * x)
+
+
+def laser(path: Path, zeros: list[float], seed: int) -> None:
+    """One run for each zero of the instrument; 0.5 µm of noise."""
+    there = np.tile(np.concatenate([NODES, NODES[::-1]]), len(zeros))
+    run = np.repeat(np.arange(len(zeros)), 2 * len(NODES))
+    seen = error(there) + np.array(zeros)[run]
+    seen += 5e-4 * np.random.default_rng(seed).normal(size=len(run))
+    table(path, "position,error,run", there, seen, run)
+
+
+def job(folder: Path, removed: dict[str, str], group: str = "") -> Path:
+    text = "[axes.X]\nnumber = 1\n"
+    for name, kind in removed.items():
+        text += f'[measurements.{name}]\nfile = "{name}.csv"\nremove = "{kind}"\n'
+        text += f'[measurements.{name}.columns]\n"X.position" = "position"\n'
+        text += 'run = "run"\n"X.error" = { column = "error", unit = "mm" }\n'
+    sources = ", ".join(f'"{name}"' for name in removed)
+    text += '[[fits]]\ncompensation = "leadscrew"\naxis = "X"\n'
+    text += f"measurements = [{sources}]\nstart = 0.0\ninterval = 50.0\npoints = 13\n"
+    path = folder / "job.toml"
+    path.write_text(text + group)
+    return path
+
+
+def left(result: JobResult, folder: Path) -> np.ndarray:
+    assert result.passed
+    return error(NODES) + offsets(folder / "out", 1, A1=NODES, D=np.ones(len(NODES)))
+
+
+@pytest.mark.parametrize("group", ["", 'group = "X"\n'])
+def test_an_arbitrary_zero_has_no_say_in_the_constant_of_a_list(
+    tmp_path: Path, group: str
+) -> None:
+    laser(tmp_path / "a.csv", [0.0] * 3, 1)
+    laser(tmp_path / "b.csv", [0.04] * 9, 2)
+    path = job(tmp_path, {"a": "none", "b": "offset"}, group)
+    result = run_job(path, tmp_path / "out")
+    # 24 readings per node: 0.1 µm, and the zero of three runs; the votes of nine runs with
+    # their own mean for a zero made it 14 µm.
+    assert np.max(np.abs(left(result, tmp_path))) < 6e-4
+    (screw,) = result.fits
+    # What is not the machine's is none of the error, either.
+    assert screw.error["predicted"].rms < 8e-4
+    assert not any("Contradicts" in remark.message for remark in screw.remarks)
+
+
+def test_a_slope_of_one_instrument_beside_that_of_the_machine_is_refused(
+    tmp_path: Path,
+) -> None:
+    laser(tmp_path / "a.csv", [0.0] * 3, 1)
+    laser(tmp_path / "b.csv", [0.04] * 3, 2)
+    path = job(tmp_path, {"a": "none", "b": "line"})
+    with pytest.raises(JobError, match=r'found "line" beside a, whose slope is the'):
+        run_job(path, tmp_path / "out")
+
+
+def test_runs_that_each_had_a_zero_are_named_as_such(tmp_path: Path) -> None:
+    laser(tmp_path / "a.csv", [-0.05, 0.0, 0.06], 1)
+    path = job(tmp_path, {"a": "offset"})
+    result = run_job(path, tmp_path / "out")
+    assert not result.passed
+    (screw,) = result.fits
+    said = headline_of(screw, scale_of(screw.unit)).sentence
+    match = re.search(r"Its runs lie up to ([\d.]+) µm apart", said)
+    assert match is not None
+    assert float(match[1]) == pytest.approx(110.0, abs=0.5)  # 0.1 µm each
+    assert "give it as a measurement of its own" in said
+
+
+def probed(path: Path, drift: float) -> None:
+    """Every place visited twice, one after the other pass; the instrument warms up."""
+    x = np.concatenate([NODES, NODES[::-1]] * 4)
+    time = 5.0 * np.arange(len(x))
+    seen = error(x) + drift * (1.0 - np.exp(-time / 200.0))
+    seen += 5e-4 * np.random.default_rng(4).normal(size=len(x))
+    table(path, "position,error,time", x, seen, time)
+
+
+def drifting(folder: Path, keys: str, group: str) -> Path:
+    path = job(folder, {"a": "none"}, group)
+    text = path.read_text().replace('remove = "none"\n', f'remove = "none"\n{keys}')
+    path.write_text(text.replace('run = "run"', 'time = "time"'))
+    return path
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.02])
+def test_a_drift_that_readings_of_one_place_show_is_told(
+    tmp_path: Path, drift: float
+) -> None:
+    probed(tmp_path / "a.csv", drift)
+    (screw,) = run_job(drifting(tmp_path, "", ""), tmp_path / "out").fits
+    said = " ".join(remark.message for remark in screw.remarks)
+    assert ("Readings of the same place wander in time by" in said) == (drift > 0)
+
+
+def test_beside_a_drift_the_constant_is_known_as_well_as_the_drift(
+    tmp_path: Path,
+) -> None:
+    probed(tmp_path / "a.csv", 0.02)
+    path = drifting(tmp_path, "drift = 6\n", 'group = "X"\n')
+    result = run_job(path, tmp_path / "out")
+    (screw,) = result.fits
+    off = np.mean(left(result, tmp_path))
+    assert isinstance(screw, TableResult)
+    (values,) = screw.standard_deviation.values()
+    deviation = float(np.median(values))
+    # The mean of the drift, 10 to 20 µm, is in the list, of which the readings tell nothing.
+    assert abs(off) > 0.01
+    assert abs(off) < 4.0 * deviation
+    said = " ".join(remark.message for remark in screw.remarks)
+    assert "The instrument drifted: the constant of this list" in said
