@@ -11,3 +11,9 @@ NOT_DETERMINED = (
     "the readings do not determine the table: too few different places in it."
 )
 """What a factor that does not exist means to the user."""
+
+NOT_LEFT_OUT = (
+    "without some of its readings the rest does not determine the table, so that nothing"
+    " could be proven: take fewer nodes, or read more places, or each of them again."
+)
+"""The same, where readings were held out."""

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._effect import GroupEffect
-from ._errors import NOT_DETERMINED, FitError
+from ._errors import NOT_LEFT_OUT, FitError
 from ._posterior import Posterior, Problem
 from ._readings import Readings
 from ._robust import Estimate
@@ -116,7 +116,7 @@ def leave_one_out(
         problem = Problem.of(total, theta, gain, pins.get(label))
         post = problem.at(estimate.posterior.weights)
         if post is None:
-            raise FitError(NOT_DETERMINED)
+            raise FitError(NOT_LEFT_OUT)
         posteriors[label] = post
     return posteriors
 

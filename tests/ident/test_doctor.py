@@ -323,21 +323,26 @@ def test_a_list_in_increments_names_what_the_doctor_has(
     assert "--increment" not in shown
 
 
-def test_the_master_along_which_a_plane_is_shifted_is_named_as_in_the_job() -> None:
-    rng = np.random.default_rng(5)
-    table = np.rint(200 * rng.normal(size=(7, 9))).astype(int)
+def plane_list(table: np.ndarray) -> bytes:
+    """A plane of axis 5 over 11 and 12, nodes every 50 mm; entries in 0.1 µm."""
     prefix = "kw.crosscomp2"
     head = (
         f"kopf.achs_nr 5\n{prefix}.unit 1\n{prefix}.grid QUADRATIC\n"
-        f"{prefix}.interval 500000\n{prefix}.last_index_master1 8\n"
-        f"{prefix}.last_index_master2 6\n{prefix}.master1_ax_nr 11\n"
-        f"{prefix}.master2_ax_nr 12\n"
+        f"{prefix}.interval 500000\n{prefix}.last_index_master1 {table.shape[1] - 1}\n"
+        f"{prefix}.last_index_master2 {table.shape[0] - 1}\n"
+        f"{prefix}.master1_ax_nr 11\n{prefix}.master2_ax_nr 12\n"
     )
     rows = [
         f"{prefix}.table[{j}][{i}].correction {v}\n"
         for (j, i), v in np.ndenumerate(table)
     ]
-    listing = ListFile.parse((head + "".join(rows)).encode(), "achskw5.lis")
+    return (head + "".join(rows)).encode()
+
+
+def test_the_master_along_which_a_plane_is_shifted_is_named_as_in_the_job() -> None:
+    rng = np.random.default_rng(5)
+    table = np.rint(200 * rng.normal(size=(7, 9))).astype(int)
+    listing = ListFile.parse(plane_list(table), "achskw5.lis")
     u, v = (
         each.ravel()
         for each in np.meshgrid(np.arange(0, 401.0, 20), np.arange(0, 301.0, 20))
@@ -355,3 +360,21 @@ def test_the_master_along_which_a_plane_is_shifted_is_named_as_in_the_job() -> N
     (found,) = diagnose([listing], before, after, Reading(Conventions()), names=names)
     assert found.verdict == "shift"
     assert found.sentence == "table applied 25.0 mm further along U"
+
+
+@pytest.mark.parametrize("along", [0, 1])
+def test_a_mirrored_plane_is_not_called_shifted(along: int) -> None:
+    places = np.meshgrid(np.arange(0, 401.0, 50), np.arange(0, 301.0, 50))
+    x, y = (each.ravel() for each in places)
+    error = 0.02 * np.sin(x / 170) * np.cos(y / 120) + 0.03 * (x / 400) * (y / 300)
+    table = np.rint(-1e4 * error.reshape(7, 9)).astype(int)
+    added = 1e-4 * np.flip(table, along).ravel()
+    rng = np.random.default_rng(6)
+    before, after = (
+        [Measured(5, {11: x, 12: y}, values + 8e-4 * rng.normal(size=x.size), None)]
+        for values in (error, error + added)
+    )
+    listing = ListFile.parse(plane_list(table), "achskw5.lis")
+    (found,) = diagnose([listing], before, after, Reading(Conventions()))
+    assert found.verdict == "cannot tell"
+    assert "no single fault of this list explains" in found.sentence

@@ -55,6 +55,7 @@ def fit_remarks(
             f"{empty} of {fit.support.size} node values {why}; they are"
             " filled by the prior and marked with support 0."
         )
+    yield from _beyond_readings(draft)
     for name, nodes in zip(draft.fit.over, draft.plan.table.nodes, strict=True):
         limits, (low, high) = draft.job.spec.axes[name].limits, nodes.positions[[0, -1]]
         if limits is None or draft.plan.table.periodic:
@@ -111,6 +112,30 @@ def fit_remarks(
             )
     if not fit.converged or fit.loss != draft.fit.loss:
         yield Remark.warning(fit.message)
+
+
+def _beyond_readings(draft: "TableDraft") -> Iterator[Remark]:
+    """Return a doubt where a table goes on beyond its readings by more than a node."""
+    table, support = draft.plan.table, draft.estimate.support
+    size = np.abs(draft.estimate.values)
+    unit = draft.job.spec.axes[draft.axis].small_unit
+    for k, (name, nodes) in enumerate(zip(draft.fit.over, table.nodes, strict=True)):
+        along = support.ndim - 1 - k  # the first master runs fastest
+        lines = np.moveaxis(support, along, 0).reshape(len(nodes.positions), -1)
+        sizes = np.moveaxis(size, along, 0).reshape(len(nodes.positions), -1)
+        reached = np.flatnonzero(lines.any(axis=1))
+        if table.periodic or not reached.size:
+            continue
+        first, last = int(reached[0]), int(reached[-1])
+        for beyond, edge in ((slice(0, first), first), (slice(last + 1, None), last)):
+            places = nodes.positions[beyond]
+            if len(places) > 1:
+                yield Remark.warning(
+                    f"No reading lies at {name} = {places[0]:g} to {places[-1]:g}: there the"
+                    f" table goes on straight, up to {1e3 * sizes[beyond].max():.3g} {unit}, which"
+                    f" nobody measured. End it at {name} = {nodes.positions[edge]:g}: the"
+                    " controller holds its edge."
+                )
 
 
 def limit_remarks(

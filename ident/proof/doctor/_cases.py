@@ -34,9 +34,17 @@ _EXCLUDED = 2.0 * math.log(100.0)
 _BAND = 0.1
 """Share by which the effect of a list may be off: machine and instrument drift."""
 
+_ALIKE = 0.7
+"""Share of independent rows from which on what is left is noise."""
+
 _MOST_SHIFTS = 160
 
 _RIGHT = "right: the list adds what it says"
+
+_UNLIKE = (
+    "cannot tell: something is added, which no single fault of this list explains; are its"
+    " nodes in the right order, along each axis?"
+)
 
 _WORDS = ("sign", "unit", "twice", "shift", "swapped")
 """Faults that measurements show; what a controller does beyond a table is none of them."""
@@ -172,9 +180,19 @@ def cases_of(use: InUse, scene: Scene) -> tuple[list[Case], float, float | None]
         if named.verdict == "right" and rival is search_result.rivals[0]:
             rows = scene.changes[use.axis].readings
             named = _as_a_whole(named, channel, search_result, rows)
+        elif rival is search_result.rivals[0] and _leaves_much(channel, search_result):
+            named = Diagnosis(use.axis, use.name, "cannot tell", sentence=_UNLIKE)
         cases.append((rival.criterion, named))
     cases += _elsewhere(use, scene, search_result)
     return cases, float(factor[0]), _blind(channel, target, search_result)
+
+
+def _leaves_much(channel: AbstractChannel, search_result: Found) -> bool:
+    """Return whether the best explanation leaves what is no noise: neighbours are alike."""
+    listed = channel.column(channel.plain)[search_result.rows]
+    alike = search_result.samples < _ALIKE * len(search_result.rows)
+    left = float(np.std(search_result.residual))
+    return alike and left > _MATTERS * float(np.std(listed))
 
 
 def _as_a_whole(

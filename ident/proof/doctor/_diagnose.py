@@ -125,6 +125,8 @@ def _judged(use: InUse, scene: Scene, blurred: bool) -> Diagnosis:
     sure = by_word[word] >= SURE and (word == "right" or not blurred)
     if sure and word != "cannot tell" and (word != "right" or blind is None):
         return best
+    if word == "cannot tell" and best.sentence:
+        return best
     unit = "°" if use.axis in scene.reading.modulo else "mm"
     return dataclasses.replace(
         best,

@@ -75,6 +75,20 @@ def test_table_that_leaves_out_a_part_of_the_travel_says_so(
     assert (words in said) == short
 
 
+@pytest.mark.parametrize(("points", "far"), [(5, False), (6, False), (9, True)])
+def test_a_table_that_goes_on_beyond_its_readings_is_doubted(
+    tmp_path: Path, points: int, far: bool
+) -> None:
+    laser(tmp_path / "laser.csv")
+    job = screw_job(tmp_path)
+    job.write_text(job.read_text().replace("points = 5", f"points = {points}"))
+    (fit,) = run_job(job, tmp_path / "out").fits
+    said = " ".join(r.message for r in fit.remarks if r.level == "warning")
+    assert ("No reading lies at X = 500 to 800: there" in said) == far
+    assert ("End it at X = 400" in said) == far
+    assert ("nobody measured. End" in said) == far
+
+
 @pytest.mark.parametrize(
     ("limits", "beyond"), [("[0, 400]", 0), ("[2, 398]", 0), ("[60, 400]", 12)]
 )
