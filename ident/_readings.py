@@ -255,4 +255,5 @@ def recording_of(
         run=run,
         runs=dict.fromkeys(heated),
         clock_number=None,
+        own_zero=None,
     )

@@ -77,6 +77,7 @@ def stack(recordings: Iterable[Observed]) -> Observed:
     return Observed(
         time=None if any(p.time is None for p in parts) else np.concatenate(clocks),
         clock_number=None,
+        own_zero=None,
         run=numbered([part.run for part in parts]),
         source=numbered([part.source for part in parts]),
         rotary=frozenset().union(*(part.rotary for part in parts)),

@@ -187,7 +187,7 @@ class Selection:
         values = (
             self.groups.values[-count : -drifting or None] if count else np.zeros(0)
         )
-        return np.asarray(self.columns.runs @ values) + self.drift
+        return np.asarray(self.columns.runs @ values + self.drift)
 
     def part(self, term: Term) -> Float[np.ndarray, " t"]:
         """Return what a term contributes to each reading."""

@@ -246,6 +246,7 @@ def _everything_varies(design: Design, data: JointData) -> JointData:
         time=rng.uniform(began, ended, count),
         run=rng.choice(np.array(runs), count) if runs else None,
         clock_number=None,
+        own_zero=None,
     )
 
 
