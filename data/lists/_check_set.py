@@ -95,9 +95,22 @@ def _check_numbers(view: ListView, lists: ListSet) -> None:
     number, file_axis = axis_number(view), file_number(view)
     # A number in a name of the user's own, such as y2.lis, need not be that of an axis.
     is_numbered = base_name(view.file.source).startswith("achskw")
-    if number is None or file_axis is None or not is_numbered or lists.axis_of(number):
+    if number is None or file_axis is None or not is_numbered:
         return
     row = registry().by_key["kopf.achs_nr"]
+    for other in lists.compensation if number != file_axis else ():
+        if (axis_number(other), file_number(other)) == (file_axis, number):
+            view.add(
+                "warning",
+                f"the list says axis {number}, and {other.file.source} axis {file_axis}: are"
+                " the files, or the numbers in them, exchanged?",
+                view.place("kopf.achs_nr"),
+                parameter=row,
+                found=str(number),
+                expected=str(file_axis),
+            )
+    if lists.axis_of(number):
+        return
     for other in [other for other in lists.axis if file_number(other) == file_axis][:1]:
         view.add(
             "error",

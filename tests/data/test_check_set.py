@@ -52,6 +52,20 @@ def startup(*axes: int) -> dict[str, object]:
     return entries
 
 
+@pytest.mark.parametrize(
+    ("numbers", "exchanged"), [((3, 4), False), ((4, 3), True), ((1, 2), False)]
+)
+def test_lists_that_hold_the_axis_of_each_other_s_name_are_doubted(
+    numbers: tuple[int, int], exchanged: bool
+) -> None:
+    files = {
+        f"achskw{k}.lis": leadscrew(n) for k, n in zip((3, 4), numbers, strict=True)
+    }
+    found = [one for one in findings(files) if "exchanged" in one.message]
+    assert len(found) == 2 * exchanged
+    assert all(one.level == "warning" for one in found)
+
+
 def findings(files: dict[str, dict[str, object]], **options: object) -> list[Finding]:
     parsed = [ListFile.parse(lines(entries), name) for name, entries in files.items()]
     return check(parsed, **options)  # type: ignore[arg-type]
