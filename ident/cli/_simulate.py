@@ -283,6 +283,9 @@ def _events_in(table: "Table", motion: "Motion") -> "tuple[ControllerEvent, ...]
             expected = "A1, A2, … after the logical numbers, or nothing for all axes"
             raise LineError(str(table.path), line, f"axis {axis!r}", expected)
         number = int(axis) if axis else None
+        if row == len(motion.time):
+            end = f"the motion ends at {motion.time[-1]:g} s"
+            note([f"{table.path}:{line}: the event at {time} s does not act: {end}"])
         events += [_event(table.path, line, row, number, text) for text in texts]
     return tuple(sorted(events, key=lambda event: event.row))
 

@@ -225,6 +225,17 @@ def test_command_takes_a_file_of_events(folder: Path) -> None:
     np.testing.assert_allclose(found[12:16], 0.1 + 0.2 * RAMP, atol=1e-9)
 
 
+def test_an_event_behind_the_motion_is_told(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "e.csv").write_text("time,axis,event\n0.023,3,HOMED\n0.024,3,HOMED\n")
+    assert main([*COMMAND, "--events", "e.csv"]) == 0
+    shown = capsys.readouterr().err
+    words = "the event at 0.024 s does not act: the motion ends at 0.023 s"
+    assert shown.count("does not act") == 1
+    assert f"e.csv:3: {words}" in shown
+
+
 def test_command_takes_a_column_of_the_motion(folder: Path) -> None:
     texts = dict.fromkeys(range(ROWS), "") | {0: "NOT HOMED", 5: "HOMED; COMP ON CROSS"}
     rows = [f"{t:.3f},0,0,{texts[k]}" for k, t in enumerate(TIME)]
