@@ -75,8 +75,9 @@ def fit_model(
 
     With optimistix it may be called inside `jax.jit` and differentiated by `jax.grad`
     with respect to inputs, readings, weights and priors (implicit function theorem at the
-    solution; give `noise` where priors are traced); standard deviations and the error held
-    out count as constants. IPOPT works on the host.
+    solution; give `noise` where priors are traced); of standard deviations and covariance
+    only the noise has a derivative, and the error held out counts as a constant. IPOPT works
+    on the host.
 
     Args:
         model: Start values; its type is that of the result.
@@ -195,6 +196,12 @@ def fit_model(
     return fit
 
 
+_STEEP = 1e-2
+"""Cosine between what is left and its derivative by a number from which on the solver stopped
+early, as one without derivatives may."""
+_EXACT = 1e-8
+"""Share of the readings below which what is left is rounding."""
+
 LEVENBERG_MARQUARDT: optx.LevenbergMarquardt[Any, Any, Any] = optx.LevenbergMarquardt(
     rtol=1e-10, atol=1e-10
 )
@@ -214,6 +221,12 @@ class _Problem(eqx.Module):
     weights: Float[Array, "..."]
     limits: tuple[Float[Array, " p"], Float[Array, " p"]]
     prior: tuple[Float[Array, " p"], Float[Array, " p"]]
+
+    @property
+    def length(self) -> Float[Array, ""]:
+        """Root of the weighted sum of squares of the readings."""
+        seen = jnp.where(self.weights > 0, self.measured, 0.0)
+        return jnp.linalg.norm(jnp.ravel(jnp.sqrt(self.weights) * seen))
 
     def model(self, values: Float[Array, " p"]) -> Any:
         return eqx.combine(self.form.tree(values), self.rest)
@@ -310,7 +323,14 @@ def _by_optimistix(
         for status, outcome in outcomes.items():
             code = jnp.where(found.result == outcome, STATUSES.index(status), code)
         still = jax.lax.stop_gradient(values)
-        slope = jax.grad(lambda x: 0.5 * jnp.sum(residual(x) ** 2))(still)
+        off, design = residual(still), jax.jacfwd(residual)(still)
+        slope, left = off @ design, jnp.linalg.norm(off)
+        inside = (values > numbers.limits[0]) & (values < numbers.limits[1])
+        steep = jnp.abs(slope) > _STEEP * left * jnp.linalg.norm(design, axis=0)
+        # Of an exact fit rounding alone is left, which has any slope.
+        early = jnp.any(steep & inside) & (left > _EXACT * problem.length)
+        early &= code == STATUSES.index("converged")
+        code = jnp.where(early, STATUSES.index("failed"), code)
         rests = numbers.at_rest(still, slope)
         code = jnp.where(rests, code, STATUSES.index("max_steps"))
         finite = jnp.all(jnp.isfinite(slope))

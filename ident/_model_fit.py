@@ -124,11 +124,11 @@ class ModelFit(eqx.Module, Generic[M]):
             found.append(Undetermined(direction))
         return tuple(found)
 
-    def covariance(self, names: Sequence[str]) -> Float[Array, "k k"]:
+    def covariance(self, names: str | Sequence[str]) -> Float[Array, "k k"]:
         """Return the joint covariance of some parameters, in products of their units.
 
         Args:
-            names: Of numbers, or of arrays as a whole (``"values"``), in any order.
+            names: Of numbers, or of arrays as a whole (``"values"``), in any order; or one.
 
         Returns:
             The rows in the order of the names. Where a number is not determined, its
@@ -137,6 +137,7 @@ class ModelFit(eqx.Module, Generic[M]):
         Raises:
             KeyError: If a name is not one of `names`, or the beginning of one.
         """
+        names = [names] if isinstance(names, str) else names
         chosen = np.concatenate([self._places(name) for name in names])
         matrix, lost = covariance_of(self.singular, self.directions, self.scale)
         lost |= jnp.isinf(self.noise)

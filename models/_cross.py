@@ -65,7 +65,7 @@ class Cross(AbstractLookup):
         )
         if self.held:
             return value
-        return jnp.where(self.nodes.covers(place), value, 0.0)
+        return jnp.where(self.nodes.covers(place) | jnp.isnan(place), value, 0.0)
 
     def offset(self, position: Float[Array | np.ndarray, " t"]) -> Float[Array, " t"]:
         """Return what the controller adds to the slave axis, in mm."""
@@ -78,5 +78,6 @@ class Cross(AbstractLookup):
         stencil = linear_stencil((self.nodes.coordinate(place),), (self.nodes.count,))
         if self.held:
             return stencil
-        weights = jnp.where(self.nodes.covers(place)[:, None], stencil.weights, 0.0)
+        inside = self.nodes.covers(place) | jnp.isnan(place)
+        weights = jnp.where(inside[:, None], stencil.weights, 0.0)
         return Stencil(nodes=stencil.nodes, weights=weights, size=stencil.size)

@@ -164,7 +164,8 @@ def linear_weights(
     What `FrictionTable.stencil` gives for positive velocities, by NumPy.
     """
     place = np.interp(position, points, np.arange(float(len(points))))
-    first = np.minimum(place.astype(np.int64), max(len(points) - 2, 0))
+    whole = np.nan_to_num(place).astype(np.int64)  # NaN stays in the weights
+    first = np.minimum(whole, max(len(points) - 2, 0))
     return first, np.stack([1.0 - (place - first), place - first])
 
 

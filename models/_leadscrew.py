@@ -40,7 +40,11 @@ class Leadscrew(AbstractLookup):
         default=None, converter=lambda neg: None if neg is None else float_array(neg)
     )
     """Entries in mm for motion in negative direction; None: unilateral."""
-    modulo: tuple[float, float] | bool | None = eqx.field(default=None, static=True)
+    modulo: tuple[float, float] | bool | None = eqx.field(
+        default=None,
+        static=True,
+        converter=lambda ends: tuple(map(float, ends)) if np.ndim(ends) else ends,
+    )
     """Range of a modulo axis in °; True: from the first node to the last (S-20)."""
     sign: float = eqx.field(default=-1.0, static=True)
     """Offset per entry: −1 or +1 (S-18)."""

@@ -118,6 +118,8 @@ def test_the_joint_covariance_is_that_of_least_squares() -> None:
     np.testing.assert_allclose(fit.covariance(["slope", "offset"]), expected, rtol=1e-9)
     with pytest.raises(KeyError, match="no fitted parameter 'slop'"):
         fit.covariance(["slop"])
+    (own,) = fit.covariance(["slope"])
+    np.testing.assert_array_equal(fit.covariance("slope"), [own])
 
 
 def test_error_held_out_is_that_of_refits_without_each_group() -> None:
@@ -232,6 +234,43 @@ def test_weight_zero_leaves_out_what_is_no_number() -> None:
     fit = decay(holes, weights=jnp.isfinite(holes).astype(float))
     assert abs(fit.model.rate - 0.8) < 4 * fit.standard_deviation.rate
     assert float(fit.noise) == pytest.approx(NOISE, rel=0.3)
+
+
+class Wave(eqx.Module):
+    """A wave upon a line."""
+
+    shape: Array
+    rate: Array
+
+    def __call__(self, x: Float[Array, " t"]) -> Float[Array, " t"]:
+        wave = self.shape[1] * jnp.sin(self.rate * x)
+        return self.shape[0] + wave + self.shape[2] * x
+
+
+def test_a_solver_that_stops_short_of_the_optimum_has_not_converged() -> None:
+    place = np.linspace(0.0, 10.0, 200)
+    truth = Wave(jnp.array([0.1, 0.5, -0.02]), jnp.array(1.3))
+    noise = NOISE * np.random.default_rng(7).normal(size=len(place))
+    measured = truth(jnp.asarray(place)) + noise
+    start = Wave(jnp.array([0.0, 0.3, 0.0]), jnp.array(1.2))
+
+    def fit(solver: Any) -> axcomp.ModelFit[Wave]:
+        return axcomp.fit_model(
+            start,
+            Wave.__call__,
+            place,
+            measured,
+            solver=solver,
+            max_steps=2000,
+            throw=False,
+        )
+
+    assert fit(None).converged
+    assert fit(optx.BFGS(1e-10, 1e-10)).converged
+    simplex = fit(optx.NelderMead(1e-12, 1e-12))
+    # It says that it is done where ten times the noise is left.
+    assert float(simplex.noise) > 5.0 * NOISE
+    assert simplex.result == "failed"
 
 
 def test_a_failed_solve_is_a_value_or_an_error() -> None:

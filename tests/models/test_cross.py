@@ -44,6 +44,14 @@ def test_the_edge_is_held_by_default_and_adds_nothing_where_it_is_not() -> None:
     np.testing.assert_array_equal(zero.stencil(at)(zero.values), [0.0, 0.1, -0.3, 0.0])
 
 
+@pytest.mark.parametrize("held", [True, False])
+def test_an_unknown_position_has_an_unknown_offset(held: bool) -> None:
+    model = Cross(Setpoints(POINTS), VALUES, held=held)
+    assert np.isnan(model.offset(np.array([np.nan]))).all()
+    stencil = model.stencil(np.array([np.nan]))
+    assert np.isnan(stencil.weights).all()
+
+
 def test_offset_carries_the_sign() -> None:
     opposite = Cross(Setpoints(POINTS), VALUES, sign=-1.0)
     np.testing.assert_array_equal(opposite.offset(POINTS), -VALUES)

@@ -233,7 +233,7 @@ def test_tables_are_odd_continuous_and_within_their_entries(
     ],
 )
 def test_numpy_gives_what_jax_gives(law: AbstractFriction) -> None:
-    velocity = np.array([-9.0, -1.5, -1e-3, 0.0, 0.2, 1.0, 4.0, 60.0])
+    velocity = np.array([-9.0, -1.5, -1e-3, 0.0, 0.2, 1.0, 4.0, 60.0, np.nan])
     # Both round a few products and sums of numbers below 100.
     np.testing.assert_allclose(law.evaluate(velocity), law(velocity), atol=1e-13)
 
