@@ -42,10 +42,13 @@ def interpolate(
     cell (the nodes themselves see to the derivative outside).
     """
     inputs = coordinates if table is None else (table, *coordinates)
+    form = jnp.shape(inputs[-1])
+    if len(form) != 1:  # one position, or rows of them
+        inputs = [jnp.ravel(each) for each in inputs]
     result: Float[Array, " t"] = _interpolate_p.bind(
         values, *inputs, shape=tuple(shape), stacked=table is not None
     )
-    return result
+    return result if len(form) == 1 else result.reshape(form)
 
 
 # Both primitives take (linear argument, *inputs): the inputs are coordinates, and before

@@ -32,8 +32,8 @@ _MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
-# Umlauts of MS-DOS between letters, which are quotation marks on Windows.
-_DOS = re.compile(rb"[A-Za-z][\x81\x84\x94][a-z]")
+# Umlauts of MS-DOS between letters, which are quotation marks on Windows, and its micrometre.
+_DOS = re.compile(rb"[A-Za-z][\x81\x84\x94][a-z]|(?<![A-Za-z])\xe6m(?![A-Za-z])")
 # Other signs for what a number or a blank is made of: minus, blanks that do not break.
 _SIGNS = (("\u2212", "-"), ("\u00a0", " "), ("\u202f", " "), ("\u2009", " "))
 

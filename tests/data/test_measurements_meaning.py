@@ -173,6 +173,13 @@ def test_umlauts_of_all_systems_are_read(tmp_path: Path, encoding: str) -> None:
     assert found.require("X.direction").tolist() == [-1, -1]
 
 
+@pytest.mark.parametrize("encoding", ["cp850", "cp437", "cp1252", "utf-8"])
+def test_micrometres_of_all_systems_are_read(tmp_path: Path, encoding: str) -> None:
+    text = "Soll [mm];Abweichung [µm]\n0;0,5\n10;1,5\n20;2,5\n"
+    found = read(tmp_path, text.encode(encoding))
+    assert found.require("X.error").tolist() == pytest.approx([5e-4, 15e-4, 25e-4])
+
+
 def test_blocks_below_one_another_are_runs(tmp_path: Path) -> None:
     """Each with a line that names run and direction, its header and its units again."""
     block = "{name}\nTarget;Error\nmm;um\n0;{k}\n10;{k}\n20;{k}\n\n"

@@ -1,6 +1,8 @@
 """`axcomp demo`: from a machine with known faults to verified lists, in one command."""
 
+import contextlib
 import dataclasses
+import io
 import json
 import re
 import tomllib
@@ -36,11 +38,11 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         # `make wheel-test` runs it with its drawings.
         leave_drawings_out(patch)
-        lines: list[str] = []
-        patch.setattr("typer.echo", lambda text, **_: lines.append(str(text)))
         picture = str(root / "demo.png")
-        assert main(["demo", "--out", str(out), "--picture", picture, "--json"]) == 0
-    (root / "stdout.json").write_text("\n".join(lines))
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            code = main(["demo", "--out", str(out), "--picture", picture, "--json"])
+        assert code == 0
+    (root / "stdout.json").write_text(printed.getvalue())
     return out
 
 

@@ -51,9 +51,10 @@ def demo(
             from ...report import write_picture
 
             write_picture(result.job, picture)
-    _print(Console(highlight=False), out, result)
     if as_json:
         print_json(_as_dict(result))
+    else:
+        _print(Console(highlight=False), out, result)
     return result.job.passed and result.work.passed
 
 
