@@ -16,10 +16,11 @@ from jaxtyping import Int
 from ._aside import columns_of_blocks, without_foot, without_headings
 from ._errors import LineError, MeasurementError
 from ._head_lines import is_unit_row
-from ._header import Name, parse_name
+from ._header import Name, looks_like_names, parse_name, unit_in
 from ._layout import Layout, find_layout
 from ._meaning import with_meaning
 from ._table import BadCell, Column, Lines, Skipped, Table, TextForm
+from ._titles import axis_in_title
 from ._words import DIRECTIONS
 
 _COMMENT_BYTES = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!).*$")
@@ -66,6 +67,7 @@ def read_body(path: Path, layout: Layout, text: str, encoding: str = "utf-8") ->
     Raises:
         MeasurementError: As `read_csv`.
     """
+    _refuse_cut_number(path, layout, text)
     result = _read_short(layout, text) or _read_fast(layout, text)
     blocks: list[tuple[int, str]] = []
     if result is None:
@@ -89,6 +91,23 @@ def read_body(path: Path, layout: Layout, text: str, encoding: str = "utf-8") ->
         layout = dataclasses.replace(layout, names=names)
         columns = [*columns, *further]
     return table_of(path, layout, columns, lines, skipped, encoding)
+
+
+def _refuse_cut_number(path: Path, layout: Layout, text: str) -> None:
+    """Raise where a text ends in a decimal mark, as no other line of it does.
+
+    Raises:
+        LineError: That the file was cut off there.
+    """
+    mark, separator = layout.dialect.decimal, layout.dialect.separator
+    if not text.endswith(mark) or mark == separator or f"{mark}\n" in text:
+        return
+    body = text[layout.body :]
+    number = layout.body_line + body.count("\n")
+    last = body.rpartition("\n")[2].strip()
+    found = f"'{last[-40:]}' in the last line, which ends within its number"
+    expected = "a whole line: the file was cut off, export it again"
+    raise LineError(str(path), number, found, expected, f"skip = [{number}]")
 
 
 def table_of(
@@ -304,11 +323,8 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
         count = len(cells)
         while len(cells) > width and cells[-1] == "":
             cells.pop()
-        if layout.header and tuple(cells) == layout.header[:width]:
-            skipped.append(Skipped(number, "the header line again"))
-            continue
-        if len(cells) == width and layout.units_line and is_unit_row(cells, width):
-            skipped.append(Skipped(number, "the units again"))
+        if again := _repeats_head(path, layout, number, cells):
+            skipped.append(Skipped(number, again))
             continue
         short = count < usual and not _more(text, layout, at)
         if len(cells) != width or short:
@@ -324,6 +340,61 @@ def _read_slow(path: Path, layout: Layout, text: str) -> _Read:
         for at in range(width)
     ]
     return columns, np.array(lines, dtype=np.int64), skipped
+
+
+def _repeats_head(path: Path, layout: Layout, number: int, cells: list[str]) -> str:
+    """Return what of the head a line between rows repeats; empty for a row.
+
+    Raises:
+        LineError: If it begins a block of another axis, or of other names or units: without
+            it, the rows below would count as those above.
+    """
+    width, text = len(layout.names), layout.dialect.separator.join(cells)
+    if layout.header and tuple(cells) == layout.header[:width]:
+        return "the header line again"
+    axis = axis_in_title(text) if len(cells) != width else None
+    other = again = ""
+    if axis is not None:
+        titles = [axis_in_title(words) for _, words in layout.titles]
+        other = f"title of axis {axis}" if axis not in titles else ""
+    elif layout.units_line and is_unit_row(cells, width):
+        again = "the units again"
+        same = _same_units(layout, [unit_in(cell) for cell in cells])
+        other = "" if same else "line of other units"
+    elif names := _names_between_rows(layout, cells):
+        again = "the header line again"
+        stems = [parse_name(cell).stem.casefold() for cell in layout.header[:width]]
+        if [name.stem.casefold() for name in names] != stems:
+            other = "header of other columns"
+        elif not _same_units(layout, [name.unit for name in names]):
+            other = "header of other units"
+    if other:
+        found = f"'{text[:40]}' between rows, a {other}"
+        expected = "rows as above it: split the file there, a file for each block"
+        raise LineError(str(path), number, found, expected)
+    return again
+
+
+def _same_units(layout: Layout, stated: Sequence[str | None]) -> bool:
+    pairs = zip(layout.names, stated, strict=True)
+    return all(unit in (None, name.unit) for name, unit in pairs)
+
+
+def _names_between_rows(layout: Layout, cells: Sequence[str]) -> list[Name]:
+    """Return the names in a line that can only be a header; none where it is a row."""
+    width = len(layout.names)
+    if len(cells) != width or width < 2 or not layout.header or not any(layout.numeric):
+        return []
+    pairs = zip(layout.numeric, cells, strict=True)
+    if any(
+        number and layout.dialect.number(cell) is not None for number, cell in pairs
+    ):
+        return []
+    names = [*map(parse_name, cells)]
+    known = {name.stem.casefold() for name in layout.names}
+    as_above = all(name.stem.casefold() in known for name in names)
+    units = any(name.unit is not None for name in names)
+    return names if as_above or (units and looks_like_names(cells)) else []
 
 
 def _more(text: str, layout: Layout, at: int) -> bool:

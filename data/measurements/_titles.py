@@ -43,9 +43,8 @@ def with_titles(table: Table, titles: Mapping[int, str]) -> Table:
     """Return the table with what the lines above its header say: axis, unit, direction."""
     table = _straight(table, " \n ".join(titles.values()))
     for line, text in titles.items():
-        match = _AXIS.search(text)
-        if match is not None and table.axis is None and not table.across:
-            axis = match["axis"] or match["before"]
+        axis = axis_in_title(text)
+        if axis is not None and table.axis is None and not table.across:
             remark = f"Line {line} says that the axis is {axis}."
             table = _noted(table, table.columns, remark, axis)
         pair = _PAIR.fullmatch(text)
@@ -65,6 +64,12 @@ def with_titles(table: Table, titles: Mapping[int, str]) -> Table:
         note = f"In inches, of which one is 25.4 mm: {', '.join(inches[:6])}."
         table = _noted(table, table.columns, note)
     return table
+
+
+def axis_in_title(text: str) -> str | None:
+    """Return the axis that a title names: ``Achse: Y``, ``X axis``."""
+    match = _AXIS.search(text)
+    return None if match is None else match["axis"] or match["before"]
 
 
 def _noted(

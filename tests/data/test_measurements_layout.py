@@ -195,3 +195,57 @@ def test_a_table_of_markdown_is_a_table(tmp_path: Path) -> None:
         (column.role, column.values.tolist()) for column in read_table(path).columns
     ]
     assert roles == [("X.position", [0.0, 10.0]), ("X.error", [1.5, 2.5])]
+
+
+@pytest.mark.parametrize("rows", ["0;1\n", "0,5;1,25\n"])
+def test_a_number_that_was_cut_off_at_its_decimal_mark_is_refused(
+    tmp_path: Path, rows: str
+) -> None:
+    file = tmp_path / "cut.csv"
+    file.write_text("Soll [mm];Abweichung [um]\n" + 5 * "0,5;1,2\n" + rows + "350;7,")
+    with pytest.raises(
+        LineError, match=r":8: found '350;7,' in the last line.*cut off"
+    ):
+        read_table(file)
+    file.write_text("x,dx\n" + 5 * "1.,2.\n" + "350.,7.")  # written so throughout
+    assert read_table(file).rows == 6
+
+
+BLOCK = "0;1\n50;2\n100;3\n"
+
+
+def two_blocks(folder: Path, first: str, second: str) -> Path:
+    file = folder / "blocks.csv"
+    file.write_text(f"{first}\n{BLOCK}{second}\n{BLOCK}")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "found"),
+    [
+        (
+            "Soll [mm];Abweichung [um]",
+            "Soll [mm];Abweichung [mm]",
+            "header of other units",
+        ),
+        ("Soll;Abweichung\nmm;um", "mm;mm", "line of other units"),
+        ("X [mm];dX [um]", "Y [mm];dY [um]", "header of other columns"),
+        ("Achse: X\nSoll [mm];Abweichung [um]", "Achse: Y", "title of axis Y"),
+    ],
+)
+def test_a_second_block_of_another_unit_or_axis_is_refused_and_cannot_be_skipped(
+    tmp_path: Path, first: str, second: str, found: str
+) -> None:
+    with pytest.raises(LineError, match=f"between rows, a {found}") as refused:
+        read_table(two_blocks(tmp_path, first, second))
+    assert "split the file there" in str(refused.value)
+    assert "skip" not in str(refused.value)
+
+
+@pytest.mark.parametrize("second", ["Soll (mm);Abweichung (um)", "Soll;Abweichung"])
+def test_a_second_header_of_the_same_units_is_left_out(
+    tmp_path: Path, second: str
+) -> None:
+    table = read_table(two_blocks(tmp_path, "Soll [mm];Abweichung [um]", second))
+    assert table.rows == 6
+    assert [item.reason for item in table.skipped] == ["the header line again"]
