@@ -56,6 +56,21 @@ class Axis:
 
 
 @dataclasses.dataclass(frozen=True)
+class _Holder:
+    """A list that holds a compensation already.
+
+    Attributes:
+        name: Of the file.
+        over: Axes that its table follows, as far as it names them.
+        same_axes: The new table follows the same, as far as the numbers of axes are known.
+    """
+
+    name: str
+    over: tuple[str, ...]
+    same_axes: bool
+
+
+@dataclasses.dataclass(frozen=True)
 class Contents:
     """What a job is written of.
 
@@ -251,25 +266,35 @@ def _write_active(
 ) -> None:
     held = [(fit, holder) for fit in fits if (holder := _holder(axes, fit)) is not None]
     for fit, holder in held[:1]:
+        over = f" over {' and '.join(holder.over)}" if holder.over else ""
+        summed = "the new values are old + measured"
+        if not holder.same_axes:
+            summed = (
+                f"nothing over {' and '.join(fit.over)} adds to it: measure without it"
+            )
         page.ask(
             f"measurements.{name}.active",
-            f"{holder} holds {fit.compensation} of {fit.axis} already. Was it on while"
-            " measuring (the new values are old + measured), or off (they replace the old)?",
+            f"{holder.name} holds {fit.compensation} of {fit.axis}{over} already. Was it on"
+            f" while measuring ({summed}), or off (they replace the old)?",
             [job_line("active", [fit.compensation]), job_line("active", [])],
         )
     if not held:
         page.key(job_line("active", []), "what was on while measuring; [] = all off")
 
 
-def _holder(axes: Mapping[str, Axis], one: Suggestion) -> str | None:
-    """Return the name of the list that holds a compensation already, or None."""
+def _holder(axes: Mapping[str, Axis], one: Suggestion) -> _Holder | None:
+    """Return the list that holds a compensation already, or None."""
     facts = kind(one.compensation)
     key = "list" if facts.holder == "compensation" else "machine_data"
     path, listing = axes[one.axis].lists.get(key, (None, None))
     if path is None or listing is None:
         return None
-    held = any(each.key.startswith(f"{facts.prefix}.") for each in listing.entries)
-    return path.name if held else None
+    if not any(each.key.startswith(f"{facts.prefix}.") for each in listing.entries):
+        return None
+    masters = facts.entries.named_masters(listing)
+    by_number = {axis.number: name for name, axis in axes.items()}
+    over = tuple(by_number.get(number, f"axis {number}") for number in masters)
+    return _Holder(path.name, over, not over or set(over) == set(one.over))
 
 
 def _write_zero(
@@ -349,6 +374,7 @@ def _ask_for_owner(
 def _write_fit(page: JobPage, contents: Contents, one: Suggestion) -> None:
     """Write a fit, as a remark where it is not the plain one."""
     holder = _holder(contents.axes, one)
+    stay = holder is not None and holder.same_axes
     mark = "" if one.plain else "# "
     if one.plain:
         page.note(f"{one.compensation} of {one.axis}: {one.why}.")
@@ -356,10 +382,10 @@ def _write_fit(page: JobPage, contents: Contents, one: Suggestion) -> None:
         page.note(f"Another one that the readings would bear, since {one.why}:")
     page.add(f"{mark}[[fits]]")
     for key, value in one.of_job.items():
-        kept = holder is not None and key in one.nodes
+        kept = stay and key in one.nodes
         page.add(f"{'# ' if kept else mark}{job_line(key, value)}")
-    if holder is not None and one.nodes:
-        page.note(f"Without {', '.join(one.nodes)} the nodes of {holder} stay.")
+    if holder is not None and stay and one.nodes:
+        page.note(f"Without {', '.join(one.nodes)} the nodes of {holder.name} stay.")
     if one.plain and kind(one.compensation).adds_current:
         _write_current(page, contents, one)
     if one.plain and len(contents.observation.data.temperature) > 1:

@@ -343,6 +343,27 @@ def test_an_existing_list_brings_number_and_nodes_and_asks_whether_it_was_on(
     assert len(result["fits"][0]["parameters"]["table"]["pos"]) == 3
 
 
+def test_a_cross_table_over_another_master_gives_the_new_one_no_nodes(
+    tmp_path: Path,
+) -> None:
+    listing = tmp_path / "achskw2.lis"
+    listing.write_text(
+        "kopf.achs_nr 2\nkw.crosscomp.unit 1\nkw.crosscomp.master_ax_nr 3\n"
+        "kw.crosscomp.last_index 1\nkw.crosscomp.table[1].setpoint 2000000\nEnde\n"
+    )
+    rows = "".join(f"{x},{(x / 100) ** 2:.2f}\n" for x in range(0, 520, 20))
+    axes = [each for k, n in enumerate("XYZ", 1) for each in ("--axis", f"{n}={k}")]
+    text = f"X [mm],EYX [um]\n{rows}"
+    asks = new(tmp_path, text, "--list", str(listing), *axes).read_text()
+    assert "achskw2.lis holds cross of Y over Z already" in asks
+    assert "nothing over X adds to it" in re.sub(r"\n# ", " ", asks)
+    assert "\nstart = 0.0\n" in asks
+    listing.write_text(listing.read_text().replace("master_ax_nr 3", "master_ax_nr 1"))
+    same = new(tmp_path, text, "--list", str(listing), *axes, "--force").read_text()
+    assert "the new values are old + measured" in re.sub(r"\n# ", " ", same)
+    assert "\n# start = 0.0\n" in same
+
+
 def test_a_list_that_could_be_of_several_axes_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
