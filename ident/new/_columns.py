@@ -50,6 +50,8 @@ _OFF = re.compile(r"d([xyz])", re.IGNORECASE)
 _LINEAR = ("X", "Y", "Z")
 _FINE = 0.5
 """Largest error that rather is one in mm than in µm, or in ° than in m°."""
+_TURNED = 3.0
+"""Scatters of the runs of a kind from which every second run lies off by its direction."""
 _UNSTATED = {"error": ("um", "mm"), "current": ("A", "%", "raw"), "time": ("s", "ms")}
 """Units among which a column without one asks, by kind of role."""
 _UNSTATED_ANGLE = ("mdeg", "arcsec", "deg")
@@ -64,15 +66,23 @@ class Unclear:
         column: Its name.
         asks: What there is to say: ``unit``, ``instrument``, ``column`` (which of those that
             name the role), ``role`` (which of those that name none), ``sign``, ``drift``,
-            ``probed`` (an error, or a position).
+            ``probed`` (an error, or a position), ``direction`` (of runs).
         choices: Role and column of each possible answer, the likeliest first.
         largest: Largest absolute value, in the unit of the file.
+        apart: How far every second run lies from the others on the mean, and the scatter of
+            those of a kind, in the unit of the file; None: nothing is asked of runs.
     """
 
     column: str
     asks: frozenset[str]
     choices: tuple[tuple[str, ColumnSpec], ...]
     largest: float
+    apart: tuple[float, float] | None = None
+
+    @property
+    def in_turn(self) -> bool:
+        """Whether every second run lies so far off that it is one on the way back."""
+        return self.apart is not None and self.apart[0] > _TURNED * self.apart[1]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -141,15 +151,15 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         return Meaning(owner[0] if bare else None, assumed, {}, (), unused)
     roles: dict[str, list[ColumnSpec]] = {}
     unclear: list[Unclear] = []
-    runs = [each for each in named if each.column.run is not None]
+    runs = {each.kind for each in named if each.column.run is not None}
     if runs:
-        question = _of_runs(runs, owner[0], turns=owner[0] in angles)
+        question = _of_runs(named, owner[0], turns=owner[0] in angles)
         if len(question.choices) == 1:
             ((text, spec),) = question.choices
             roles[text] = [spec]
         else:
             unclear.append(question)
-        named = [each for each in named if each.kind != runs[0].kind]
+        named = [each for each in named if each.kind not in runs]
     for each in _without_commands(named):
         axis = (owner if each.kind == "error" else home)[0]
         turns = (each.axis or axis) in angles
@@ -265,23 +275,55 @@ def _advised(table: Table, home: str, owner: str) -> list[Unclear]:
     ]
 
 
-def _of_runs(runs: Sequence[_Named], home: str, *, turns: bool) -> Unclear:
-    """Return the question for the unit of a role with one column per run."""
-    first = runs[0]
+def _of_runs(named: Sequence[_Named], home: str, *, turns: bool) -> Unclear:
+    """Return the question for unit and direction of a role with one column per run.
+
+    Args:
+        named: All columns; those of runs name no axis.
+        home: Axis of the role.
+        turns: The positions of the axis are angles.
+    """
+    runs = [each.column for each in named if each.column.run is not None]
+    kind = next(each.kind for each in named if each.column is runs[0])
+    units = _units(runs[0], kind, turns=turns)
+    ways = [[(column.run, column.direction) for column in runs]]
+    asks, apart = {"unit"} if len(units) > 1 else set[str](), None
+    if _lacks_direction(named):
+        asks |= {"direction"}
+        apart = _apart(runs)
+        place = next(e.column.values for e in named if e.kind == "position")
+        there = 1 if place[-1] >= place[0] else -1
+        in_turn = [(k // 2 + 1, -there if k % 2 else there) for k in range(len(runs))]
+        ways.append(in_turn)
+    question = Unclear(
+        runs[0].name, frozenset(asks), (), max(map(_largest, runs)), apart
+    )
     choices = []
-    for unit in _units(first.column, first.kind, turns=turns):
+    for way, unit in itertools.product(ways[:: -1 if question.in_turn else 1], units):
         parts = (
-            dataclasses.replace(
-                _spec(each.column, unit),
-                run=each.column.run,
-                direction=each.column.direction,
-            )
-            for each in runs
+            dataclasses.replace(_spec(column, unit), run=run, direction=direction)
+            for column, (run, direction) in zip(runs, way, strict=True)
         )
         spec = ColumnSpec("", unit, parts=tuple(parts))
-        choices.append((_text(first, home), spec))
-    largest = max(_largest(each.column) for each in runs)
-    return Unclear(first.column.name, frozenset({"unit"}), tuple(choices), largest)
+        choices.append((f"{home}.{kind}", spec))
+    return dataclasses.replace(question, choices=tuple(choices))
+
+
+def _apart(runs: Sequence[Column]) -> tuple[float, float]:
+    """Return how far every second run lies from the others, and what those of a kind scatter.
+
+    The second is NaN where neither kind has two.
+    """
+    values = np.stack([column.values for column in runs])
+    kinds = values[::2], values[1::2]
+    means = [each.mean(axis=0) for each in kinds]
+    rest = [each - mean for each, mean in zip(kinds, means, strict=True)]
+    free = (len(runs) - 2) * values.shape[1]
+    square = sum(float(np.nansum(each**2)) for each in rest)
+    scatter = float(np.sqrt(square / free)) if free else float("nan")
+    steps = means[0] - means[1]
+    known = steps[np.isfinite(steps)]
+    return abs(float(known.mean())) if known.size else 0.0, scatter
 
 
 def _unclear(
@@ -505,6 +547,8 @@ def own_roles(table: Table, axis: str | None) -> dict[str, ColumnSpec]:
 
 def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
     """Whether the file's own roles need no mapping beside them."""
+    if _lacks_direction(named):
+        return False
     runs = [each for each in named if each.column.run is not None]
     named = runs or named
     if not any(column.role not in (None, "time") for column in table.columns):
@@ -514,6 +558,13 @@ def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
         return False
     stated = all(len(_units(e.column, e.kind, turns=False)) == 1 for e in named)
     return complete and stated
+
+
+def _lacks_direction(named: Sequence[_Named]) -> bool:
+    """Whether a file has a column for each of several runs, and no direction of any."""
+    runs = [each.column for each in named if each.column.run is not None]
+    stated = any(column.direction is not None for column in runs)
+    return len(runs) > 1 and not stated and all(e.kind != "direction" for e in named)
 
 
 def _options(

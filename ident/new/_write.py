@@ -1,6 +1,7 @@
 """The page of a new job: axes, measurements, fits and gate, with what they ask."""
 
 import dataclasses
+import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -251,6 +252,8 @@ def _unclear_words(each: Unclear) -> str:
             f'Is "{each.column}" what an instrument outside of the machine showed (actual),'
             " or the machine's own reading (encoder)?"
         )
+    if each.apart is not None:
+        words.append(_turned_words(each, *each.apart))
     if "column" in each.asks:
         words.append("Which of these columns counts?")
     if "unit" in each.asks:
@@ -259,6 +262,24 @@ def _unclear_words(each: Unclear) -> str:
             f" {each.largest:.4g}. Which one is it?"
         )
     return " ".join(words)
+
+
+def _turned_words(each: Unclear, apart: float, scatter: float) -> str:
+    """Return the question for the direction of runs that no column names."""
+    unit = each.choices[0][1].unit if "unit" not in each.asks else None
+    one, back = (
+        " ".join(filter(None, (f"{value:.2g}", unit))) for value in (scatter, apart)
+    )
+    seen = f"Every second run lies {back} from the others on the mean"
+    if math.isfinite(scatter):
+        seen += f", where those of a kind scatter by {one}"
+    asked = (
+        "No column says in which direction its run was measured: all in one, or there and"
+        " back in turn (direction = 1 and -1)?"
+    )
+    if each.in_turn:
+        return f"{asked} {seen}: they look like runs in turn."
+    return f"{asked} {seen}. In turn, the table is one of both: bilateral = true."
 
 
 def _write_active(

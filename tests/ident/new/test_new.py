@@ -2,6 +2,7 @@
 
 import json
 import math
+import random
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -565,6 +566,34 @@ def test_a_file_for_each_direction_makes_one_table_of_both(tmp_path: Path) -> No
     (fit,) = load_job(job).spec.fits
     assert fit.sources == ("positiv", "negativ")
     assert "\nbilateral = true\n" in job.read_text()
+
+
+@pytest.mark.parametrize(("reversal", "first"), [(4.0, -1), (0.05, None)])
+def test_the_direction_of_runs_that_name_none_is_asked_for(
+    tmp_path: Path, reversal: float, first: int | None
+) -> None:
+    rng = random.Random(4)
+    rows = "".join(
+        f"{x};"
+        + ";".join(
+            f"{x / 50 - k % 2 * reversal + rng.gauss(0, 0.1):.2f}" for k in range(4)
+        )
+        + "\n"
+        for x in range(0, -350, -50)
+    )
+    head = "Position [mm];" + ";".join(f"Lauf {k} [um]" for k in range(1, 5))
+    text = new(tmp_path, f"{head}\n{rows}", "--axis", "X=1").read_text()
+    words = re.sub(r"\n# ", " ", text)
+    assert "No column says in which direction its run was measured" in words
+    assert ("they look like runs in turn" in words) == (first is not None)
+    assert ("\nbilateral = true\n" in text) == (first is not None)
+    likeliest, other = re.findall(r'#\? "X.error" = (.*)', text)
+    in_turn, one_way = (likeliest, other) if first else (other, likeliest)
+    assert "direction" not in one_way
+    # The targets go down; a pair of runs is one run in both directions.
+    assert re.findall(r"run = (\d), direction = (-?1)", in_turn) == [
+        ("1", "-1"), ("1", "1"), ("2", "-1"), ("2", "1"),
+    ]  # fmt: skip
 
 
 def test_the_zero_is_asked_for_where_the_list_is_loaded(
