@@ -110,6 +110,7 @@ from ._words import (
     WORDS as WORDS,
     all_position as all_position,
     direction_of as direction_of,
+    is_own_reading as is_own_reading,
     kinds_in as kinds_in,
     pieces as pieces,
     says_correction as says_correction,

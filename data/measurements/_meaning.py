@@ -22,7 +22,7 @@ from ._run_layouts import (
 from ._table import LASER_FORMAT, Column, Table
 from ._titles import kind_of, with_titles
 from ._units import find_unit
-from ._words import direction_of
+from ._words import direction_of, is_own_reading
 
 _SHORT = 4
 """Rows up to which a column of cells tells nothing of what it is."""
@@ -67,6 +67,14 @@ def with_meaning(
     ]
     if by_name and not laser:
         remarks = (*remarks, f"Taken by their names: {', '.join(by_name)}.")
+    kinds = {kind_of(column): column.name for column in columns}
+    judged = "actual" if not {"error", "current"} & kinds.keys() else ""
+    if is_own_reading(kinds.get(judged, "")):
+        remark = (
+            f"A controller calls its own reading '{kinds[judged]}': as its encoder, and no"
+            " instrument, it tells no error of the machine."
+        )
+        remarks = (*remarks, remark)
     table = dataclasses.replace(
         table,
         columns=tuple(columns),

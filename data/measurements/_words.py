@@ -164,6 +164,12 @@ def is_leg(text: str) -> bool:
     return any(piece.casefold() in _LEGS for piece in pieces(text))
 
 
+def is_own_reading(name: str) -> bool:
+    """Whether a controller calls so what it reads itself: ``ActPos``, ``X_EncPos``."""
+    words = words_in([name])
+    return "pos" in words and bool(words & {"act", "enc"})
+
+
 def says_nothing(words: Iterable[str]) -> bool:
     """Whether words of a name tell nothing of what is measured, as in "Axis No."."""
     return all(word.casefold() in _COUNTERS | _SAY_NOTHING for word in words)

@@ -21,6 +21,7 @@ from ...data.measurements import (
     direction_of,
     find_role,
     find_unit,
+    is_own_reading,
     kinds_in,
     may_be_ms,
     pieces as pieces_of,
@@ -361,6 +362,12 @@ def _with_encoders(table: Table, named: Sequence[_Named]) -> tuple[list[_Named],
             else each
             for each in named
         ]
+    named = [
+        dataclasses.replace(each, kind="encoder")
+        if each.kind == "actual" and is_own_reading(each.column.name)
+        else each
+        for each in named
+    ]
     drive = table.format == SCOPE_FORMAT or "current" in kinds
     seen = any(e.kind == "error" or (e.kind == "actual" and not e.own) for e in named)
     if table.format == LASER_FORMAT and not drive:

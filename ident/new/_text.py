@@ -11,8 +11,8 @@ ANSWER = "#? "
 OPTIONAL = " (may stay open)"
 """Stands behind the number of a question that a fit does without."""
 _OPEN = re.compile(r"# QUESTION \d+: ")
-_ZERO = frozenset({"datum", "remove"})
-"""Keys of which either says whose a constant and a slope are."""
+_EITHER = (("datum", "remove"), ("actual", "encoder"), ("error", "position"))
+"""Keys, or kinds of role, of which either answers a question."""
 _WIDTH = 88
 
 
@@ -50,8 +50,9 @@ def open_question(text: str) -> tuple[int, str] | None:
         ]
         wanted = {_key(one) for one in block if one.startswith(ANSWER)}
         stated = {_key(one) for one in block if one[0] != "#"}
-        if wanted & _ZERO:  # either key answers it
-            wanted |= _ZERO
+        for one, other in _EITHER:
+            wanted |= {key.replace(one, other) for key in wanted}
+            wanted |= {key.replace(other, one) for key in wanted}
         if wanted and not wanted & stated:
             words = itertools.takewhile(
                 lambda one: one.startswith("# "), lines[number:]

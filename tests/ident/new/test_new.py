@@ -596,6 +596,28 @@ def test_the_direction_of_runs_that_name_none_is_asked_for(
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("names", "asked_for"),
+    [
+        ("X_SetPos [mm],X_ActPos [mm]", True),
+        ("SetPos [mm],ActPos [mm]", True),
+        ("Soll [mm],Ist [mm]", False),
+    ],
+)
+def test_positions_of_the_controller_alone_are_no_measurement_unless_the_user_says_so(
+    tmp_path: Path, names: str, asked_for: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{x},{x + 0.003 * (-1) ** k}\n" for k, x in enumerate(range(30)))
+    text = new(tmp_path, f"{names}\n{rows}", "--axis", "X=1").read_text()
+    assert ("or the machine's own reading" in re.sub(r"\n# ", " ", text)) == asked_for
+    assert (text.count('#? "X.encoder"') == 1) == asked_for
+    answered = text.replace('#? "X.encoder"', '"X.encoder"')
+    assert open_question(answered) is None  # as for every other answer
+    capsys.readouterr()
+    assert main(["read", str(tmp_path / "readings.csv")]) == 0
+    assert ("it tells no error of the machine" in capsys.readouterr().out) == asked_for
+
+
 def test_the_zero_is_asked_for_where_the_list_is_loaded(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
