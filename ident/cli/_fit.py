@@ -97,7 +97,7 @@ def _print_fits(console: "Console", result: "JobResult") -> None:
 
 def _verdict_of(result: "JobResult") -> str:
     """Return what the last line says of a job."""
-    from ..job import Code, Verdict
+    from ..job import Verdict
     from ..report import short_verdict
 
     if result.verdict is Verdict.REJECTED and not result.confirmed:
@@ -108,15 +108,16 @@ def _verdict_of(result: "JobResult") -> str:
         return "NOT PASSED: not all that was asked for is known, see the errors"
     if result.verdict is Verdict.GOOD:
         return "Done"
-    assumed = any(fit.judgement.has(Code.ASSUMED) for fit in result.fits)
-    words = short_verdict(result.verdict, assumed=assumed)
-    worst = [
-        f"{fit.compensation} of {fit.axis}"
-        for fit in result.fits
-        if fit.judgement.verdict is result.verdict
-    ]
-    names = "" if len(worst) == len(result.fits) else f" ({', '.join(worst)})"
-    return f"{words[0].upper()}{words[1:]}{names}. Done"
+    fits: dict[str, list[str]] = {}
+    for fit in result.fits:
+        if fit.judgement.verdict is result.verdict:
+            name = f"{fit.compensation} of {fit.axis}"
+            fits.setdefault(short_verdict(fit.judgement), []).append(name)
+    words = "; ".join(
+        verdict if len(names) == len(result.fits) else f"{verdict} ({', '.join(names)})"
+        for verdict, names in fits.items()
+    )
+    return f"{words[0].upper()}{words[1:]}. Done"
 
 
 def _print_fit(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..job import Code, Remark, by_level
+from ..job import Remark, by_level
 from . import _style as style
 from ._body import Plot
 from ._scale import Scale, count, number, scale_of
@@ -57,7 +57,7 @@ def group_section(
     ]
     members = [sections[index] for index in group.fits]
     proven = all(section.verdict.level == "good" for section in members)
-    assumed = any(section.fit.judgement.has(Code.ASSUMED) for section in members)
+    assumed = any(section.fit.judgement.waits for section in members)
     opening = "Computed; signs unproven. " if assumed else ""
     level = "warn" if unidentified or group.confusions or not proven else "good"
     return GroupSection(

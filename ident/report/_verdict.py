@@ -7,6 +7,7 @@ from ..job import (
     AbstractResult,
     Code,
     ErrorFigures,
+    Judgement,
     MeasuredAgain,
     Reason,
     TableResult,
@@ -45,6 +46,8 @@ _LOOK = {
     Verdict.REJECTED: ("bad", "stop", "do not load"),
 }
 """Level and word of each verdict, and what stands for it in one line over several fits."""
+_DOUBTS = {Code.NO_GAIN: "no gain shown", Code.NO_EFFECT: "no effect shown"}
+"""The same for fits without a gain to prove, by their first reason."""
 
 
 def headline_of(fit: AbstractResult, scale: Scale) -> Headline:
@@ -57,11 +60,14 @@ def headline_of(fit: AbstractResult, scale: Scale) -> Headline:
     return Headline(level, word, _SENTENCES[reason.code](fit, scale, reason))
 
 
-def short_verdict(verdict: Verdict, *, assumed: bool) -> str:
+def short_verdict(judgement: Judgement) -> str:
     """Return a verdict in a few words, for one line over several fits."""
-    if verdict is Verdict.UNPROVEN and assumed:
+    short = _LOOK[judgement.verdict][2]
+    if judgement.verdict is not Verdict.UNPROVEN:
+        return short
+    if judgement.waits:
         return "computed; sign unproven"
-    return _LOOK[verdict][2]
+    return _DOUBTS.get(judgement.reasons[0].code, short)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,11 +79,13 @@ class Front:
         verdicts: Each verdict in words, worst first, and the fits that have it.
         unproven: Rules of the controller that written lists rest on and that no
             measurement has settled; empty where all are.
+        loads: A list is worth the steps of the load sheet.
     """
 
     level: str
     verdicts: tuple[tuple[str, str], ...]
     unproven: str
+    loads: bool
 
 
 def front_of(fits: Sequence[tuple[str, AbstractResult]], worst: Verdict) -> Front:
@@ -89,16 +97,18 @@ def front_of(fits: Sequence[tuple[str, AbstractResult]], worst: Verdict) -> Fron
         fits, key=lambda headed: -order.index(headed[1].judgement.verdict)
     ):
         judgement = fit.judgement
-        words = short_verdict(judgement.verdict, assumed=judgement.has(Code.ASSUMED))
+        words = short_verdict(judgement)
         if judgement.has(Code.VERIFIED):
             words = "verified"
         verdicts.setdefault(words.capitalize(), []).append(heading)
         for reason in judgement.reasons:
-            if reason.code is Code.ASSUMED:
+            if reason.code is Code.ASSUMED and judgement.waits:
                 unproven |= dict.fromkeys(reason.fields["conventions"])
     level = _LOOK[worst][0]
     summary = tuple((words, "; ".join(names)) for words, names in verdicts.items())
-    return Front(level, summary, ", ".join(name.replace("_", " ") for name in unproven))
+    names = ", ".join(name.replace("_", " ") for name in unproven)
+    loads = any(fit.files and not fit.judgement.has(Code.NO_GAIN) for _, fit in fits)
+    return Front(level, summary, names, loads)
 
 
 _APART = 10.0
@@ -249,10 +259,20 @@ def _nothing_written(fit: AbstractResult, scale: Scale, _: Reason) -> str:
     return f"Nothing to load, no list was asked for or needed: {fall}."
 
 
+def _no_effect(fit: AbstractResult, scale: Scale, _: Reason) -> str:
+    left = fit.error.get("before")
+    size = "" if left is None else f" ({_size(left.sound, scale)}, about its mean line)"
+    return (
+        f"Nothing to load: no effect of the {fit.compensation} shows. The error of {fit.axis}"
+        f" that remains{size} has another cause; axcomp discover looks for it."
+    )
+
+
 _SENTENCES: dict[Code, Callable[[AbstractResult, Scale, Reason], str]] = {
     Code.GATE: _gate,
     Code.ERROR: _error,
     Code.NOTHING_WRITTEN: _nothing_written,
+    Code.NO_EFFECT: _no_effect,
     Code.NO_GAIN: _no_gain,
     Code.ASSUMED: _assumed,
     Code.DIAGNOSED: _diagnosed,

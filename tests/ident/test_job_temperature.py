@@ -10,9 +10,16 @@ import pytest
 from axcomp.data.lists import ListFile, check
 from axcomp.ident._recording import lagged
 from axcomp.ident.cli import main
-from axcomp.ident.job import JobError, JobResult, TemperatureResult, run_job
+from axcomp.ident.job import (
+    JobError,
+    JobResult,
+    TemperatureResult,
+    Verdict,
+    run_job,
+)
 from axcomp.ident.kinds.temperature.entries import temperature_from_list
-from axcomp.ident.report import write_report
+from axcomp.ident.report import headline_of, write_report
+from axcomp.ident.report._scale import Scale
 from axcomp.models import Conventions
 
 GROWTH, CROSSING, NOISE = 1.1e-5, -200.0, 0.0005
@@ -340,6 +347,11 @@ def test_temperature_without_effect_writes_nothing_and_passes(tmp_path: Path) ->
     assert any(
         "No effect of the temperature" in r.message for r in result.fits[0].remarks
     )
+    # That the error is small, or needs no list, was never found.
+    assert result.verdict is Verdict.UNPROVEN
+    words = headline_of(result.fits[0], Scale("mm", "µm")).sentence
+    assert "no effect of the temperature shows" in words
+    assert "axcomp discover looks for it" in words
 
 
 def test_laws_that_are_asked_to_be_constant_are_called_that(again: Path) -> None:

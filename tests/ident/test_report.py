@@ -162,6 +162,20 @@ def test_verdict_states_the_figures_and_that_nothing_is_verified(
 
 
 @pytest.mark.usefixtures("no_drawing")
+def test_a_list_that_promises_no_gain_sends_nobody_to_settle_its_sign(
+    leadscrew: Make, job: MakeJob, tmp_path: Path
+) -> None:
+    fit = leadscrew()
+    error = dict(fit.error) | {"predicted": fit.error["before"]}
+    text = words(page_of(job(dataclasses.replace(fit, error=error)), tmp_path))
+    assert "No gain shown:" in text
+    assert "No measurement has settled:" not in text
+    assert "Next:" not in text
+    text = words(page_of(job(fit), tmp_path))
+    assert "Next: Copy achskw3.lis" in text
+
+
+@pytest.mark.usefixtures("no_drawing")
 def test_failed_gate_is_loud_and_says_where(
     leadscrew: Make, job: MakeJob, tmp_path: Path
 ) -> None:

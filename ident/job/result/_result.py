@@ -161,6 +161,7 @@ class AbstractResult(abc.ABC):
         again: What a second measurement with the list active says of it, or None.
         group: Fits that it was identified together with, by the name of their group:
             the error before is then what these leave; None = alone.
+        no_effect: The readings show nothing that its list would correct.
     """
 
     compensation: str
@@ -176,6 +177,7 @@ class AbstractResult(abc.ABC):
     held_out: str = "block"
     again: MeasuredAgain | None = None
     group: str | None = None
+    no_effect: bool = False
 
     @property
     def passed(self) -> bool:

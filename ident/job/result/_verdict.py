@@ -36,6 +36,8 @@ class Code(enum.StrEnum):
     """The job says so itself [message]."""
     NOTHING_WRITTEN = "nothing_written"
     """There is no list to load."""
+    NO_EFFECT = "no_effect"
+    """A list was asked for, and the readings show nothing that it would correct."""
     NO_GAIN = "no_gain"
     """Readings held out would not have gained by it; rejected where repeated runs show that they
     would plainly lose."""
@@ -89,6 +91,11 @@ class Judgement:
         """Return whether it rests on a reason."""
         return any(reason.code is code for reason in self.reasons)
 
+    @property
+    def waits(self) -> bool:
+        """Whether a list that promises a gain waits for its sign or owner to be settled."""
+        return self.has(Code.ASSUMED) and not self.has(Code.NO_GAIN)
+
 
 def judgement_of(fit: "AbstractResult") -> Judgement:
     """Return the verdict on a fit, with what a second measurement says where there is one."""
@@ -102,6 +109,8 @@ def judgement_of(fit: "AbstractResult") -> Judgement:
         unwritten = fit.left_out or not fit.files
         verdict = Verdict.UNDETERMINED if unwritten else Verdict.REJECTED
         return Judgement(verdict, (Reason(Code.ERROR, {"message": errors[0]}),))
+    if not fit.files and fit.no_effect:
+        return Judgement(Verdict.UNPROVEN, (Reason(Code.NO_EFFECT),))
     if not fit.files:
         return Judgement(Verdict.GOOD, (Reason(Code.NOTHING_WRITTEN),))
     if (fault := _fault_measured(fit)) is not None:

@@ -24,7 +24,7 @@ from . import KIND
 from ._law import RATE, ThermalLaw, plc_objects, rates, structured_text, thermal_law
 from ._line import TemperatureFit
 from ._recording import read_thermal
-from ._result import TemperatureResult, remarks_of
+from ._result import TemperatureResult, asks_for_none, remarks_of
 from .entries import (
     Table,
     entries_of_temperature,
@@ -203,6 +203,7 @@ class TemperatureDraft(AbstractDraft):
             remarks=(*remarks_of(self), *done.remarks),
             files=self.files_in(done),
             held_out=self.share.recording.held_out,
+            no_effect=not (self.written or asks_for_none(self.fit)),
             reference=self._position,
             zero=self.zero,
             law=self._law if self.written else None,

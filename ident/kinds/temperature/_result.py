@@ -14,6 +14,7 @@ from ._line import Lag, Law, Meeting, TemperatureFit
 
 if TYPE_CHECKING:
     from ._draft import TemperatureDraft
+    from .keys import Spec
 
 _ONE_WAY = 0.95
 """Rank correlation of temperature and time from which few readings tell nothing but the clock."""
@@ -154,7 +155,7 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
             f"{draft.confounded} The coefficient is left out; the offset over the temperature is"
             " determined and written."
         )
-    if not fit.moving and set((draft.fit.law or {}).values()) == {"constant"}:
+    if not fit.moving and asks_for_none(draft.fit):
         yield Remark.warning(
             "The law that is asked for is constant: it follows no temperature, and nothing"
             " is written. Leave law out, and it is chosen on readings held out."
@@ -177,6 +178,11 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
         yield from _state(draft)
         if "temperature_sign" not in draft.job.verified:
             yield _SIGN
+
+
+def asks_for_none(fit: "Spec") -> bool:
+    """Whether a job asks for laws that follow no temperature."""
+    return set((fit.law or {}).values()) == {"constant"}
 
 
 def _meeting_words(fit: TemperatureFit) -> str:
