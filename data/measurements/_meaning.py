@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -42,9 +43,13 @@ def with_meaning(
         names: One per column.
         titles: Lines above the header.
     """
-    for layout in (laser_without_header, one_column_per_run, one_row_per_run):
-        if (result := layout(table, names)) is not None:
-            return with_titles(result, titles)
+    if (runs := _with_runs(table, names)) is not None:
+        return with_titles(runs, titles)
+    counted = _counted(names)
+    if counted != [*names]:
+        table, names = _renamed(table, counted), counted
+        if (runs := _with_runs(table, names)) is not None:
+            return with_titles(runs, titles)
     if (trims := triplets(table, names)) is not None:
         return trims
     roles, laser = roles_of(names)
@@ -82,6 +87,46 @@ def with_meaning(
         format=LASER_FORMAT if laser else table.format,
     )
     return with_titles(_with_clock(table, names), titles)
+
+
+def _with_runs(table: Table, names: Sequence[Name]) -> Table | None:
+    """Return a table of repeated runs with what its columns are, or None."""
+    for layout in (laser_without_header, one_column_per_run, one_row_per_run):
+        if (result := layout(table, names)) is not None:
+            return result
+    return None
+
+
+def _counted(names: Sequence[Name]) -> list[Name]:
+    """Return names of which those that stand above several columns are numbered."""
+    headers = [name.header for name in names]
+    counts: Counter[str] = Counter()
+    result = []
+    for name in names:
+        if name.header and headers.count(name.header) > 1:
+            counts[name.header] += 1
+            number = f" {counts[name.header]}"
+            text = name.name + number
+            name = dataclasses.replace(
+                name, name=text, stem=name.stem + number, header=text
+            )
+        result.append(name)
+    return result
+
+
+def _renamed(table: Table, names: Sequence[Name]) -> Table:
+    """Return a table whose columns are called as told, and a remark that says so."""
+    pairs = list(zip(table.columns, names, strict=True))
+    columns = [
+        dataclasses.replace(column, name=name.name, header=name.header)
+        if column.header != name.header
+        else column
+        for column, name in pairs
+    ]
+    again = ", ".join(f"'{n.name}'" for c, n in pairs if c.header != n.header)
+    remark = f"Columns of the same name are numbered: {again}."
+    remarks = (*table.remarks, remark)
+    return dataclasses.replace(table, columns=tuple(columns), remarks=remarks)
 
 
 def _as_they_are(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:

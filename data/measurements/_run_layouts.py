@@ -173,6 +173,8 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
             " the way there goes as they are listed."
         )
         table = dataclasses.replace(table, remarks=(*table.remarks, remark))
+    if len({(item.run, item.direction) for item in runs.values()}) < len(runs):
+        runs = {at: dataclasses.replace(item, run=None) for at, item in runs.items()}
     return _with_runs(table, target, numbered(runs))
 
 

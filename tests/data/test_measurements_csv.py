@@ -8,7 +8,13 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 from axcomp.data.errors import AxcompError
-from axcomp.data.measurements import CellError, LineError, Table, read_table
+from axcomp.data.measurements import (
+    CellError,
+    LineError,
+    Table,
+    measurement,
+    read_table,
+)
 
 VALUES = np.array([[0.0, 10.0, -12.5], [1.5, 10.0, 3.25], [3.0, 20.0, 0.001]])
 
@@ -231,9 +237,32 @@ def test_unknown_column_names_the_nearest(tmp_path: Path) -> None:
 
 
 def test_column_name_that_stands_for_two_is_refused(tmp_path: Path) -> None:
-    table = read_table(write(tmp_path, "x,x\n1,2\n3,4\n"))
+    table = read_table(write(tmp_path, "x [mm],x [um]\n1,2\n3,4\n"))
     with pytest.raises(AxcompError, match="found 2 columns named 'x'"):
         table.column("x")
+    assert table.column("x [um]").values.tolist() == [2.0, 4.0]
+
+
+def test_columns_of_the_same_name_are_numbered(tmp_path: Path) -> None:
+    table = read_table(write(tmp_path, "x,x,y\n1,2,5\n3,4,6\n"))
+    assert [column.name for column in table.columns] == ["x 1", "x 2", "y"]
+    assert "Columns of the same name are numbered: 'x 1', 'x 2'." in table.remarks
+    with pytest.raises(AxcompError, match="no column 'x', expected one of x 1, x 2"):
+        table.column("x")
+
+
+@pytest.mark.parametrize(
+    "names",
+    ["Abweichung,Abweichung,Abweichung,Abweichung", "Lauf 1,Lauf 2,Lauf 1,Lauf 2"],
+)
+def test_errors_of_the_same_name_are_runs_one_after_the_other(
+    tmp_path: Path, names: str
+) -> None:
+    text = f"Position,{names}\n0,1,2,1,2\n50,2,3,2,3\n90,3,5,3,5\n"
+    table = read_table(write(tmp_path, text))
+    assert [column.run for column in table.columns] == [None, 1, 2, 3, 4]
+    assert len({column.name for column in table.columns}) == 5
+    assert measurement(table, axis="X").rows == 12
 
 
 def test_laser_table_is_recognised_without_a_header(tmp_path: Path) -> None:
