@@ -245,11 +245,9 @@ def measurement(
                 reason += ", expected mm or ° per increment"
                 raise MeasurementError(source, reason)
         units[text] = library_unit(unit, angle=angle)
-        if (
-            column.unit is None
-            and spec.unit is None
-            and column.role in ("position", "error", "actual")
-        ):
+        told = column.role in ("position", "error", "actual")
+        told |= role.kind == "temperature" and column.role is None
+        if column.unit is None and spec.unit is None and told:
             remarks.append(
                 f"Column '{column.name}' states no unit: it is taken in {unit.name}."
             )

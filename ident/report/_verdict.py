@@ -261,7 +261,7 @@ def _nothing_written(fit: AbstractResult, scale: Scale, _: Reason) -> str:
 
 def _no_effect(fit: AbstractResult, scale: Scale, _: Reason) -> str:
     left = fit.error.get("before")
-    size = "" if left is None else f" ({_size(left.sound, scale)}, about its mean line)"
+    size = "" if left is None else f" ({_size(left.sound, scale)}, about its median)"
     return (
         f"Nothing to load: no effect of the {fit.compensation} shows. The error of {fit.axis}"
         f" that remains{size} has another cause; axcomp discover looks for it."

@@ -305,6 +305,20 @@ def test_a_clock_that_may_be_in_ms_is_told_what_it_is_taken_in(
     assert data.values["time"][1] == pytest.approx(scale * float(step))
 
 
+@pytest.mark.parametrize(("unit", "said"), [("", True), (" [degF]", False)])
+def test_a_temperature_without_a_unit_is_told_to_be_in_degrees_celsius(
+    tmp_path: Path, unit: str, said: bool
+) -> None:
+    text = f"X.position [mm],Temperatur{unit}\n0,68\n1,77\n"
+    columns = {
+        "X.position": ColumnSpec("X.position"),
+        "temperature.frame": ColumnSpec("Temperatur"),
+    }
+    data = measurement(table_of(tmp_path, text), columns)
+    words = "Column 'Temperatur' states no unit: it is taken in degC."
+    assert (words in data.remarks) == said
+
+
 @pytest.mark.parametrize("start", [1.79e12, 1.33e17])
 def test_milliseconds_since_1970_are_no_seconds(tmp_path: Path, start: float) -> None:
     rows = "".join(f"{start + 1000 * k:.0f},{k}\n" for k in range(9))

@@ -8,6 +8,7 @@ import pytest
 
 from axcomp.data.lists import ListFile, check
 from axcomp.ident.job import BacklashResult, JobError, run_job
+from axcomp.ident.kinds.backlash.page import body
 from axcomp.ident.report import headline_of, write_report
 from axcomp.ident.report._scale import Scale
 
@@ -184,6 +185,17 @@ def test_a_list_of_another_fit_is_none_of_a_backlash_that_is_not_written(
     assert found.files == ()
     # Not of a list that would not help: there is none.
     assert [str(one.code) for one in found.judgement.reasons] == ["nothing_written"]
+
+
+def test_the_labels_of_the_picture_are_not_cut_off(tmp_path: Path) -> None:
+    readings(tmp_path)
+    (plot,) = body(run(tmp_path), Scale("mm", "µm")).plots
+    plot.figure.draw_without_rendering()
+    for axes in plot.figure.axes:
+        for label in (axes.xaxis.label, axes.yaxis.label):
+            box = label.get_window_extent()
+            assert box.y0 >= 0.0, label.get_text()
+            assert box.y1 <= plot.figure.bbox.y1, label.get_text()
 
 
 def test_trace_over_reversals_gives_the_size_too(tmp_path: Path) -> None:

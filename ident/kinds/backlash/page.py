@@ -20,7 +20,7 @@ def body(fit: BacklashResult, scale: Scale) -> Body:
 def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
     """Draw each reading about the mean of both directions, before and after."""
     x_label = f"{fit.axis} in {scale.position}"
-    y_label = f"about the mean of both directions in {scale.error}"
+    y_label = f"about their mean in {scale.error}"
     figure, panels = side_by_side(3.0, ("before", "from the file"), x_label, y_label)
     view, width = fit.sides, fit.measured_width[0]
     for direction in (1, -1):
