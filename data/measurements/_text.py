@@ -17,6 +17,8 @@ _FOREIGN = (
     (b"%PDF", "a PDF document"),
     (b"<", "an XML or HTML document"),
 )
+_SCOPE_PROJECTS = (".svdx", ".svbx", ".svb", ".tcscopex")
+"""Recordings and projects of TwinCAT Scope, which it exports as text."""
 _EXPECTED = (
     "a text table (CSV), a TwinCAT Scope text export, MATLAB, Parquet, HDF5, TDMS, an"
     " ISO 230-2 run table, a bed mesh or a height map"
@@ -74,6 +76,9 @@ def unpacked(raw: bytes, path: Path) -> bytes:
     for magic, kind in _FOREIGN:
         if raw.startswith(magic):
             advice = ": save the sheet as CSV" if "spreadsheet" in kind else ""
+            if path.suffix.casefold() in _SCOPE_PROJECTS:
+                kind = "a recording or project of TwinCAT Scope"
+                advice = ": export the recording there as text (CSV)"
             reason = f"found {kind}, expected {_EXPECTED}{advice}"
             raise MeasurementError(str(path), reason)
     return raw

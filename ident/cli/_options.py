@@ -163,7 +163,7 @@ def refuse_input(path: Path, option: str, inputs: Iterable[Path]) -> None:
 
 
 def refuse_existing(path: Path, option: str, *, force: bool | None = None) -> None:
-    """Raise where a file to be written exists, or its folder is a file.
+    """Raise where a file to be written exists, or its folder does not or is a file.
 
     Args:
         path: The file.
@@ -173,8 +173,9 @@ def refuse_existing(path: Path, option: str, *, force: bool | None = None) -> No
     Raises:
         UsageError: Naming what to do.
     """
-    if path.parent.exists() and not path.parent.is_dir():
-        refuse(option, f"{path.parent}, which is a file", "a folder for the new file")
+    if not path.parent.is_dir():
+        state = "is a file" if path.parent.exists() else "does not exist"
+        refuse(option, f"{path.parent}, which {state}", "a folder for the new file")
     if path.exists() and not force:
         instead = "a new file" if force is None else "a new file or --force"
         refuse(option, f"{path}, which exists", instead)
@@ -207,14 +208,14 @@ def read_shown_list(path: Path) -> "ListFile":
 
     Raises:
         OSError: If the file cannot be read.
-        FoundError: If no line of it is an entry.
+        FoundError: If no line of it is an entry, or it is no text.
     """
     from ...data.lists import ListFile
 
     listing = ListFile.read(path)
-    if not listing.columns:
+    if listing.is_wide or not listing.columns:
         words = "no entry" if listing.lines else "an empty file"
-        words = "UTF-16" if listing.is_wide else words
+        words = "UTF-16, or no text" if listing.is_wide else words
         raise FoundError(str(path), words, "entries of a list")
     return listing
 

@@ -73,7 +73,7 @@ def new_job(
 
     Raises:
         MeasurementError: If a file holds nothing usable, or no column names its role.
-        UsageError: If a list belongs to no axis of the job.
+        UsageError: If a file is no list, or a list belongs to no axis of the job.
     """
     given = dict(axes or {})
     sources = _sources(files, tuple(given))
@@ -188,7 +188,7 @@ def _axes(
     """Return the axes that the files name, with what is known of each.
 
     Raises:
-        UsageError: If it is not clear whose a list is.
+        UsageError: If a file is no such list, or it is not clear whose a list is.
     """
     axes: dict[str, Axis] = {}
     for source in sources:
@@ -209,6 +209,14 @@ def _axes(
         axes.setdefault(name, Axis(number, {}))
     for path in lists:
         listing = ListFile.read(path)
+        if listing.kind not in ("compensation", "axis") and (
+            listing.columns or listing.remarks
+        ):
+            message = (
+                f"--list: found {path}, which holds no entry of a compensation or axis list,"
+                " expected such a list"
+            )
+            raise UsageError(message)
         number, name = axis_number(listing), _owner(axes, listing)
         key = "machine_data" if listing.kind == "axis" else "list"
         own = axes[name]

@@ -230,6 +230,16 @@ def test_number_line_above_numbers_is_no_header(tmp_path: Path) -> None:
         read_table(path)
 
 
+@pytest.mark.parametrize("content", [b"PK\x03\x04rest", b"<ScopeProject/>"])
+def test_a_recording_of_the_scope_itself_is_to_be_exported(
+    tmp_path: Path, content: bytes
+) -> None:
+    file = tmp_path / "trace.svdx"
+    file.write_bytes(content)
+    with pytest.raises(AxcompError, match=r"of TwinCAT Scope, .*export the recording"):
+        read_table(file)
+
+
 def test_unknown_column_names_the_nearest(tmp_path: Path) -> None:
     table = read_table(write(tmp_path, "pos,dz\n1,2\n3,4\n"))
     with pytest.raises(AxcompError, match=r"no column 'dzz'.*pos, dz.*nearest: 'dz'"):

@@ -174,6 +174,16 @@ def test_usage_error_has_status_2() -> None:
     assert main(["check", "--no-such-option", "x.lis"]) == 2
 
 
+def test_what_is_no_text_is_neither_shown_nor_compared(
+    tmp_path: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "achskw2.lis"
+    file.write_bytes(b"\x7fELF\2\1\1" + bytes(60) + b"\nthe rest\nof it all\n")
+    for command in (["show", str(file)], ["diff", str(file), str(file)]):
+        assert main(command) == 1
+        assert "no text, expected entries of a list" in capsys.readouterr().err
+
+
 def test_show_names_parameters_with_unit_and_meaning(
     plane: pathlib.Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -107,6 +107,7 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
         Remark.warning(finding.sentence)
         for finding in examined.findings
         if finding.kind not in _NO_LIST
+        and not (turned and finding.kind == "current opposes the motion")
     ]
     if spikes:
         remarks.append(
@@ -118,8 +119,8 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
     if turned:
         remarks.append(
             Remark.info(
-                "The recorded current opposes the motion, as torque feedback does"
-                f" ([001] p.74): it was turned round. {examined.polarity.statement}"
+                "The recorded current was turned round, as torque feedback is ([001] p.74):"
+                f" {examined.polarity.statement}."
             )
         )
     faults = [f.sentence for f in examined.findings if f.kind in _NO_LIST]

@@ -320,7 +320,8 @@ def test_current_that_opposes_the_motion_is_turned_round(tmp_path: Path) -> None
     found = friction(run(tmp_path, keys=""))
     assert found.curve is not None
     assert found.curve.currents[0].min() > 1.0
-    assert any("turned round" in remark.message for remark in found.remarks)
+    (words,) = [r.message for r in found.remarks if "turned round" in r.message]
+    assert "was turned round, as torque feedback is ([001] p.74): the current" in words
 
 
 def test_an_inertia_below_zero_is_named(tmp_path: Path) -> None:

@@ -99,6 +99,29 @@ def test_a_job_in_a_file_for_a_folder_is_refused(
     assert "which is a file, expected a folder" in capsys.readouterr().err
 
 
+def test_a_job_for_a_folder_that_does_not_exist_names_the_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "readings.csv").write_text(LASER)
+    job = tmp_path / "no" / "such" / "job.toml"
+    assert main(["new", str(tmp_path / "readings.csv"), "--out", str(job)]) == 2
+    assert f"--out: found {job.parent}, which does not" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", [LASER, "#SESSION\nthe rest of it all\n"])
+def test_a_file_that_is_no_list_is_refused_where_it_is_given_as_one(
+    tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, listing = tmp_path / "readings.csv", tmp_path / "achskw1.lis"
+    file.write_text(LASER)
+    listing.write_text(text)
+    command = ["new", str(file), "--list", str(listing)]
+    assert main([*command, "--out", str(tmp_path / "job.toml")]) == 2
+    assert "holds no entry of a compensation or axis list" in capsys.readouterr().err
+    listing.write_text("# to be filled\n")
+    assert main([*command, "--out", str(tmp_path / "job.toml")]) == 0
+
+
 def test_a_job_that_exists_is_replaced_only_when_that_is_asked_for(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
