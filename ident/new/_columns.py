@@ -280,13 +280,13 @@ def _of_runs(named: Sequence[_Named], home: str, *, turns: bool) -> Unclear:
     """Return the question for unit and direction of a role with one column per run.
 
     Args:
-        named: All columns; those of runs name no axis.
-        home: Axis of the role.
+        named: All columns.
+        home: Axis of the role where its columns name none.
         turns: The positions of the axis are angles.
     """
+    first = next(each for each in named if each.column.run is not None)
     runs = [each.column for each in named if each.column.run is not None]
-    kind = next(each.kind for each in named if each.column is runs[0])
-    units = _units(runs[0], kind, turns=turns)
+    units = _units(first.column, first.kind, turns=turns)
     ways = [[(column.run, column.direction) for column in runs]]
     asks, apart = {"unit"} if len(units) > 1 else set[str](), None
     if _lacks_direction(named):
@@ -294,10 +294,11 @@ def _of_runs(named: Sequence[_Named], home: str, *, turns: bool) -> Unclear:
         apart = _apart(runs)
         place = next(e.column.values for e in named if e.kind == "position")
         there = 1 if place[-1] >= place[0] else -1
-        in_turn = [(k // 2 + 1, -there if k % 2 else there) for k in range(len(runs))]
-        ways.append(in_turn)
+        ways.append(
+            [(k // 2 + 1, -there if k % 2 else there) for k in range(len(runs))]
+        )
     question = Unclear(
-        runs[0].name, frozenset(asks), (), max(map(_largest, runs)), apart
+        first.column.name, frozenset(asks), (), max(map(_largest, runs)), apart
     )
     choices = []
     for way, unit in itertools.product(ways[:: -1 if question.in_turn else 1], units):
@@ -306,7 +307,7 @@ def _of_runs(named: Sequence[_Named], home: str, *, turns: bool) -> Unclear:
             for column, (run, direction) in zip(runs, way, strict=True)
         )
         spec = ColumnSpec("", unit, parts=tuple(parts))
-        choices.append((f"{home}.{kind}", spec))
+        choices.append((_text(first, home), spec))
     return dataclasses.replace(question, choices=tuple(choices))
 
 
