@@ -23,6 +23,9 @@ RUNS, ANGULAR, STRAIGHTNESS, POSITIONING, SQUARENESS, FRAME = range(6)
 """What may be moved between blocks leaves those that stand first."""
 _LEVER = 1e-5
 """Largest lever of an angle, relative to the longest of all, that is none."""
+_TURNED_BEAM = 1e-3
+"""Spread in rad of the directions of a set-up below which they are one: a centre that is off by
+1 mm across them changes readings by less than 1 µm."""
 _TURNED = np.array([*(k for k in range(36) if k % 12 > 5), 36, 37, 38])
 """Columns of angles in the stencil of a machine."""
 FRAME_NAME, ZEROS_NAME = "frame", "zeros of the set-ups"
@@ -208,17 +211,31 @@ def frame(about: tuple[float, float, float]) -> Block:
     return Block.single(FRAME_NAME, FRAME, labels, rows)
 
 
-def zeros(runs: int, vectors: bool) -> Block:
-    """Return the zero of each set-up beside the first: of vectors, or of readings on a line."""
+def zeros(readings: Readings, vectors: bool) -> Block:
+    """Return what is unknown of each set-up: of vectors, or of readings along directions.
+
+    Vectors have a zero each in X, Y and Z. Readings along a direction have one zero (the length
+    of a ball bar), and the place of their centre in those ways in which the directions of the
+    set-up differ: on a laser line in none, in a circle in two.
+    """
+    run, along = readings.inputs["run"], readings.inputs["along"]
+    count = np.bincount(run)
+    mean, spread = np.zeros((len(count), 3)), np.zeros((len(count), 3, 3))
+    np.add.at(mean, run, along / count[run, None])
+    apart = along - mean[run]
+    np.add.at(spread, run, apart[:, :, None] * apart[:, None] / count[run, None, None])
+    size, ways = np.linalg.eigh(spread)
+    first = np.full((len(count), 1), not vectors)
+    taken = np.hstack([first, vectors | (size > _TURNED_BEAM**2)])
+    number = np.maximum(np.cumsum(taken).reshape(taken.shape) - 1, 0)
 
     def rows(readings: Readings) -> Design:
-        run = readings.inputs["run"][:, None]
-        if not vectors:
-            return run, np.ones(run.shape)
-        return 3 * run + np.arange(3), readings.inputs["along"]
+        run, along = readings.inputs["run"], readings.inputs["along"]
+        centre = np.einsum("ti,tij->tj", along, ways[run])
+        shares = np.hstack([np.ones((len(run), 1)), centre])
+        return number[run], shares * taken[run]
 
-    labels = ["zero"] * (runs * (3 if vectors else 1))
-    return Block.single(ZEROS_NAME, RUNS, labels, rows)
+    return Block.single(ZEROS_NAME, RUNS, ["zero"] * int(taken.sum()), rows)
 
 
 # ---------------------------------------------------------------------------- a grid

@@ -180,7 +180,8 @@ class VolumetricFit:
     def frame(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]] | None:
         """Shift in mm and rotation in rad of the readings' frame, with its deviations.
 
-        No error of the machine: a work offset takes it up. None for a grid, which holds it.
+        No error of the machine: a work offset takes it up. Zero where set-ups with places of
+        their own take it up. None for a grid, which holds it.
         """
         here = self._places.get(FRAME_NAME)
         return None if here is None else (self.values[here], self._deviations[here])
@@ -238,9 +239,8 @@ def fit_volumetric(
     alike = not np.ptp(readings.inputs["tool"], axis=0).any()
     left_out = tuple(block for block in every if block.by_tools and alike)
     blocks = tuple(block for block in every if block not in left_out)
-    runs = int(readings.inputs["run"].max()) + 1
-    if runs > 1:
-        blocks = (*blocks, zeros(runs, points.direction is None))
+    if points.run is not None:
+        blocks = (*blocks, zeros(readings, points.direction is None))
     stack = Stack(blocks, banded=False)
     with one_blas_thread():
         freedoms = Freedoms.of(stack, blocks, readings, effect.volume)

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from ..core import Readings, Stack
 from ..fit._identifiable import null_space, pivoted
 from ..fit.joint._gauge import Rules, pins_of
-from ._blocks import Block
+from ._blocks import FRAME_NAME, ZEROS_NAME, Block
 from ._points import readings_at
 
 _LITTLE = 1e-3
@@ -95,6 +95,10 @@ class Shapes:
     names: tuple[tuple[str, str], ...]
     free: Bool[np.ndarray, " m"]
     order: Int[np.ndarray, " m"]
+
+    def of_blocks(self, *names: str) -> Bool[np.ndarray, " m"]:
+        """Return which shapes are those of some blocks."""
+        return np.isin([name for name, _ in self.names], names)
 
     @classmethod
     def of(cls, blocks: Sequence[Block]) -> "Shapes":
@@ -177,6 +181,14 @@ class Freedoms:
         actual, ideal = (_Seen.of(stack, shapes, rows) for rows in (readings, varied))
         common, unheld = ideal.null(shapes.free), actual.null(shapes.free)
         zero = _given_way(common, shapes.order)
+        # Set-ups that stand anywhere take up the frame: no error of the machine either.
+        frame, zeros = shapes.of_blocks(FRAME_NAME), shapes.of_blocks(ZEROS_NAME)
+        if zeros.any():
+            rigid = actual.null(frame | zeros) * (ideal.scale / actual.scale)[:, None]
+            rigid /= np.linalg.norm(rigid, axis=0)
+            common = scipy.linalg.orth(np.hstack([common, rigid]), _PART)
+            order = [*zero, *np.flatnonzero(frame)]
+            zero = _given_way(common, np.array(order, np.int64))
         held = _given_way(unheld, np.array([*zero, *shapes.order], np.int64))
         null = shapes.basis @ (unheld / actual.scale[:, None])
         gauges = _gauges(common, zero, shapes.names)
@@ -324,7 +336,7 @@ def _gauges(
     for rule, moved in zip(rules, np.abs(along).T, strict=True):
         members = np.flatnonzero(moved > _PART * moved.max())
         if len(members) > 1:
-            among = tuple(names[member] for member in members.tolist())
+            among = tuple(dict.fromkeys(names[member] for member in members.tolist()))
             result.append((rule, Gauge(names[rule], among)))
     return result
 
@@ -355,7 +367,8 @@ def _groups(
         own = np.flatnonzero(group == number).tolist()
         along = int(part[own].any(axis=0).sum())
         owners = tuple(dict.fromkeys(shapes.names[k][0] for k in own))
-        if along:
+        # Zeros that nothing else hangs on are no error of the machine.
+        if along and owners != (ZEROS_NAME,):
             directions[owners] = directions.get(owners, 0) + along
             members.setdefault(owners, []).extend(own)
     result = []

@@ -28,8 +28,9 @@ class Points:
             vectors.
         tool: From the point that positions name to the measured one in mm, for all alike or one
             a point; None: no tool.
-        run: Number or name of the set-up of each point, each of which has its own unknown
-            zero; None: all have the same.
+        run: Number or name of the set-up of each point. What a set-up leaves unknown is its own:
+            the zero of a line, length and centre of a ball bar, the origin of vectors. None:
+            nothing is unknown of it.
     """
 
     position: Rows

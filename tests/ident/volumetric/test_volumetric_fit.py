@@ -1,6 +1,8 @@
 """Errors over a volume: a known machine, measured in several ways, fitted and predicted."""
 
 import doctest
+import itertools
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +44,8 @@ def truth() -> GeometricErrors:
 
 
 TRUTH = truth()
+Beams = Iterator[tuple[np.ndarray, np.ndarray]]
+"""Positions and directions of one set-up after the other."""
 
 
 def anywhere(count: int, seed: int) -> np.ndarray:
@@ -325,6 +329,67 @@ def test_readings_along_directions_from_set_ups_with_zeros_of_their_own() -> Non
     unseen = anywhere(500, 2)
     assert rms(fit.predict(unseen).error - true(unseen)) < 1.5 * NOISE
     assert named(fit) == {}
+
+
+def circles() -> Beams:
+    """Circles of a ball bar about nine centres, a set-up each, in three planes."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    for x in (180.0, 400.0, 620.0):
+        for y in (180.0, 280.0, 380.0):
+            for first, second in ((0, 1), (1, 2), (0, 2)):
+                along = np.zeros((60, 3))
+                along[:, first], along[:, second] = np.cos(turn), np.sin(turn)
+                yield np.array([x, y, 180.0]) + 170.0 * along, along
+
+
+def beams() -> Beams:
+    """Lines through the volume: edges, and diagonals of the faces and of all of it."""
+    corners = [LOW + (HIGH - LOW) * np.array(way) for way in np.ndindex(2, 2, 2)]
+    for start, end in itertools.combinations(corners, 2):
+        place = start + (end - start) * np.linspace(0.02, 0.98, 41)[:, None]
+        yield place, np.tile((end - start) / np.linalg.norm(end - start), (41, 1))
+
+
+def from_set_ups(set_ups: Iterable[tuple[np.ndarray, np.ndarray]]) -> axcomp.Points:
+    """Readings of set-ups whose zero (length) and centre are off by some 50 and 20 µm."""
+    rng = np.random.default_rng(4)
+    places, ways, errors, runs = [], [], [], []
+    for run, (place, along) in enumerate(set_ups):
+        centre, zero = 0.02 * rng.normal(size=3), 0.05 * rng.normal()
+        error = np.sum((true(place) - centre) * along, axis=1) + zero
+        places.append(place)
+        ways.append(along)
+        errors.append(error + NOISE * rng.normal(size=len(place)))
+        runs.append(np.full(len(place), run))
+    return axcomp.Points(
+        *map(np.concatenate, (places, errors, ways)), run=np.concatenate(runs)
+    )
+
+
+def test_the_unknown_centres_of_a_ball_bar_do_not_enter_the_errors() -> None:
+    fit = axcomp.fit_volumetric(MACHINE, from_set_ups([*circles(), *beams()]))
+    assert named(fit) == {}
+    unseen = anywhere(500, 2)
+    found = fit.predict(unseen)
+    # Set-ups that stand anywhere show no shift and no turn of all: taken off.
+    levers = np.stack([np.cross(axis, unseen) for axis in np.eye(3)], axis=-1)
+    rigid = np.concatenate([np.tile(np.eye(3), (500, 1, 1)), levers], axis=-1)
+    columns, error = rigid.reshape(-1, 6), (found.error - true(unseen)).ravel()
+    error -= columns @ np.linalg.lstsq(columns, error)[0]
+    # 3000 readings of some 150 effective unknowns: a third of the noise leaves room.
+    assert rms(error) < 0.4 * NOISE
+    assert fit.noise == pytest.approx(NOISE, rel=0.05)  # 3 sd of 3000 readings
+    # The deviations are honest: their ratio is 1 within what smooth errors share.
+    assert 0.6 < rms(error / found.standard_deviation.ravel()) < 1.4
+
+
+def test_a_ball_bar_alone_leaves_the_scale_of_all_axes_and_says_so() -> None:
+    fit = axcomp.fit_volumetric(MACHINE, from_set_ups(circles()))
+    found = named(fit)
+    # Scale of all axes, together with the lengths and the centres.
+    assert all("slope" in found[name] for name in ("EXX", "EYY", "EZZ"))
+    assert "zeros of the set-ups" in found
+    assert np.isinf(fit.predict(anywhere(500, 2)).standard_deviation).mean() > 0.99
 
 
 def test_wild_readings_are_left_out() -> None:
