@@ -25,6 +25,10 @@ from ._points import readings_at
 
 _LITTLE = 1e-3
 """Information on a mixture, relative to as many readings all over the volume, that is none."""
+_SHOWN = 10.0 * _LITTLE
+"""The same, from which on other readings are a remedy: not by chance."""
+_SHORT = 0.1
+"""Share of a travel without points at an end from which on they do not reach to it."""
 _PART, _MEMBER = 1e-4, 0.1
 """Part in a direction, relative to the largest, from which on a shape is a member: of a gauge,
 of what is hidden, which is known less sharply."""
@@ -67,11 +71,15 @@ class Undetermined:
             only some sums.
         directions: Number of independent mixtures that no point shows.
         tools: Whether only tools of other offsets show it, wherever the points lie.
+        turned: Whether readings at these points in other directions would show it.
+        ends: Axes out to whose ends one must measure; none: places between these points do.
     """
 
     shapes: tuple[tuple[str, tuple[str, ...]], ...]
     directions: int
     tools: bool
+    turned: bool = False
+    ends: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -177,7 +185,13 @@ class Freedoms:
     ) -> "Freedoms":
         """Return the freedoms of blocks at readings; the volume is where they could stand."""
         shapes = Shapes.of(blocks)
-        varied = _varied(readings, volume, len(shapes.names))
+        count = _ROWS_PER_SHAPE * len(shapes.names) + _MORE_ROWS
+        varied = _varied(readings, volume, count)
+        place = readings.inputs["position"]
+        box = place.min(axis=0), place.max(axis=0)
+        beyond = np.abs(np.subtract(volume, box)).max(axis=0)
+        lacking = beyond > _SHORT * np.subtract(*reversed(volume))
+        short = tuple(axis for axis, lacks in zip("XYZ", lacking, strict=True) if lacks)
         actual, ideal = (_Seen.of(stack, shapes, rows) for rows in (readings, varied))
         common, unheld = ideal.null(shapes.free), actual.null(shapes.free)
         zero = _given_way(common, shapes.order)
@@ -194,7 +208,13 @@ class Freedoms:
         gauges = _gauges(common, zero, shapes.names)
         kept = np.delete(np.arange(len(shapes.names)), [rule for rule, _ in gauges])
         hidden, dual, share = actual.hidden(ideal, kept)
-        parts = _resolved(hidden)
+        mixtures = _resolved(hidden)
+        least = _MEMBER * np.abs(mixtures).max(axis=0, initial=0.0)
+        parts = np.where(np.abs(mixtures) > least, mixtures, 0.0)
+        turned, inside = (
+            _Seen.of(stack, shapes, rows).shows(mixtures, ideal)
+            for rows in (_turned(readings, varied), _varied(readings, box, count))
+        )
         return cls(
             rules=Rules(null, shapes.basis[:, held].T),
             pins=pins_of(null, actual.diagonal),
@@ -203,7 +223,9 @@ class Freedoms:
             share=share,
             confounded=_confounded(shapes, parts),
             gauges=tuple(gauge for _, gauge in gauges),
-            undetermined=_groups(parts, shapes, blocks),
+            undetermined=_groups(
+                parts, shapes, blocks, turned, [() if k else short for k in inside]
+            ),
             free=int(shapes.free.sum()) - len(held),
         )
 
@@ -241,6 +263,14 @@ class _Seen:
         result = np.zeros((len(kept), some.shape[1]))
         result[kept] = some
         return result
+
+    def shows(
+        self, mixtures: Float[np.ndarray, "m h"], ideal: "_Seen"
+    ) -> Bool[np.ndarray, " h"]:
+        """Return which mixtures, in the scale of ideal rows, these rows show well enough."""
+        unit = mixtures / ideal.scale[:, None]
+        here, there = (np.sum(unit * (o.matrix @ unit), axis=0) for o in (self, ideal))
+        return np.asarray(here >= _SHOWN * there)
 
     def hidden(
         self, ideal: "_Seen", kept: Int[np.ndarray, " k"]
@@ -282,14 +312,13 @@ def degrees_of(place: Float[np.ndarray, "t 3"]) -> list[int]:
 def _varied(
     readings: Readings,
     volume: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]],
-    shapes: int,
+    count: int,
 ) -> Readings:
-    """Return readings at random places of the volume, in all directions and set-ups.
+    """Return readings at random places of a volume, in all directions and set-ups.
 
     Tools vary where they varied.
     """
     rng = np.random.default_rng(0)
-    count = _ROWS_PER_SHAPE * shapes + _MORE_ROWS
     tool, runs = readings.inputs["tool"], readings.inputs["run"]
     along = rng.normal(size=(count, 3))
     return readings_at(
@@ -298,6 +327,13 @@ def _varied(
         tool.mean(axis=0) + tool.std(axis=0) * rng.normal(size=(count, 3)),
         rng.integers(0, runs.max() + 1, count),
     )
+
+
+def _turned(readings: Readings, varied: Readings) -> Readings:
+    """Return readings at the same points, in the directions of others."""
+    rows = np.random.default_rng(0).integers(0, len(readings), len(varied))
+    inputs = {**readings.take(rows).inputs, "along": varied.inputs["along"]}
+    return readings_at(**inputs)
 
 
 def _given_way(
@@ -314,12 +350,11 @@ def _given_way(
 
 
 def _resolved(directions: Float[np.ndarray, "m h"]) -> Float[np.ndarray, "m h"]:
-    """Return mixtures of directions with as few members as may be, and these only."""
+    """Return mixtures of directions with as few members as may be."""
     if not directions.shape[1]:
         return directions
     own = pivoted(directions.T)[2][: directions.shape[1]]
-    found = np.linalg.solve(directions[own].T, directions.T).T
-    return np.where(np.abs(found) > _MEMBER * np.abs(found).max(axis=0), found, 0.0)
+    return np.asarray(np.linalg.solve(directions[own].T, directions.T).T)
 
 
 def _gauges(
@@ -355,21 +390,22 @@ def _confounded(
 
 
 def _groups(
-    parts: Float[np.ndarray, "m h"], shapes: Shapes, blocks: Sequence[Block]
+    parts: Float[np.ndarray, "m h"],
+    shapes: Shapes,
+    blocks: Sequence[Block],
+    turned: Bool[np.ndarray, " h"],
+    ends: Sequence[tuple[str, ...]],
 ) -> tuple[Undetermined, ...]:
-    """Return what is hidden, shapes that share a direction together."""
+    """Return what is hidden, shapes that share a direction together, and what shows it."""
     part = (parts != 0.0).astype(float)
     by_tools = {block.name for block in blocks if block.by_tools}
-    directions: dict[tuple[str, ...], int] = {}
     members: dict[tuple[str, ...], list[int]] = {}
     count, group = connected_components(part @ part.T)
     for number in range(count):
         own = np.flatnonzero(group == number).tolist()
-        along = int(part[own].any(axis=0).sum())
         owners = tuple(dict.fromkeys(shapes.names[k][0] for k in own))
         # Zeros that nothing else hangs on are no error of the machine.
-        if along and owners != (ZEROS_NAME,):
-            directions[owners] = directions.get(owners, 0) + along
+        if part[own].any() and owners != (ZEROS_NAME,):
             members.setdefault(owners, []).extend(own)
     result = []
     for owners, shared in members.items():
@@ -378,5 +414,14 @@ def _groups(
             (one, tuple(dict.fromkeys(label for name, label in names if name == one)))
             for one in owners
         )
-        result.append(Undetermined(named, directions[owners], by_tools >= {*owners}))
+        along = np.flatnonzero(part[shared].any(axis=0)).tolist()
+        result.append(
+            Undetermined(
+                shapes=named,
+                directions=len(along),
+                tools=by_tools >= {*owners},
+                turned=bool(turned[along].all()),
+                ends=max((ends[k] for k in along), key=len),
+            )
+        )
     return tuple(result)

@@ -18,15 +18,21 @@ def undetermined_sentence(found: Undetermined) -> str:
     few = len(found.shapes) <= _NAMED
     named = [f"{n} ({', '.join(s)})" if few else n for n, s in found.shapes]
     if len(named) == 1:
-        return (
-            f"These points do not show {named[0]}: measure at more positions of the axes, off "
-            "the line or plane of these points."
-        )
+        return f"These points do not show {named[0]}: {_remedy(found)}."
     number = "one mixture" if found.directions == 1 else f"{found.directions} mixtures"
     return (
-        f"These points show only sums of {_and(named)} ({number} of them not at all): measure "
-        "at positions off the lines or planes of these points, in all directions."
+        f"These points show only sums of {_and(named)} ({number} of them not at all): "
+        f"{_remedy(found)}."
     )
+
+
+def _remedy(found: Undetermined) -> str:
+    """Return which readings would show it."""
+    if found.turned:
+        return "measure in other directions there, across the measured ones"
+    if found.ends:
+        return f"measure beyond these points too, out to the ends of {_and(found.ends)}"
+    return "measure at positions off the lines or planes of these points, in all directions"
 
 
 def hidden_sentence(share: float) -> str:

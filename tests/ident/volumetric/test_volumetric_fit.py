@@ -309,6 +309,32 @@ def test_two_planes_leave_what_bends_along_z() -> None:
     assert np.isinf(fit.predict(between).standard_deviation).mean() > 0.9
 
 
+def test_a_block_in_the_middle_lacks_places_towards_the_ends() -> None:
+    inner = LOW + 0.25 * (HIGH - LOW) + 0.5 * regular()
+    fit = axcomp.fit_volumetric(MACHINE, axcomp.Points(inner, measured(inner)))
+    lacking = [each for each in fit.undetermined if not each.tools]
+    assert lacking
+    for each in lacking:
+        assert undetermined_sentence(each).endswith("out to the ends of X, Y and Z.")
+    # Who follows it: nothing is left.
+    both = np.concatenate([inner[::2], regular()[::2]])
+    wide = axcomp.fit_volumetric(MACHINE, axcomp.Points(both, measured(both)))
+    assert named(wide) == {}
+
+
+def test_lasers_along_the_edges_lack_readings_across_them() -> None:
+    place, along = map(np.concatenate, zip(*edges(), strict=True))
+    run = np.repeat(np.arange(12), 41)
+    error = np.sum(measured(place) * along, axis=1)
+    fit = axcomp.fit_volumetric(MACHINE, axcomp.Points(place, error, along, run=run))
+    lacking = [each for each in fit.undetermined if not each.tools]
+    assert lacking
+    assert all("across the measured ones" in undetermined_sentence(e) for e in lacking)
+    # Who follows it, with vectors on the same lines: nothing is left.
+    vectors = axcomp.fit_volumetric(MACHINE, axcomp.Points(place, measured(place)))
+    assert named(vectors) == {}
+
+
 def test_a_plane_of_points_leaves_a_grid_without_its_third_axis() -> None:
     grid = axcomp.Volumetric((0.0, 0.0, 0.0), (160.0, 140.0, 90.0), (6, 5, 5))
     fit = axcomp.fit_volumetric(grid, axcomp.Points(plane(), measured(plane())))
@@ -348,6 +374,11 @@ def beams() -> Beams:
     for start, end in itertools.combinations(corners, 2):
         place = start + (end - start) * np.linspace(0.02, 0.98, 41)[:, None]
         yield place, np.tile((end - start) / np.linalg.norm(end - start), (41, 1))
+
+
+def edges() -> Beams:
+    """Those of the lines that go along one axis."""
+    return ((place, along) for place, along in beams() if along[0].max() == 1.0)
 
 
 def from_set_ups(set_ups: Iterable[tuple[np.ndarray, np.ndarray]]) -> axcomp.Points:
