@@ -201,6 +201,10 @@ def _doubts(
     if drift is not None and drift.doubtful and heated not in confusion.others:
         label, remedy = heat_or_drift(heat[0].words, chosen.view.axis)
         yield heated, cannot_tell([label], (), drift.rms, remedy)
+    if confusion.shift is not None and heated not in confusion.others:
+        shift, rms = confusion.shift
+        label, remedy = heat_or_drift(shift.words, chosen.view.axis)
+        yield None, cannot_tell([label], (), rms, remedy)
     for need in needs:
         alike = sensors_alike(chosen, need)
         if alike and need not in confusion.others:

@@ -16,6 +16,8 @@ from ._view import some_of
 
 _INSTEAD = 0.95
 """Share of what a temperature explains, at which a drift in its place is as good."""
+_PART_INSTEAD = 0.99
+"""The same for one part of a temperature effect beside the others."""
 _ALIKE = 0.9
 """Share of a drift from which on a temperature that changes like it may be its cause."""
 _LEAST = 1e-3
@@ -93,6 +95,11 @@ class AgainstDrift:
         likely = max(self.instead - _INSTEAD, self.alike - _ALIKE) >= 0.0
         return likely and not self.known and not self.slight
 
+    @property
+    def doubtful_part(self) -> bool:
+        """The same for one part of a temperature effect, the others among the nuisance."""
+        return self.doubtful and self.instead > _PART_INSTEAD
+
 
 def against_drift(
     clock: Float[np.ndarray, " t"],
@@ -157,12 +164,15 @@ class Confusion:
         hidden: Terms that could not be seen beside what was found.
         heat: Temperature terms that were found or are likest to a drift.
         drift: What they are against a drift in their place; None where there is none.
+        shift: The part of them that is alike all over the axis, and its size in the unit of the
+            error, where it may as well be a drift though the growth along the axis is not.
     """
 
     others: dict[Need, list[Term]]
     hidden: list[Term]
     heat: tuple[Term, ...] = ()
     drift: AgainstDrift | None = None
+    shift: tuple[Term, float] | None = None
 
 
 def look_for_confusion(
@@ -181,14 +191,28 @@ def look_for_confusion(
     warm = [need.terms for need in needs if need.lead.kind in HEAT]
     terms = warm[0] if warm else (closest,)
     parts = [chosen.part(term) for term in chosen.terms if term not in terms]
-    drift = against_drift(
-        columns.view.data.clock,
-        np.concatenate([columns.of(term) for term in terms], axis=1),
-        np.asarray(columns.view.error - np.sum(parts, axis=0)),
-        np.concatenate([columns.zeros, columns.runs], axis=1),
-        columns.drift,
-    )
-    return Confusion(others, hidden, terms, drift)
+    error = np.asarray(columns.view.error - np.sum(parts, axis=0))
+
+    def compared(terms: Sequence[Term], beside: Sequence[Term]) -> AgainstDrift | None:
+        nuisance = [columns.zeros, columns.runs, *map(columns.of, beside)]
+        return against_drift(
+            columns.view.data.clock,
+            np.concatenate([columns.of(term) for term in terms], axis=1),
+            error,
+            np.concatenate(nuisance, axis=1),
+            columns.drift,
+        )
+
+    drift = compared(terms, ())
+    growth = [term for term in terms if term.kind is Kind.HEAT_SLOPE]
+    if not growth or drift is None or drift.doubtful:
+        return Confusion(others, hidden, terms, drift)
+    # A drift may have taken the shift that belongs to the growth.
+    offsets = [term for term in terms if term.kind is Kind.HEAT_OFFSET]
+    shift = (*offsets, dataclasses.replace(growth[0], kind=Kind.HEAT_OFFSET))[0]
+    alone = compared((shift,), growth)
+    doubt = (shift, alone.rms) if alone is not None and alone.doubtful_part else None
+    return Confusion(others, hidden, terms, drift, doubt)
 
 
 def _substitutes(

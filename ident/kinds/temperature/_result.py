@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 _ONE_WAY = 0.95
 """Rank correlation of temperature and time from which few readings tell nothing but the clock."""
-_FOLLOWED = 0.99
-"""Share of one effect beside the other that a smooth drift follows where it is like one."""
 _SAME_COURSE = 0.999
 """Correlation of two sensors from which on either does for the other."""
 _SURE, _SLIGHT = 4.0, 2.0
@@ -260,9 +258,8 @@ def _or_drift(fit: TemperatureFit) -> Iterator[Remark]:
             correlation = np.corrcoef(rankdata(clock), rankdata(first))[0, 1]
             doubtful, rms = abs(float(correlation)) > _ONE_WAY, float(np.std(fit.error))
         else:
-            doubtful, rms = comparison.doubtful, comparison.rms
-            if len(effects) < len(columns):
-                doubtful = doubtful and comparison.instead > _FOLLOWED
+            part, rms = len(effects) < len(columns), comparison.rms
+            doubtful = comparison.doubtful_part if part else comparison.doubtful
         if doubtful:
             break
     else:

@@ -444,6 +444,52 @@ def test_a_warm_up_may_be_a_drift_and_a_fit_says_the_same(
     )
 
 
+GROWING = """\
+[axes.X]
+number = 1
+[measurements.m]
+file = "log.csv"
+remove = "none"
+"""
+
+
+def growing(folder: Path, run: np.ndarray, noise: np.ndarray) -> None:
+    """A scale that grows by 11 µm/m/K about its end while it warms by 6 K, for 50 minutes."""
+    rng = np.random.default_rng(2)
+    time = 10.0 * np.arange(len(noise))
+    place, warm = (
+        rng.uniform(0.0, 800.0, len(noise)),
+        6.0 * (1.0 - np.exp(-time / 1000.0)),
+    )
+    error = 1.1e-5 * warm * place + 4e-3 * np.sin(place / 120.0) + noise
+    sensor = 20.0 + warm + 0.02 * rng.normal(size=len(noise))
+    table = np.column_stack([time, run, place, error, sensor])
+    header = "time [s],run,X.position [mm],X.error [mm],temperature.frame"
+    np.savetxt(folder / "log.csv", table, "%.6f", ",", header=header, comments="")
+    (folder / "job.toml").write_text(GROWING)
+
+
+DOUBT = (
+    "he data cannot tell: temperature offset of X by frame or drift of the instrument"
+)
+
+
+def test_a_shift_that_may_be_a_drift_is_told_beside_a_growth_that_may_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    noise = 6e-4 * np.random.default_rng(1).normal(size=300)
+    growing(tmp_path, np.arange(300) // 60, noise)
+    new = tmp_path / "new.toml"
+    assert main(["discover", str(tmp_path / "job.toml"), "--write", str(new)]) == 1
+    said = capsys.readouterr().out
+    assert DOUBT in said
+    # The growth along the axis is no drift: the temperature is found.
+    assert "temperature of X: " in said
+    fits = run_job(new, tmp_path / "out").fits
+    (heat,) = [fit for fit in fits if fit.compensation == "temperature"]
+    assert any(DOUBT in each.message for each in heat.remarks)
+
+
 def test_the_lag_behind_a_sensor_is_told(virtual: ModuleType) -> None:
     motion = virtual.motion(1, "XY", 1800.0, ROWS)
     body = np.asarray(motion.temperature["spindle"])
