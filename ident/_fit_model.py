@@ -226,7 +226,7 @@ class _Problem(eqx.Module):
     def length(self) -> Float[Array, ""]:
         """Root of the weighted sum of squares of the readings."""
         seen = jnp.where(self.weights > 0, self.measured, 0.0)
-        return jnp.linalg.norm(jnp.ravel(jnp.sqrt(self.weights) * seen))
+        return jnp.asarray(jnp.linalg.norm(jnp.ravel(jnp.sqrt(self.weights) * seen)))
 
     def model(self, values: Float[Array, " p"]) -> Any:
         return eqx.combine(self.form.tree(values), self.rest)

@@ -133,6 +133,9 @@ def examine(
         rejected += [Rejected("temperature", axis, (), n.sensor, reason) for n in warm]
     certain = [need for need in needs if need not in doubtful]
     wanders = tuple(drifts(chosen))
+    if wanders and confusion.shift is not None:
+        # A fit that knows of the drift gives the shift to it.
+        certain = [need.growth_alone() if need in warm else need for need in certain]
     # A fit of a group knows of the drift, even if it is the only one.
     group = axis if len(certain) > 1 or wanders else None
     records = sorted(

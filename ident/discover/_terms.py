@@ -237,6 +237,18 @@ class Need:
         """The first of its terms, which says of what kind it is."""
         return self.terms[0]
 
+    def growth_alone(self) -> "Need":
+        """Return a temperature effect without the shift of the whole axis."""
+        terms = tuple(each for each in self.terms if each.kind is Kind.HEAT_SLOPE)
+        words = (
+            f"{self.words} How far the whole axis shifts with it is left to the drift."
+        )
+        sensor = terms[0].sensor
+        keys: dict[str, object] = {"sensors": {"coefficient": sensor}}
+        return dataclasses.replace(
+            self, terms=terms, sensor=sensor, keys=keys, words=words.strip()
+        )
+
 
 def compose(sizes: Mapping[Term, float], turning: Collection[str] = ()) -> list[Need]:
     """Return the fewest compensations that hold terms of these sizes, and what none holds.

@@ -490,6 +490,24 @@ def test_a_shift_that_may_be_a_drift_is_told_beside_a_growth_that_may_not(
     assert any(DOUBT in each.message for each in heat.remarks)
 
 
+def test_a_job_that_states_a_drift_leaves_the_shift_to_it_and_can_be_fitted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng, noise = np.random.default_rng(1), np.zeros(300)
+    for k, each in enumerate(6e-4 * rng.normal(size=300)):  # it wanders
+        noise[k] = 0.8 * noise[k - 1] + each
+    growing(tmp_path, np.zeros(300), noise)
+    new = tmp_path / "new.toml"
+    assert main(["discover", str(tmp_path / "job.toml"), "--write", str(new)]) == 1
+    assert DOUBT in capsys.readouterr().out
+    text = new.read_text()
+    assert 'sensors = { coefficient = "frame" }' in text
+    assert "drift = " in text
+    run_job(new, tmp_path / "out")
+    # With the shift asked for as well, the whole temperature was left out.
+    assert (tmp_path / "out" / "temperature_X.csv").exists()
+
+
 def test_the_lag_behind_a_sensor_is_told(virtual: ModuleType) -> None:
     motion = virtual.motion(1, "XY", 1800.0, ROWS)
     body = np.asarray(motion.temperature["spindle"])
