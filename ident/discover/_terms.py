@@ -151,6 +151,12 @@ class Kind(enum.Enum):
         why=": a friction list knows the velocity only. Record it warm.",
         part="current",
     )
+    COULOMB_TIME = Facts(
+        "friction of {axis} that changes over the recording",
+        "sign axis x time axis",
+        why=": a friction list has no time. Run the axis warm first, and record it then.",
+        part="late",
+    )
     STRIBECK = Facts("Stribeck", "sign axis x slow axis 4", "friction", part="current")
 
 

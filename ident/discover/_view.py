@@ -292,10 +292,12 @@ def late_terms(
     """Yield what makes sense only once other terms are there.
 
     A crosstalk that two positions adapt, growth with time, and growth with a temperature
-    across the axis.
+    across the axis; friction that changes with time, where no temperature says why.
     """
-    axis = view.axis
+    axis, kinds = view.axis, {term.kind for term in chosen}
     if view.channel == "current":
+        if Kind.COULOMB in kinds and Kind.COULOMB_HEAT not in kinds:
+            yield Term(Kind.COULOMB_TIME, axis)
         return
     adapted = [term.masters[0] for term in chosen if term.kind is Kind.PUSH_PLACE]
     for master in dict.fromkeys(adapted):

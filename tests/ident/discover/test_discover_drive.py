@@ -79,6 +79,44 @@ def test_friction_that_changes_with_position_is_beyond_the_kernel() -> None:
     ]
 
 
+def test_a_current_that_repeats_over_the_position_is_no_scatter() -> None:
+    velocity = speeds(*SPEEDS)
+    place, current = drive(velocity)
+    found = recorded(
+        velocity, 0.004, current + 0.2 * np.sin(2 * np.pi * place / 5.0), place
+    )
+    (one,) = found.unexplained
+    assert one.what == "periodic current of X over X"
+    # 115 mm hold 23 periods, told to a 16th of one.
+    period = float(one.sentence.split("repeats every ")[1].split()[0])
+    assert period == pytest.approx(5.0, abs=5.0 / 23.0 / 16.0)
+    # Two thirds of the readings lie in a few mm, where coarser terms take a part of it.
+    assert one.rms == pytest.approx(0.2 / np.sqrt(2.0), rel=0.3)
+
+
+def test_what_a_spring_does_after_reversals_is_no_period_of_the_current() -> None:
+    velocity = speeds(*SPEEDS)
+    place, current = drive(velocity)
+    stress = np.zeros(len(place))
+    for k in range(1, len(place)):  # 1 A, built up over 20 mm
+        stress[k] = np.clip(stress[k - 1] + (place[k] - place[k - 1]) / 20.0, -1.0, 1.0)
+    found = recorded(velocity, 0.004, current + stress - np.sign(velocity), place)
+    assert not any("periodic" in one.what for one in found.unexplained)
+
+
+def test_friction_that_falls_while_the_axis_warms_is_no_scatter() -> None:
+    velocity = speeds(*SPEEDS)
+    place, current = drive(velocity)
+    falling = 0.6 * np.sign(velocity) * np.linspace(0.5, -0.5, len(velocity))
+    found = recorded(velocity, 0.004, current + falling, place)
+    assert [one.compensation for one in found.found] == ["friction"]
+    (one,) = found.unexplained
+    assert one.what == "friction of X that changes over the recording"
+    # Over 30 % of 2 A evenly: 0.6 A / √12, of which the noise hides little.
+    assert one.rms == pytest.approx(0.6 / np.sqrt(12.0), rel=0.1)
+    assert found.axes[0].noise == pytest.approx(0.05, rel=0.15)
+
+
 def test_one_direction_only_cannot_tell_friction_from_load() -> None:
     velocity = speeds(*SPEEDS, back=False)
     place, current = drive(velocity)
