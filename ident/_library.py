@@ -105,7 +105,7 @@ class Fit(Mapping[str, FittedEffect]):
     Attributes:
         effects: The effects by these names.
         noise: Standard deviation of one reading by axis, wild ones left out, in mm or °
-            (friction: in the unit of the current).
+            (friction: of a row behind the low-pass, in the unit of the current).
         datum: Constant of each axis that no effect holds, and its standard deviation, in mm
             or °.
         gauges: What may be moved between effects without changing their sum, and the rule.

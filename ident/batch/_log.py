@@ -37,7 +37,7 @@ _APIECE = 4
 
 
 def fit_log(
-    path: Path,
+    path: str | Path,
     layout: TableLayout,
     positions: Sequence[str],
     error: str,
@@ -67,7 +67,7 @@ def fit_log(
         MeasurementError: If a column is missing or a cell holds no finite number.
         FitError: If the readings do not determine the table.
     """
-    log = open_large(path, 0)
+    log = open_large(Path(path), 0)
     if log is None:
         reason = "found no table that can be read in pieces, expected CSV or Parquet"
         raise MeasurementError(str(path), reason)

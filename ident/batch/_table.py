@@ -54,7 +54,7 @@ def read_results(folder: Path) -> Any:
 
 
 def query_results(
-    folder: Path,
+    folder: str | Path,
     where: str | None = None,
     select: str = "*",
     order: str | None = None,
@@ -75,7 +75,7 @@ def query_results(
     """
     import duckdb
 
-    table = read_results(folder)
+    table = read_results(Path(folder))
     text = f"SELECT {select} FROM results"
     text += f" WHERE {where}" if where else ""
     text += f" ORDER BY {order}" if order else ""

@@ -130,7 +130,7 @@ Rules = Annotated[
         "--conventions",
         metavar="FILE.toml",
         help="Rules of this machine's controller, as axcomp verify saves them; left out:"
-        " those of the job or of --save, else the defaults.",
+        " those of the job or of --save, where the command has one, else the defaults.",
     ),
 ]
 Lists = Annotated[

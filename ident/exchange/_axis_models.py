@@ -238,6 +238,7 @@ def write_lists(
         elif axis_entries:
             draft = to_add(axis_models.axis, axis_entries)
             drafts[draft.source] = draft
+        _refuse_other_rules(axis_models, [*drafts.values()], conventions)
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     for name, draft in drafts.items():
@@ -251,6 +252,32 @@ def write_lists(
             keep_copy(target, folder / "kept")
         write_atomically(target, content)
     return tuple(folder / name for name in drafts)
+
+
+def _refuse_other_rules(
+    axis_models: AxisModels, lists: Sequence[ListFile], conventions: Conventions | None
+) -> None:
+    """Raise where lists, read back, make a model of other rules than the one written.
+
+    A list holds values; what a controller does outside a table, or at rest, is its own.
+
+    Raises:
+        ExchangeError: Naming the rule.
+    """
+    rules = conventions or Conventions()
+    for use in machine_lists(lists).in_use(rules):
+        model = axis_models.models.get(use.name)
+        if model is None or use.axis != axis_models.axis:
+            continue
+        back = model_of(use, Reading(rules))
+        for rule in use.kind.entries.rules:
+            own, read = getattr(model, rule), getattr(back, rule)
+            if own != read:
+                raise ExchangeError(
+                    where=f"the {use.name} of axis {use.axis}",
+                    found=f"{rule} = {own}, which no list holds",
+                    expected=f"{read}, as the controller (or conventions) has it",
+                )
 
 
 def _with_entries(

@@ -81,7 +81,7 @@ class Steps:
 
 def _step_of(differences: Float[np.ndarray, " d"]) -> float:
     """Return the smallest difference where all are whole multiples of it, else 0."""
-    size = np.abs(differences)
+    size = np.abs(np.asarray(differences, dtype=float))
     size = size[size > _NONE]
     step = float(size.min(initial=np.inf))
     count = np.rint(size / step)

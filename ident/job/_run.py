@@ -37,11 +37,11 @@ _DIAGNOSIS = (OBJECTS, SCOPE)
 
 
 def run_job(
-    path: Path,
-    out: Path,
+    path: str | Path,
+    out: str | Path,
     progress: Callable[[str], None] | None = None,
     *,
-    after: Path | None = None,
+    after: str | Path | None = None,
     sync: bool = True,
 ) -> JobResult:
     """Run a job file and write lists and ``result.json`` into a folder.
@@ -67,6 +67,8 @@ def run_job(
     """
     start = time.perf_counter()
     say = progress or (lambda line: None)
+    path, out = Path(path), Path(out)
+    after = None if after is None else Path(after)
     job = load_job(path)
     folder = OutFolder(out, path, job.inputs, sync=sync)
     try:

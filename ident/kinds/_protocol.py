@@ -68,6 +68,7 @@ class AbstractEntries(abc.ABC):
         columns: Columns of its table in a list; none: it is no table.
         table: What a fit of a table writes; None: it is no table.
         coupled: The controller takes it as `Coupled`: with other axes, or with cycles.
+        rules: Fields of its model that no list holds: the controller has them as it has.
     """
 
     kind: Kind
@@ -75,6 +76,7 @@ class AbstractEntries(abc.ABC):
     value: str
     units: tuple[str, ...] = ("mm", "deg")
     stale: tuple[str, ...] = ("table[",)
+    rules: tuple[str, ...] = ()
     comes_last: bool = False
     columns: tuple[str, ...] = ()
     table: "type[AbstractTable] | None" = None

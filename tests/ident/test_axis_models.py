@@ -1,5 +1,6 @@
 """Models of an axis → lists → models, and what no list can hold."""
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,25 @@ def test_models_come_back_from_their_lists_to_rounding(tmp_path: Path) -> None:
         assert eqx.tree_equal(found[name], model, atol=0.5001e-4, rtol=1e-12), name
     again = write_lists(found, tmp_path / "again")
     assert again[0].read_bytes() == files[0].read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "model"),
+    [
+        ("cross", Cross(Setpoints(np.array([0.0, 10.0])), values(2), held=False)),
+        ("friction", dataclasses.replace(friction(), held_at_rest=True)),
+        ("friction", dataclasses.replace(friction(), decays_to_zero=False)),
+    ],
+)
+def test_a_model_of_rules_that_no_list_holds_is_refused(
+    tmp_path: Path, name: str, model: Cross | FrictionCompensation
+) -> None:
+    masters = {"cross": (1,)} if name == "cross" else {}
+    units = LISTED if name == "friction" else {}
+    models = AxisModels(3, {name: model}, masters, units)
+    with pytest.raises(ExchangeError, match=f"the {name} of axis 3: found .* no list"):
+        write_lists(models, tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_backlash_goes_into_the_axis_list(tmp_path: Path) -> None:

@@ -80,6 +80,7 @@ class CrossEntries(AbstractEntries):
     models = (Cross,)
     value = f"{PREFIX}.table[].correction"
     columns = ("correction",)
+    rules = ("held",)
     table = CrossTable
 
     def is_in(self, listing: ListFile) -> bool:

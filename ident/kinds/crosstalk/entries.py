@@ -142,6 +142,7 @@ class CrosstalkEntries(AbstractEntries):
     models = (Crosstalk, LegacyCrosstalk)
     value = f"{PREFIX}.position[]"
     stale = ("table[", "position[", "max_points", "master_", "last_index")
+    rules = ("by_speed", "rest_direction", "held_above", "held_outside")
 
     def is_in(self, listing: ListFile) -> bool:
         return _is_old(listing) or any(listing.table(PREFIX, name) for name in VALUES)

@@ -113,6 +113,14 @@ class FrictionEntries(AbstractEntries):
     models = (FrictionCompensation,)
     value = f"{PREFIX}.table[].out"
     units = ("list",)
+    rules = (
+        "first_builds_up",
+        "restart_builds_up",
+        "decays_to_zero",
+        "weights_multiply",
+        "delays_all",
+        "held_at_rest",
+    )
     coupled = False
 
     def is_in(self, listing: ListFile) -> bool:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from .._keys import Count, Fault, FitSpec, KeyPath, Positive, unkept
+from .._keys import Fault, FitSpec, KeyPath, Positive, unkept
 
 if TYPE_CHECKING:
     from ...job.file._schema import JobFile
@@ -17,7 +17,7 @@ class Spec(FitSpec, frozen=True):
     lacking = ("smoothness", "n_cycles", "manual_activation")
 
     compensation: Literal["friction"]
-    table_entries: Count | None = None
+    table_entries: Annotated[int, Field(ge=3)] | None = None
     """Most knots of the list; left out: as many as it takes. Example: `8`."""
     inertia: Literal["fit"] | Positive | None = None
     """Current per acceleration where it is known; left out: fitted. Example:

@@ -53,7 +53,7 @@ def test_a_row_without_its_template_does_not_end_the_fleet(tmp_path: Path) -> No
     assert "row 2: template" in row["reason"]
     assert (row["machine_id"], row["axis"]) == ("mill-2", "X")
     write_results(out, lost.rows)
-    (row,) = query_results(out).to_pylist()
+    (row,) = query_results(str(out)).to_pylist()
     assert row["machine_id"] == "mill-2"
 
 
