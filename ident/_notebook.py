@@ -47,6 +47,13 @@ def _sentences(fit: "Fit") -> list[str]:
         f"Not determined: {one if isinstance(one, str) else one.sentence}"
         for one in fit.undetermined
     ]
+    every = {} if fit.joint is None else fit.joint.fits
+    if follows := [axis for axis, one in every.items() if one.estimate.follows]:
+        sentences.append(
+            f"The tables of {' and '.join(follows)} follow every reading: scatter and standard"
+            " deviations are a guess, by the smoothness that the readings suggest. Read some"
+            " places again."
+        )
     if not fit.converged:
         sentences.append("The iterations did not reach their tolerance.")
     return sentences

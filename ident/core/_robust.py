@@ -89,7 +89,7 @@ class Estimate:
     @property
     def noise(self) -> float:
         """Standard deviation of a reading of weight 1, wild readings left out."""
-        if self._follows:
+        if self.follows:
             return float(np.sqrt(self.scatter[0]))
         count, _, _, square, good = self.posterior.problem.sums.tally
         free = count - self.posterior.used
@@ -103,7 +103,7 @@ class Estimate:
         return self.posterior.problem.count - self.posterior.used
 
     @property
-    def _follows(self) -> bool:
+    def follows(self) -> bool:
         """Whether stated weights let every node follow its own reading."""
         needed = max(_FEWEST, _SPARE * self.posterior.problem.count)
         return self.stated and self._spare < needed
@@ -116,9 +116,9 @@ class Estimate:
         those say nothing either, from the weights that the evidence would have.
         """
         post = self.posterior
-        if self.stated and not self._follows:
+        if self.stated and not self.follows:
             return post.residual_square / self._spare, self._spare
-        chosen = choose_weights(post.problem) if self._follows else None
+        chosen = choose_weights(post.problem) if self.follows else None
         return (chosen or post).variance, post.problem.degrees
 
     @property
@@ -148,7 +148,7 @@ class Estimate:
         used = f"{count} readings, {self.posterior.used:.1f} effective parameters."
         rejected = f"{wild} wild readings were left out." if wild > 0 else ""
         care = "The iterations did not settle; treat the result with care."
-        fitted = _FOLLOWS if self._follows else used
+        fitted = _FOLLOWS if self.follows else used
         clauses = (fitted, rejected, "" if self.converged else care)
         return " ".join(filter(None, clauses))
 

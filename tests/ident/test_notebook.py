@@ -71,3 +71,15 @@ def test_a_list_shows_its_entries_and_counts_the_rest() -> None:
     )._repr_html_()
     assert "<td>kopf.achs_nr</td><td>3</td>" in page
     assert "41 more entries" in page
+
+
+@pytest.mark.parametrize(("times", "said"), [(1, True), (3, False)])
+def test_a_scatter_that_no_reading_tells_is_called_a_guess(
+    times: int, said: bool
+) -> None:
+    place = np.tile(np.arange(0.0, 101.0, 10.0), times)
+    noise = 5e-4 * np.random.default_rng(1).normal(size=len(place))
+    readings = {"X.position": place, "X.error": 0.01 * np.sin(place / 30) + noise}
+    screw = axcomp.Leadscrew("X", start=0.0, interval=10.0, points=11)
+    fit = axcomp.fit(screw, readings, smoothness=0, loss="gauss")
+    assert ("scatter and standard deviations are a guess" in repr(fit)) == said
