@@ -20,6 +20,7 @@ from ..data.measurements import (
     MissingRole,
     derive_direction,
     derive_error,
+    derive_motion,
     direction_of,
     find_role,
     measurement,
@@ -31,6 +32,8 @@ from .fit.joint import AbstractEffect, JointData, Number, Temperature, is_number
 
 Roles = Mapping[str, ArrayLike]
 """Arrays by role (``"X.position"``, ``"temperature.scale"``, ``"run"``) in mm, °, s, °C."""
+
+_MOTION = ("velocity", "acceleration")
 
 
 @final
@@ -211,7 +214,7 @@ def _directions(given: np.ndarray, role: str) -> np.ndarray:
 
 
 def _measured(data: Measurement, role: str) -> np.ndarray | None:
-    """Return the values of a role; errors and directions are derived where they can be."""
+    """Return the values of a role; errors, directions and motion are derived if need be."""
     if role in data.values:
         return data.values[role]
     if role in ("run", "time"):
@@ -221,6 +224,8 @@ def _measured(data: Measurement, role: str) -> np.ndarray | None:
         return derive_direction(data, known.axis).astype(np.float64)
     if known is not None and known.axis is not None and known.kind == "error":
         return derive_error(data, known.axis)
+    if known is not None and known.axis is not None and known.kind in _MOTION:
+        return np.asarray(getattr(derive_motion(data, known.axis), known.kind))
     raise MissingRole(str(data.source), role, "for the effects", data.values.keys())
 
 

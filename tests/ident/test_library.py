@@ -683,6 +683,24 @@ def test_friction_is_written_of_a_recording_without_positions(tmp_path: Path) ->
     )
 
 
+def test_the_motion_of_a_file_is_derived_where_it_was_not_recorded(
+    tmp_path: Path,
+) -> None:
+    time = np.arange(0.0, 40.0, 0.004)
+    velocity = 60.0 * np.cos(2 * np.pi * time / 7.0) + 20.0 * np.cos(time)
+    position = 60.0 * 7.0 / (2 * np.pi) * np.sin(2 * np.pi * time / 7.0)
+    position = np.round(position + 20.0 * np.sin(time), 4)  # as an encoder counts
+    current = 1.2 * np.sign(velocity) + 0.01 * velocity
+    current += np.random.default_rng(5).normal(scale=0.02, size=len(time))
+    rows = np.stack([time, position, current], axis=1)
+    head = "time,X.position,X.current"
+    np.savetxt(tmp_path / "log.csv", rows, "%.6f", ",", header=head, comments="")
+    fit = axcomp.fit([axcomp.Friction("X")], axcomp.read(tmp_path / "log.csv"))
+    law = fit["friction"].model
+    # One reading scatters by 0.02 A; hundreds of them stand behind each speed.
+    assert float(law(np.array([40.0]))[0]) == pytest.approx(1.6, abs=0.01)
+
+
 def test_the_held_out_error_leaves_out_what_the_noise_leaves_out() -> None:
     rng = np.random.default_rng(6)
     place = np.tile(np.arange(0.0, 401.0, 20.0), 6)
