@@ -115,14 +115,25 @@ def runs_against(
     place: Float[np.ndarray, " t"],
     direction: Int[np.ndarray, " t"],
     run: Int[np.ndarray, " t"] | None = None,
+    time: Float[np.ndarray, " t"] | None = None,
 ) -> bool:
     """Return whether positions, as they follow each other, go against both directions.
 
     Args:
         place: Positions in the order of the file.
         direction: ±1 of each.
-        run: Of each; between runs nothing is compared.
+        run: Of each; between runs nothing is compared. Where their numbers only fall, the
+            newest reading comes first.
+        time: Of each: their order.
     """
+    if time is not None:
+        order = np.argsort(time, kind="stable")
+    elif run is not None and run[0] > run[-1] and np.all(np.diff(run) <= 0):
+        order = np.arange(len(place))[::-1]
+    else:
+        order = np.arange(len(place))
+    place, direction = place[order], direction[order]
+    run = None if run is None else run[order]
     step = np.sign(np.diff(place))
     kept = (direction[1:] == direction[:-1]) & np.isfinite(step) & (step != 0)
     if run is not None:

@@ -94,7 +94,9 @@ def read_body(path: Path, layout: Layout, text: str, encoding: str = "utf-8") ->
 
 
 def _refuse_cut_number(path: Path, layout: Layout, text: str) -> None:
-    """Raise where a text ends in a decimal mark, as no other line of it does.
+    """Raise where a text ends in a row whose last number ends in its decimal mark.
+
+    Where all numbers do, they are whole ones; a last line of words is none of the table.
 
     Raises:
         LineError: That the file was cut off there.
@@ -105,6 +107,15 @@ def _refuse_cut_number(path: Path, layout: Layout, text: str) -> None:
     body = text[layout.body :]
     number = layout.body_line + body.count("\n")
     last = body.rpartition("\n")[2].strip()
+    *others, cut = layout.dialect.split(last)
+    whole = any(cell.strip().endswith(mark) for cell in others)
+    first = next(iter(others), cut)
+    if (
+        whole
+        or not cut[:-1].strip()[-1:].isdigit()
+        or layout.dialect.number(first) is None
+    ):
+        return
     found = f"'{last[-40:]}' in the last line, which ends within its number"
     expected = "a whole line: the file was cut off, export it again"
     raise LineError(str(path), number, found, expected, f"skip = [{number}]")

@@ -83,13 +83,14 @@ def _refuse_contradiction(
     measurement: Measurement, axis: str, stated: Int[np.ndarray, " t"]
 ) -> None:
     position = measurement.get(f"{axis}.position")
-    run = measurement.get("run")
-    if position is None or not runs_against(position, stated, run):
+    run, time = measurement.get("run"), measurement.get("time")
+    if position is None or not runs_against(position, stated, run, time):
         return
     reason = (
         f"found '{axis}.direction' + where '{axis}.position' goes down from row to row and −"
         " where it goes up, expected one way of counting: state sign = -1 of the column"
-        " that counts the other way than the axis (columns)"
+        " that counts the other way than the axis (columns), or give the time of the rows"
+        " where the newest one comes first"
     )
     raise MeasurementError(str(measurement.source), reason)
 

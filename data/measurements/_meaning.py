@@ -98,8 +98,14 @@ def _with_runs(table: Table, names: Sequence[Name]) -> Table | None:
 
 
 def _counted(names: Sequence[Name]) -> list[Name]:
-    """Return names of which those that stand above several columns are numbered."""
+    """Return names of which those that stand above several columns are numbered.
+
+    None where a position is among them: that is one table beside another.
+    """
     headers = [name.header for name in names]
+    again = [name for name in names if name.header and headers.count(name.header) > 1]
+    if any(bare_role(name) == "position" for name in again):
+        return [*names]
     counts: Counter[str] = Counter()
     result = []
     for name in names:

@@ -316,7 +316,7 @@ def _turned_legs(
         cells = table.column(spec.column).text if spec.column else None
         if spec.positive is not None or not cells or not all(map(is_leg, {*cells})):
             continue
-        if runs_against(place, good[text], good.get("run")):
+        if runs_against(place, good[text], good.get("run"), good.get("time")):
             good[text] = -good[text]
             plus = cells[int(np.argmax(good[text]))].strip()
             remarks.append(

@@ -23,6 +23,7 @@ _DOES = {
     "twice": "the list is applied twice",
     "swapped": "each direction of motion gets what belongs to the other. Either the"
     " controller, or the directions of one of the two measurements, is the other way round",
+    "other": "the list adds something else than it says",
     "wrong axis": "the list acts on another axis, follows another one, or is not active",
 }
 """What a diagnosis means for the person who loaded the list."""

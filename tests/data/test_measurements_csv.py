@@ -261,6 +261,13 @@ def test_columns_of_the_same_name_are_numbered(tmp_path: Path) -> None:
         table.column("x")
 
 
+def test_a_table_beside_another_is_no_table_of_runs(tmp_path: Path) -> None:
+    rows = "0,1,90,5\n50,2,50,6\n90,3,0,7\n"
+    table = read_table(write(tmp_path, f"Soll,Abw,Soll,Abw\n{rows}"))
+    assert all(column.run is None for column in table.columns)
+    assert all(column.role is None for column in table.columns)
+
+
 @pytest.mark.parametrize(
     "names",
     ["Abweichung,Abweichung,Abweichung,Abweichung", "Lauf 1,Lauf 2,Lauf 1,Lauf 2"],

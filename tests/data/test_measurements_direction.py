@@ -90,6 +90,20 @@ def test_signs_against_the_order_of_the_targets_are_refused(
     assert derive_direction(turned, "X").tolist() == [*[-1] * 5, *[1] * 5] * 2
 
 
+@pytest.mark.parametrize("words", [("+", "-"), ("hin", "her")])
+def test_rows_with_the_newest_one_first_are_taken_by_their_time(
+    tmp_path: Path, words: tuple[str, str]
+) -> None:
+    lines = cycle(tmp_path, words, DOWN[::-1]).read_text(encoding="utf-8").splitlines()
+    rows = [f"{row},{4 * k}" for k, row in enumerate(lines[1:])]
+    head = f"{lines[0]},time [s]"
+    path = tmp_path / "newest.csv"
+    path.write_text("\n".join([head, *rows[::-1]]) + "\n", encoding="utf-8")
+    read = measurement(read_table(path), axis="X")
+    # The last row is the first reading.
+    assert derive_direction(read, "X").tolist()[::-1] == [*[1] * 5, *[-1] * 5] * 2
+
+
 @pytest.mark.parametrize(("first", "way"), [(-200, 1), (0, -1)])
 def test_the_way_there_of_columns_per_run_goes_as_the_targets_are_listed(
     tmp_path: Path, first: int, way: int

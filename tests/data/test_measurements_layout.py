@@ -209,6 +209,8 @@ def test_a_number_that_was_cut_off_at_its_decimal_mark_is_refused(
         read_table(file)
     file.write_text("x,dx\n" + 5 * "1.,2.\n" + "350.,7.")  # written so throughout
     assert read_table(file).rows == 6
+    file.write_text("x,dx\n" + 5 * "1.5,2.5\n" + "End of measurement.")
+    assert read_table(file).rows == 5
 
 
 BLOCK = "0;1\n50;2\n100;3\n"

@@ -330,7 +330,7 @@ def _course(
     counted: tuple[bool, ...] = ()
     if data.own_zero is not None and len(runs) > 1:
         counted = tuple((np.bincount(index, data.own_zero[rows]) > 0).tolist())
-    counted = counted if any(counted) else ()
+    counted = counted if any(counted) and not all(counted) else ()
     if not drift or data.time is None:
         return Course(runs if len(runs) > 1 else (), counted=counted)
     low, high = np.full(len(runs), np.inf), np.full(len(runs), -np.inf)

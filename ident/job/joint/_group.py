@@ -184,8 +184,8 @@ def _zeroed(recording: GroupRecording, fit: JointFit) -> GroupRecording:
     data, error = recording.data, dict(recording.data.error)
     assert data.own_zero is not None  # else they are alike
     for axis, runs in fit.runs.items():
-        number = data.run_of(axis)
-        for run in runs if number is not None else ():
+        number, mixed = data.run_of(axis), fit.fits[axis].design.course.counted
+        for run in runs if number is not None and mixed else ():
             rows = (number == run.run) & ~data.own_zero
             error[axis] = np.where(rows, error[axis] - run.offset, error[axis])
     data = dataclasses.replace(data, error=error)

@@ -143,7 +143,7 @@ def read_group(
         remarks += [Remark.info(words) for words in dict.fromkeys(rows.remarks)]
     counts = [len(part) for part in parts]
     columns = {table: stacked(parts, table, counts) for table in CHANNELS}
-    own_zero = _own_zero(tables.job, lead.sources, counts)
+    own_zero = _own_zero(tables.job, lead.sources, parts)
     run = joined_runs([part.run for part in parts], counts)
     signs = [*columns["direction"].values()]
     one_way = len(signs) == 1 and np.isin(signs[0], (-1.0, 1.0)).all()
@@ -197,27 +197,37 @@ def read_group(
 
 
 def _own_zero(
-    job: "Job", sources: Sequence[str], counts: Sequence[int]
+    job: "Job", sources: Sequence[str], parts: Sequence[JointData]
 ) -> Bool[np.ndarray, " t"] | None:
     """Return whether the zero of each reading is the machine's; None where all are alike.
+
+    Those of an axis, that is: of another axis the instrument is another one.
 
     Raises:
         JobError: If the slope is the instrument's in some measurements only: what the
             others leave of it would be taken for the machine's.
     """
     removed = {name: job.spec.measurements[name].remove for name in sources}
-    kinds = {*removed.values()}
-    if "line" in kinds and len(kinds) > 1:
-        name = next(name for name, kind in removed.items() if kind == "line")
-        others = ", ".join(other for other, kind in removed.items() if kind != "line")
-        reason = (
-            f'found "line" beside {others}, whose slope is the machine\'s, expected one of'
-            " both for measurements that are fitted together"
-        )
-        raise job.error(("measurements", name, "remove"), reason)
-    if len(kinds) < 2:
+    mixed = False
+    for axis in _unique([*part.error] for part in parts):
+        kinds = {
+            name: removed[name]
+            for name, part in zip(sources, parts, strict=True)
+            if axis in part.error and np.isfinite(part.error[axis]).any()
+        }
+        lines = [name for name, kind in kinds.items() if kind == "line"]
+        if lines and len(lines) < len(kinds):
+            others = ", ".join(name for name in kinds if name not in lines)
+            reason = (
+                f'found "line" beside {others}, whose slope is the machine\'s, expected one'
+                f" of both for measurements of {axis} that are fitted together"
+            )
+            raise job.error(("measurements", lines[0], "remove"), reason)
+        mixed |= len({*kinds.values()}) > 1
+    if not mixed:
         return None
-    return np.repeat([kind == "none" for kind in removed.values()], counts)
+    own = [removed[name] == "none" for name in sources]
+    return np.repeat(own, [len(part) for part in parts])
 
 
 def _unique(names: Iterable[Sequence[str]]) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,6 +55,7 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
         draft = fit_log(log)
     else:
         readings, notes = read_fit(tables, plan, left)
+        notes += _wander(tables, plan, readings)
         try:
             draft = fit_plan(plan, readings, (*words, *notes))
         except FitError as error:
@@ -66,6 +67,36 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
             raise
     refuse_unowned_trend(plan, draft.estimate)
     return draft
+
+
+def _wander(tables: Tables, plan: Plan, readings: Readings) -> Iterator[Remark]:
+    """Return a doubt where readings without runs change from one visit of a place to the next.
+
+    A place is that of all axes, approached in one direction.
+    """
+    measured = [tables.measured(name, plan.axis) for name in plan.fit.sources]
+    if readings.run is not None or sum(one.rows for one in measured) != len(
+        readings.error
+    ):
+        return
+    names = {
+        role for one in measured for role in one.values if role.endswith(".position")
+    }
+    columns = [
+        np.concatenate(
+            [
+                one.values[name] if name in one.values else np.zeros(one.rows)
+                for one in measured
+            ]
+        )
+        for name in names
+    ]
+    if readings.direction is not None:
+        columns.append(readings.direction)
+    unit = plan.job.spec.axes[plan.axis].small_unit
+    yield from wander_remarks(
+        readings.error, np.column_stack(columns), readings.order, unit
+    )
 
 
 def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> TableDraft:
@@ -98,14 +129,6 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         if run is not None and repeated
         else None,
     )
-    if samples.run is None:
-        sides = np.zeros(len(samples.error)) if branch is None else branch
-        remarks += wander_remarks(
-            samples.error,
-            np.column_stack([samples.positions, sides]),
-            readings.order,
-            plan.job.spec.axes[plan.axis].small_unit,
-        )
     effects = _run_effects(samples) if repeated else "offset" if floating else "none"
     fewest = len(samples.error)  # readings of a direction
     if branch is not None:

@@ -26,6 +26,9 @@ _TELLING, _WANDERS = 40, 0.4
 """Readings of places that were read again that tell a wander from noise; share of the mean square
 of their changes that neighbours in time leave, below which there is one."""
 
+_SEEN, _TINY = 5.0, 1e-3
+"""Deviations of a reading, and mm or °, by which a table changes beyond its readings unsaid."""
+
 _OVERRUN = 0.01
 """Share of the travel by which a reading may lie beyond the limits: runs begin before them."""
 
@@ -117,23 +120,25 @@ def fit_remarks(
 def _beyond_readings(draft: "TableDraft") -> Iterator[Remark]:
     """Return a doubt where a table goes on beyond its readings by more than a node."""
     table, support = draft.plan.table, draft.estimate.support
-    size = np.abs(draft.estimate.values)
+    values = draft.estimate.values
+    least = max(_SEEN * draft.estimate.noise, _TINY)
     unit = draft.job.spec.axes[draft.axis].small_unit
     for k, (name, nodes) in enumerate(zip(draft.fit.over, table.nodes, strict=True)):
         along = support.ndim - 1 - k  # the first master runs fastest
         lines = np.moveaxis(support, along, 0).reshape(len(nodes.positions), -1)
-        sizes = np.moveaxis(size, along, 0).reshape(len(nodes.positions), -1)
+        curves = np.moveaxis(values, along, 0).reshape(len(nodes.positions), -1)
         reached = np.flatnonzero(lines.any(axis=1))
         if table.periodic or not reached.size:
             continue
         first, last = int(reached[0]), int(reached[-1])
         for beyond, edge in ((slice(0, first), first), (slice(last + 1, None), last)):
             places = nodes.positions[beyond]
-            if len(places) > 1:
+            far = np.abs(curves[beyond] - curves[edge]).max(initial=0.0)
+            if len(places) > 1 and far > least:
                 yield Remark.warning(
                     f"No reading lies at {name} = {places[0]:g} to {places[-1]:g}: there the"
-                    f" table goes on straight, up to {1e3 * sizes[beyond].max():.3g} {unit}, which"
-                    f" nobody measured. End it at {name} = {nodes.positions[edge]:g}: the"
+                    f" table goes on straight, by up to {1e3 * far:.3g} {unit}, which nobody"
+                    f" measured. End it at {name} = {nodes.positions[edge]:g}: the"
                     " controller holds its edge."
                 )
 

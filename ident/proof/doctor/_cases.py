@@ -42,8 +42,8 @@ _MOST_SHIFTS = 160
 _RIGHT = "right: the list adds what it says"
 
 _UNLIKE = (
-    "cannot tell: something is added, which no single fault of this list explains; are its"
-    " nodes in the right order, along each axis?"
+    "something else is added, which no single fault of this list explains; are its nodes in"
+    " the right order, along each axis?"
 )
 
 _WORDS = ("sign", "unit", "twice", "shift", "swapped")
@@ -58,7 +58,7 @@ class Diagnosis:
         axis: Logical number.
         compensation: As in a job file.
         verdict: ``right``, ``sign``, ``unit``, ``shift``, ``wrong axis``, ``twice``,
-            ``swapped`` (directions) or ``cannot tell``.
+            ``swapped`` (directions), ``other`` (than all of these) or ``cannot tell``.
         value: Factor of the offset; shift in mm or °; number of the other axis; None
             where there is none.
         probability: Of the verdict, given that one of them is true.
@@ -148,12 +148,19 @@ Case = tuple[float, Diagnosis]
 """−2 log likelihood of an explanation, with what it is less likely beforehand."""
 
 
-def cases_of(use: InUse, scene: Scene) -> tuple[list[Case], float, float | None]:
+def cases_of(
+    use: InUse, scene: Scene, *, blurred: bool
+) -> tuple[list[Case], float, float | None]:
     """Return every explanation of a change, and what else the fits say of it.
 
     That is the factor of the offset that fits best, NaN where these places show none, and
     the largest shift in mm or ° that the readings cannot exclude and that would matter; None
     where there is none.
+
+    Args:
+        use: The compensation.
+        scene: What was measured.
+        blurred: What another list of the axis adds looks like a fault, too.
     """
     channel, target = scene.channel(use, use.axis), scene.target(use, use.axis)
     factor, _, power = target.fitted(channel.column(channel.plain)[None])
@@ -180,8 +187,12 @@ def cases_of(use: InUse, scene: Scene) -> tuple[list[Case], float, float | None]
         if named.verdict == "right" and rival is search_result.rivals[0]:
             rows = scene.changes[use.axis].readings
             named = _as_a_whole(named, channel, search_result, rows)
-        elif rival is search_result.rivals[0] and _leaves_much(channel, search_result):
-            named = Diagnosis(use.axis, use.name, "cannot tell", sentence=_UNLIKE)
+        elif (
+            rival is search_result.rivals[0]
+            and not blurred
+            and _leaves_much(channel, search_result)
+        ):
+            named = Diagnosis(use.axis, use.name, "other", sentence=_UNLIKE)
         cases.append((rival.criterion, named))
     cases += _elsewhere(use, scene, search_result)
     return cases, float(factor[0]), _blind(channel, target, search_result)
@@ -189,6 +200,8 @@ def cases_of(use: InUse, scene: Scene) -> tuple[list[Case], float, float | None]
 
 def _leaves_much(channel: AbstractChannel, search_result: Found) -> bool:
     """Return whether the best explanation leaves what is no noise: neighbours are alike."""
+    if not channel.ways:
+        return False
     listed = channel.column(channel.plain)[search_result.rows]
     alike = search_result.samples < _ALIKE * len(search_result.rows)
     left = float(np.std(search_result.residual))

@@ -108,7 +108,7 @@ def _state(use: InUse, measured: Sequence[Measured], loaded: bool) -> int:
 
 
 def _judged(use: InUse, scene: Scene, blurred: bool) -> Diagnosis:
-    cases, factor, blind = cases_of(use, scene)
+    cases, factor, blind = cases_of(use, scene, blurred=blurred)
     # Of each word the best case, less likely beforehand where it is a fault.
     best_of: dict[str, Diagnosis] = {}
     scores: dict[str, float] = {}
@@ -122,10 +122,11 @@ def _judged(use: InUse, scene: Scene, blurred: bool) -> Diagnosis:
     }
     word = max(by_word, key=lambda name: by_word[name])
     best = dataclasses.replace(best_of[word], probability=by_word[word])
-    sure = by_word[word] >= SURE and (word == "right" or not blurred)
+    likely = by_word[word]
+    if word == "other":  # which fault it is not need not be sure
+        likely = 1.0 - by_word.get("right", 0.0) - by_word.get("cannot tell", 0.0)
+    sure = likely >= SURE and (word == "right" or not blurred)
     if sure and word != "cannot tell" and (word != "right" or blind is None):
-        return best
-    if word == "cannot tell" and best.sentence:
         return best
     unit = "°" if use.axis in scene.reading.modulo else "mm"
     return dataclasses.replace(

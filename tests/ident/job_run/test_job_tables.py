@@ -86,7 +86,19 @@ def test_a_table_that_goes_on_beyond_its_readings_is_doubted(
     said = " ".join(r.message for r in fit.remarks if r.level == "warning")
     assert ("No reading lies at X = 500 to 800: there" in said) == far
     assert ("End it at X = 400" in said) == far
-    assert ("nobody measured. End" in said) == far
+    assert ("which nobody measured. End" in said) == far
+
+
+def test_a_flat_table_may_go_on_beyond_its_readings(tmp_path: Path) -> None:
+    there = np.tile(np.arange(0.0, 401.0, 50.0), 4)
+    error = 0.012 + 2e-4 * np.random.default_rng(0).normal(size=len(there))
+    table(tmp_path / "laser.csv", "target,actual", there, there + error)
+    text = screw_job(tmp_path).read_text().replace("points = 5", "points = 9")
+    for line in ("bilateral = true", "smoothness = 0", 'loss = "gauss"'):
+        text = text.replace(line, "")
+    (tmp_path / "job.toml").write_text(text)
+    (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").fits
+    assert not any("nobody measured. End" in r.message for r in fit.remarks)
 
 
 @pytest.mark.parametrize(

@@ -75,6 +75,20 @@ def test_a_slope_of_one_instrument_beside_that_of_the_machine_is_refused(
         run_job(path, tmp_path / "out")
 
 
+def test_a_slope_of_another_axis_is_no_part_of_it(tmp_path: Path) -> None:
+    laser(tmp_path / "a.csv", [0.0] * 3, 1)
+    laser(tmp_path / "b.csv", [0.04] * 3, 2)
+    text = job(tmp_path, {"a": "none", "b": "line"}, 'group = "g"\n').read_text()
+    head, _, tail = text.partition("[measurements.b]")
+    text = head + "[measurements.b]" + tail.replace('"X.error"', '"Y.error"')
+    cross = '[[fits]]\ncompensation = "cross"\naxis = "Y"\nmaster = "X"\n'
+    cross += 'measurements = ["a", "b"]\nstart = 0.0\ninterval = 50.0\npoints = 13\n'
+    path = tmp_path / "both.toml"
+    path.write_text(f'[axes.Y]\nnumber = 2\n{text}{cross}group = "g"\n')
+    # 6 readings per node of 0.5 µm.
+    assert np.max(np.abs(left(run_job(path, tmp_path / "out"), tmp_path))) < 8e-4
+
+
 def test_runs_that_each_had_a_zero_are_named_as_such(tmp_path: Path) -> None:
     laser(tmp_path / "a.csv", [-0.05, 0.0, 0.06], 1)
     path = job(tmp_path, {"a": "offset"})
@@ -112,6 +126,24 @@ def test_a_drift_that_readings_of_one_place_show_is_told(
     (screw,) = run_job(drifting(tmp_path, "", ""), tmp_path / "out").fits
     said = " ".join(remark.message for remark in screw.remarks)
     assert ("Readings of the same place wander in time by" in said) == (drift > 0)
+
+
+@pytest.mark.parametrize("other", ["Y.position", "X.direction"])
+def test_another_axis_or_the_way_of_approach_is_no_drift(
+    tmp_path: Path, other: str
+) -> None:
+    place = np.tile(np.concatenate([NODES, NODES[::-1]]), 4)
+    way = np.tile(np.repeat([1.0, -1.0], len(NODES)), 4)
+    beside = way if other == "X.direction" else np.repeat([0.0, 1.0], 4 * len(NODES))
+    seen = error(place) + 0.003 * beside
+    seen += 5e-4 * np.random.default_rng(4).normal(size=len(place))
+    table(tmp_path / "a.csv", "position,error,other", place, seen, beside)
+    path = job(tmp_path, {"a": "none"})
+    text = path.read_text().replace('run = "run"', f'"{other}" = "other"')
+    path.write_text(f"[axes.Y]\nnumber = 2\n{text}")
+    (screw,) = run_job(path, tmp_path / "out").fits
+    said = " ".join(remark.message for remark in screw.remarks)
+    assert "wander in time" not in said
 
 
 def test_beside_a_drift_the_constant_is_known_as_well_as_the_drift(
