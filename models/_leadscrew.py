@@ -20,6 +20,13 @@ from ._primitive import interpolate
 from ._stencil import Stencil, linear_stencil
 
 
+def _as_floats(
+    ends: tuple[float, float] | bool | None,
+) -> tuple[float, float] | bool | None:
+    """Return limits as numbers that are no arrays: they are static."""
+    return (float(ends[0]), float(ends[1])) if isinstance(ends, tuple) else ends
+
+
 @final
 class Leadscrew(AbstractLookup):
     """Leadscrew error compensation of one axis, for one or for both directions.
@@ -41,9 +48,7 @@ class Leadscrew(AbstractLookup):
     )
     """Entries in mm for motion in negative direction; None: unilateral."""
     modulo: tuple[float, float] | bool | None = eqx.field(
-        default=None,
-        static=True,
-        converter=lambda ends: tuple(map(float, ends)) if np.ndim(ends) else ends,
+        default=None, static=True, converter=_as_floats
     )
     """Range of a modulo axis in °; True: from the first node to the last (S-20)."""
     sign: float = eqx.field(default=-1.0, static=True)

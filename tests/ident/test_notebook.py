@@ -81,5 +81,5 @@ def test_a_scatter_that_no_reading_tells_is_called_a_guess(
     noise = 5e-4 * np.random.default_rng(1).normal(size=len(place))
     readings = {"X.position": place, "X.error": 0.01 * np.sin(place / 30) + noise}
     screw = axcomp.Leadscrew("X", start=0.0, interval=10.0, points=11)
-    fit = axcomp.fit(screw, readings, smoothness=0, loss="gauss")
+    fit = axcomp.fit([screw], readings, smoothness=0, loss="gauss")
     assert ("scatter and standard deviations are a guess" in repr(fit)) == said
