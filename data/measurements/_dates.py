@@ -25,6 +25,8 @@ _UNCLEAR = (
 )
 _SLOW = 0.5
 """Steps of a clock below which they are in s: no controller logs at fractions of a µs."""
+_FASTEST = 5.0
+"""mm or ° per ms: no axis of a machine tool is faster."""
 MOST_SECONDS = 1e11
 """The year 5000, as seconds since 1970: more is no time in s."""
 _DAY = 86_400.0
@@ -38,10 +40,19 @@ def is_instant(cell: str) -> bool:
     return date is not None or clock is not None
 
 
-def may_be_ms(values: Float[np.ndarray, " t"]) -> bool:
-    """Whether instants without a unit go on by so much that they may be in ms."""
-    steps = np.abs(np.diff(values[np.isfinite(values)]))
-    return bool(steps.size) and float(np.median(steps)) >= _SLOW
+def may_be_ms(clock: Column, places: Sequence[Column] = ()) -> bool:
+    """Whether instants without a unit go on by so much that they may be in ms.
+
+    Args:
+        clock: They.
+        places: Positions in mm or ° at these instants: none of them may be too fast then.
+    """
+    steps = np.abs(np.diff(clock.values))
+    known = np.isfinite(steps) & (steps > 0.0)
+    if not known.any() or float(np.median(steps[known])) < _SLOW:
+        return False
+    ways = [np.nan_to_num(np.diff(one.values))[known] for one in places]
+    return not any(np.any(np.abs(way) > _FASTEST * steps[known]) for way in ways)
 
 
 def seconds_of_dates(table: Table, column: Column) -> Float[np.ndarray, " t"]:

@@ -263,7 +263,12 @@ def measurement(
                     " expected s: state its unit (s, ms, us, ns) in columns"
                 )
                 raise MeasurementError(source, reason)
-            if may_be_ms(column.values):
+            places = [
+                table.column(other.column)
+                for name, other in mapping.items()
+                if name.endswith((".position", ".actual")) and other.column
+            ]
+            if may_be_ms(column, places):
                 remarks.append(
                     f"Column '{column.name}' states no unit: it is taken in s, not in ms."
                 )

@@ -147,24 +147,29 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     unnamed = _unnamed(table, named, home[0], owner[0], turns=owner[0] in angles)
     if unnamed and not home[1]:
         assumed.setdefault(home[0], unnamed[0].column)
-    if not unnamed and _says_it_all(table, named):
+    undirected = owner[0] == home[0] and _lacks_direction(named)
+    if not unnamed and not undirected and _says_it_all(table, named):
         bare = any(each.axis is None and each.kind in _OWNED for each in named)
         return Meaning(owner[0] if bare else None, assumed, {}, (), unused)
     roles: dict[str, list[ColumnSpec]] = {}
     unclear: list[Unclear] = []
     runs = {each.kind for each in named if each.column.run is not None}
     if runs:
-        question = _of_runs(named, owner[0], turns=owner[0] in angles)
+        turns = owner[0] in angles
+        question = _of_runs(named, owner[0], turns=turns, undirected=undirected)
         if len(question.choices) == 1:
             ((text, spec),) = question.choices
             roles[text] = [spec]
         else:
             unclear.append(question)
         named = [each for each in named if each.kind not in runs]
+    places = _places(named)
     for each in _without_commands(named):
         axis = (owner if each.kind == "error" else home)[0]
         turns = (each.axis or axis) in angles
-        options, asks = _options(each, axis, outside=outside, turns=turns)
+        options, asks = _options(
+            each, axis, outside=outside, turns=turns, places=places
+        )
         if each.column is drift:
             asks |= {"drift"}
         if each.column is probed:
@@ -276,20 +281,23 @@ def _advised(table: Table, home: str, owner: str) -> list[Unclear]:
     ]
 
 
-def _of_runs(named: Sequence[_Named], home: str, *, turns: bool) -> Unclear:
+def _of_runs(
+    named: Sequence[_Named], home: str, *, turns: bool, undirected: bool
+) -> Unclear:
     """Return the question for unit and direction of a role with one column per run.
 
     Args:
         named: All columns.
         home: Axis of the role where its columns name none.
         turns: The positions of the axis are angles.
+        undirected: The direction of the runs is asked for.
     """
     first = next(each for each in named if each.column.run is not None)
     runs = [each.column for each in named if each.column.run is not None]
     units = _units(first.column, first.kind, turns=turns)
     ways = [[(column.run, column.direction) for column in runs]]
     asks, apart = {"unit"} if len(units) > 1 else set[str](), None
-    if _lacks_direction(named):
+    if undirected:
         asks |= {"direction"}
         apart = _apart(runs)
         place = next(e.column.values for e in named if e.kind == "position")
@@ -555,8 +563,6 @@ def own_roles(table: Table, axis: str | None) -> dict[str, ColumnSpec]:
 
 def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
     """Whether the file's own roles need no mapping beside them."""
-    if _lacks_direction(named):
-        return False
     runs = [each for each in named if each.column.run is not None]
     named = runs or named
     if not any(column.role not in (None, "time") for column in table.columns):
@@ -564,7 +570,10 @@ def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
     complete = all(each.column.role is not None for each in named)
     if any(each.kind == "encoder" and each.own for each in named):
         return False
-    stated = all(len(_units(e.column, e.kind, turns=False)) == 1 for e in named)
+    places = _places(named)
+    stated = all(
+        len(_units(e.column, e.kind, turns=False, places=places)) == 1 for e in named
+    )
     return complete and stated
 
 
@@ -572,11 +581,18 @@ def _lacks_direction(named: Sequence[_Named]) -> bool:
     """Whether a file has a column for each of several runs, and no direction of any."""
     runs = [each.column for each in named if each.column.run is not None]
     stated = any(column.direction is not None for column in runs)
-    return len(runs) > 1 and not stated and all(e.kind != "direction" for e in named)
+    kinds = [each.kind for each in named]
+    alone = kinds.count("position") == 1 and "direction" not in kinds
+    return len(runs) > 1 and not stated and alone
 
 
 def _options(
-    each: _Named, axis: str, *, outside: bool, turns: bool
+    each: _Named,
+    axis: str,
+    *,
+    outside: bool,
+    turns: bool,
+    places: Sequence[Column],
 ) -> tuple[list[tuple[str, ColumnSpec]], set[str]]:
     """Return the roles that a column may have, and what is to be asked of it."""
     column, asks = each.column, set[str]()
@@ -585,24 +601,31 @@ def _options(
         name = each.axis or axis
         texts = [f"{name}.actual", f"{name}.encoder"]
         asks.add("instrument")
-    units = _units(column, each.kind, turns=turns)
+    units = _units(column, each.kind, turns=turns, places=places)
     if len(units) > 1:
         asks.add("unit")
     pairs = itertools.product(texts, units)
     return [(text, _spec(column, unit)) for text, unit in pairs], asks
 
 
-def _units(column: Column, kind: str, *, turns: bool) -> Sequence[str | None]:
+def _places(named: Sequence[_Named]) -> list[Column]:
+    return [each.column for each in named if each.kind in _PLACES]
+
+
+def _units(
+    column: Column, kind: str, *, turns: bool, places: Sequence[Column] = ()
+) -> Sequence[str | None]:
     """Return the units that a column of this kind may have, the likeliest first.
 
     Args:
         column: Of the file.
         kind: Of its role.
         turns: The positions of its axis are angles.
+        places: Positions beside an instant.
     """
     if column.unit is not None or kind not in _UNSTATED or column.text is not None:
         return [column.unit]
-    if kind == "time" and not may_be_ms(column.values):
+    if kind == "time" and not may_be_ms(column, places):
         return [None]
     units = _UNSTATED_ANGLE if turns and kind == "error" else _UNSTATED[kind]
     fine = kind == "error" and _largest(column) < _FINE

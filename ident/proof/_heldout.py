@@ -48,6 +48,8 @@ def held_out(
     to_integers: Callable[[Sequence[TableFit]], Int[np.ndarray, "k ..."]],
     before: Float[np.ndarray, " t"],
     active: Float[np.ndarray, " t"],
+    *,
+    by_run: bool,
 ) -> HeldOut:
     """Return what lists fitted without a run (or block) leave of its readings.
 
@@ -61,8 +63,9 @@ def held_out(
         to_integers: From fits to the entries of their lists.
         before: Error as measured, per reading.
         active: Offset that was active while measuring, per reading.
+        by_run: Whether runs are left out: they go over the same places.
     """
-    groups = None if samples.run is None else _by_run(samples.run)
+    groups = _by_run(samples.run) if by_run and samples.run is not None else None
     by_run = groups is not None
     if groups is None:
         groups = blocks_of(fit.layout, samples)

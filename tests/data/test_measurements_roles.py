@@ -319,6 +319,13 @@ def test_a_temperature_without_a_unit_is_told_to_be_in_degrees_celsius(
     assert (words in data.remarks) == said
 
 
+def test_readings_of_targets_are_not_asked_for_their_clock(tmp_path: Path) -> None:
+    # 50 mm in 4 ms: no axis does that.
+    rows = "".join(f"{4 * k},{50 * (k % 9)}\n" for k in range(20))
+    data = measurement(table_of(tmp_path, f"time,X.position [mm]\n{rows}"))
+    assert not any("not in ms" in remark for remark in data.remarks)
+
+
 @pytest.mark.parametrize("start", [1.79e12, 1.33e17])
 def test_milliseconds_since_1970_are_no_seconds(tmp_path: Path, start: float) -> None:
     rows = "".join(f"{start + 1000 * k:.0f},{k}\n" for k in range(9))

@@ -113,7 +113,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     # Whether the runs go over the same places, so that others can judge each.
     signs = readings.direction if table.branches == 2 else None
     repeated = run is not None and runs_overlap(readings.positions, run, nodes, signs)
-    if run is not None and not repeated and len(np.unique(run)) > 1:
+    if run is not None and not repeated and not floating and len(np.unique(run)) > 1:
         words = (
             "The runs do not go over the same places, so that none can be judged by the"
             " others: offsets of single runs are not estimated."
@@ -171,7 +171,9 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
     estimate = _doubted(plan, readings, samples, estimate)
-    heldout = held_out(table, samples, fit, plan.integers, before, acted)
+    heldout = held_out(
+        table, samples, fit, plan.integers, before, acted, by_run=repeated
+    )
     readings = dataclasses.replace(readings, error=before)
     return TableDraft(
         plan.job, plan.index, spec, plan, estimate, effects, readings, heldout, remarks

@@ -75,6 +75,19 @@ def test_a_slope_of_one_instrument_beside_that_of_the_machine_is_refused(
         run_job(path, tmp_path / "out")
 
 
+def test_measurements_of_other_places_are_proven_by_blocks(tmp_path: Path) -> None:
+    for name, part, zero, seed in (("a", NODES[:7], 0.0, 1), ("b", NODES[6:], 0.04, 2)):
+        place = np.tile(part, 6)
+        seen = error(place) + zero
+        seen += 5e-4 * np.random.default_rng(seed).normal(size=len(place))
+        table(tmp_path / f"{name}.csv", "position,error", place, seen)
+    path = job(tmp_path, {"a": "none", "b": "offset"})
+    path.write_text(path.read_text().replace('run = "run"\n', ""))
+    result = run_job(path, tmp_path / "out")
+    # They meet at one place: its 12 readings give b its zero, of 0.3 µm.
+    assert np.max(np.abs(left(result, tmp_path))) < 1.2e-3
+
+
 def test_a_slope_of_another_axis_is_no_part_of_it(tmp_path: Path) -> None:
     laser(tmp_path / "a.csv", [0.0] * 3, 1)
     laser(tmp_path / "b.csv", [0.04] * 3, 2)

@@ -139,7 +139,9 @@ def test_a_job_that_exists_is_replaced_only_when_that_is_asked_for(
 def test_the_unit_of_a_clock_that_may_be_in_ms_is_asked_for(
     tmp_path: Path, step: float, asked_for: bool
 ) -> None:
-    rows = "".join(f"{step * k:g},{k % 50},{0.3 * (k % 9 - 4)}\n" for k in range(200))
+    rows = "".join(
+        f"{step * k:g},{abs(25 - k % 50)},{0.3 * (k % 9 - 4)}\n" for k in range(200)
+    )
     text = new(tmp_path, f"t,x,i [A]\n{rows}").read_text()
     assert ('The file states no unit of "t"' in text) == asked_for
     assert ('#? time = { column = "t", unit = "ms" }' in text) == asked_for
