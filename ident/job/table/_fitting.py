@@ -34,6 +34,8 @@ from ._trend import refuse_unowned_trend
 if TYPE_CHECKING:
     from ..joint._share import Share
 
+_MANY = 20_000
+"""Readings from which on nobody went from place to place to read them."""
 _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
 
@@ -74,19 +76,26 @@ def _wander(tables: Tables, plan: Plan, readings: Readings) -> Iterator[Remark]:
 
     A place is that of all axes, approached in one direction.
     """
-    measured = [tables.measured(name, plan.axis) for name in plan.fit.sources]
-    if readings.run is not None or sum(one.rows for one in measured) != len(
-        readings.error
-    ):
+    count = len(readings.error)
+    if readings.run is not None or count > _MANY:
         return
+    measured = [tables.measured(name, plan.axis) for name in plan.fit.sources]
+    if sum(one.rows for one in measured) != count:
+        return
+    every = [one.values.with_gaps() for one in measured]
     names = {
-        role for one in measured for role in one.values if role.endswith(".position")
+        role
+        for own in every
+        for role in own
+        if role.endswith(".position") and role not in own.unusable
     }
     columns = [
         np.concatenate(
             [
-                one.values[name] if name in one.values else np.zeros(one.rows)
-                for one in measured
+                own[name]
+                if name in own and name not in own.unusable
+                else np.zeros(one.rows)
+                for own, one in zip(every, measured, strict=True)
             ]
         )
         for name in names

@@ -151,9 +151,15 @@ def test_another_axis_or_the_way_of_approach_is_no_drift(
     seen = error(place) + 0.003 * beside
     seen += 5e-4 * np.random.default_rng(4).normal(size=len(place))
     table(tmp_path / "a.csv", "position,error,other", place, seen, beside)
+    # A position that is no number stops nothing that does without it.
+    rows = (tmp_path / "a.csv").read_text().splitlines()
+    marks = ["Z.position", *("?" for _ in rows[1:])]
+    lines = [f"{row},{mark}" for row, mark in zip(rows, marks, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
     path = job(tmp_path, {"a": "none"})
-    text = path.read_text().replace('run = "run"', f'"{other}" = "other"')
-    path.write_text(f"[axes.Y]\nnumber = 2\n{text}")
+    roles = f'"{other}" = "other"\n"Z.position" = "Z.position"'
+    text = path.read_text().replace('run = "run"', roles)
+    path.write_text(f"[axes.Y]\nnumber = 2\n[axes.Z]\nnumber = 3\n{text}")
     (screw,) = run_job(path, tmp_path / "out").fits
     said = " ".join(remark.message for remark in screw.remarks)
     assert "wander in time" not in said
