@@ -100,7 +100,7 @@ def _with_runs(table: Table, names: Sequence[Name]) -> Table | None:
 def _counted(names: Sequence[Name]) -> list[Name]:
     """Return names of which those that stand above several columns are numbered.
 
-    None where a position is among them: that is one table beside another.
+    As they are where a position is among those: that is one table beside another.
     """
     headers = [name.header for name in names]
     again = [name for name in names if name.header and headers.count(name.header) > 1]

@@ -8,7 +8,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 _LEAST = 3
 """Readings that a run must have, so that it can have an offset of its own."""
@@ -107,6 +107,8 @@ class Readings:
         slices: Rows of each measurement.
         late: What one standard deviation of the instruments' delays makes of the error, or
             None at standstill.
+        own_zero: Whether the zero of each is the machine's, beside others whose zero is
+            arbitrary; None where all are alike.
     """
 
     positions: Float[np.ndarray, "t d"]
@@ -117,6 +119,14 @@ class Readings:
     timed: bool
     slices: Mapping[str, slice]
     late: Float[np.ndarray, " t"] | None = None
+    own_zero: Bool[np.ndarray, " t"] | None = None
+
+    @property
+    def floating(self) -> tuple[int, ...]:
+        """Runs whose zero is arbitrary, beside others whose zero is the machine's."""
+        if self.own_zero is None or self.run is None:
+            return ()
+        return tuple(np.unique(self.run[~self.own_zero]).tolist())
 
     @property
     def time(self) -> Float[np.ndarray, " t"] | None:

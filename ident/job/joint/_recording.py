@@ -100,6 +100,9 @@ class GroupRecording:
         if direction is not None:
             direction = direction[keep] if np.isfinite(direction[keep]).all() else None
         ends = np.concatenate([[0], np.cumsum(keep)])
+        own_zero = None if self.data.own_zero is None else self.data.own_zero[keep]
+        if own_zero is not None and own_zero.all() == own_zero.any():
+            own_zero = None  # those of another axis are the others
         return Readings(
             positions=np.stack([self.data.position[name][keep] for name in over], 1),
             error=error,
@@ -111,6 +114,7 @@ class GroupRecording:
                 name: slice(int(ends[rows.start]), int(ends[rows.stop]))
                 for name, rows in self.slices.items()
             },
+            own_zero=own_zero,
         )
 
 

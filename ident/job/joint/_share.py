@@ -5,6 +5,7 @@ A fit that its readings do not tell is left out: named, and not written.
 
 import dataclasses
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -70,7 +71,7 @@ class Share:
             return 0.0
         return float(np.hypot(self.fit.datum[self.axis][1], self.drifted))
 
-    @property
+    @cached_property
     def drifted(self) -> float:
         """What the mean of the drifts of all runs may be off by, in mm or °; 0 without one."""
         data, runs = self.recording.data, self.fit.runs.get(self.axis, ())

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,14 +28,12 @@ from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._plan import Plan
 from ._readings import read_fit
-from ._remarks import doubt_of_places, limit_remarks, outside, wander_remarks
+from ._remarks import doubt_of_places, limit_remarks, outside
 from ._trend import refuse_unowned_trend
 
 if TYPE_CHECKING:
     from ..joint._share import Share
 
-_MANY = 20_000
-"""Readings from which on nobody went from place to place to read them."""
 _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
 
@@ -57,7 +55,6 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
         draft = fit_log(log)
     else:
         readings, notes = read_fit(tables, plan, left)
-        notes += _wander(tables, plan, readings)
         try:
             draft = fit_plan(plan, readings, (*words, *notes))
         except FitError as error:
@@ -71,43 +68,6 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
     return draft
 
 
-def _wander(tables: Tables, plan: Plan, readings: Readings) -> Iterator[Remark]:
-    """Return a doubt where readings without runs change from one visit of a place to the next.
-
-    A place is that of all axes, approached in one direction.
-    """
-    count = len(readings.error)
-    if readings.run is not None or count > _MANY:
-        return
-    measured = [tables.measured(name, plan.axis) for name in plan.fit.sources]
-    if sum(one.rows for one in measured) != count:
-        return
-    every = [one.values.with_gaps() for one in measured]
-    names = {
-        role
-        for own in every
-        for role in own
-        if role.endswith(".position") and role not in own.unusable
-    }
-    columns = [
-        np.concatenate(
-            [
-                own[name]
-                if name in own and name not in own.unusable
-                else np.zeros(one.rows)
-                for own, one in zip(every, measured, strict=True)
-            ]
-        )
-        for name in names
-    ]
-    if readings.direction is not None:
-        columns.append(readings.direction)
-    unit = plan.job.spec.axes[plan.axis].small_unit
-    yield from wander_remarks(
-        readings.error, np.column_stack(columns), readings.order, unit
-    )
-
-
 def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> TableDraft:
     """Fit the table of a plan to its readings.
 
@@ -117,7 +77,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     """
     table, spec, remarks = plan.table, plan.fit, [*remarks]
     remarks += limit_remarks(plan.job, plan.fit.over, readings.positions)
-    run, floating = readings.run, _floating(plan, readings)
+    run, floating = readings.run, readings.floating
     nodes = tuple(line.positions for line in table.nodes)
     # Whether the runs go over the same places, so that others can judge each.
     signs = readings.direction if table.branches == 2 else None
@@ -274,7 +234,7 @@ def _patterns(
     patterns = [] if readings.late is None else [readings.late]
     # Least squares takes a run that contradicts the others into the mean as well.
     suspects = () if fit.loss == "gauss" else fit.suspect_runs
-    aside = {*suspects, *_floating(plan, readings)}
+    aside = {*suspects, *readings.floating}
     runs = [run for run in fit.runs if run.run not in aside]
     offset, drift = doubt_of_means(runs)
     ones = np.ones(len(samples.error))
@@ -311,21 +271,6 @@ def _doubt(
     everywhere = np.sqrt(np.mean(mean[count > 0] ** 2))
     values = np.where(count > 0, mean, everywhere).reshape(shape)
     return values - plan.zero_of(dataclasses.replace(estimate, values=values))
-
-
-def _floating(plan: Plan, readings: Readings) -> tuple[int, ...]:
-    """Return the runs whose zero is arbitrary, beside others whose zero is the machine's."""
-    removed = {
-        name: plan.job.spec.measurements[name].remove for name in readings.slices
-    }
-    if len({*removed.values()}) < 2 or readings.run is None:
-        return ()
-    runs = [
-        readings.run[rows]
-        for name, rows in readings.slices.items()
-        if removed[name] != "none"
-    ]
-    return tuple(np.unique(np.concatenate(runs)).tolist())
 
 
 def _run_effects(samples: Samples) -> str:

@@ -1,10 +1,12 @@
 """Readings of a table: what other lists add taken into account; their zero, their runs."""
 
 import dataclasses
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ....data.measurements import Measurement
 from ...exchange import AbstractTable
 from ...kinds._keys import FitSpec
 from ...proof import RunTable
@@ -13,9 +15,13 @@ from .._draft import Leftovers
 from ..file._load import Job
 from ..joint._recording import read_group
 from ..result._result import Remark
+from ._remarks import wander_remarks
 
 if TYPE_CHECKING:
     from ._plan import Plan
+
+_MANY = 20_000
+"""Readings from which on nobody went from place to place to read them."""
 
 
 def read_fit(
@@ -55,7 +61,45 @@ def read_fit(
     late = joined([rows.measured.late.get(axis) for rows in recording.rows.values()])
     every = np.ones(len(error), dtype=bool)
     readings = recording.readings(plan.positions, axis, error, every)
+    unit = plan.job.spec.axes[axis].small_unit
+    remarks += _wander(
+        [rows.measured for rows in recording.rows.values()], readings, unit
+    )
     return dataclasses.replace(readings, late=late), remarks
+
+
+def _wander(
+    measured: Sequence[Measurement], readings: Readings, unit: str
+) -> Iterator[Remark]:
+    """Return a doubt where readings without runs change from one visit of a place to the next.
+
+    A place is that of all axes, approached in one direction.
+    """
+    if readings.run is not None or len(readings.error) > _MANY:
+        return
+    every = [one.values.with_gaps() for one in measured]
+    names = {
+        role
+        for own in every
+        for role in own
+        if role.endswith(".position") and role not in own.unusable
+    }
+    columns = [
+        np.concatenate(
+            [
+                own[name]
+                if name in own and name not in own.unusable
+                else np.zeros(one.rows)
+                for own, one in zip(every, measured, strict=True)
+            ]
+        )
+        for name in names
+    ]
+    if readings.direction is not None:
+        columns.append(readings.direction)
+    yield from wander_remarks(
+        readings.error, np.column_stack(columns), readings.order, unit
+    )
 
 
 def zero_at(
