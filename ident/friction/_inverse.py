@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from ..core import one_blas_thread
 from ._equation import Equation, Known, record
-from ._result import FrictionFit, score_covariance
+from ._result import OTHER, FrictionFit, score_covariance
 from ._samples import DriveSamples
 from ._separable import fit_equation
 from ._structures import GAUSS, AbstractStructure, CoulombViscous, Stribeck
@@ -17,8 +17,6 @@ _EXPONENTIAL = 1.0
 """Exponent of the other law that is common beside `GAUSS`."""
 _DROP = 3.0
 """Standard deviations that a drop must show to be one."""
-_OTHER = 3.0
-"""Standard deviations by which an exponent must differ from `GAUSS` to be another one."""
 _TOO_FAST = 0.5
 """Stribeck velocity, as a share of the highest speed, that only a bend at speed can give."""
 _VAGUE_LOG = 0.7
@@ -84,6 +82,7 @@ def fit_carried(
         missing["stribeck_shape"] = reason
         gaussian = equation.under(Stribeck(directional, GAUSS))
         fit = fit_equation(gaussian, weights, fit.shape[:1])
+        fit = dataclasses.replace(fit, assumed=True)
     reason = _drop_reason(fit)
     if reason is not None:
         names = [name for name in fit.structure.names if name.startswith("drop")]
@@ -108,7 +107,7 @@ def fit_competing(
         fit = fit_equation(gaussian, weights, near)
         near = np.append(fit.shape, np.log(GAUSS))
         if not _not_gauss(fit, equation, weights, near) and _drop_reason(fit) is None:
-            return fit
+            return dataclasses.replace(fit, assumed=True)
     return fit_carried(equation, weights, near)
 
 
@@ -132,7 +131,7 @@ def _not_gauss(
     influence = rows.left @ ridged(rows.sums[:, :-1], np.eye(columns.shape[1])[-1])
     scores = (influence * fit.error)[:, None]
     spread = score_covariance(scores, free.recording.piece)[0, 0]
-    return bool(scores.sum() ** 2 > _OTHER**2 * spread)
+    return bool(scores.sum() ** 2 > OTHER**2 * spread)
 
 
 def _drop_reason(fit: FrictionFit) -> str | None:

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from ...data.signals import median
 from ...models import AbstractFriction
 from ._equation import Equation, Known
-from ._structures import SUFFIXES, AbstractStructure
+from ._structures import GAUSS, SUFFIXES, AbstractStructure, Stribeck
 from ._weights import Rows, rooted
 
 METHOD = "inverse dynamic fit"
@@ -28,6 +28,11 @@ _LARGEST_LAG = 0.1
 """Longest lag as a share of the rows."""
 _STRONGEST = 0.97
 """Autocorrelation that a first-order model is taken to have at most."""
+_EXPONENTS = 0.5
+"""Standard deviation of the logarithm of an exponent that is assumed: those of machines lie
+between 0.5 and 2 and seldom beyond."""
+OTHER = 3.0
+"""Standard deviations by which an exponent must differ from the assumed to be another one."""
 
 
 @final
@@ -51,6 +56,7 @@ class FrictionFit:
         missing: What the data do not carry of the law that was asked for: name → reason.
         method: How it was found, in words.
         given: The covariance, where it is not that of the rows.
+        assumed: Whether the law's exponent was assumed where the rows ask for no other.
     """
 
     equation: Equation
@@ -64,6 +70,7 @@ class FrictionFit:
     missing: Mapping[str, str] = dataclasses.field(default_factory=dict)
     method: str = METHOD
     given: Float[np.ndarray, "m m"] | None = None
+    assumed: bool = False
 
     @property
     def structure(self) -> AbstractStructure:
@@ -189,8 +196,28 @@ class FrictionFit:
     def covariance(self) -> Float[np.ndarray, "r r"]:
         """Between all parameters; NaN where undetermined."""
         known = np.array([name not in self.undetermined for name in self.names], bool)
-        result = self._jacobian @ self.state_covariance @ self._jacobian.T
+        inner = self.state_covariance + self._by_exponent
+        result = self._jacobian @ inner @ self._jacobian.T
         return np.where(np.outer(known, known), result, np.nan)
+
+    @cached_property
+    def _by_exponent(self) -> Float[np.ndarray, "m m"]:
+        """What an exponent that is assumed adds to ``state_covariance``.
+
+        It is as uncertain as `_EXPONENTS`, or as far off as it may be without being asked for
+        (`OTHER`) where that is less; the other parameters follow it as they would in a fit.
+        """
+        if not self.assumed or self.given is not None:
+            return np.zeros_like(self.normal)
+        free = self.equation.under(Stribeck(self.structure.directional))
+        column = free.slopes(np.append(self.shape, np.log(GAUSS)), self.state)[:, -1]
+        root = self._rooted[0]
+        follow = -root @ (root.T @ (self.rows.left.T @ column))
+        seen = self.share * (column + self.rows.right @ follow)
+        scores = (seen * self.error)[:, None]
+        scatter = score_covariance(scores, self.equation.recording.piece)[0, 0]
+        told = float(seen @ column) ** 2 / max(float(scatter), np.finfo(float).tiny)
+        return np.outer(follow, follow) / (_EXPONENTS**-2 + told / OTHER**2)
 
     @cached_property
     def parameters(self) -> dict[str, float]:

@@ -18,6 +18,9 @@ from axcomp.ident.friction import (
     default_knots,
     fit_inverse,
 )
+from axcomp.ident.friction._equation import Equation
+from axcomp.ident.friction._inverse import fit_competing, record
+from axcomp.ident.friction._weights import weigh
 from axcomp.models import StribeckFriction
 
 DATA = Path(__file__).parents[3] / "../shared/data"
@@ -105,6 +108,29 @@ def test_truth_lies_within_the_reported_errors(shape: float | None) -> None:
     # Errors neither too small nor too large: χ² of 25 draws scatters by 14 % (one σ of 1).
     assert np.all(np.sqrt((found**2).mean(axis=0)) < 1.5)
     assert np.sqrt((found**2).mean()) > 0.75
+
+
+def test_deviations_count_an_exponent_that_is_assumed() -> None:
+    law = StribeckFriction(*map(jnp.asarray, (1.2, 2.1, 12.0, 1.5, 0.004)))
+    plain = []
+    for seed in range(4):
+        samples = recording(seed)
+        rng = np.random.default_rng(seed)
+        current = np.asarray(law(samples.velocity)) + TRUTH["offset"]
+        current += TRUTH["inertia"] * samples.acceleration
+        current += 0.2 * np.sqrt(np.mean(current**2)) * rng.normal(size=len(current))
+        seen = dataclasses.replace(samples, current=current)
+        # A contest of laws takes an exponent of 2 unless the rows ask for another one.
+        contest = record(seen, Known(), None)
+        equation, weights = Equation(contest, Stribeck()), weigh(contest, "trim")
+        fit = fit_competing(equation, weights, None)
+        assert fit.structure == Stribeck(exponent=2.0)
+        known = fit_inverse(seen, fit.structure)
+        gap = abs(fit.parameters["breakaway"] - TRUTH["breakaway"])
+        plain.append(gap / known.standard_deviations["breakaway"])
+        assert gap < 3.0 * fit.standard_deviations["breakaway"]
+    # What the rows say of the break-away under an exponent of 2 is far from the truth.
+    assert min(plain) > 2.0
 
 
 def test_standard_deviations_grow_where_neighbours_resemble_each_other() -> None:
