@@ -15,6 +15,7 @@ from ._dates import MOST_SECONDS, may_be_ms, seconds_of_dates
 from ._errors import MeasurementError, MissingRole
 from ._roles import ColumnSpec as ColumnSpec, Role, find_role, role as named_role
 from ._table import MESH_FORMATS, Column, Skipped, Table, TextForm
+from ._turns import unwound
 from ._units import find_unit
 from ._wide import unfolded
 from ._words import is_leg, kinds_in, says_correction, words_in
@@ -162,6 +163,7 @@ def measurement(
     masters: Sequence[str] = (),
     increments: Mapping[str, float] | None = None,
     rotary: Sequence[str] | None = None,
+    turns: Mapping[str, float] | None = None,
     name: str | None = None,
 ) -> Measurement:
     """Give columns a meaning and convert them to mm, °, s and °C.
@@ -177,6 +179,8 @@ def measurement(
         increments: mm or ° per encoder increment by axis, for the unit ``inc``.
         rotary: Axes whose positions are angles, all others being lengths. Left out:
             angles where any unit of the axis says so.
+        turns: mm or ° of a turn, of axes that go round: what a display shows within one turn
+            goes on beyond it.
         name: Of the measurement; the file's name where left out.
 
     Raises:
@@ -284,6 +288,8 @@ def measurement(
                 gaps[text] = spec.sign * unit.to_library(column.values, scale)
         else:
             good[text] = values
+    for columns in (good, gaps):
+        columns |= unwound(columns, turns or {})
     remarks += _turned_legs(table, mapping, good)
     return Measurement(
         name=name or table.path.name,

@@ -135,5 +135,10 @@ class Tables:
                 if spec.increment is not None
             },
             rotary=[key for key, spec in axes.items() if spec.kind != "linear"],
+            turns={
+                key: spec.modulo[1] - spec.modulo[0]
+                for key, spec in axes.items()
+                if spec.modulo is not None
+            },
             name=name,
         )

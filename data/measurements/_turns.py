@@ -1,0 +1,52 @@
+"""Positions of an axis that goes round, as it went, not as its display begins anew."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+_KINDS = ("position", "encoder", "actual")
+_WITHIN = 1.001
+"""Turns that a display which begins anew covers at most: its noise passes the ends."""
+_LONGER = 1.5
+"""A step through the end of the turn is no longer than this times the longest other one."""
+
+
+def unwound(
+    columns: Mapping[str, Float[np.ndarray, " t"]], turns: Mapping[str, float]
+) -> dict[str, Float[np.ndarray, " t"]]:
+    """Return the positions that a display has wrapped into one turn, going on beyond it.
+
+    Else an axis that passes the end of its turn seems to run all the way back: direction,
+    speed and the delay of an instrument would be those of a motion that never was.
+
+    Args:
+        columns: By role, in the order of the file.
+        turns: mm or ° of a turn, by axis.
+    """
+    found: dict[str, Float[np.ndarray, " t"]] = {}
+    for axis, turn in turns.items():
+        first = None
+        for role in (f"{axis}.{kind}" for kind in _KINDS):
+            if role not in columns:
+                continue
+            place = _unwound(columns[role], turn)
+            first = place if first is None else first
+            # One of them may begin before the end of a turn, and the other behind it.
+            away = np.nan_to_num(np.median((first - place)[np.isfinite(first - place)]))
+            found[role] = place + turn * np.round(away / turn)
+    return found
+
+
+def _unwound(place: Float[np.ndarray, " t"], turn: float) -> Float[np.ndarray, " t"]:
+    finite = np.flatnonzero(np.isfinite(place))
+    shown = place[finite]
+    if finite.size < 3 or np.ptp(shown) > _WITHIN * turn:
+        return place
+    steps = np.diff(shown)
+    through = steps - turn * np.round(steps / turn)
+    wraps = np.abs(steps) > 0.5 * turn
+    wraps &= np.abs(through) <= _LONGER * np.abs(steps[~wraps]).max(initial=0.0)
+    result = place.copy()
+    result[finite[1:]] = shown[1:] + np.cumsum(np.where(wraps, through - steps, 0.0))
+    return result
