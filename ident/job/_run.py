@@ -70,7 +70,8 @@ def run_job(
     path, out = Path(path), Path(out)
     after = None if after is None else Path(after)
     job = load_job(path)
-    folder = OutFolder(out, path, job.inputs, sync=sync)
+    machine = job.spec.machine.id
+    folder = OutFolder(out, path, job.inputs, machine=machine, sync=sync)
     try:
         folder.refuse_sources(_names(job))
         tables = Tables(job)

@@ -400,8 +400,7 @@ def _with_partner(
             if name not in others or _follows(theirs, name) != _follows(mine, name)
         ]
         apart = [name for name in waits if others.get(name, waits[name]) != waits[name]]
-        # Where both were measured, each has the sign that its readings ask for.
-        compared = () if fitted or lacking else whole.compensations
+        compared = () if lacking else whole.compensations
         against, fault = dict[str, tuple[bool, float]](), ""
         try:
             against = {name: acts_against(theirs, mine, name) for name in compared}
@@ -422,7 +421,7 @@ def _with_partner(
         elif fault:
             where = f"{partner} has a list that cannot be compared with that of {axis}"
             advice = f"Mend it: {fault}."
-        elif turned:
+        elif turned and not fitted:
             where = f"{partner} acts with the opposite sign: {' and '.join(turned)}"
             advice = (
                 f"Turn the sign of the list of {partner}, or fit {partner} as well"
@@ -439,7 +438,21 @@ def _with_partner(
                 f" {axis} has ([axes.{axis}] list = …), or fit {axis} as well."
             )
             doubt = Remark.warning(words)
-        elif twist := max((offset for _, offset in against.values()), default=0.0):
+        elif turned:
+            # Where both were measured, each has the sign that its readings ask for.
+            words = (
+                f"{axis} and its gantry partner {partner} were measured with opposite errors"
+                f" ({' and '.join(turned)}): their lists move them up to"
+                f" {max(against[name][1] for name in turned):.4g} mm apart. Was one of them"
+                " measured from the other end, so that its sign is turned (sign = -1 of"
+                " its column)?"
+            )
+            doubt = Remark.warning(words)
+        elif twist := (
+            0.0
+            if fitted
+            else max((offset for _, offset in against.values()), default=0.0)
+        ):
             words = (
                 f"{axis} and its gantry partner {partner} are moved up to {twist:.4g} mm"
                 f" apart by their lists, more than {axis} alone is moved. Fit {partner} as"

@@ -144,6 +144,20 @@ def test_list_and_report_of_another_job_are_kept(tmp_path: Path) -> None:
         assert (out / "kept" / name).read_bytes() == content
 
 
+def test_list_of_another_machine_is_kept_from_a_job_of_the_same_name(
+    tmp_path: Path,
+) -> None:
+    out, path = tmp_path / "out", job(tmp_path)
+    run_job(path, out)
+    theirs = (out / "achskw1.lis").read_bytes()
+    other = tmp_path / "other"
+    other.mkdir()
+    text = job(other, size=2.0).read_text()
+    (other / "job.toml").write_text('[machine]\nid = "other"\n' + text)
+    run_job(other / "job.toml", out)
+    assert (out / "kept" / "achskw1.lis").read_bytes() == theirs
+
+
 def test_no_draft_is_left_behind(tmp_path: Path) -> None:
     run_job(job(tmp_path), tmp_path / "out")
     assert list((tmp_path / "out").glob("**/*.part")) == []

@@ -52,15 +52,16 @@ def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _digests_in(result: Path, job: Path) -> dict[str, str] | None:
+def _digests_in(result: Path, job: Path, machine: str | None) -> dict[str, str] | None:
     """Return the digest of each file that an earlier run of a job wrote, as its result says.
 
-    None where it is no result of this job.
+    None where it is no result of this job, or of another machine's job of the same name.
     """
     try:
         tree = json.loads(result.read_bytes())
-        return dict(tree["digests"]) if job.name in tree["inputs"] else None
-    except (OSError, ValueError, KeyError, TypeError):
+        is_its = job.name in tree["inputs"] and tree["machine"].get("id") == machine
+        return dict(tree["digests"]) if is_its else None
+    except (AttributeError, OSError, ValueError, KeyError, TypeError):
         return None
 
 
@@ -70,6 +71,7 @@ class OutFolder:
     Args:
         root: The folder; made where it does not exist.
         job: The job file.
+        machine: Its machine, or None.
         sources: Other files of the user that must never be written onto.
         sync: Every file survives a power cut from the moment it is there. False for a
             folder that nobody looks at before `sync_folder` was called.
@@ -79,7 +81,13 @@ class OutFolder:
     """
 
     def __init__(
-        self, root: Path, job: Path, sources: Iterable[Path], *, sync: bool = True
+        self,
+        root: Path,
+        job: Path,
+        sources: Iterable[Path],
+        *,
+        machine: str | None = None,
+        sync: bool = True,
     ) -> None:
         self.root = root
         self._sync = sync
@@ -99,7 +107,7 @@ class OutFolder:
                 path=str(root), reason=f"cannot write into the output folder: {reason}"
             ) from None
         # What an earlier run of the job wrote, and what of it may be written over by now.
-        earlier = None if self._made else _digests_in(root / RESULT, job)
+        earlier = None if self._made else _digests_in(root / RESULT, job, machine)
         self._earlier = earlier or {}
         self._is_known = earlier is not None
         self._free = {RESULT} if self._is_known else set[str]()

@@ -230,6 +230,18 @@ def test_gantry_whose_partner_acts_with_the_opposite_sign_is_stopped(
     )
 
 
+def test_gantry_measured_with_opposite_errors_says_how_far_it_moves_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gantry(tmp_path)
+    gantry(tmp_path, size=-0.03, name="far")
+    assert fit(tmp_path, BOTH) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Y2 were measured with opposite errors (cross)" in said
+    # Twice 30 µm, to the noise of 0.1 µm.
+    assert re.search(r"up to 0\.0[56]\d* mm apart", said)
+
+
 def test_gantry_whose_partner_follows_another_axis_is_stopped(tmp_path: Path) -> None:
     gantry(tmp_path)
     (tmp_path / "achskw4.lis").write_text(cross_list(number=4, master=3, size=0.03))
