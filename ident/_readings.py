@@ -25,6 +25,7 @@ from ..data.measurements import (
     find_role,
     measurement,
     read_table,
+    recorded_motion,
     without_motion,
 )
 from .core import FitError
@@ -215,11 +216,13 @@ def _directions(given: np.ndarray, role: str) -> np.ndarray:
 
 def _measured(data: Measurement, role: str) -> np.ndarray | None:
     """Return the values of a role; errors, directions and motion are derived if need be."""
+    known = find_role(role)
     if role in data.values:
+        if known is not None and known.axis is not None and known.kind in _MOTION:
+            return recorded_motion(data, known.axis, known.kind)
         return data.values[role]
     if role in ("run", "time"):
         return None
-    known = find_role(role)
     if known is not None and known.axis is not None and known.kind == "direction":
         return derive_direction(data, known.axis).astype(np.float64)
     if known is not None and known.axis is not None and known.kind == "error":

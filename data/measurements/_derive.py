@@ -17,6 +17,9 @@ from ._measurement import Measurement
 _ENOUGH, _ALIKE, _MULTIPLE = 8, 0.9, 2.0
 """Rows, and their correlation, that tell of how many times another column one is; and how many
 are a contradiction: positions written with few digits follow an error badly."""
+_AGAINST, _FACTOR = -0.5, 1.6
+"""Correlation of a recorded motion with that of the positions from which on it has the other
+sign, and how many times as large it is to have another unit: a filter leaves less of it."""
 _REPEATED = 1.0 / 3.0
 """Share of samples at the instant before them from which on the clock is too coarse."""
 
@@ -147,6 +150,49 @@ def derive_motion(
         return smoothed_motion(time, position, bandwidth=cutoff, clock=clock)
     except SignalError as error:
         raise MeasurementError(str(measurement.source), f"{role}: {error}") from error
+
+
+def recorded_motion(
+    measurement: Measurement,
+    axis: str,
+    what: str,
+    order: tuple[str, ...] = ("encoder", "actual", "position"),
+) -> Float[np.ndarray, " t"] | None:
+    """Return the velocity or acceleration of an axis as recorded, or None.
+
+    Args:
+        measurement: Any.
+        axis: Name of the axis.
+        what: ``velocity`` or ``acceleration``.
+        order: Positions that it must agree with where they were recorded, the best first.
+
+    Raises:
+        MeasurementError: If it has another sign or unit than the positions say.
+    """
+    role = f"{axis}.{what}"
+    stated = measurement.get(role)
+    places = [f"{axis}.{kind}" for kind in order]
+    if stated is None or not any(place in measurement.values for place in places):
+        return stated
+    try:
+        derived = getattr(derive_motion(measurement, axis, order=order), what)
+    except MeasurementError:  # nothing to compare it with
+        return stated
+    both = np.stack([stated, derived]).astype(float)
+    both = both[:, np.isfinite(both).all(axis=0)]
+    if both.shape[1] < _ENOUGH:
+        return stated
+    (own, product), (_, square) = np.cov(both)
+    alike = product / max(np.sqrt(own * square), np.finfo(float).tiny)
+    factor = product / max(square, np.finfo(float).tiny)
+    if alike < _AGAINST or (alike > _ALIKE and not 1 / _FACTOR < factor < _FACTOR):
+        remedy = "sign = -1" if factor < 0 else "the unit"
+        reason = (
+            f"found '{role}' {factor:.3g} times what the positions of {axis} say, expected"
+            f" once: state {remedy} of its column (columns), or leave '{role}' out of them"
+        )
+        raise MeasurementError(str(measurement.source), reason)
+    return stated
 
 
 def _refuse_repeats(clock: Clock, count: int) -> None:

@@ -16,6 +16,7 @@ from ...data.measurements import (
     derive_motion,
     explain_direction,
     is_log,
+    recorded_motion,
     reduce_length,
     with_error,
     without_motion,
@@ -316,12 +317,13 @@ class Rows:
                 conventions of the controller.
 
         Raises:
-            MeasurementError: If it was not recorded and cannot be derived.
+            MeasurementError: If it was not recorded and cannot be derived, or contradicts
+                the positions.
         """
-        stated = self._numbers(f"{axis}.{what}")
-        if stated is not None:
-            return stated
         kinds = kinds or POSITION_ORDER[self.job.conventions.crosstalk_input]
+        stated = recorded_motion(self.measured, axis, what, kinds)
+        if stated is not None:
+            return np.asarray(stated, dtype=float)
         if (axis, kinds) not in self._motions:
             derived = derive_motion(self.measured, axis, order=kinds)
             self._motions[axis, kinds] = derived

@@ -12,6 +12,7 @@ from axcomp.data.measurements import (
     derive_motion,
     measurement,
     read_table,
+    recorded_motion,
 )
 
 
@@ -54,3 +55,25 @@ def test_short_record_is_refused_with_file_and_role(tmp_path: Path) -> None:
         MeasurementError, match=r"motion\.csv: X\.position: .*5 samples"
     ):
         derive_motion(found, "X")
+
+
+@pytest.mark.parametrize(
+    ("factor", "remedy"), [(-1.0, "sign = -1"), (0.5, "the unit"), (9.81, "the unit")]
+)
+@pytest.mark.parametrize("what", ["velocity", "acceleration"])
+def test_recorded_motion_that_contradicts_the_positions_is_refused(
+    tmp_path: Path, what: str, factor: float, remedy: str
+) -> None:
+    rate = 2.0 * np.pi * 2.0
+    motion = {
+        "velocity": 20.0 * rate * np.cos(rate * TIME),
+        "acceleration": -20.0 * rate**2 * np.sin(rate * TIME),
+    }
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(TIME))
+    place = 20.0 * np.sin(rate * TIME) + noise
+    columns = {f"X_{what}": factor * motion[what]}
+    found = load(tmp_path, time=TIME, X_position=place, **columns)
+    with pytest.raises(MeasurementError, match=f"what the positions .* state {remedy}"):
+        recorded_motion(found, "X", what)
+    right = load(tmp_path, time=TIME, X_position=place, **{f"X_{what}": motion[what]})
+    assert recorded_motion(right, "X", what) is not None

@@ -11,6 +11,7 @@ from ....data.measurements import (
     MeasurementError,
     MissingRole,
     derive_motion,
+    recorded_motion,
 )
 from ....data.signals import (
     Motion,
@@ -139,8 +140,8 @@ def _motion(measured: Measurement, axis: str) -> Motion:
     fast, hard = (
         None if values is None else np.asarray(values, float)
         for values in (
-            measured.get(f"{axis}.velocity"),
-            measured.get(f"{axis}.acceleration"),
+            recorded_motion(measured, axis, "velocity"),
+            recorded_motion(measured, axis, "acceleration"),
         )
     )
     if fast is None or (hard is None and (np.diff(motion.time) <= 0.0).any()):
