@@ -82,6 +82,14 @@ ORDER BY abs(per_year) DESC
 
 Source: P. K. Sen, J. Am. Stat. Assoc. 63, 1968 (slope); M. G. Kendall, 1938 (pairs).
 """
+_TWINS = """
+SELECT list(job ORDER BY job) AS jobs, any_value(axis) AS axis,
+    any_value(compensation) AS compensation
+FROM fits WHERE before_rms > 0
+GROUP BY before_rms, before_max, compensation
+HAVING count(DISTINCT (coalesce(machine_id, job), axis_number)) > 1 ORDER BY jobs
+"""
+"""Jobs of different axes that hold the same readings: no two of them scatter alike."""
 
 _Rows = tuple[dict[str, Any], ...]
 
@@ -103,6 +111,7 @@ class Summary:
             stage median, 90th and 99th percentile, and maximum.
         outliers: Fits whose error is ``times`` the median of their kind, worst first.
         trends: Axes whose measured error grows or shrinks steadily, fastest first.
+        twins: Jobs of different axes that hold the same readings: one has the file of another.
     """
 
     jobs: int
@@ -115,6 +124,7 @@ class Summary:
     spreads: _Rows
     outliers: _Rows
     trends: _Rows
+    twins: _Rows
 
 
 def prepare_summary() -> None:
@@ -148,7 +158,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
 
         spreads = found(_SPREADS, shares=_SHARES)
         curves = found(_SPREADS, shares=_CURVE.tolist())
-        outliers, trends = found(_OUTLIERS), found(_TRENDS)
+        outliers, trends, twins = map(found, (_OUTLIERS, _TRENDS, _TWINS))
     reasons = Counter(map(_plain_reason, rows.filter(~done)["reason"].to_pylist()))
     failed = filter(None, fits["gate_failed"].to_pylist())
     gate = Counter(itertools.chain.from_iterable(failed))
@@ -163,6 +173,7 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
         spreads=spreads,
         outliers=outliers,
         trends=trends,
+        twins=twins,
     )
     text = json.dumps(dataclasses.asdict(summary), indent=1) + "\n"
     write_atomically(folder / _FIGURES, text.encode())

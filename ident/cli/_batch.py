@@ -84,6 +84,10 @@ def _print(result: "BatchResult", out: Path) -> None:
         f"gate: {name} failed in {count(number, 'fit')}"
         for name, number in summary.gate.items()
     ]
+    lines += [
+        f"same readings: {' and '.join(twins['jobs'])}: one of them has the file of another"
+        for twins in summary.twins[:_SHOWN]
+    ]
     if summary.unverified:
         lines.append(
             f"{count(summary.unverified, 'list')} lie{'s' * (summary.unverified == 1)}"

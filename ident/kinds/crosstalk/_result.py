@@ -19,7 +19,7 @@ SHORT = ("accelerating +", "accelerating âˆ’", "decelerating +", "decelerating â
 """Words for the rows of `BRANCHES`: what the master does, and its direction."""
 _QUADRANTS = {"crosstalk_accelerate", "crosstalk_sign"}
 _COVERED = 0.995
-_ABOVE = 1.1
+ABOVE = 1.1
 """Share of the specified acceleration up to which a peak is its own noise."""
 
 
@@ -211,8 +211,8 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
             " an instrument is. If it is the machine that follows late, the correction"
             " will come too early by as much."
         )
-    excess = float(np.max(np.abs(events.peak) / draft.found.full))
-    if excess > _ABOVE:
+    excess = float(draft.excess.max())
+    if excess > ABOVE:
         up, down = draft.found.rates
         stated = (
             draft.fit.acceleration is not None and draft.fit.deceleration is not None

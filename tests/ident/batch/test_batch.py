@@ -47,12 +47,16 @@ def batch(
     fleet: Fleet,
     readings: Callable[[int, float], str],
 ) -> Path:
-    """Run a small fleet in this process: one loud machine, one broken job, one rejected."""
+    """Run a small fleet in this process: one loud machine, one broken job, one rejected.
+
+    And one that has the file of another.
+    """
     folder = tmp_path_factory.mktemp("batch")
     jobs = folder / "jobs"
     names = fleet(jobs, 18)
     (jobs / "00004.csv").write_text(readings(4, 20.0))
     (jobs / "00005.csv").write_text("x,e\n1,two\n")
+    (jobs / "00017.csv").write_text(readings(3, 1.0))
     gate = "\n[gate]\nmax_correction = 1.0e-4\n"
     (jobs / "00006.toml").write_text((jobs / "00006.toml").read_text() + gate)
     out = folder / "out"
@@ -539,7 +543,10 @@ def test_the_summary_finds_what_failed_what_is_loud_and_what_grows(batch: Path) 
     assert {one["job"] for one in summary.outliers if one["stage"] == "from_file"} == {
         "00004"
     }
+    (twins,) = summary.twins
+    assert twins["jobs"] == ["00003", "00017"]
     page = (batch / "out" / "summary.html").read_text()
+    assert "00003, 00017" in page
     assert sum(summary.gate.values()) >= 2
     assert "<svg" in page
     assert json.loads((batch / "out" / "summary.json").read_text())["jobs"] == 18
