@@ -214,6 +214,7 @@ def measurement(
     if differs and not columns:
         remarks.append(f"The file is of axis {table.axis}, and is taken for {axis}.")
     angular = _angular_axes(table, mapping) if rotary is None else set(rotary)
+    inches = dict(_in_inches(table, mapping))
     for text, spec in mapping.items():
         role = named_role(text, source)
         if spec.value is not None:
@@ -252,6 +253,12 @@ def measurement(
         told = column.role in ("position", "error", "actual")
         told |= role.kind == "temperature" and column.role is None
         if column.unit is None and spec.unit is None and told:
+            if role.axis in inches and unit.dimension == "length":
+                reason = (
+                    f"column '{column.name}': found no unit, and inches for {inches[role.axis]},"
+                    " expected its unit: state it (in, thou, mm, um) in columns"
+                )
+                raise MeasurementError(source, reason)
             remarks.append(
                 f"Column '{column.name}' states no unit: it is taken in {unit.name}."
             )
@@ -288,8 +295,8 @@ def measurement(
                 gaps[text] = spec.sign * unit.to_library(column.values, scale)
         else:
             good[text] = values
-    for columns in (good, gaps):
-        columns |= unwound(columns, turns or {})
+    for found in (good, gaps):
+        found |= unwound(found, turns or {})
     remarks += _turned_legs(table, mapping, good)
     return Measurement(
         name=name or table.path.name,
@@ -390,6 +397,18 @@ def _constant(
         return convert(table, column), ""
     unit = unit_of(table, role, column, spec.unit, angle=angle)
     return unit.to_library(values), library_unit(unit, angle=angle)
+
+
+def _in_inches(
+    table: Table, mapping: Mapping[str, ColumnSpec]
+) -> Iterator[tuple[str, str]]:
+    """Yield each axis, and a role of it, with a column that states inches or parts of them."""
+    for text, spec in mapping.items():
+        axis = named_role(text, str(table.path)).axis
+        stated = table.column(spec.column).unit if spec.column else None
+        unit = find_unit(spec.unit or stated or "")
+        if axis and unit is not None and unit.name in ("in", "thou", "uin"):
+            yield axis, f"'{text}'"
 
 
 def _angular_axes(table: Table, mapping: Mapping[str, ColumnSpec]) -> set[str]:

@@ -167,10 +167,7 @@ class Rows:
         recorded = [kind for kind in kinds if f"{axis}.{kind}" in self.measured.values]
         role = f"{axis}.{recorded[0] if recorded else 'position'}"
         place = self._sane(role, self._required(role, why))
-        span = self.job.spec.axes[axis].modulo
-        if span is None:
-            return place
-        return span[0] + np.mod(place - span[0], span[1] - span[0])
+        return self.job.spec.axes[axis].in_turn(place)
 
     def positions(
         self, kinds: Iterable[str] = ("position",)

@@ -136,9 +136,7 @@ class Tables:
             },
             rotary=[key for key, spec in axes.items() if spec.kind != "linear"],
             turns={
-                key: spec.modulo[1] - spec.modulo[0]
-                for key, spec in axes.items()
-                if spec.modulo is not None
+                key: spec.turn for key, spec in axes.items() if spec.turn is not None
             },
             name=name,
         )

@@ -400,3 +400,14 @@ def test_degrees_and_minutes_are_asked_for_as_decimal_degrees(tmp_path: Path) ->
         read(tmp_path, "Target;Error [arcsec]\n0°30';1\n1°00';2\n").require(
             "X.position"
         )
+
+
+def test_an_error_without_unit_beside_inches_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "file.csv"
+    path.write_text("pos,err\n0,1\n1,2\n2,3\n")
+    columns = {"X.position": ColumnSpec("pos", "in"), "X.error": ColumnSpec("err")}
+    with pytest.raises(MeasurementError, match="'err': found no unit, and inches"):
+        measurement(read_table(path), columns)
+    columns["X.error"] = ColumnSpec("err", "thou")
+    found = measurement(read_table(path), columns)
+    np.testing.assert_allclose(found.require("X.error"), [0.0254, 0.0508, 0.0762])

@@ -6,6 +6,8 @@ import functools
 import operator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
+from jaxtyping import Float
 from pydantic import AfterValidator, Field
 
 from ....data.measurements import ColumnSpec, Lines
@@ -114,6 +116,17 @@ class Axis(JobPart, frozen=True):
     def unit(self) -> str:
         """Unit of its positions: mm or °."""
         return "mm" if self.kind == "linear" else "°"
+
+    @property
+    def turn(self) -> float | None:
+        """How far it goes round until it is where it was; None: it does not."""
+        return None if self.modulo is None else self.modulo[1] - self.modulo[0]
+
+    def in_turn(self, place: Float[np.ndarray, "*t"]) -> Float[np.ndarray, "*t"]:
+        """Return positions within the modulo range, those of other axes as they are."""
+        if self.modulo is None or self.turn is None:
+            return place
+        return self.modulo[0] + np.mod(place - self.modulo[0], self.turn)
 
     @property
     def plain_unit(self) -> str:

@@ -164,4 +164,8 @@ def datum_of(job: Job, index: int, fit: FitSpec) -> tuple[float, ...] | None:
             f"found {len(place)} position{'s' * (len(place) > 1)}, expected {count} for the"
             f" {fit.compensation} fit of {fit.axis}",
         )
-    return place
+    axes = job.spec.axes
+    return tuple(
+        float(axes[name].in_turn(np.asarray(each)))
+        for name, each in zip(fit.over, place, strict=True)
+    )

@@ -83,3 +83,21 @@ def test_a_log_that_passes_the_end_of_its_turn_keeps_its_delay(tmp_path: Path) -
     assert result.passed
     # 2 ms late at 38 °/s is 76 m°, which a seam in the encoder hides from the search.
     assert left(tmp_path / "out") < 4e-4
+
+
+def test_a_datum_may_be_named_a_turn_further(tmp_path: Path) -> None:
+    place = np.arange(-180.0, 181.0, 30.0)
+    run = np.repeat(np.arange(3), len(place))
+    shown = np.tile(place, 3)
+    error = truth(shown, np.ones(len(shown)))
+    table(tmp_path / "m.csv", "run,c,e", run, shown, error)
+    columns = 'run = "run", "C.position" = "c", "C.error" = "e"'
+    text = _JOB.format(columns=columns).replace("bilateral = true\n", "")
+    text = text.replace("[0.0, 360.0]", "[-180.0, 180.0]").replace(
+        "start = 0.0", "start = -180.0"
+    )
+    job = tmp_path / "job.toml"
+    job.write_text(text.replace('remove = "none"', "datum = { at = 270.0 }"))
+    assert run_job(job, tmp_path / "out").passed
+    # 270° is −90°; one list unit.
+    assert abs(offsets(tmp_path / "out", 4, A4=np.array([-90.0]))[0]) < 1.1e-4
