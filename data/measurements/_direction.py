@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from ._convert import runs_against
 from ._errors import DirectionUnknown, MeasurementError
 from ._measurement import Measurement
+from ._moving import is_log
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +46,8 @@ def explain_direction(measurement: Measurement, axis: str) -> Directions:
     the others, the second half belongs to the way back; the first target of a run,
     which nothing precedes, is approached in the direction in which the run goes on (the
     axis starts from beyond it). A recording of a motion, in which hardly a position
-    comes back, has the direction of motion by time.
+    comes back or rows follow each other within half a second, has the direction of motion
+    by time.
 
     Raises:
         DirectionUnknown: With what to give, where it cannot be told.
@@ -66,8 +68,10 @@ def explain_direction(measurement: Measurement, axis: str) -> Directions:
         raise finder.unknown(reason)
     groups = _groups(finder, run, time, position.size)
     values = np.zeros(position.size, dtype=np.int64)
-    # Recorded motion: positions hardly come back. Targets do, or there are runs.
-    moving = run is None and time is not None and _is_motion(position[valid])
+    # Recorded motion: positions hardly come back, or rows follow each other fast. Targets
+    # come back, or there are runs.
+    moving = run is None and time is not None
+    moving = moving and (_is_motion(position[valid]) or is_log(measurement, axis))
     for group in groups:
         rows = group[valid[group]]
         path = position[rows]

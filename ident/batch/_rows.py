@@ -71,7 +71,10 @@ COLUMNS: dict[str, tuple[str, str]] = {
         for stage in _STAGES
         for figure in _ISO
     },
-    "noise": ("float", "standard deviation of one reading"),
+    "noise": (
+        "float",
+        "standard deviation of one reading; of a crosstalk that of its noisiest quadrant",
+    ),
     "rounding": ("float", "largest effect of rounding to list units"),
     "table": ("floats", "entries of the written table, branch by branch, row by row"),
     "deviation": ("floats", "their standard deviations"),
@@ -187,7 +190,7 @@ def _fit_row(fit: Mapping[str, Any], remarks: Sequence[Mapping[str, str]]) -> Ro
         "axis": fit["axis"],
         "axis_number": fit["axis_number"],
         "unit": fit["unit"],
-        "noise": fit.get("noise"),
+        "noise": max(_flat(fit.get("noise")) or [None], key=_size),
         "rounding": fit.get("rounding"),
         "table": _flat(fit.get("parameters", {}).get("table")),
         "deviation": _flat(fit.get("standard_deviations", {}).get("table")),
@@ -209,6 +212,11 @@ def _fit_row(fit: Mapping[str, Any], remarks: Sequence[Mapping[str, str]]) -> Ro
     levels = ("warning", "error")
     row["warnings"] = [entry["message"] for entry in every if entry["level"] in levels]
     return {key: value for key, value in row.items() if key in COLUMNS}
+
+
+def _size(noise: float | None) -> float:
+    """Return what a noise counts; that of a quadrant without events is none."""
+    return -1.0 if noise is None or noise != noise else noise
 
 
 def _flat(table: Any) -> list[Any] | None:

@@ -221,6 +221,16 @@ def test_direction_that_cannot_be_told_is_refused_with_advice(
     assert "give 'X.direction' (+1 or -1 per row)" in str(caught.value)
 
 
+def test_a_log_with_pauses_of_any_length_has_its_direction_by_time(
+    tmp_path: Path,
+) -> None:
+    pauses = zip([0.0, 30.0, 60.0, 30.0, 0.0], [33, 35, 31, 36, 34], strict=True)
+    place = np.concatenate([np.full(count, at) for at, count in pauses])
+    time = (0.05 * np.arange(len(place))).tolist()
+    found = directions(tmp_path, place.tolist(), time=time)
+    assert found == [1] * (33 + 35 + 31) + [-1] * (36 + 34)
+
+
 def test_run_of_one_target_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DirectionUnknown, match="a run has only one target"):
         directions(tmp_path, [0, 0, 10, 10], run=[1, 1, 2, 2])

@@ -117,6 +117,13 @@ def _full_turn(job: Job, index: int, fit: TableSpec, nodes: ListNodes) -> bool:
     """
     master = job.spec.axes[fit.over[0]]
     span, turns = master.modulo, fit.turns(job.spec.axes)
+    for source in fit.sources if turns else ():
+        if job.spec.measurements[source].remove == "line":
+            reason = (
+                f"found 'line', expected 'offset' or 'none': {fit.over[0]} goes round, and"
+                " an error that closes with its turn has no slope"
+            )
+            raise job.error(("measurements", source, "remove"), reason)
     if span is None:
         return turns
     ends = nodes.positions[[0, -1]]

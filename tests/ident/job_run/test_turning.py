@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from axcomp.ident.job import run_job
+from axcomp.ident.job import JobError, run_job
 
 from .screw import offsets, table
 
@@ -101,3 +101,13 @@ def test_a_datum_may_be_named_a_turn_further(tmp_path: Path) -> None:
     assert run_job(job, tmp_path / "out").passed
     # 270° is −90°; one list unit.
     assert abs(offsets(tmp_path / "out", 4, A4=np.array([-90.0]))[0]) < 1.1e-4
+
+
+def test_no_line_is_taken_off_a_turn(tmp_path: Path) -> None:
+    place = np.arange(0.0, 361.0, 30.0)
+    table(tmp_path / "m.csv", "c,e", place, truth(place, np.ones(len(place))))
+    text = _JOB.format(columns='"C.position" = "c", "C.error" = "e"')
+    text = text.replace("bilateral = true\n", "").replace('"none"', '"line"')
+    (tmp_path / "job.toml").write_text(text)
+    with pytest.raises(JobError, match=r"C goes round, and .* has no slope"):
+        run_job(tmp_path / "job.toml", tmp_path / "out")
