@@ -163,5 +163,6 @@ def read_error(tables: Tables, name: str, axis: str) -> "tuple[Measured, Motion]
         direction=rows.direction(axis),
         active=rows.spec.stated_active,
         line=rows.spec.remove == "line",
+        late=rows.measured.late.get(axis),
     )
     return measured, rows.standing(axis)

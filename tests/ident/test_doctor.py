@@ -188,6 +188,54 @@ def test_places_of_the_second_measurement_may_be_others() -> None:
     assert one.verdict == "sign"
 
 
+PLAY = ListFile.parse(
+    b"kopf.achs_nr 1\nlr_param.ssfk 1\nlr_param.anwahl_losekomp 1\ngetriebe[0].lose 120\n",
+    "achsmds1.lis",
+)
+
+
+def path_of(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """X and Y of a log, the speed of X and its direction: targets anywhere, speeds of all sizes."""
+    rng = np.random.default_rng(seed)
+    legs = [np.array([400.0])]
+    for _ in range(120):
+        step = rng.uniform(0.1, 1.0)
+        aim = rng.uniform(0.0, 800.0)
+        count = max(int(abs(aim - legs[-1][-1]) / step), 2)
+        legs.append(np.linspace(legs[-1][-1], aim, count + 1)[1:])
+    x = np.concatenate(legs)
+    speed = np.gradient(x) * 250.0
+    y = 200.0 + 200.0 * np.sin(np.arange(len(x)) / rng.uniform(150.0, 250.0))
+    return x, y, speed, np.where(np.diff(x, prepend=x[0] - 1.0) >= 0, 1, -1)
+
+
+@pytest.mark.parametrize(
+    ("sign", "said"),
+    [(1.0, {"right"}), (-1.0, {"sign"}), (0.0, {"cannot tell", "wrong axis"})],
+)
+def test_logs_of_other_paths_judge_each_list_by_the_axes_that_it_follows(
+    sign: float, said: set[str]
+) -> None:
+    rng = np.random.default_rng(8)
+    before, after = [], []
+    for measured, factor in ((before, 0.0), (after, sign)):
+        x, y, speed, way = path_of(int(rng.integers(1000)))
+        noise = 5e-4 * rng.normal(size=(2, len(x)))
+        own = error(x) + np.where(way > 0, 0.0, 0.012)
+        # The delay of the instrument is known to 10 µs: 2 µm at 200 mm/s.
+        late = 1e-5 * speed
+        left = own - factor * error(x) - factor * np.where(way > 0, 0.0, 0.012)
+        left += 0.9 * rng.choice([-1.0, 1.0]) * late
+        place = {1: x, 2: y}
+        measured.append(Measured(1, place, left + noise[0], way, late=late))
+        other = 0.01 * np.sin(y / 80.0) + 2e-6 * x + noise[1]
+        measured.append(Measured(2, place, other, None))
+    found = diagnose([LIST, PLAY], before, after, Reading(Conventions()))
+    assert {one.verdict for one in found} <= said, [one.sentence for one in found]
+    # Y has an error of its own, and nothing of what these lists say.
+    assert not [one.sentence for one in found if "instead of" in one.sentence]
+
+
 @pytest.mark.parametrize("shift", [0.0, 12.0])
 def test_few_readings_that_cannot_tell_a_shift_say_so(shift: float) -> None:
     rng = np.random.default_rng(1)

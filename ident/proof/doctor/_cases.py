@@ -318,7 +318,13 @@ def _elsewhere(use: InUse, scene: Scene, search_result: Found) -> list[Case]:
         channel = scene.channel(use, axis)
         if np.ptp(channel.column(channel.plain)) > 0.0:
             fitted = search(channel, scene.target(use, axis))
-            gain = fitted.rivals[0].criterion + FAULT - fitted.nothing
+            # There it adds what it says; a factor that fits finds something anywhere.
+            plain = Hypothesis(channel.plain)
+            listed = (one for one in fitted.rivals if one.hypothesis == plain)
+            found = next(listed, None)
+            if found is None:
+                continue
+            gain = found.criterion + FAULT - fitted.nothing
             words = f"acts on {scene.name(axis)} instead of {axis_name}"
             diagnosis = Diagnosis(*identity, "wrong axis", float(axis), sentence=words)
             cases.append((search_result.nothing + gain, diagnosis))

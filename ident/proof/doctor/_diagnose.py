@@ -52,7 +52,8 @@ def diagnose(
     ):
         earlier = [measurement for measurement in before if measurement.axis == axis]
         later = [measurement for measurement in after if measurement.axis == axis]
-        changes[axis] = difference(earlier, later)
+        mine = [use.masters for use in active if use.axis == axis]
+        changes[axis] = difference(earlier, later, {axis}.union(*mine))
         for use in active:
             if use.axis == axis:
                 on = _state(use, later, True) - _state(use, earlier, False)

@@ -1,7 +1,7 @@
 """Two external measurements of an axis, brought to the same places."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,6 +11,10 @@ _PLACE = 0.01
 
 _SEVERAL = 2
 """Readings of a place from which on, one more, their median counts and not the mean."""
+
+_FAR = 3.0
+"""Times as far from each other as most neighbours are readings that tell nothing of what lies
+between them: those of far legs of a path."""
 
 _MATCHED = 0.5
 """Share of the places of the second measurement that the first must have, too."""
@@ -27,6 +31,8 @@ class Measured:
         direction: ±1 of the axis, where it is known.
         active: Compensations that were on; None where nobody said so.
         line: A straight line was removed from the error: its slope is unknown.
+        late: What one standard deviation of the instrument's delay makes of the error, where
+            the axis was in motion.
     """
 
     axis: int
@@ -35,6 +41,7 @@ class Measured:
     direction: Int[np.ndarray, " t"] | None
     active: frozenset[str] | None = None
     line: bool = False
+    late: Float[np.ndarray, " t"] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,7 +55,8 @@ class Difference:
         variance: Of each change, in units of that of a single reading.
         readings: Before and after, that each change is the mean of; 0 where the first
             measurement was interpolated: one wild reading of it is in several changes.
-        free: Columns that may be in the change: zero and slope of the instrument.
+        free: Columns that may be in the change: zero and slope of the instrument, and what
+            its delay leaves of the speed in each measurement.
     """
 
     positions: Mapping[int, Float[np.ndarray, " g"]]
@@ -59,11 +67,19 @@ class Difference:
     free: Float[np.ndarray, "g f"]
 
 
-def difference(before: Sequence[Measured], after: Sequence[Measured]) -> Difference:
+def difference(
+    before: Sequence[Measured], after: Sequence[Measured], followed: Collection[int]
+) -> Difference:
     """Return what changed between measurements of one axis.
 
     Readings of one place and direction are averaged. Where the second measurement has
-    places of its own, the first is interpolated between its own, never beyond.
+    places of its own, the first is interpolated between its own, never beyond, and over the
+    axes alone that lists follow: what others do is scatter then.
+
+    Args:
+        before: The first measurements.
+        after: The second ones.
+        followed: Axes over which the lists of the axis act.
     """
     measurements = [*before, *after]
     # Only axes whose positions every measurement has.
@@ -72,25 +88,31 @@ def difference(before: Sequence[Measured], after: Sequence[Measured]) -> Differe
     )
     directed = all(measurement.direction is not None for measurement in measurements)
     earlier, later = _places(before, axes, directed), _places(after, axes, directed)
-    number = {tuple(key): k for k, key in enumerate(earlier.keys.tolist())}
-    match = np.array([number.get(tuple(key), -1) for key in later.keys.tolist()])
-    if matched := np.sum(match >= 0) >= _MATCHED * len(match):
-        early = np.where(match >= 0, earlier.level[match], np.nan)
+    match, matched = _matches(earlier, later)
+    if not matched and set(followed) & set(axes):
+        axes = sorted(set(followed) & set(axes))
+        earlier, later = _places(before, axes, directed), _places(after, axes, directed)
+        match, matched = _matches(earlier, later)
+    if matched:
+        early = np.where(match[:, None] >= 0, earlier.levels[match], np.nan)
         counts = earlier.count[match]
     else:
         early = _interpolated(earlier, later.keys)
         counts = np.full(len(match), float(np.mean(earlier.count)))
-    finite = np.isfinite(early)
+    finite = np.isfinite(early[:, 0])
     keys = later.keys[finite]
     positions = {axis: keys[:, k] * _PLACE for k, axis in enumerate(axes)}
     nuisance = [np.ones(len(keys))]
     if any(measurement.line for measurement in measurements):
         nuisance += list(positions.values())
+    nuisance += [
+        late[finite] for late in (early[:, 1], later.levels[:, 1]) if late[finite].any()
+    ]
     variance = 1.0 / counts[finite] + 1.0 / later.count[finite]
     return Difference(
         positions=positions,
         direction=keys[:, -1] if directed else None,
-        change=later.level[finite] - early[finite],
+        change=later.levels[finite, 0] - early[finite, 0],
         variance=variance,
         readings=matched * 2.0 / variance,
         free=np.stack(nuisance, axis=1),
@@ -99,10 +121,13 @@ def difference(before: Sequence[Measured], after: Sequence[Measured]) -> Differe
 
 @dataclasses.dataclass(frozen=True)
 class _Places:
-    """Readings by place and direction: the place in units of `_PLACE`, the direction last."""
+    """Readings by place and direction: the place in units of `_PLACE`, the direction last.
+
+    Levels are the error and what the delay of its instrument makes of it.
+    """
 
     keys: Int[np.ndarray, "g k"]
-    level: Float[np.ndarray, " g"]
+    levels: Float[np.ndarray, "g 2"]
     count: Int[np.ndarray, " g"]
 
 
@@ -123,35 +148,59 @@ def _places(
         np.concatenate(rows),
         np.concatenate([measurement.error for measurement in measured]),
     )
+    late = np.concatenate(
+        [
+            np.zeros(len(measurement.error))
+            if measurement.late is None
+            else measurement.late
+            for measurement in measured
+        ]
+    )
     places, at, counts = np.unique(
         keys, axis=0, return_inverse=True, return_counts=True
     )
     # One wild reading among several must not count.
     middle = median(values, at.ravel(), np.arange(len(counts)))
-    mean = np.bincount(at.ravel(), values) / counts
-    return _Places(places, np.where(counts > _SEVERAL, middle, mean), counts)
+    mean, drawn = (
+        np.bincount(at.ravel(), column) / counts for column in (values, late)
+    )
+    level = np.where(counts > _SEVERAL, middle, mean)
+    return _Places(places, np.stack([level, drawn], axis=1), counts)
+
+
+def _matches(earlier: _Places, later: _Places) -> tuple[Int[np.ndarray, " g"], bool]:
+    """Return which place before is each after, −1 for none, and whether most are one."""
+    number = {tuple(key): k for k, key in enumerate(earlier.keys.tolist())}
+    match = np.array([number.get(tuple(key), -1) for key in later.keys.tolist()])
+    return match, bool(np.sum(match >= 0) >= _MATCHED * len(match))
 
 
 def _interpolated(
     source: _Places, keys: Int[np.ndarray, "g k"]
-) -> Float[np.ndarray, " g"]:
-    """Return the error at places between those that are known; NaN beyond them."""
-    error = np.full(len(keys), np.nan)
+) -> Float[np.ndarray, "g 2"]:
+    """Return the levels at places between those that are known; NaN beyond them."""
+    levels = np.full((len(keys), 2), np.nan)
     for direction in np.unique(source.keys[:, -1]):
         in_direction, rows = source.keys[:, -1] == direction, keys[:, -1] == direction
-        places, level = (
+        places, known = (
             source.keys[in_direction, :-1].astype(float),
-            source.level[in_direction],
+            source.levels[in_direction],
         )
         varied = np.flatnonzero(np.ptp(places, axis=0) > 0)
         at, targets = places[:, varied], keys[rows][:, varied].astype(float)
         if varied.size == 1:
-            rank = np.argsort(at[:, 0])
-            error[rows] = np.interp(
-                targets[:, 0], at[rank, 0], level[rank], left=np.nan, right=np.nan
-            )
+            from scipy.interpolate import interp1d
+
+            between = interp1d(at[:, 0], known, axis=0, bounds_error=False)
+            levels[rows] = between(targets[:, 0])
         elif varied.size > 1 and rows.any():
             from scipy.interpolate import LinearNDInterpolator
+            from scipy.spatial import Delaunay
 
-            error[rows] = LinearNDInterpolator(at, level)(targets)
-    return error
+            mesh = Delaunay(at)
+            extent = np.ptp(at[mesh.simplices], axis=1)
+            far = (extent > _FAR * np.median(extent, axis=0)).any(axis=1)
+            found = LinearNDInterpolator(mesh, known)(targets)
+            found[far[mesh.find_simplex(targets)]] = np.nan
+            levels[rows] = found
+    return levels
