@@ -310,7 +310,10 @@ def _fall(fit: AbstractResult, scale: Scale, listed: bool = True) -> str:
     if before is None:
         return "nothing was predicted"
     before = before.sound
-    error = f"the error of {fit.axis}"
+    seen, error = "readings", f"the error of {fit.axis}"
+    if fit.held_out == "event":
+        seen = "events"
+        error = f"the mean error of {fit.axis} in each, at the specified acceleration,"
     if fit.group is not None:
         error = f"what the rest of its group leaves of {error}"
     start = f"{error} is {_size(before, scale)}"
@@ -321,7 +324,7 @@ def _fall(fit: AbstractResult, scale: Scale, listed: bool = True) -> str:
     end += f"{scale.figure(after.max)} {unit})"
     if before.rms > 0 and after.rms < before.rms:
         return (
-            f"on readings that the fit did not see, {error} falls from "
+            f"on {seen} that the fit did not see, {error} falls from "
             f"{_size(before, scale)} to {end}, by {percent(1 - after.rms / before.rms)}"
         )
     return f"{start}, and {end} are predicted with the list" if listed else start

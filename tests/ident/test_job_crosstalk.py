@@ -249,6 +249,21 @@ def test_delay_of_the_instrument_is_found_and_taken_off(tmp_path: Path) -> None:
     assert any("comes 8 ms late" in r.message for r in found.remarks)
 
 
+def test_an_error_that_follows_the_speed_is_no_crosstalk(tmp_path: Path) -> None:
+    log(tmp_path, size=0.0)
+    path = tmp_path / "log.csv"
+    header, *rows = path.read_text().splitlines()
+    values = np.array([list(map(float, row.split(","))) for row in rows])
+    names = header.split(",")
+    speed = values[:, names.index("X.velocity")]
+    values[:, names.index("Z.error")] += 5e-5 * speed
+    np.savetxt(path, values, "%.7f", ",", header=header, comments="")
+    result = run(tmp_path)
+    assert not passed(tmp_path)
+    said = "".join(one.message for one in result.remarks if one.level == "error")
+    assert "follows the speed of X better than its acceleration" in said
+
+
 def test_no_delay_is_found_where_there_is_none(
     plain: tuple[Path, CrosstalkResult],
 ) -> None:

@@ -439,3 +439,30 @@ def without_delay(data: JointData, form: Crosstalk) -> tuple[JointData, float]:
         return data, 0.0
     aligned = padded[reach + lag :][: len(error)]
     return dataclasses.replace(data, error={form.axis: aligned}), lag * step
+
+
+def follows_speed(data: JointData, aligned: JointData, form: Crosstalk) -> bool:
+    """Return whether an error follows the speed of the master better than its acceleration.
+
+    That is no crosstalk: the slave lags behind its command, or its instrument is late.
+
+    Args:
+        data: The log as recorded.
+        aligned: The same, the delay of the error taken off.
+        form: Of the fit.
+    """
+    velocity, cost = form.columns_of(data)[1], 0.0
+    pairs = []
+    for window in _windows(data, form):
+        level, _ = np.linalg.qr(window.design[:, -2:])
+        columns = np.stack([velocity, data.error[form.axis]], axis=1)[window.rows]
+        speed, error = (columns - level @ (level.T @ columns)).T
+        pairs.append((speed, error))
+    slopes = [speed @ error / max(speed @ speed, 1e-300) for speed, error in pairs]
+    for (speed, error), window in zip(pairs, _windows(aligned, form), strict=False):
+        base, _ = np.linalg.qr(window.design)
+        moved = aligned.error[form.axis][window.rows]
+        left = error - float(np.median(slopes)) * speed, moved - base @ (base.T @ moved)
+        spreads = [max(float(np.mean(each**2)), 1e-24) for each in left]
+        cost += len(error) * float(np.log(spreads[0] / spreads[1]))
+    return cost < 0.0

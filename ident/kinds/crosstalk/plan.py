@@ -14,11 +14,12 @@ from ...fit import FitError
 from ...fit.joint import Crosstalk
 from ...job._draft import AbstractPlan, Leftovers
 from ...job.joint._recording import read_group
+from ...job.result._result import Remark
 from ...job.table._plan import was_active
 from ...readings import Tables
 from . import SAFE_TESTS
 from ._draft import CrosstalkDraft
-from ._events import cut_events, specified, without_delay
+from ._events import cut_events, follows_speed, specified, without_delay
 from .effect import CrosstalkFit, are_among, fit_crosstalk
 from .entries import ENTRIES, crosstalk_from_list
 from .keys import Spec
@@ -185,10 +186,19 @@ class CrosstalkPlan(AbstractPlan):
         recording = read_group(tables, [self])
         log = self._log(recording, recording.data.error[self.axis])
         fitted = self._found(log)
+        recorded = log
         log, delay = without_delay(log, fitted.effect)
         if delay:
             fitted = self._found(log)
         base, remarks = (self.job, self.index, self.fit, self), recording.remarks
+        if follows_speed(recorded, log, fitted.effect):
+            words = (
+                f"The error of {self.axis} follows the speed of {self.fit.master} better than"
+                f" its acceleration: that is no crosstalk. So does what {self.axis} lags"
+                " behind its command, or an instrument that is late: record"
+                f" '{self.axis}.encoder' beside '{self.axis}.actual'."
+            )
+            remarks = (*remarks, Remark.error(words))
         return CrosstalkDraft(*base, fitted, log, remarks, delay)
 
     def draft(self, share: "Share") -> CrosstalkDraft:
