@@ -311,6 +311,11 @@ class AbstractDraft(AbstractOfFit):
         return ()
 
     @property
+    def lags(self) -> Mapping[str, float]:
+        """Time constants in s by which the controller filters its sensors, by name."""
+        return {}
+
+    @property
     def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
         """Temperature in °C of what its sensors stand for at its readings, lag included."""
         return {}

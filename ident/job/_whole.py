@@ -8,6 +8,7 @@ import numpy as np
 
 from ...data.measurements import MeasurementError
 from ...models import TemperatureCurve
+from .._recording import clocked
 from ..exchange import (
     REVERSAL_CYCLES,
     AxisLists,
@@ -267,6 +268,13 @@ class _Axis:
             if not all(name in motion.temperatures for name in sensors):
                 sensors = []
             warm = {name: motion.temperatures[name] for name in sensors}
+            if (time := measured.time) is not None:
+                lags = {k: v for draft in self.drafts for k, v in draft.lags.items()}
+                warm |= {
+                    name: clocked(time, warm[name]).structure(lag)
+                    for name, lag in lags.items()
+                    if name in warm
+                }
             motion = dataclasses.replace(motion, temperatures=warm)
             added = added_beyond(loaded, before, spec.active, motion)
             if draft.kind.table and spec.at_reference:

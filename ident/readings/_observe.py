@@ -164,5 +164,6 @@ def read_error(tables: Tables, name: str, axis: str) -> "tuple[Measured, Motion]
         active=rows.spec.stated_active,
         line=rows.spec.remove == "line",
         late=rows.measured.late.get(axis),
+        time=rows.time,
     )
     return measured, rows.standing(axis)

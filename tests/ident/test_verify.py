@@ -466,6 +466,20 @@ def test_a_compensation_that_adds_nothing_is_called_so(tmp_path: Path) -> None:
     assert one.sentence.startswith("nothing is added")
 
 
+@pytest.mark.parametrize("digit", [1e-3, 2.5e-4, 1e-4])
+def test_rounding_of_a_position_without_the_list_settles_no_sign(
+    tmp_path: Path, digit: float
+) -> None:
+    # What rounding leaves of a motion follows any table a little, turned and shifted.
+    place = MOTION[3]
+    rest = np.round(place / digit) * digit - place
+    found = verified(
+        log_of(tmp_path, {"A3.leadscrew": rest}), screw_list(), axis_list()
+    )
+    assert only(found).verdict == ()
+    assert not found.settled
+
+
 def test_an_offset_that_no_rule_explains_does_not_agree(tmp_path: Path) -> None:
     other = 0.05 * np.sin(MOTION[3] / 7.0)
     log = plain_log(tmp_path, {"A3.leadscrew": screw() + other}, seed=1)

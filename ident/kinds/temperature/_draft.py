@@ -92,7 +92,7 @@ class TemperatureDraft(AbstractDraft):
         return "Works once the axis is homed and the PLC program runs"
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
-        idle = TemperatureLine(self._position, 0.0, 0.0, cycles=self._filter)
+        idle = TemperatureLine(self.position, 0.0, 0.0, cycles=self._filter)
         return {**entries_of_temperature(idle), **self.manual_entry}
 
     def machine_remarks(self) -> list[Remark]:
@@ -123,8 +123,8 @@ class TemperatureDraft(AbstractDraft):
         return Foreseen(about_middle, about_middle, fit.wild)
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
-        law, places, limits = self._law, self._places, self.job.limits
-        correction, warm, place = law.largest(places - self._position)
+        law, places, limits = self._law, self.places, self.job.limits
+        correction, warm, place = law.largest(places - self.position)
         where = f"at {warm:.4g} °C"
         if len(places) > 1:
             where += f", {self.axis} = {places[place]:g}"
@@ -147,11 +147,15 @@ class TemperatureDraft(AbstractDraft):
 
     @property
     def jump(self) -> float:
-        return self._law.largest(self._places - self._position)[0]
+        return self._law.largest(self.places - self.position)[0]
 
     @property
     def sensors(self) -> tuple[str, ...]:
         return self.found.sensors
+
+    @property
+    def lags(self) -> Mapping[str, float]:
+        return {lag.sensor: lag.time_constant for lag in self.found.lags}
 
     @property
     def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
@@ -204,7 +208,7 @@ class TemperatureDraft(AbstractDraft):
             files=self.files_in(done),
             held_out=self.share.recording.held_out,
             no_effect=not (self.written or asks_for_none(self.fit)),
-            reference=self._position,
+            reference=self.position,
             zero=self.zero,
             law=self._law if self.written else None,
             fit=fit,
@@ -226,7 +230,7 @@ class TemperatureDraft(AbstractDraft):
         return effects.get("offset", first), effects.get("coefficient", first)
 
     @property
-    def _position(self) -> float:
+    def position(self) -> float:
         """Reference position in mm, in whole units of the list."""
         return round(self.found.reference * 1e4) / 1e4
 
@@ -236,11 +240,11 @@ class TemperatureDraft(AbstractDraft):
         return thermal_law(self.found, self.zero, sign)
 
     @functools.cached_property
-    def _places(self) -> Float[np.ndarray, " p"]:
+    def places(self) -> Float[np.ndarray, " p"]:
         """The ends of what the axis reaches in mm; its reference without those."""
         place = self.found.position
         if place is None:
-            return np.array([self._position])
+            return np.array([self.position])
         reached = [*place, *(self.job.spec.axes[self.axis].limits or ())]
         return np.array([min(reached), max(reached)], dtype=float)
 
@@ -260,11 +264,11 @@ class TemperatureDraft(AbstractDraft):
             "number": job.spec.axes[self.axis].number,
             "title": job.spec.title or job.path.name,
             "law": self._law,
-            "position": self._position,
+            "position": self.position,
             "zero": self.zero,
-            "sensors": {lag.sensor: lag.time_constant for lag in self.found.lags},
+            "sensors": self.lags,
             "offset": offset,
             "coefficient": coefficient,
-            "rates": rates(self._places - self._position),
+            "rates": rates(self.places - self.position),
             "sign": int(job.conventions.temperature_sign),
         }

@@ -24,6 +24,9 @@ _SURE, _SLIGHT = 4.0, 2.0
 """Deviations of a drift, and scatter of a reading, from which on there is one."""
 _LESS = 0.98
 """Of the scatter beside a lag: where a drift without any leaves less, it is likelier."""
+_TOLD, _LARGE = 2.0, 3.0
+"""Standard deviations that tell a law from none; and how many times the noise of a reading a
+list of one that is not told may be off, before it is refused."""
 _FEW = 8.0
 _MEETINGS: Mapping[Meeting, str] = {
     "met": "The lines meet at {at:.5g} mm ± {sure:.2g} mm",
@@ -220,6 +223,7 @@ def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
             " shift of the whole axis is not seen, and only the growth from there"
             " is corrected."
         )
+    yield from _vague(draft)
     if not draft.confounded:
         yield from _or_drift(fit)
     if fit.independent < _FEW and fit.noise.drift > 0:
@@ -227,6 +231,25 @@ def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
             f"The residuals drift over {fit.noise.time_constant / 60:.3g} minutes:"
             f" the {len(fit.error)} readings tell no more than"
             f" {max(fit.independent, 1):.0f} independent ones would."
+        )
+
+
+def _vague(draft: "TemperatureDraft") -> Iterator[Remark]:
+    """Return the laws that may as well be none, and whose list would move the axis far."""
+    fit, axis = draft.found, draft.axis
+    reach = max(float(np.abs(draft.places - draft.position).max()), 1e-9)
+    for name, law in fit.laws.items():
+        (slope, deviation), length = law.slope, reach if name == "coefficient" else 1.0
+        doubt = deviation * float(np.ptp(law.temperature)) * length
+        if abs(slope) >= _TOLD * deviation or doubt <= _LARGE * fit.noise.white:
+            continue
+        size, unit = (1e6, "µm/m per K") if name == "coefficient" else (1e3, "µm per K")
+        yield Remark.error(
+            f"The {name} of {axis} over {law.sensor} is {size * slope:.3g} ±"
+            f" {size * deviation:.2g} {unit}: these readings do not tell it from none, and a"
+            f" list of it may be off by {1e3 * doubt:.2g} µm. Let the temperature rise and fall"
+            " more than once, while the axis goes over all of its travel each time, or leave"
+            f' it out (law = {{ {name} = "constant" }}).'
         )
 
 

@@ -33,6 +33,7 @@ class Measured:
         line: A straight line was removed from the error: its slope is unknown.
         late: What one standard deviation of the instrument's delay makes of the error, where
             the axis was in motion.
+        time: In s, or None.
     """
 
     axis: int
@@ -42,6 +43,7 @@ class Measured:
     active: frozenset[str] | None = None
     line: bool = False
     late: Float[np.ndarray, " t"] | None = None
+    time: Float[np.ndarray, " t"] | None = None
 
 
 @dataclasses.dataclass(frozen=True)

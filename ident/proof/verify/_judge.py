@@ -29,6 +29,8 @@ _FEWEST, _LEAST = 5, 3
 """Rows of a log, and rows near a node, that tell of it."""
 _SURE, _FAR = 3.0, 6.0
 """Deviations of a mean near a node from which on it is told, and contradicts."""
+_NOTHING = 0.1
+"""Share of what a list says that is none of it, where it is no unit."""
 _ROUGH = 0.25
 """Share of an offset that may be left unexplained before it is said not to agree."""
 
@@ -83,7 +85,10 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
         return silent(
             "the log cannot tell: on this motion the list adds nothing that changes"
         )
-    if result.nothing < best.criterion - EQUAL:
+    added = float(np.max(np.abs(result.column[rows])))
+    idle = best.hypothesis.is_free and abs(best.hypothesis.scale) <= _NOTHING
+    if idle or added <= RESOLUTION or result.nothing < best.criterion - EQUAL:
+        # Digits of a drive's position follow any table a little, turned and shifted.
         return silent("nothing is added: not active, or not logged")
     unexplained = systematic(result.residual)
     if channel.motion.time is None:
@@ -100,10 +105,10 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
         text = f"not explained: {left_over} of {effect} follow no rule that was tried"
         if faults:
             text += f" (nearest: {whole_text})"
-        idle = np.abs(result.residual + result.column[rows]) < RESOLUTION / 100.0
-        if idle.mean() > _IDLE and channel.acting is None:
+        still = np.abs(result.residual + result.column[rows]) < RESOLUTION / 100.0
+        if still.mean() > _IDLE and channel.acting is None:
             text += (
-                f"; {100.0 * idle.mean():.0f} % of the rows hold exactly 0: where it was"
+                f"; {100.0 * still.mean():.0f} % of the rows hold exactly 0: where it was"
                 " switched meanwhile, log one state only"
             )
         return silent(text)
