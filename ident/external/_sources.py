@@ -161,7 +161,7 @@ def _given(paths: Sequence[Path]) -> _Given:
     file = paths[0] / "result.json" if paths[0].is_dir() else paths[0]
     if len(paths) > 1 or file.suffix != ".json":
         spec = JobFile.model_construct(axes={}, measurements={})
-        return _Given(Job(file, spec, Conventions(), frozenset(), "", ()), paths)
+        return _Given(Job(file, spec), paths)
     try:
         tree = json.loads(file.read_bytes())
         spec = JobFile.model_validate_json(json.dumps(tree["job"]))
@@ -185,7 +185,7 @@ def _given(paths: Sequence[Path]) -> _Given:
             found=f"the {bad[0]['compensation']} of {bad[0]['axis']} rejected",
             expected="fits whose gate passed",
         )
-    job = Job(file, spec, rules, frozenset(), "", ())
+    job = Job(file, spec, conventions=rules)
     remark = (
         f"Signs of {', '.join(unproven)} are assumed: no measurement has shown them."
     )

@@ -22,7 +22,6 @@ from ...data.measurements import (
     problems_of,
     read_table,
 )
-from ...models import Conventions
 from ..exchange import axis_number
 from ..job import Job, JobFile, nodes_for
 from ..readings import Observation, observe
@@ -284,7 +283,7 @@ def _provisional(
             keys["axis"] = source.meaning.axis
         values["measurements"][source.name] = keys | {"columns": columns}
     spec = JobFile.model_validate(values)
-    return Job(path, spec, Conventions(), frozenset(), "", ())
+    return Job(path, spec)
 
 
 def _with_spans(axes: Mapping[str, Axis], observation: Observation) -> dict[str, Axis]:

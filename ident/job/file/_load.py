@@ -21,6 +21,7 @@ from ...exchange import (
     ExchangeError,
     Motion,
     Reading,
+    StoredConventions,
     axis_number,
     read_conventions,
 )
@@ -34,8 +35,6 @@ _TABLES = ("kw.", "frict_comp.")
 """What only a compensation list holds."""
 _NAMED = re.compile(r"achs(kw|mds)[0-9]+\.lis", re.IGNORECASE)
 """File names by which the controller knows the axis of a list."""
-_ASSUMED = Conventions()
-"""Rules of a controller of which nothing was measured."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,18 +44,18 @@ class Job:
     Attributes:
         path: The job file, as given.
         spec: What it says.
+        text: What stands in the file.
         conventions: Rules of the controller.
         verified: Names of those that a log or a second measurement has settled.
-        text: What stands in the file.
         inputs: Every file that the job names, existing.
     """
 
     path: Path
     spec: JobFile
-    conventions: Conventions
-    verified: frozenset[str]
-    text: str
-    inputs: tuple[Path, ...]
+    text: str = ""
+    conventions: Conventions = dataclasses.field(default_factory=Conventions)
+    verified: frozenset[str] = frozenset()
+    inputs: tuple[Path, ...] = ()
 
     @functools.cached_property
     def lists(self) -> Mapping[str, AxisLists]:
@@ -65,7 +64,16 @@ class Job:
         Raises:
             JobError: If a file is another kind of list, or that of another axis.
         """
-        return _existing_lists(self)
+        lists = {}
+        for name, axis in self.spec.axes.items():
+            read: dict[str, ListFile] = {}
+            for key, file in axis.files.items():
+                read[key] = ListFile.read(self.file(file))
+                _refuse_other_kind(self, name, key, read[key])
+                _refuse_other_axis(self, name, key, read[key])
+            both = read.get("list"), read.get("machine_data")
+            lists[name] = AxisLists(axis.number, *both, self.reading)
+        return lists
 
     @property
     def reading(self) -> Reading:
@@ -172,7 +180,7 @@ def load_job(path: Path, *, fits: bool = True) -> Job:
         raise first_fault(path, error, values, text) from None
     if not fits:
         spec = spec.model_copy(update={"fits": ()})
-    job = Job(path, spec, _ASSUMED, frozenset(), text, ())
+    job = Job(path, spec, text)
     if fits and not spec.fits:
         empty = "found 0 values, expected 1"
         missing = "found nothing, expected this key"
@@ -186,13 +194,11 @@ def load_job(path: Path, *, fits: bool = True) -> Job:
             kind = "a folder" if file.is_dir() else "no such file"
             raise job.error(where, f"found {name!r}: {kind}, expected a file")
         inputs.append(file)
-    job = dataclasses.replace(job, inputs=tuple(dict.fromkeys(inputs)))
-    if spec.machine.conventions is None:
-        return job
-    rules = read_conventions(job.file(spec.machine.conventions), spec.machine.id)
-    return dataclasses.replace(
-        job, conventions=rules.conventions, verified=rules.verified
-    )
+    rules = StoredConventions()
+    if spec.machine.conventions is not None:
+        rules = read_conventions(job.file(spec.machine.conventions), spec.machine.id)
+    unique = tuple(dict.fromkeys(inputs))
+    return Job(path, spec, text, rules.conventions, rules.verified, unique)
 
 
 def _files(spec: JobFile) -> Iterable[tuple[KeyPath, str]]:
@@ -209,24 +215,6 @@ def _files(spec: JobFile) -> Iterable[tuple[KeyPath, str]]:
             yield ("measurements", name, "file"), measured.file
         for file in measured.files or ():
             yield ("measurements", name, "files"), file
-
-
-def _existing_lists(job: Job) -> dict[str, AxisLists]:
-    """Return the lists that the axes have already, by axis.
-
-    Raises:
-        JobError: If a file is another kind of list, or that of another axis.
-    """
-    lists = {}
-    for name, axis in job.spec.axes.items():
-        read: dict[str, ListFile] = {}
-        for key, file in axis.files.items():
-            read[key] = ListFile.read(job.file(file))
-            _refuse_other_kind(job, name, key, read[key])
-            _refuse_other_axis(job, name, key, read[key])
-        both = read.get("list"), read.get("machine_data")
-        lists[name] = AxisLists(axis.number, *both, job.reading)
-    return lists
 
 
 def _refuse_other_kind(job: Job, name: str, key: str, listing: ListFile) -> None:
