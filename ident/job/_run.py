@@ -108,7 +108,7 @@ def run_job(
             load_sheet=(),
             remarks=(*remarks, *notes, *outdated),
             files=(*map(Path, folder.digests), Path(RESULT)),
-            digests=folder.digests,
+            digests=dict(folder.digests),
             wall_time=0.0,
             job=job.spec.resolved() | {"gate": dict(vars(job.limits))},
             clocks=tables.clocks,

@@ -5,7 +5,7 @@ import hashlib
 import json
 import re
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from ....data.errors import AxcompError
@@ -48,6 +48,20 @@ def is_signed(content: bytes, comment: str = _SIGNED) -> bool:
     return content[-size:] == comment.format(_digest(content[:-size])).encode()
 
 
+@contextlib.contextmanager
+def _reported(path: Path, failure: str) -> Iterator[None]:
+    """Turn an error of the system into one that says what could not be done.
+
+    Raises:
+        OutputError: Naming the file.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = f"{failure}: {error.strerror or error}"
+        raise OutputError(str(path), reason) from None
+
+
 def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
@@ -76,6 +90,11 @@ class OutFolder:
         sync: Every file survives a power cut from the moment it is there. False for a
             folder that nobody looks at before `sync_folder` was called.
 
+    Attributes:
+        digests: SHA-256 of what was written, by its name in the folder, in order.
+        remarks: What the user must know of files that were there.
+        moved: Where files of an earlier run went, by name.
+
     Raises:
         OutputError: If it cannot be made or written to.
     """
@@ -91,31 +110,20 @@ class OutFolder:
     ) -> None:
         self.root = root
         self._sync = sync
-        self._digests: dict[str, str] = {}
+        self.digests: dict[str, str] = {}
         self.remarks: list[str] = []
         self.moved: dict[str, Path] = {}
         self._sources = (job, *sources)
         self._made = not root.exists()
-        try:
+        with _reported(root, "cannot write into the output folder"):
             root.mkdir(parents=True, exist_ok=True)
             if not self._made:
-                with tempfile.TemporaryFile(dir=root):
-                    pass
-        except OSError as error:
-            reason = error.strerror or str(error)
-            raise OutputError(
-                path=str(root), reason=f"cannot write into the output folder: {reason}"
-            ) from None
+                tempfile.TemporaryFile(dir=root).close()
         # What an earlier run of the job wrote, and what of it may be written over by now.
         earlier = None if self._made else _digests_in(root / RESULT, job, machine)
         self._earlier = earlier or {}
         self._is_known = earlier is not None
         self._free = {RESULT} if self._is_known else set[str]()
-
-    @property
-    def digests(self) -> dict[str, str]:
-        """SHA-256 of what was written, by its name in the folder, in order."""
-        return dict(self._digests)
 
     def drop(self) -> None:
         """Remove the folder where it was made for nothing."""
@@ -161,14 +169,11 @@ class OutFolder:
         """
         self.keep(name, content)
         target = self.root / name
-        try:
+        with _reported(target, "cannot write"):
             if "/" in name or not self._made:
                 target.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(target, content, sync=self._sync)
-        except OSError as error:
-            reason = f"cannot write: {error.strerror or error}"
-            raise OutputError(path=str(target), reason=reason) from None
-        self._digests[name] = _digest(content)
+        self.digests[name] = _digest(content)
         return Path(name)
 
     def renew(
@@ -223,11 +228,8 @@ class OutFolder:
         self._free.add(name)
         if not is_strange or target.read_bytes() == content:
             return
-        try:
+        with _reported(target, f"cannot keep a copy of it in {KEPT}/"):
             copy = keep_copy(target, (self.root / KEPT / name).parent)
-        except OSError as error:
-            reason = f"cannot keep a copy of it in {KEPT}/: {error.strerror or error}"
-            raise OutputError(path=str(target), reason=reason) from None
         if copy is None:
             return  # an earlier run has kept it
         self.remarks.append(
@@ -246,7 +248,7 @@ class OutFolder:
 
         A file that no earlier run wrote is the user's and stays where it is.
         """
-        if self._made and name not in self._digests:
+        if self._made and name not in self.digests:
             return
         target = self.root / name
         if self._is_strange(name):
@@ -258,10 +260,7 @@ class OutFolder:
             return
         stem, _, tail = name.rpartition(".")
         kept = Path(REJECTED) / f"{stem}.earlier.{tail}"
-        try:
+        with _reported(target, "cannot move it into rejected/"):
             (self.root / REJECTED).mkdir(exist_ok=True)
             target.replace(self.root / kept)
-        except OSError as error:
-            reason = f"cannot move it into rejected/: {error.strerror or error}"
-            raise OutputError(path=str(target), reason=reason) from None
         self.moved[name] = kept
