@@ -75,7 +75,8 @@ def hand_on(
         fit = job.spec.fits[index]
         if not fit.kind.table or fit.axis != draft.axis:
             continue
-        coupled = _is_coupled(draft.fit) and _is_coupled(fit)
+        # Tables over other axes may correct the same error.
+        coupled = draft.kind.table and not (draft.fit.lengths or fit.lengths)
         for source in fit.sources:
             shared = source in draft.fit.sources
             if shared or (coupled and name not in job.spec.measurements[source].active):
@@ -94,11 +95,6 @@ def _lists_of_single(draft: AbstractDraft) -> AxisLists:
     listing = new_list({"kopf.achs_nr": number} | entries) if entries else None
     machine = None if entries else to_add(number, machine_entries, of=draft.axis)
     return AxisLists(number, read_back(listing), read_back(machine), job.reading)
-
-
-def _is_coupled(fit: FitSpec) -> bool:
-    """Return whether it is a table over other axes: these may correct the same error."""
-    return fit.kind.table and not fit.lengths
 
 
 @dataclasses.dataclass(frozen=True)
