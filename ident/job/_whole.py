@@ -261,7 +261,8 @@ class _Axis:
         for draft, source, reading in self._measured:
             spec = self.job.spec.measurements[source]
             if isinstance(reading, str):
-                remarks.append(self._unknown(source, reading))
+                words = f"What all that acts on {self.name} leaves of measurement {source!r}"
+                remarks.append(Remark.info(f"{words} is not known: {reading}."))
                 continue
             measured, motion = reading
             sensors = [name for draft in self.drafts for name in draft.sensors]
@@ -335,12 +336,6 @@ class _Axis:
             " nobody sees whether two lists correct the same error."
             f"{' ' + _WARM if warm else ''}"
         )
-
-    def _unknown(self, source: str, why: str) -> Remark:
-        words = (
-            f"What all that acts on {self.name} leaves of measurement {source!r} is not"
-        )
-        return Remark.info(f"{words} known: {why}.")
 
     @functools.cached_property
     def _measured(self) -> list[tuple[AbstractDraft, str, _Read | str]]:
