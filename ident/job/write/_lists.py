@@ -302,18 +302,15 @@ def judge_files(
         job: The job.
         files: The axes that are fitted.
     """
-    existing = {
-        axis: [one for one in (listed.compensation, listed.machine) if one is not None]
+    existing = [
+        (axis, listing)
         for axis, listed in job.lists.items()
-    }
-    theirs = [listing for listed in existing.values() for listing in listed]
-    fitted = {axis.axis for axis in files}
-    others = [
-        listing
-        for axis, listed in existing.items()
-        if axis not in fitted
-        for listing in listed
+        for listing in (listed.compensation, listed.machine)
+        if listing is not None
     ]
+    theirs = [listing for _, listing in existing]
+    fitted = {axis.axis for axis in files}
+    others = [listing for axis, listing in existing if axis not in fitted]
     ours = [listing for axis in files for _, listing in axis.lists]
     known = {_identity(item) for item in _check(job, theirs)} if theirs else set()
     findings = _check(job, [*ours, *others])
