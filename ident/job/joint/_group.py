@@ -197,7 +197,11 @@ def _effects(
     recording: GroupRecording,
     helpers: Sequence[AbstractEffect],
 ) -> list[AbstractEffect]:
-    """Return the effect of each member; some show their form behind the others."""
+    """Return the effect of each member; some show their form in what the others leave.
+
+    Raises:
+        FitError: If one does not, naming the member.
+    """
     effects = [member.effect(recording, None) for member in members]
     errors = {member.axis: recording.data.error[member.axis] for member in members}
     others = [*(effect for effect in effects if effect is not None), *helpers]
@@ -205,27 +209,16 @@ def _effects(
         first = _fit(members, recording, others)
         fitted = first.predict(recording.data)
         errors |= {axis: errors[axis] - fitted[axis] for axis in first.axes}
-    return [
-        effect or _effect(member, recording, errors[member.axis])
-        for member, effect in zip(members, effects, strict=True)
-    ]
-
-
-def _effect(
-    plan: AbstractPlan, recording: GroupRecording, taken: Float[np.ndarray, " t"]
-) -> AbstractEffect:
-    """Return the effect of a member that shows its form in what the others leave.
-
-    Raises:
-        FitError: If it does not, naming the member.
-    """
-    try:
-        effect = plan.effect(recording, taken)
-    except FitError as error:
-        msg = f"{plan.name}: {error}"
-        raise FitError(msg) from None
-    assert effect is not None  # what the others leave is known now
-    return effect
+    every = list[AbstractEffect]()
+    for member, effect in zip(members, effects, strict=True):
+        try:
+            shown = effect or member.effect(recording, errors[member.axis])
+        except FitError as error:
+            msg = f"{member.name}: {error}"
+            raise FitError(msg) from None
+        assert shown is not None  # what the others leave is known now
+        every.append(shown)
+    return every
 
 
 def _helpers(
