@@ -106,10 +106,9 @@ def plan_second(
                 f"The second measurement of [verify] ({name}) does not count: {other}"
             )
             return None, (Remark.warning(words),)
-        equal = earlier is not None and earlier.get("inputs") == _hashes(after)
-        date = (
-            earlier["date"] if equal and earlier else datetime.date.today().isoformat()
-        )
+        date = datetime.date.today().isoformat()
+        if earlier is not None and earlier["inputs"] == _hashes(after):
+            date = earlier["date"]
         return Second(after, name, date, lists), ()
     assert earlier is not None
     name, why = str(earlier["file"]), "the lists have changed since"
