@@ -61,12 +61,8 @@ def hand_on(
     """Hand a fitted list on to the later tables of its axis that correct what it leaves.
 
     Those of the same measurements; and of other ones, in which it did not act, where both
-    may correct the same. What follows more than position and direction is not handed on.
-
-    Args:
-        draft: The fit.
-        later: Fits of no group that come after it.
-        left: What these find; it is added to.
+    may correct the same: added to what they find. What follows more than position and
+    direction is not handed on.
     """
     job, name = draft.job, draft.compensation
     if not draft.written or draft.kind.follows - {"position", "direction"}:

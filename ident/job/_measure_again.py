@@ -73,12 +73,6 @@ def plan_second(
     earlier run into the same folder. The last two count as long as lists and measurement
     are the same, else a remark says that they do not.
 
-    Args:
-        job: The first job.
-        named: Job of the second measurement, as the user names it.
-        root: The output folder, as an earlier run left it.
-        files: The lists of this run.
-
     Raises:
         JobError: If the second measurement that is asked for was made with other lists.
         OSError: If its job cannot be read.
@@ -133,13 +127,6 @@ def measure_again(
     root: Path,
 ) -> JobResult:
     """Return a result with what the second measurement says, and save what it settles.
-
-    Args:
-        job: The first job.
-        second: The second measurement.
-        drafts: All fits.
-        result: What came of them.
-        root: Folder of the lists.
 
     Raises:
         AxcompError: If the measurement cannot be used.

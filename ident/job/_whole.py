@@ -47,12 +47,7 @@ _Read = tuple[Measured, Motion]
 def judge_whole(
     tables: Tables, files: Sequence[AxisFiles]
 ) -> tuple[tuple[AxisFiles, ...], tuple[WholeAxis, ...]]:
-    """Return what acts on each axis that is written, judged as one; its files before it.
-
-    Args:
-        tables: Files of the job.
-        files: The axes with their drafts, gates and lists.
-    """
+    """Return what acts on each axis that is written, judged as one; its files before it."""
     job, axes = tables.job, list[WholeAxis]()
     for axis_files in files:
         acting = tuple(d for d in axis_files.drafts if d.written and d.jump > 0)
@@ -381,11 +376,7 @@ def _with_partner(
 ) -> WholeAxis:
     """Return an axis with what its gantry partner lacks of its compensations.
 
-    Args:
-        job: The job.
-        whole: The axis.
-        files: All axes that are written.
-        stopped: Axes whose lists the gate does not let out.
+    Lists of the axes that are stopped are not let out.
     """
     axes, by_axis, axis = job.spec.axes, {item.axis: item for item in files}, whole.axis
     partners = [

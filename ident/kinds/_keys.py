@@ -217,13 +217,7 @@ class LineSpec(TableSpec, frozen=True):
 
 
 def master_faults(job: "JobFile", fit: FitSpec, where: KeyPath) -> Iterator[Fault]:
-    """Yield what is wrong with the masters of a fit that acts over other axes.
-
-    Args:
-        job: All of the job.
-        fit: The fit.
-        where: The key that names the masters.
-    """
+    """Yield what is wrong with the masters of a fit over other axes, at the key that names them."""
     for name in fit.over:
         if name not in job.axes:
             yield where, unknown(name, job.axes, "an axis")

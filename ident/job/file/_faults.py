@@ -30,14 +30,7 @@ class JobError(TomlError):
 
 
 def error_at(path: Path, text: str, where: KeyPath, reason: str) -> JobError:
-    """Return the error that a key is, ready to raise.
-
-    Args:
-        path: Of the job file.
-        text: What stands in it.
-        where: The key; empty: the job as a whole.
-        reason: What was found and what was expected.
-    """
+    """Return the error that a key is, or without one the job as a whole, ready to raise."""
     words = f"{_key_words(where)}: {reason}" if where else reason
     return JobError(str(path), line_of(text, where), words)
 

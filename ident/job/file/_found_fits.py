@@ -17,11 +17,6 @@ def job_with_fits(job: Job, observation: Observation, discovery: Discovery) -> s
     """Return the text of a job that fits what was found.
 
     All but the fits and `found_keys` stays as it is.
-
-    Args:
-        job: In which was looked.
-        observation: Its measurements.
-        discovery: What they ask for.
     """
     fits = [
         _keys_of(job, observation, fit, sources)
@@ -39,11 +34,6 @@ def found_keys(
     Its drift and an arbitrary zero, where the job says nothing of them. Where fits are
     identified together, a datum gives way to ``remove = "offset"``, unless `remove` is
     stated: none of these fits is zero there alone, only their sum.
-
-    Args:
-        job: In which was looked.
-        observation: Its measurements.
-        discovery: What they ask for.
     """
     result: dict[str, dict[str, Any]] = {}
     for number, name in enumerate(observation.names):

@@ -99,11 +99,6 @@ def fit_group(
 ) -> tuple[IdentifiedGroup, dict[int, AbstractDraft]]:
     """Read the measurements of a group and fit all its members together.
 
-    Args:
-        tables: Measurements of the job.
-        name: Of the group.
-        every: Its fits.
-
     Returns:
         The joint fit, and the draft of each fit by its index.
 
@@ -265,10 +260,6 @@ def confounded(tables: Tables, plans: Mapping[int, AbstractPlan]) -> dict[int, s
     Each of them is fitted as if there was no other. Those of one axis and measurement
     are looked at together: where the readings cannot tell two of them apart, either would
     take the whole.
-
-    Args:
-        tables: Measurements of the job.
-        plans: Fits of no group, by index.
     """
     groups: dict[tuple[str, tuple[str, ...]], list[AbstractPlan]] = {}
     for plan in plans.values():

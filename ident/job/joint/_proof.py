@@ -145,13 +145,7 @@ def prove_group(
     drafts: Sequence[AbstractDraft],
     files: Mapping[str, AxisFiles],
 ) -> GroupResult:
-    """Return a group with what all files of its axes leave together.
-
-    Args:
-        group: The joint fit and what it held out.
-        drafts: All fits of the job.
-        files: Lists by axis.
-    """
+    """Return a group with what all files of its axes leave together."""
     fit, recording = group.fit, group.recording
     return GroupResult(
         name=group.name,

@@ -230,10 +230,6 @@ def grids_for(
 
     Where the targets of the two masters were not measured in all their combinations,
     every second one of the more numerous is left out until the readings suffice.
-
-    Args:
-        first: Positions of the first master.
-        second: Positions of the second one.
     """
     grids = [grid_over(first, surface=True), grid_over(second, surface=True)]
     places = np.stack([first, second], axis=1)
@@ -275,12 +271,7 @@ def grid_words(places: Sequence[Float[np.ndarray, " t"]]) -> str:
 def suit(
     nodes: Sequence[Float[np.ndarray, " _"]], places: Sequence[Float[np.ndarray, " t"]]
 ) -> bool:
-    """Return whether nodes are those that suit readings.
-
-    Args:
-        nodes: Of a table, per master, in mm or °.
-        places: Positions of the readings, per master.
-    """
+    """Return whether nodes of each master are those that suit readings at its places."""
     grids = zip(*map(np.atleast_1d, grid_keys(places).values()), strict=True)
     return all(
         len(line) == points

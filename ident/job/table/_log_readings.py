@@ -203,11 +203,6 @@ def in_pieces(
 
     Beside it stands what must be said of a large log that was read into memory.
 
-    Args:
-        tables: Files of the job.
-        plan: What will be written.
-        left: What will act beside it, and did not while measuring.
-
     Raises:
         JobError: If the job asks for it and it cannot be done.
         MeasurementError: If a file is damaged or a column is missing.

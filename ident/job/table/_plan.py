@@ -354,11 +354,7 @@ def refuse_unstated(job: Job, fit: FitSpec, holder: str | None, on: str) -> None
 def was_active(job: Job, index: int, fit: FitSpec, holder: str | None) -> bool:
     """Return whether the compensation of a fit was on in all its measurements.
 
-    Args:
-        job: The job.
-        index: Of the fit.
-        fit: Its specification.
-        holder: The list of the axis that holds this compensation already, or None.
+    The holder is the list of the axis that holds it already, or None.
 
     Raises:
         JobError: If it was on in some of them only, or there is a list with it and a

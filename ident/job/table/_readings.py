@@ -29,11 +29,8 @@ def read_fit(
 ) -> tuple[Readings, list[Remark]]:
     """Return the readings of a table, all its measurements joined, and what to say of them.
 
-    Args:
-        tables: Files of the job.
-        plan: What will be written.
-        left: What earlier fits of this axis add, and what will act on it as well and was
-            off while measuring: the fit takes what they leave.
+    The fit takes what is left of them by earlier fits of this axis, and by what will act on
+    it as well and was off while measuring.
 
     Raises:
         MeasurementError: If a role is missing or a value cannot be used.

@@ -146,13 +146,7 @@ def _beyond_readings(draft: "TableDraft") -> Iterator[Remark]:
 def limit_remarks(
     job: "Job", axes: Sequence[str], positions: Float[np.ndarray, "t d"]
 ) -> Iterator[Remark]:
-    """Return a doubt where readings lie where the software limits let no axis go.
-
-    Args:
-        job: That states the limits.
-        axes: Whose positions they are.
-        positions: Of the readings.
-    """
+    """Return a doubt where readings lie where the software limits let no axis go."""
     for axis, places in zip(axes, positions.T, strict=True):
         limits = job.spec.axes[axis].limits
         if limits is None:

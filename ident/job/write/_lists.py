@@ -297,10 +297,6 @@ def judge_files(
 
     New lists are judged beside the existing ones of the other axes. What stood in the
     user's lists before is named as such; an error that is new fails the list.
-
-    Args:
-        job: The job.
-        files: The axes that are fitted.
     """
     existing = [
         (axis, listing)

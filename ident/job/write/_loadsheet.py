@@ -56,12 +56,6 @@ def load_sheet(
 
     The first ones settle signs that are assumed, the last one measures again. Axes whose
     lists failed the gate have no step.
-
-    Args:
-        job: The job.
-        files: The axes with their drafts and lists.
-        results: What came of all fits, in the order of the job.
-        programs: Names of the NC programs of a first run that were written.
     """
     drafts = sorted((d for axis in files for d in axis.drafts), key=lambda d: d.index)
     pairs = [(d, r) for d, r in zip(drafts, results, strict=True) if d.written]

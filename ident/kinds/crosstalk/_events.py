@@ -47,11 +47,8 @@ def directed(data: JointData, form: Crosstalk) -> JointData:
     """Return a log with one direction per acceleration, or two where the master turns.
 
     A filter smears an acceleration over the standstill before and after, where the velocity has
-    no direction: there the controller would take another entry.
-
-    Args:
-        data: The log.
-        form: Says what full acceleration is, and whose direction counts.
+    no direction: there the controller would take another entry. The form says what full
+    acceleration is, and whose direction counts.
     """
     acceleration, velocity, *_ = form.columns_of(data)
     velocity = velocity.copy()

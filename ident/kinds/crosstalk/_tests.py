@@ -68,17 +68,12 @@ def held_out(
     place: Int[np.ndarray, " n"],
     wild: Bool[np.ndarray, " n"],
 ) -> Float[np.ndarray, " n"]:
-    """Return what values fitted to other events leave of each, in mm.
+    """Return what values fitted to other events leave of each, in mm; arguments as `fitted`.
+
+    Events of one place are held out together, and none is fitted to wild ones.
 
     Where the others leave values open, those nearest to the median of these events are
     taken: a test that none of them touches has the median.
-
-    Args:
-        events: As for `fitted`.
-        group: Likewise.
-        columns: Likewise.
-        place: Of each event; those of one are held out together.
-        wild: Events to which no values are fitted.
     """
     residual, root = np.zeros(len(events)), np.sqrt(events.weight)
     folds = np.arange(int(place.max()) + 1) % _FOLDS

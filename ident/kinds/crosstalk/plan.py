@@ -165,11 +165,9 @@ class CrosstalkPlan(AbstractPlan):
         raise FitError(msg)
 
     def _found(self, log: JointData, form: Crosstalk | None = None) -> CrosstalkFit:
-        """Return the fit to a log.
+        """Return the fit to a log of master and slave.
 
-        Args:
-            log: Of master and slave.
-            form: Where it is known; else it is chosen, over all axes that it may adapt to.
+        A form that is not known is chosen, over all axes that it may adapt to.
         """
         fit, options, names = self.fit, self.options, self.fit.adapts_to
         if form is None:
