@@ -289,36 +289,28 @@ class LeftOutDraft(AbstractDraft):
     why: str = ""
     share: Share | None = None
 
-    @property
-    def written(self) -> bool:
-        return False
+    written = False
+    needs = ""
 
     @property
     def name(self) -> str:
         return self.fit.name if self.share is None else self.share.part.name
 
-    @property
-    def needs(self) -> str:
-        return ""
-
     def prove(self, done: "AxisFiles") -> LeftOutResult:
         share = self.share
         frame: dict[str, Any] = self.frame(done) | {"conventions": ()}
         figures, remarks = ErrorFigures(np.nan, np.nan), list[Remark]()
+        why = self.why
         if share is not None:
             figures = error_figures(share.error, wild=share.wild)
-            remarks = share.remarks()
+            remarks, why = share.remarks(), why or share.why_undetermined
+        words = f"The {self.name} is left out: {why}"
         return LeftOutResult(
             **frame,
             error=dict.fromkeys(("before", "predicted", "from_file"), figures),
-            remarks=(Remark.error(self._words()), *remarks, *done.remarks),
+            remarks=(Remark.error(words), *remarks, *done.remarks),
             files=(),
             held_out="block" if share is None else share.recording.held_out,
             part=None if share is None else share.part,
             noise=np.nan if share is None else share.noise,
         )
-
-    def _words(self) -> str:
-        if self.why or self.share is None:
-            return f"The {self.name} is left out: {self.why}"
-        return f"The {self.name} is left out: {self.share.why_undetermined}"

@@ -55,6 +55,8 @@ class BacklashDraft(AbstractDraft):
     plan: "BacklashPlan"
     share: "Share"
 
+    needs = "Works from start-up on, referenced or not"
+
     @property
     def width(self) -> float:
         """What is written, in mm or °."""
@@ -67,10 +69,6 @@ class BacklashDraft(AbstractDraft):
     @property
     def converged(self) -> bool:
         return self.share.fit.converged
-
-    @property
-    def needs(self) -> str:
-        return "Works from start-up on, referenced or not"
 
     @property
     def cycles(self) -> int | None:

@@ -60,6 +60,8 @@ class TemperatureDraft(AbstractDraft):
     share: "Share"
     confounded: str = ""
 
+    needs = "Works once the axis is homed and the PLC program runs"
+
     @property
     def written(self) -> bool:
         return bool(self.found.moving)
@@ -86,10 +88,6 @@ class TemperatureDraft(AbstractDraft):
         low = max(float(law.temperature[0]) for law in laws)
         high = min(float(law.temperature[-1]) for law in laws)
         return float(np.clip(wished, low, max(low, high)))
-
-    @property
-    def needs(self) -> str:
-        return "Works once the axis is homed and the PLC program runs"
 
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
         idle = TemperatureLine(self.position, 0.0, 0.0, cycles=self._filter)
