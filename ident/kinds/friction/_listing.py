@@ -30,28 +30,26 @@ class OutUnit:
 
     Attributes:
         current: In the unit of the recording; None where the job does not say.
-        share: Of the rated value; None likewise.
         missing: What the job would have to say.
     """
 
     current: float | None
-    share: float | None
     missing: str = ""
 
 
 def out_unit(spec: Spec, unit: str) -> OutUnit:
     """Return what one unit of the list is in the unit of the recording."""
     if spec.torque_unit is None:
-        return OutUnit(None, None, "torque_unit")
+        return OutUnit(None, "torque_unit")
     if unit == "%":
-        return OutUnit(100.0 * spec.torque_unit, spec.torque_unit)
+        return OutUnit(100.0 * spec.torque_unit)
     if unit == "raw":
-        return OutUnit(1.0, spec.torque_unit)
+        return OutUnit(1.0)
     key = _OF_RATED.get(unit)
     rated = None if key is None else getattr(spec, key)
     if rated is None:
-        return OutUnit(None, None, key or "a current in A, %, Nm, N or raw")
-    return OutUnit(float(rated) * spec.torque_unit, spec.torque_unit)
+        return OutUnit(None, key or "a current in A, %, Nm, N or raw")
+    return OutUnit(float(rated) * spec.torque_unit)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -106,6 +106,8 @@ class FrictionDraft(AbstractDraft):
     view: FrictionView
     level: float
 
+    needs = "Works without referencing"
+
     @property
     def written(self) -> bool:
         return self.knots is not None
@@ -113,10 +115,6 @@ class FrictionDraft(AbstractDraft):
     @property
     def converged(self) -> bool:
         return self.found.fit.converged
-
-    @property
-    def needs(self) -> str:
-        return "Works without referencing"
 
     def entries(self) -> dict[str, Value]:
         assert self.knots is not None  # it is written
@@ -142,9 +140,9 @@ class FrictionDraft(AbstractDraft):
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         assert self.knots is not None  # it is written
-        assert self.out_unit.share is not None  # else no entry could be
+        assert self.fit.torque_unit is not None  # else no entry could be
         largest = int(np.argmax(np.abs(self.knots.out)))
-        value = float(abs(self.knots.out[largest]) * self.out_unit.share)
+        value = float(abs(self.knots.out[largest]) * self.fit.torque_unit)
         speed = self.knots.velocity[largest] / 1000.0
         where = f"at {speed:g} {self.recording.samples.unit}/s"
         return (
@@ -236,7 +234,7 @@ class FrictionDraft(AbstractDraft):
                 " and no list is written."
             )
         if self.knots is not None and self.curve is not None:
-            yield from self._unsaid()
+            yield from self._unsaid(self.curve, self.knots)
 
     def _of_place(self) -> Iterator[Remark]:
         """Return that the load changes with the position, which no law of friction knows."""
@@ -266,17 +264,15 @@ class FrictionDraft(AbstractDraft):
                 " it. Record on a short way to and fro."
             )
 
-    def _unsaid(self) -> Iterator[Remark]:
+    def _unsaid(self, curve: LawCurve, knots: Knots) -> Iterator[Remark]:
         """Return what the list cannot say of the law."""
-        assert self.curve is not None
-        assert self.knots is not None
-        share = self.curve.difference
+        share = curve.difference
         if share > 0.02:
             yield Remark.warning(
                 f"The two directions differ by {share:.0%} of the friction on"
                 " average. A list knows no direction: it gives the mean of both."
             )
-        below = self.curve.speed[self.level * self.curve.mean < -self.knots.unit]
+        below = curve.speed[self.level * curve.mean < -knots.unit]
         if len(below):
             yield Remark.warning(
                 f"The law is below 0 at speeds up to {below[-1]:.3g}"
