@@ -40,10 +40,7 @@ from ..proof import ErrorFigures as ErrorFigures, GateCheck as GateCheck
 from ._cache import use_compilation_cache as use_compilation_cache
 from ._run import run_job as run_job
 from .file._faults import JobError as JobError
-from .file._load import (
-    Job as Job,
-    load_job as load_job,
-)
+from .file._load import Job as Job, load_job as load_job
 from .result._job_result import (
     JobResult as JobResult,
     LoadStep as LoadStep,
@@ -79,16 +76,10 @@ from .write._output import (
 
 if TYPE_CHECKING:
     from ..kinds.backlash._result import BacklashResult as BacklashResult
-    from ..kinds.crosstalk._result import (
-        CrosstalkResult as CrosstalkResult,
-    )
-    from ..kinds.friction._result import (
-        FrictionResult as FrictionResult,
-    )
+    from ..kinds.crosstalk._result import CrosstalkResult as CrosstalkResult
+    from ..kinds.friction._result import FrictionResult as FrictionResult
     from ..kinds.temperature._law import ThermalLaw as ThermalLaw
-    from ..kinds.temperature._result import (
-        TemperatureResult as TemperatureResult,
-    )
+    from ..kinds.temperature._result import TemperatureResult as TemperatureResult
     from .file._found_fits import (
         found_keys as found_keys,
         job_with_fits as job_with_fits,

@@ -4,12 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...data.lists import ListFile
-from ..proof import (
-    GateCheck,
-    choose_cycles,
-    error_figures,
-    gate_check,
-)
+from ..proof import GateCheck, choose_cycles, error_figures, gate_check
 from ..proof.axis import largest_step, switching_cycles
 from .file._load import Job
 from .result._result import Remark

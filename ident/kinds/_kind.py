@@ -9,12 +9,7 @@ from typing import TYPE_CHECKING, Literal, cast, final
 if TYPE_CHECKING:
     from ..proof.verify import AbstractChannel
     from ._keys import FitSpec
-    from ._protocol import (
-        AbstractEntries,
-        AbstractProbe,
-        PagePart,
-        PlanPart,
-    )
+    from ._protocol import AbstractEntries, AbstractProbe, PagePart, PlanPart
 
 
 @final

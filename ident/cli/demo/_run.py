@@ -22,12 +22,7 @@ from ...job import (
 from ...kinds import kind
 from ...kinds.friction.entries import friction_from_list
 from ...kinds.temperature.entries import read_temperature_table
-from ...machine import (
-    VirtualMachine,
-    example_drive,
-    example_machine,
-    record_drive,
-)
+from ...machine import VirtualMachine, example_drive, example_machine, record_drive
 from ...machine.motion import (
     WorkingMachine,
     machine_with_everything,

@@ -13,13 +13,7 @@ from ...core import CellCovariance, FitError
 from ...exchange import LIST_UNITS
 from ...fit import Samples, TableFit, doubt_of_means, fit_table
 from ...proof import HeldOut, held_out
-from ...readings import (
-    Readings,
-    Tables,
-    place_in_run,
-    runs_overlap,
-    without_zero,
-)
+from ...readings import Readings, Tables, place_in_run, runs_overlap, without_zero
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
 from ._draft import TableDraft

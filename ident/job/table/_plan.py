@@ -9,12 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....data.lists import ListFile
-from ...exchange import (
-    AbstractTable,
-    ExchangeError,
-    Model,
-    refuse_lost_nodes,
-)
+from ...exchange import AbstractTable, ExchangeError, Model, refuse_lost_nodes
 from ...fit import Inequalities, TableFit, kept, mean_row, predict, zeroed
 from ...kinds import kinds
 from ...kinds._keys import FitSpec, TableSpec

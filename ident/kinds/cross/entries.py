@@ -9,13 +9,7 @@ from jaxtyping import Int
 from ....data.lists import ListFile
 from ....models import Conventions, Cross, Setpoints
 from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
-from ...exchange._identity import (
-    axis_number,
-    column,
-    required,
-    scaled,
-    unit_size,
-)
+from ...exchange._identity import axis_number, column, required, scaled, unit_size
 from ...exchange._machine_lists import Reading
 from ...exchange._nodes import (
     PointNodes,

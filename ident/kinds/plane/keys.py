@@ -5,15 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from .._keys import (
-    Count,
-    Fault,
-    Grid,
-    KeyPath,
-    Positive,
-    TableSpec,
-    master_faults,
-)
+from .._keys import Count, Fault, Grid, KeyPath, Positive, TableSpec, master_faults
 
 if TYPE_CHECKING:
     from ...job.file._schema import JobFile
