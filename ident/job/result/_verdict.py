@@ -144,11 +144,9 @@ def _fault_measured(fit: "AbstractResult") -> Reason | None:
     if again is None:
         return None
     excused = bool(again.beside) or (again.trend is not None and not again.trend.owned)
-    diagnosis = again.diagnosis
-    if again.is_wrong and diagnosis is not None:
-        return Reason(
-            Code.DIAGNOSED, {"verdict": diagnosis.verdict, "value": diagnosis.value}
-        )
+    if again.is_wrong and (diagnosis := again.diagnosis) is not None:
+        fields = {"verdict": diagnosis.verdict, "value": diagnosis.value}
+        return Reason(Code.DIAGNOSED, fields)
     # Where no gain was promised only what is plainly worse speaks against the list.
     ratio = NO_GAIN if again.predicted < NO_GAIN * again.before else LESS
     if not excused and again.rms is not None and again.rms >= ratio * again.before:
@@ -162,20 +160,21 @@ def _doubts(fit: "AbstractResult") -> list[Reason]:
     again = fit.again
     if before and predicted and predicted.sound.rms >= NO_GAIN * before.sound.rms:
         return [Reason(Code.NO_GAIN)]
-    if again is not None and again.beside:
+    if again is None:
+        return []
+    if again.beside:
         return [Reason(Code.BESIDE, {"compensations": again.beside})]
-    trend = None if again is None else again.trend
-    if trend is not None and not trend.owned:
-        return [Reason(Code.UNOWNED, {"words": trend.words})]
-    if again is not None and again.diagnosis is not None and again.diagnosis.near:
+    if again.trend is not None and not again.trend.owned:
+        return [Reason(Code.UNOWNED, {"words": again.trend.words})]
+    if again.diagnosis is not None and again.diagnosis.near:
         return [Reason(Code.NEAR, {"where": again.diagnosis.near})]
-    if again is not None and again.rms is not None:
-        if again.rms > LESS * again.predicted:
-            return [Reason(Code.LESS_THAN_PREDICTED)]
-    readings = None if again is None else again.readings
+    if again.readings is None:
+        return []
+    if again.readings.figures.sound.rms > LESS * again.predicted:
+        return [Reason(Code.LESS_THAN_PREDICTED)]
     part: dict[str, Any] = {}
-    if readings is not None and readings.part is not None:
-        part = dict(zip(("axis", "low", "high"), readings.part, strict=True))
-    if readings is not None and readings.way is not None:
-        part["direction"] = readings.way
+    if again.readings.part is not None:
+        part = dict(zip(("axis", "low", "high"), again.readings.part, strict=True))
+    if again.readings.way is not None:
+        part["direction"] = again.readings.way
     return [Reason(Code.IN_PART, part)] if part else []
