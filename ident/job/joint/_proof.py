@@ -209,11 +209,8 @@ def _share_of(
     """Return how much a part of the joint fit is."""
     contribution = part.contribution[np.isfinite(part.contribution)]
     rms = float(np.std(contribution)) if contribution.size else 0.0
-    effect = part.effect
-    return EffectShare(
-        index, part.name, effect.axis, effect.compensation,
-        rms, part.share, determined, written, why,
-    )  # fmt: skip
+    named = part.name, part.effect.axis, part.effect.compensation
+    return EffectShare(index, *named, rms, part.share, determined, written, why)
 
 
 def _sum(
@@ -231,11 +228,9 @@ def _sum(
     predicted = group.held_out[axis][rows].copy()
     unwritten = [group.parts[k] for k, draft in drafts_of.items() if not draft.written]
     for part in group.helpers:
-        if part.effect.axis != axis:
-            continue
-        if part.effect.compensation == "delay":
+        if part.effect.axis == axis and part.effect.compensation == "delay":
             error = error - part.contribution[rows]
-        else:
+        elif part.effect.axis == axis:
             unwritten.append(part)
     for part in unwritten:
         predicted += part.contribution[rows]
@@ -289,13 +284,11 @@ def _remarks(
                 " figures of the sum are about their middle."
             )
     for part in group.helpers:
-        if part.effect.compensation == "delay":
-            continue
-        yield Remark.info(
-            f"An error over {part.effect.axis} that no fit of the group holds was"
-            " fitted beside it: it belongs to a leadscrew, and no list of"
-            " this group holds it."
-        )
+        if part.effect.compensation != "delay":
+            yield Remark.info(
+                f"An error over {part.effect.axis} that no fit of the group holds was fitted"
+                " beside it: it belongs to a leadscrew, and no list of this group holds it."
+            )
 
 
 def _added_by_files(
@@ -333,5 +326,5 @@ def _added_by_files(
     )
     names = {draft.compensation for draft in drafts} | set(active)
     added = added_beyond(files.after, files.existing, active, motion)
-    parts = [value for name, value in added.items() if name in names]
-    return np.asarray(np.sum(parts, axis=0)) if parts else np.zeros(len(rows))
+    parts = (value for name, value in added.items() if name in names)
+    return sum(parts, np.zeros(len(rows)))
