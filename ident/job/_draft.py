@@ -395,17 +395,15 @@ class AbstractDraft(AbstractOfFit):
 
     def frame(self, done: "AxisFiles") -> dict[str, Any]:
         """Return what every result says alike, as arguments of its class."""
-        job, findings = self.job, done.findings
+        rules = self.job.conventions, self.job.verified, self.kind.conventions
         return {
             "compensation": self.compensation,
             "axis": self.axis,
-            "axis_number": job.spec.axes[self.axis].number,
+            "axis_number": done.number,
             "unit": self.unit,
             "gate": done.gates[self.index],
-            "conventions": _convention_states(
-                job.conventions, job.verified, self.kind.conventions
-            ),
-            "findings": tuple(dataclasses.asdict(item) for item in findings),
+            "conventions": _convention_states(*rules),
+            "findings": tuple(dataclasses.asdict(item) for item in done.findings),
         }
 
 

@@ -48,9 +48,8 @@ def fit_all(
         from .joint import fit_group  # takes long to load
 
         every = [plans[k] for k in indices]
-        say(
-            f"fitting group {name!r} together: {', '.join(member.name for member in every)}"
-        )
+        names = ", ".join(member.name for member in every)
+        say(f"fitting group {name!r} together: {names}")
         group, shares = fit_group(tables, name, every)
         groups.append(group)
         drafts |= shares
