@@ -70,20 +70,15 @@ class AxisModels(Mapping[str, Any]):
                 list, a master is missing, or something does not fit into the list.
         """
         rules = conventions or Conventions()
-        compensation: dict[str, Value] = {}
-        machine: dict[str, Value] = {}
         self._refuse_unknown()
-        kinds_by_name = {
-            record.name: record for record in kinds() if record.name in self.models
-        }
-        tables = [n for n in self.models if kinds_by_name[n].holder == "compensation"]
-        machine |= entries_of_activation(tables)
+        tables = [n for n in self.models if kind(n).holder == "compensation"]
+        compensation = dict[str, Value]()
+        machine = dict[str, Value](entries_of_activation(tables))
         for name in tables:
-            machine |= kinds_by_name[name].entries.beside(
-                self.models[name], self.models.keys()
-            )
+            model = self.models[name]
+            machine |= kind(name).entries.beside(model, self.models.keys())
         for name in sorted(self.models):
-            entries = kinds_by_name[name].entries.to_list(
+            entries = kind(name).entries.to_list(
                 self._in_list_units(name, rules),
                 self.masters.get(name, ()),
                 rules,
@@ -243,13 +238,11 @@ def write_lists(
     folder.mkdir(parents=True, exist_ok=True)
     for name, draft in drafts.items():
         target, content = folder / name, draft.dumps()
-        strange = target.is_file() and target.resolve() not in given_files
-        if (
-            strange
-            and _WRITTEN.encode() not in (lies := target.read_bytes())
-            and lies != content
-        ):
-            keep_copy(target, folder / "kept")
+        if target.is_file() and target.resolve() not in given_files:
+            existing_content = target.read_bytes()
+            is_ours = _WRITTEN.encode() in existing_content
+            if not is_ours and existing_content != content:
+                keep_copy(target, folder / "kept")
         write_atomically(target, content)
     return tuple(folder / name for name in drafts)
 

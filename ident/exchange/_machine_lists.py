@@ -89,24 +89,18 @@ class MachineLists:
         uses: dict[tuple[int, str], InUse] = {}
         for number, record, listing in self._contents(heated):
             axis, masters = record.entries.axes(listing, number, conventions)
-            manual = record.entries.is_manual(listing)
-            use = InUse(axis, record.name, masters, listing, manual)
-            key, axis_list = (axis, record.name), self.machine.get(axis)
-            is_table = record.holder == "compensation"
-            if (
-                is_table
-                and axis_list is not None
-                and not record.entries.is_activated(axis_list)
-            ):
-                continue
+            key, manual = (axis, record.name), record.entries.is_manual(listing)
+            if record.holder == "compensation" and axis in self.machine:
+                if not record.entries.is_activated(self.machine[axis]):
+                    continue
             if key in uses:
                 raise ExchangeError(
                     where=listing.source,
-                    found=f"a second {use.name} table for axis {use.axis} beside"
+                    found=f"a second {record.name} table for axis {axis} beside"
                     f" {uses[key].listing.source}",
                     expected="one per axis",
                 )
-            uses[key] = use
+            uses[key] = InUse(axis, record.name, masters, listing, manual)
         return tuple(uses[key] for key in sorted(uses))
 
     def _contents(self, heated: Iterable[int]) -> Iterator[tuple[int, Kind, ListFile]]:

@@ -13,7 +13,6 @@ from ....data.lists import ListFile
 from ....models import (
     Conventions,
     Motion as ControllerMotion,
-    Offsets,
     PositionController,
     TemperatureCurve,
 )
@@ -198,7 +197,6 @@ def _run(
     if rows == 0:
         return dict.fromkeys(controller.installed, np.zeros(motion.position.shape))
     whole = _padded(motion)
-    offsets: Offsets
     if settled:
         offsets = controller.settled(whole)
     else:
