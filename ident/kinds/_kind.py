@@ -87,26 +87,22 @@ class Kind:
     @functools.cached_property
     def entries(self) -> "AbstractEntries":
         """Between its list and its model."""
-        entries: AbstractEntries = self.part("entries").ENTRIES
-        return entries
+        return cast("AbstractEntries", self.part("entries").ENTRIES)
 
     @property
     def log_channel(self) -> "type[AbstractChannel]":
         """What a log shows of it."""
-        channel: type[AbstractChannel] = self.part("channel").CHANNEL
-        return channel
+        return cast("type[AbstractChannel]", self.part("channel").CHANNEL)
 
     @functools.cached_property
     def probe(self) -> "AbstractProbe":
         """Its step of a probe."""
-        probe: AbstractProbe = self.part("probe").PROBE
-        return probe
+        return cast("AbstractProbe", self.part("probe").PROBE)
 
     @property
     def keys(self) -> "type[FitSpec]":
         """The keys of a fit in a job."""
-        spec: type[FitSpec] = self.part("keys").Spec
-        return spec
+        return cast("type[FitSpec]", self.part("keys").Spec)
 
     @property
     def planner(self) -> "PlanPart":
