@@ -116,13 +116,12 @@ class CrossEntries(AbstractEntries):
         (master,) = self.exactly(masters, 1)
         points = nodes_of_model(model.nodes, PREFIX).integers
         entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
-        entries |= target.max_points_entry(
-            PREFIX, len(points), len(points) <= DEFAULT_COUNT
-        )
-        entries[f"{PREFIX}.last_index"] = len(points) - 1
+        count = len(points)
+        entries |= target.max_points_entry(PREFIX, count, count <= DEFAULT_COUNT)
+        entries[f"{PREFIX}.last_index"] = count - 1
         entries[f"{PREFIX}.master_ax_nr"] = master
-        table = round_to_list(np.asarray(model.values), f"{PREFIX}.table[].correction")
-        refuse_jump(model.nodes, table, f"{PREFIX}.table[].correction")
+        table = round_to_list(np.asarray(model.values), self.value)
+        refuse_jump(model.nodes, table, self.value)
         for k, (point, value) in enumerate(zip(points, table.tolist(), strict=True)):
             entries[f"{PREFIX}.table[{k}].setpoint"] = point
             entries[f"{PREFIX}.table[{k}].correction"] = value

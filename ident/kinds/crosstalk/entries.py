@@ -210,10 +210,8 @@ class CrosstalkEntries(AbstractEntries):
         entries |= {
             f"{PREFIX}.n_cycles": model.cycles,
             f"{PREFIX}.velocity_dependent": 1,
-            **{
-                f"{PREFIX}.{name}": _rate(getattr(model, name), name) for name in _RATES
-            },
         }
+        entries |= {f"{PREFIX}.{n}": _rate(getattr(model, n), n) for n in _RATES}
         places = exact_in_list(points, f"{PREFIX}.position[].ax_1 and ax_2", SGN64)
         # The entries that act, row by row of `VALUES`.
         acts = [0, 0, 2, 2] if model.own_deceleration else [0, 0, 0, 0]

@@ -61,13 +61,10 @@ def _with_ends(
     knots = np.asarray(table.nodes.points)
     level = np.asarray(table.scaling) * np.asarray(table.values)
     speeds = _round(knots * VELOCITY_UNITS, f"{PREFIX}.table[].in", (0, _FASTEST_ENTRY))
-    if (np.diff(speeds) <= 0).any():
-        k = int(np.argmax(np.diff(speeds) <= 0))
-        raise ExchangeError(
-            where=f"{PREFIX}.table[].in",
-            found=f"{knots[k]:.6g} and {knots[k + 1]:.6g} mm/s",
-            expected="velocities that differ by 0.001 mm/s or more (110591)",
-        )
+    for k in np.flatnonzero(np.diff(speeds) <= 0).tolist():
+        pair = f"{knots[k]:.6g} and {knots[k + 1]:.6g} mm/s"
+        expected = "velocities that differ by 0.001 mm/s or more (110591)"
+        raise ExchangeError(where=f"{PREFIX}.table[].in", found=pair, expected=expected)
     currents = _round(level, f"{PREFIX}.table[].out", (SGN32[0] + 1, SGN32[1]))
     if speeds[0] != 1:
         # At rest there is no current: an entry for 0 stands for the slowest motion.
@@ -94,14 +91,10 @@ def _round(
     values: Float[np.ndarray, " n"], name: str, bounds: tuple[int, int]
 ) -> Int[np.ndarray, " n"]:
     """Round what is in units of its own (µm/s, current) to integers that fit."""
-    rounded = np.rint(values)
-    outside = ~((rounded >= bounds[0]) & (rounded <= bounds[1]))
-    if outside.any():
-        raise ExchangeError(
-            where=name,
-            found=f"{values[outside][0]:.6g}",
-            expected=f"a number from {bounds[0]} to {bounds[1]}",
-        )
+    rounded, (low, high) = np.rint(values), bounds
+    outside = ~((rounded >= low) & (rounded <= high))
+    for value in values[outside]:
+        raise ExchangeError(name, f"{value:.6g}", f"a number from {low} to {high}")
     return np.asarray(rounded, dtype=np.int64)
 
 
@@ -179,22 +172,18 @@ class FrictionEntries(AbstractEntries):
         # is what is held there anyway. ``scaling_factor`` is 1000, the knob of the
         # commissioning engineer; the scaling of the model goes into the entries.
         speeds, currents = _with_ends(model.law)
-        entries = target.max_points_entry(
-            PREFIX, len(speeds) + 1, len(speeds) <= DEFAULT_COUNT
-        )
+        count = len(speeds)
+        entries = target.max_points_entry(PREFIX, count + 1, count <= DEFAULT_COUNT)
         delay = np.asarray(model.position_delay, float)
         delay = round_to_list(delay, f"{PREFIX}.position_delay", (0, 10))
-        numbers = {
-            "position_delay": int(delay),
-            "reversal_lookahead": model.reversal_lookahead,
-            "delay_cycles": model.delay_cycles,
-        }
+        values = int(delay), model.reversal_lookahead, model.delay_cycles
+        numbers = dict(zip(_MOST, values, strict=True))
         for name, number in numbers.items():
             limit = _MOST[name]
             expect(number <= limit, f"{PREFIX}.{name}", number, f"0 to {limit}")
         entries |= {
             f"{PREFIX}.mode": BY_SPEED,
-            f"{PREFIX}.table_entries": len(speeds),
+            f"{PREFIX}.table_entries": count,
             **{f"{PREFIX}.{name}": number for name, number in numbers.items()},
             f"{PREFIX}.scaling_factor": _PER_MILLE,
         }

@@ -92,13 +92,8 @@ class PlaneEntries(AbstractEntries):
             )
             # The start position is 0 where it is not given, as in the controller.
             start = optional(listing, f"{PREFIX}.start_position_master{k}")
-            nodes.append(
-                EquidistantNodes(
-                    as_array(scaled(start, size)),
-                    as_array(scaled(step, size)),
-                    last + 1,
-                )
-            )
+            places = as_array(scaled(start, size)), as_array(scaled(step, size))
+            nodes.append(EquidistantNodes(*places, last + 1))
         size = unit_size(listing, PREFIX, slave, increment)
         n1, n2 = nodes[0].count, nodes[1].count
         refuse_huge(n1 * n2, f"{listing.source}: {PREFIX}.last_index_master1 and 2")
@@ -123,13 +118,10 @@ class PlaneEntries(AbstractEntries):
         first, second = self.exactly(masters, 2)
         grids: list[GridNodes] = []
         for k, nodes in ((1, model.nodes1), (2, model.nodes2)):
-            grid = nodes_of_model(nodes, f"{PREFIX} master {k}")
+            name = f"{PREFIX} master {k}"
+            grid = nodes_of_model(nodes, name)
             if not isinstance(grid, GridNodes):
-                raise ExchangeError(
-                    where=f"{PREFIX} master {k}",
-                    found="single setpoints",
-                    expected="equidistant nodes",
-                )
+                raise ExchangeError(name, "single setpoints", "equidistant nodes")
             grids.append(grid)
         g1, g2 = grids
         existing = target.existing
@@ -141,11 +133,8 @@ class PlaneEntries(AbstractEntries):
             entries[f"{PREFIX}.grid"] = "RECTANGULAR"
             entries[f"{PREFIX}.interval1"] = g1.interval
             entries[f"{PREFIX}.interval2"] = g2.interval
-        entries |= target.max_points_entry(
-            PREFIX,
-            g1.count * g2.count,
-            max(g1.count, g2.count) <= DEFAULT_LAST_INDEX + 1,
-        )
+        fits = max(g1.count, g2.count) <= DEFAULT_LAST_INDEX + 1
+        entries |= target.max_points_entry(PREFIX, g1.count * g2.count, fits)
         entries |= {
             f"{PREFIX}.last_index_master1": g1.count - 1,
             f"{PREFIX}.last_index_master2": g2.count - 1,
@@ -154,15 +143,9 @@ class PlaneEntries(AbstractEntries):
             f"{PREFIX}.master1_ax_nr": first,
             f"{PREFIX}.master2_ax_nr": second,
         }
-        table = round_to_list(
-            np.asarray(model.values), f"{PREFIX}.table[][].correction"
-        )
-        refuse_jump(
-            model.nodes1, table.T, f"{PREFIX}.table[][].correction along master 1"
-        )
-        refuse_jump(
-            model.nodes2, table, f"{PREFIX}.table[][].correction along master 2"
-        )
+        table = round_to_list(np.asarray(model.values), self.value)
+        refuse_jump(model.nodes1, table.T, f"{self.value} along master 1")
+        refuse_jump(model.nodes2, table, f"{self.value} along master 2")
         if rules.plane_index == "ij":
             table = table.T
         for j, row in enumerate(table.tolist()):
