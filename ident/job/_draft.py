@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -279,9 +279,9 @@ class AbstractDraft(AbstractOfFit):
         """
         return {self.kind.activation: 1}
 
-    def machine_remarks(self) -> list[Remark]:
+    def machine_remarks(self) -> Iterable[Remark]:
         """Return what the user must know of changes to the axis list."""
-        return []
+        return ()
 
     def extra_files(self) -> Mapping[str, bytes]:
         """Return further files by name, such as those for the PLC."""
@@ -371,23 +371,20 @@ class AbstractDraft(AbstractOfFit):
             names.add(done.compensation_name)
         return tuple(n for n in done.written if self.written and n.name in names)
 
-    def stays_on(self) -> list[Remark]:
-        """Return that what the axis has already stays on, where nothing is written instead.
+    def stays_on(self) -> Iterator[Remark]:
+        """Yield that what the axis has already stays on, where nothing is written instead.
 
         What acted while measuring is in the readings, and asks for no word.
         """
         name, measured = self.compensation, self.job.spec.measurements
         acted = any(name in measured[source].active for source in self.fit.sources)
-        if self.written or acted or not self.lists.acts(name):
-            return []
-        return [
-            Remark.error(
+        if not (self.written or acted) and self.lists.acts(name):
+            yield Remark.error(
                 f"Nothing is written, and the {name} of {self.axis} in"
                 f" {self.lists.used[name].listing.source} stays on. It was off while these"
                 " readings were taken: with it the axis does not do what they show. Switch"
                 f' it off there, or measure again with it on (active = ["{name}"]).'
             )
-        ]
 
     @abc.abstractmethod
     def prove(self, done: "AxisFiles") -> AbstractResult:

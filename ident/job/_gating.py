@@ -1,6 +1,6 @@
 """What a fit does where it comes and goes, and where it does not settle: cycles, checks, words."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ...data.lists import ListFile
@@ -43,11 +43,11 @@ def spread_over(
     return choose_cycles(jump, cycle_time, fastest, limits.max_acceleration, stated)
 
 
-def switching_remarks(draft: "TableDraft") -> list[Remark]:
-    """Return what the user must know of switching a table; nothing where it is small."""
+def switching_remarks(draft: "TableDraft") -> Iterator[Remark]:
+    """Yield what the user must know of switching a table; nothing where it is small."""
     axis, jump, limit = draft.axis, draft.jump, draft.job.limits.max_switching
     if largest_step(jump, 0) <= limit:
-        return []
+        return
     unit, spread = draft.job.spec.axes[axis].unit, draft.kind.cycles
     cycles = draft.spread[1]
     step = largest_step(jump, cycles)
@@ -60,7 +60,8 @@ def switching_remarks(draft: "TableDraft") -> list[Remark]:
         " only, without a tool in cut, best where the table is near 0."
     )
     if spread is None or step <= limit:
-        return [Remark.info(words)]
+        yield Remark.info(words)
+        return
     advice = "n_cycles can be no larger"
     if cycles < (switching_cycles(jump, limit) or 0):
         advice = "leave n_cycles out of the job, and it is chosen"
@@ -69,41 +70,36 @@ def switching_remarks(draft: "TableDraft") -> list[Remark]:
         f" of the table to where {axis} is homed (datum), so that less comes at once, or"
         " raise max_switching in [gate] if the builder of the machine allows it."
     )
-    return [Remark.warning(words)]
+    yield Remark.warning(words)
 
 
-def fit_checks(draft: "AbstractDraft") -> list[GateCheck]:
-    """Return the lines of the gate for the fit itself: that it settled, and that it helps.
+def fit_checks(draft: "AbstractDraft") -> Iterator[GateCheck]:
+    """Yield the lines of the gate for the fit itself: that it settled, and that it helps.
 
     A fit that settled has no line for that.
     """
-    lines = []
     if not draft.converged:
         where = f"{draft.name}: its values still move from pass to pass"
-        lines.append(gate_check("settled", 1.0, 0.0, "unsettled fits", where))
+        yield gate_check("settled", 1.0, 0.0, "unsettled fits", where)
     if (foreseen := draft.foreseen) is not None:
         stages = foreseen.before, foreseen.predicted
         before, predicted = (
             error_figures(s, wild=foreseen.wild).sound.rms for s in stages
         )
         where = f"rms on readings that the fit did not see, limit {_WORSE:g} × before"
-        lines.append(gate_check(GAIN, predicted, _WORSE * before, draft.unit, where))
-    return lines
+        yield gate_check(GAIN, predicted, _WORSE * before, draft.unit, where)
 
 
 def holds_back(
     draft: "AbstractDraft", gate: Sequence[GateCheck], every: Sequence["AbstractDraft"]
-) -> list[Remark]:
-    """Return that a fit that would not help holds back the others of its axis, if there are."""
-    if len(every) == 1 or all(check.passed or check.name != GAIN for check in gate):
-        return []
+) -> Iterator[Remark]:
+    """Yield that a fit that would not help holds back the others of its axis, if there are."""
     others = ", ".join(other.compensation for other in every if other is not draft)
-    return [
-        Remark.warning(
+    if others and any(check.name == GAIN and not check.passed for check in gate):
+        yield Remark.warning(
             f"The {draft.name} would not help, and holds back what stands in the same"
             f" lists ({others}): take it out of the job to have that."
         )
-    ]
 
 
 def unsettled(draft: "AbstractDraft") -> Remark:
@@ -115,17 +111,14 @@ def unsettled(draft: "AbstractDraft") -> Remark:
     )
 
 
-def not_compared(draft: "AbstractDraft", gate: Sequence[GateCheck]) -> list[Remark]:
-    """Return that `max_change` of the job judges nothing here; nothing where it does."""
+def not_compared(draft: "AbstractDraft", gate: Sequence[GateCheck]) -> Iterator[Remark]:
+    """Yield that `max_change` of the job judges nothing here; nothing where it does."""
     kind = draft.kind
     if draft.job.limits.max_change is None or kind.adds_current or kind.by_plc:
-        return []
-    if any(check.name == "max_change" for check in gate):
-        return []
-    key = "list" if kind.holder == "compensation" else "machine_data"
-    return [
-        Remark.warning(
+        return
+    if all(check.name != "max_change" for check in gate):
+        key = "list" if kind.holder == "compensation" else "machine_data"
+        yield Remark.warning(
             f"max_change does not judge the {draft.name}: the job gives none that was there"
             f" before, to compare with (axes.{draft.axis}.{key})."
         )
-    ]

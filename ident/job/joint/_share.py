@@ -4,7 +4,7 @@ A fit that its readings do not tell is left out: named, and not written.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, final
 
@@ -188,32 +188,31 @@ class Share:
         said = [*self._unlisted(), *self._wandering(), *self.recording.remarks]
         return [Remark.info(words), *said]
 
-    def _wandering(self) -> list[Remark]:
-        """Return that the constant rests on the mean of a drift, where it is large."""
-        if not self.constant or self.drifted <= self.noise:
-            return []
-        unit = self.group.members[self.number].job.spec.axes[self.axis].small_unit
-        words = (
-            f"The instrument drifted: the constant of this list is the error at the mean of"
-            f" the drift, known to {1e3 * self.drifted:.2g} {unit}. With a datum the zero lies"
-            " where the axis is to be right."
-        )
-        return [Remark.warning(words)]
+    @property
+    def _small_unit(self) -> str:
+        return self.group.job.spec.axes[self.axis].small_unit
 
-    def _unlisted(self) -> list[Remark]:
-        """Return what these figures take off that stands in no list."""
-        missing = [k for k in self.beside if not self.group.written[k]]
-        parts = [self.group.parts[k] for k in missing]
-        if not parts:
-            return []
-        sums = np.sum([part.contribution[self.rows] for part in parts], axis=0)
-        axis = self.group.members[self.number].job.spec.axes[self.axis]
-        names = " and ".join(part.name for part in parts)
-        words = (
-            f"These figures take the {names} off, which stands in no list: its"
-            f" {1e3 * float(np.std(sums)):.2g} {axis.small_unit} rms remain on the machine."
-        )
-        return [Remark.warning(words)]
+    def _wandering(self) -> Iterator[Remark]:
+        """Yield that the constant rests on the mean of a drift, where it is large."""
+        if self.constant and self.drifted > self.noise:
+            yield Remark.warning(
+                "The instrument drifted: the constant of this list is the error at the mean of"
+                f" the drift, known to {1e3 * self.drifted:.2g} {self._small_unit}. With a"
+                " datum the zero lies where the axis is to be right."
+            )
+
+    def _unlisted(self) -> Iterator[Remark]:
+        """Yield what these figures take off that stands in no list."""
+        group = self.group
+        parts = [group.parts[k] for k in self.beside if not group.written[k]]
+        if parts:
+            sums = np.sum([part.contribution[self.rows] for part in parts], axis=0)
+            names = " and ".join(part.name for part in parts)
+            yield Remark.warning(
+                f"These figures take the {names} off, which stands in no list: its"
+                f" {1e3 * float(np.std(sums)):.2g} {self._small_unit} rms remain on the"
+                " machine."
+            )
 
 
 def undetermined_values(part: Part, fit: JointFit) -> tuple[str, ...]:

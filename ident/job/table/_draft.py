@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, final
 
 import numpy as np
@@ -104,19 +104,14 @@ class TableDraft(AbstractDraft):
             values |= {"lr_param.anwahl_losekomp": 0, "lr_param.n_backlash_cyc": cycles}
         return values
 
-    def machine_remarks(self) -> list[Remark]:
-        listing = self.lists.machine
-        if not self._bilateral or listing is None:
-            return []
-        if not listing.integer("lr_param.anwahl_losekomp"):
-            return []
-        return [
-            Remark.warning(
+    def machine_remarks(self) -> Iterator[Remark]:
+        listing, on = self.lists.machine, "lr_param.anwahl_losekomp"
+        if self._bilateral and listing is not None and listing.integer(on):
+            yield Remark.warning(
                 f"{listing.source}: backlash compensation is switched off"
                 " (anwahl_losekomp 0), since the bilateral leadscrew table contains"
                 " the backlash."
             )
-        ]
 
     @property
     def cycles(self) -> int | None:
@@ -225,12 +220,8 @@ class TableDraft(AbstractDraft):
         return float(np.std(residual)) if residual.size and self.in_memory else None
 
     def prove(self, done: "AxisFiles") -> TableResult:
-        plan, table, fit, read = (
-            self.plan,
-            self.plan.table,
-            self.estimate,
-            self.readings,
-        )
+        plan, table = self.plan, self.plan.table
+        fit, read = self.estimate, self.readings
         assert done.compensation is not None  # a table stands in it
         back = table.read(done.compensation)
         at = read.positions, plan.branch(read.direction)

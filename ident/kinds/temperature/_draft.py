@@ -3,7 +3,7 @@
 import contextlib
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -93,17 +93,14 @@ class TemperatureDraft(AbstractDraft):
         idle = TemperatureLine(self.position, 0.0, 0.0, cycles=self._filter)
         return {**entries_of_temperature(idle), **self.manual_entry}
 
-    def machine_remarks(self) -> list[Remark]:
+    def machine_remarks(self) -> Iterator[Remark]:
         listing = self.lists.machine
-        if listing is None or not (held := held_in(listing)):
-            return []
-        return [
-            Remark.warning(
+        if listing is not None and (held := held_in(listing)):
+            yield Remark.warning(
                 f"{', '.join(held)} of {listing.source} become 0: the PLC writes the law"
                 " from now on, and the list holds the state at the reference"
                 " temperature."
             )
-        ]
 
     def extra_files(self) -> Mapping[str, bytes]:
         table, program, *_ = temperature_names(self.axis)
