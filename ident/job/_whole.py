@@ -288,16 +288,8 @@ class _Axis:
                 over = [measured.positions[axes[k].number] for k in draft.fit.over]
                 added = {k: without_zero(v, over, "line") for k, v in added.items()}
             about_zero = spec.remove == "none" and spec.datum is None and not still
-            together.append(
-                judge_together(
-                    source,
-                    draft.compensation,
-                    measured.error,
-                    added,
-                    draft.predicted,
-                    about_zero,
-                )
-            )
+            fitted = draft.compensation, measured.error, added, draft.predicted
+            together.append(judge_together(source, *fitted, about_zero))
         return together
 
     def _is_still(self, inputs: Collection[int], motion: Motion) -> bool:
