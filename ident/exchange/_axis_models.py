@@ -148,26 +148,19 @@ def load_model(
     ]
     machine = machine_lists(listings)
     numbers = sorted({*machine.compensation, *machine.machine})
-    expect(
-        len(numbers) == 1,
-        ", ".join(listing.source for listing in listings) or "no list",
-        f"lists of the axes {numbers}",
-        "compensation list and axis list of one axis",
-    )
+    sources = ", ".join(listing.source for listing in listings) or "no list"
+    expected = "compensation list and axis list of one axis"
+    expect(len(numbers) == 1, sources, f"lists of the axes {numbers}", expected)
     reading = Reading(rules, increment, modulo or {})
     uses = {use.name: use for use in machine.in_use(rules)}
-    masters = {
-        name: use.kind.entries.named_masters(use.listing) for name, use in uses.items()
-    }
+    entries = {name: use.kind.entries for name, use in uses.items()}
+    masters = {n: entries[n].named_masters(use.listing) for n, use in uses.items()}
+    currents = [name for name, use in uses.items() if use.kind.adds_current]
     return AxisModels(
         axis=numbers[0],
         models={name: model_of(use, reading) for name, use in uses.items()},
         masters={name: axes for name, axes in masters.items() if axes},
-        units={
-            name: use.kind.entries.units[0]
-            for name, use in uses.items()
-            if use.kind.adds_current
-        },
+        units={name: entries[name].units[0] for name in currents},
     )
 
 
@@ -200,13 +193,8 @@ def write_lists(
     drafts: dict[str, ListFile] = {}
     given_models = list(models) if isinstance(models, Sequence) else [models]
     for axis_models in given_models:
-        name = type(axis_models).__name__
-        expect(
-            isinstance(axis_models, AxisModels),
-            "models",
-            name,
-            "AxisModels(1, {'cross': …})",
-        )
+        name, example = type(axis_models).__name__, "AxisModels(1, {'cross': …})"
+        expect(isinstance(axis_models, AxisModels), "models", name, example)
     numbers = [axis_models.axis for axis_models in given_models]
     for number in numbers:
         natural = isinstance(number, int) and number >= 1

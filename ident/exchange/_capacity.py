@@ -49,12 +49,9 @@ class ListTarget:
                 size = needed
         if size is None or size == stated:
             return {}
-        expect(
-            build_has(registry().by_key[name], build),
-            name,
-            f"a table that needs {needed} on build {build}",
-            "a table within the fixed size (max_points: V3.1.3079.06 on)",
-        )
+        words = f"a table that needs {needed} on build {build}"
+        expected = "a table within the fixed size (max_points: V3.1.3079.06 on)"
+        expect(build_has(registry().by_key[name], build), name, words, expected)
         return {name: size}
 
 

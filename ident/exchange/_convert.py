@@ -96,13 +96,8 @@ def table_in(listing: ListFile, compensation: str | None = None) -> ExchangedTab
     if compensation is not None:
         names = [name for name in names if name == compensation]
     description = f"tables {', '.join(names)}" if names else "no such table"
-    alternatives = "|".join(MASTERS)
-    expect(
-        len(names) == 1,
-        listing.source,
-        description,
-        f"one to convert: --compensation {alternatives}",
-    )
+    expected = f"one to convert: --compensation {'|'.join(MASTERS)}"
+    expect(len(names) == 1, listing.source, description, expected)
     model = axis_models[names[0]]
     nodes = tuple(np.asarray(master.positions) for master in model.ways)
     rows = np.stack([np.asarray(values) for values in model.tables])
@@ -320,13 +315,8 @@ def _of_csv(table: Table, stated: str) -> ExchangedTable:
     follows = any(np.abs(row - places).max() < near for row in rows)
     expected = "errors or offsets; a file of LinuxCNC ends in .comp"
     expect(not follows, where, "entries that follow the positions", expected)
-    again = places[1:][np.diff(places) == 0]
-    expect(
-        not again.size,
-        where,
-        f"the position {again[0] if again.size else 0:g} twice",
-        "each once",
-    )
+    for again in places[1:][np.diff(places) == 0]:
+        raise ExchangeError(where, f"the position {again:g} twice", "each once")
     return ExchangedTable(name, axis, masters, (places,), np.stack(rows), modulo, holds)
 
 

@@ -126,12 +126,9 @@ def machine_lists(lists: Sequence[ListFile]) -> MachineLists:
     """
     by_holder: dict[str, dict[int, ListFile]] = {"compensation": {}, "axis": {}}
     for listing in lists:
-        expect(
-            listing.kind != "unknown",
-            listing.source,
-            "none of the entries of a compensation or axis list",
-            "kopf.*, kw.*, frict_comp.* or lr_param.*",
-        )
+        words = "none of the entries of a compensation or axis list"
+        expected = "kopf.*, kw.*, frict_comp.* or lr_param.*"
+        expect(listing.kind != "unknown", listing.source, words, expected)
         if listing.kind == "startup":
             continue
         number, holder = axis_number(listing), listing.kind

@@ -166,12 +166,10 @@ def refuse_jump(
     places = np.asarray(nodes.positions)
     low, high = nodes.limits or (float(places[0]), float(places[-1]))
     slack = 1e-5 / LIST_UNITS
-    expect(
-        low - slack <= places[0] and places[-1] <= high + slack,
-        name,
-        f"nodes from {places[0]:g} to {places[-1]:g}",
-        f"nodes within the modulo range of their axis, {low:g} to {high:g}",
-    )
+    words = f"nodes from {places[0]:g} to {places[-1]:g}"
+    expected = f"nodes within the modulo range of their axis, {low:g} to {high:g}"
+    within = low - slack <= places[0] and places[-1] <= high + slack
+    expect(within, name, words, expected)
     refuse_unequal_ends(values, name)
 
 

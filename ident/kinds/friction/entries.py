@@ -76,12 +76,9 @@ def _with_ends(
     end = int(speeds[-1]) + 1
     flat = len(speeds) > 1 and currents[-1] == currents[-2]
     if not flat:
-        expect(
-            end <= _FASTEST_ENTRY,
-            f"{PREFIX}.table[].in",
-            f"{end / VELOCITY_UNITS:.6g} mm/s",
-            f"at most {_FASTEST_ENTRY / VELOCITY_UNITS:.10g}",
-        )
+        words = f"{end / VELOCITY_UNITS:.6g} mm/s"
+        most = f"at most {_FASTEST_ENTRY / VELOCITY_UNITS:.10g}"
+        expect(end <= _FASTEST_ENTRY, f"{PREFIX}.table[].in", words, most)
         speeds = np.append(speeds, end)
         currents = np.append(currents, currents[-1])
     return speeds, currents

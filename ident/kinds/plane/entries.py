@@ -70,13 +70,9 @@ class PlaneEntries(AbstractEntries):
         conventions, increment = reading.conventions, reading.increment
         slave = axis_number(listing)
         # The grid is QUADRATIC where nothing else is said (P-COMP-00031).
-        grid = (listing.text(f"{PREFIX}.grid") or "QUADRATIC").upper()
-        expect(
-            grid in ("QUADRATIC", "RECTANGULAR"),
-            f"{listing.source}: {PREFIX}.grid",
-            repr(listing.text(f"{PREFIX}.grid")),
-            "QUADRATIC or RECTANGULAR",
-        )
+        stated, forms = listing.text(f"{PREFIX}.grid"), ("QUADRATIC", "RECTANGULAR")
+        grid, name = (stated or forms[0]).upper(), f"{listing.source}: {PREFIX}.grid"
+        expect(grid in forms, name, repr(stated), " or ".join(forms))
         rectangular = grid == "RECTANGULAR"
         nodes: list[EquidistantNodes] = []
         for k, master in ((1, first), (2, second)):
@@ -84,12 +80,10 @@ class PlaneEntries(AbstractEntries):
             interval = f"{PREFIX}.interval{k if rectangular else ''}"
             step = required(listing, interval)
             last = required(listing, f"{PREFIX}.last_index_master{k}")
-            expect(
-                step > 0 and last >= 0,
-                f"{listing.source}: {PREFIX} master {k}",
-                f"interval {step}, last index {last}",
-                "an interval above 0 and an index of 0 or more",
-            )
+            name = f"{listing.source}: {PREFIX} master {k}"
+            words = f"interval {step}, last index {last}"
+            expected = "an interval above 0 and an index of 0 or more"
+            expect(step > 0 and last >= 0, name, words, expected)
             # The start position is 0 where it is not given, as in the controller.
             start = optional(listing, f"{PREFIX}.start_position_master{k}")
             places = as_array(scaled(start, size)), as_array(scaled(step, size))

@@ -72,12 +72,9 @@ def read_columns(path: Path) -> dict[str, Float[np.ndarray, " n"]]:
     expect(set(COLUMNS) <= set(names), str(path), words, ", ".join(COLUMNS))
     values = {name: table.numbers(table.column(name)) for name in COLUMNS}
     warmth = values["temperature"]
-    expect(
-        len(warmth) and (np.diff(warmth) > 0).all(),
-        f"{path}: temperature",
-        ", ".join(f"{value:g}" for value in warmth[:8]) or "no row",
-        "ascending temperatures",
-    )
+    ascend = len(warmth) and (np.diff(warmth) > 0).all()
+    words = ", ".join(f"{value:g}" for value in warmth[:8]) or "no row"
+    expect(ascend, f"{path}: temperature", words, "ascending temperatures")
     return values
 
 

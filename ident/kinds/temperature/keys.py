@@ -133,9 +133,5 @@ def temperature_names(axis: str) -> tuple[str, str, str, str]:
     """Return the names of the table of an axis, its PLC program, and its blocks for XAE."""
     name = plain_name(axis)
     law, access = block_names(axis)
-    return (
-        f"temperature_{name}.csv",
-        f"temperature_{name}.st",
-        f"{law}.TcPOU",
-        f"{access}.TcPOU",
-    )
+    files = f"temperature_{name}.csv", f"temperature_{name}.st"
+    return *files, f"{law}.TcPOU", f"{access}.TcPOU"
