@@ -46,19 +46,11 @@ def controller_of(
     Raises:
         ExchangeError: As `controller_from_lists`.
     """
-    columns = columns_of(used, numbers)
-    return PositionController(
-        axes=tuple(
-            _axis(
-                [use for use in used if use.axis == number],
-                columns,
-                lists.machine.get(number),
-                reading,
-            )
-            for number in numbers
-        ),
-        conventions=reading.conventions,
-    )
+    columns, axes = columns_of(used, numbers), []
+    for number in numbers:
+        mine = [use for use in used if use.axis == number]
+        axes.append(_axis(mine, columns, lists.machine.get(number), reading))
+    return PositionController(axes=tuple(axes), conventions=reading.conventions)
 
 
 def columns_of(used: Sequence[InUse], numbers: Sequence[int]) -> dict[int, int]:
@@ -102,11 +94,7 @@ def _axis(
         model = model_of(use, reading)
         parts |= use.kind.entries.installed(model, masters, use.listing)
     fields = {field.name for field in dataclasses.fields(AxisCompensations)}
-    further = {name: parts.pop(name) for name in parts.keys() - fields}
+    parts["further"] = {name: parts.pop(name) for name in parts.keys() - fields}
     manual = () if reading.commanded else tuple(o.name for o in uses if o.manual)
-    return AxisCompensations(
-        **parts,
-        further=further,
-        reversal_cycles=reversal_cycles(machine),
-        manual=manual,
-    )
+    cycles = reversal_cycles(machine)
+    return AxisCompensations(**parts, reversal_cycles=cycles, manual=manual)

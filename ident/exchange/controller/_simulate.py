@@ -276,13 +276,12 @@ class AxisLists:
     @functools.cached_property
     def files(self) -> tuple[ListFile, ...]:
         """Those that say something, as lists of this axis also where they do not say so."""
+        number = "kopf.achs_nr"
         pairs = ("compensation", self.compensation), ("axis", self.machine)
         return tuple(
-            listing
-            if listing.integer("kopf.achs_nr")
-            else listing.merge({"kopf.achs_nr": self.axis})
-            for kind, listing in pairs
-            if listing is not None and listing.kind == kind
+            one if one.integer(number) else one.merge({number: self.axis})
+            for kind, one in pairs
+            if one is not None and one.kind == kind
         )
 
     @functools.cached_property
@@ -337,12 +336,8 @@ class AxisLists:
         if self.axis not in motion.positions and self._has_no_slope:
             still = {self.axis: np.zeros(motion.rows)}
             whole = dataclasses.replace(motion, positions={**motion.positions, **still})
-        (axis,) = simulate(
-            self.files,
-            whole,
-            self.reading,
-            only=lambda use: self._is_known(use, motion),
-        )
+        known = functools.partial(self._is_known, motion=motion)
+        (axis,) = simulate(self.files, whole, self.reading, only=known)
         return dict(axis.parts)
 
     def _is_known(self, entry: InUse, motion: Motion) -> bool:

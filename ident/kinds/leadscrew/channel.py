@@ -23,14 +23,9 @@ class LeadscrewChannel(TableChannel):
         raw_input = listing.boolean(f"{PREFIX}.set_pos_without_comp")
         self._added: Float[np.ndarray, " t"] | None = None
         if self.others and not raw_input:
-            self._added = sum(
-                (
-                    channel.column(channel.plain)
-                    for channel in self.others.values()
-                    if not channel.one.kind.adds_current
-                ),
-                np.zeros(self.motion.rows),
-            )
+            others = (c for c in self.others.values() if not c.one.kind.adds_current)
+            added = (channel.column(channel.plain) for channel in others)
+            self._added = sum(added, np.zeros(self.motion.rows))
         matters = {
             "leadscrew_input": self._added is not None,
             "filter_delay": self.cycles > 1,

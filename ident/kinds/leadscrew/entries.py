@@ -157,22 +157,15 @@ class LeadscrewTable(AbstractTable):
         return 2 if self.bilateral else 1
 
     def model(self, integers: Int[np.ndarray, "..."]) -> Leadscrew:
-        return leadscrew_of(
-            self.nodes[0].places,
-            np.atleast_2d(from_list_units(integers)),
-            self.modulo,
-            self.conventions,
-        )
+        branches = np.atleast_2d(from_list_units(integers))
+        places = self.nodes[0].places
+        return leadscrew_of(places, branches, self.modulo, self.conventions)
 
     def effect(self, axis: str, masters: tuple[str, ...]) -> "joint.Leadscrew":
         from ...fit import joint
 
-        return joint.Leadscrew(
-            axis,
-            self.nodes[0].positions,
-            bilateral=self.bilateral,
-            modulo=self.periodic,
-        )
+        places, both = self.nodes[0].positions, self.bilateral
+        return joint.Leadscrew(axis, places, bilateral=both, modulo=self.periodic)
 
     def read(self, listing: ListFile, increments: Increments = None) -> Leadscrew:
         return read_leadscrew(listing, self.conventions, increments, modulo=self.modulo)
@@ -204,15 +197,9 @@ class LeadscrewEntries(AbstractEntries):
     comes_last = True
 
     def model(self, listing: ListFile, axis: int, reading: Reading) -> Leadscrew:
-        leadscrew: Leadscrew = jax.tree.map(
-            as_array,
-            read_leadscrew(
-                listing,
-                reading.conventions,
-                reading.increment,
-                modulo=reading.modulo.get(axis),
-            ),
-        )
+        rules, turn = reading.conventions, reading.modulo.get(axis)
+        table = read_leadscrew(listing, rules, reading.increment, modulo=turn)
+        leadscrew: Leadscrew = jax.tree.map(as_array, table)
         return leadscrew
 
     def to_list(
@@ -256,12 +243,9 @@ class LeadscrewEntries(AbstractEntries):
         if not model.bilateral:
             return {}
         play = kind("backlash")
-        expect(
-            play.name not in others,
-            play.activation,
-            "a backlash beside a leadscrew table for both directions",
-            "one of the two: the table contains the backlash",
-        )
+        words = "a backlash beside a leadscrew table for both directions"
+        expected = "one of the two: the table contains the backlash"
+        expect(play.name not in others, play.activation, words, expected)
         return {play.activation: 0}
 
     def installed(
