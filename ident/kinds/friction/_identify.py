@@ -73,11 +73,9 @@ def identify(recording: DriveRecording, spec: Spec, cycle_time: float) -> Identi
     output, without = None, choice.without
     if spec.method == "output_error":
         # A table cannot be simulated sample by sample; the law in words can.
+        kept = tuple(spec.constraints)
         output = fit_output_error(
-            choice.law,
-            samples,
-            solver=spec.solver,
-            constraints=tuple(spec.constraints),
+            choice.law, samples, solver=spec.solver, constraints=kept
         )
         without = laws_held_out(output, samples, choice.window, loss)
     return Identified(choice, output, reversal, without, tuple(remarks))
@@ -102,15 +100,10 @@ def _reversal(
     step = np.diff(place, prepend=place[:1]) / samples.cycle
     central = np.gradient(place, samples.cycle)
     try:
-        reversal = min(
-            (
-                fit_reversal(samples, place, velocity, known=known)
-                for velocity in (step, central)
-            ),
-            key=lambda fit: fit.noise,
-        )
+        fits = [fit_reversal(samples, place, v, known=known) for v in (step, central)]
     except FitError as error:
         return None, [Remark.error(f"reversal: {error}")]
+    reversal = min(fits, key=lambda fit: fit.noise)
     return reversal, [
         Remark.error(f"reversal: {name} is not known: {reason}")
         for name, reason in reversal.undetermined.items()

@@ -137,13 +137,10 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
 def _motion(measured: Measurement, axis: str) -> Motion:
     """Return the motion as recorded where that is as fine as a derived one, or derived."""
     motion = derive_motion(measured, axis, share=_SHARE)
-    fast, hard = (
-        None if values is None else np.asarray(values, float)
-        for values in (
-            recorded_motion(measured, axis, "velocity"),
-            recorded_motion(measured, axis, "acceleration"),
-        )
+    recorded = (
+        recorded_motion(measured, axis, name) for name in ("velocity", "acceleration")
     )
+    fast, hard = (None if v is None else np.asarray(v, float) for v in recorded)
     if fast is None or (hard is None and (np.diff(motion.time) <= 0.0).any()):
         return motion
     moving = np.abs(fast) > _FINE * np.abs(fast).max()
