@@ -149,13 +149,10 @@ def _print_figures(console: "Console", fit: "AbstractResult") -> None:
     digits = ".3g" if scale.factor == 1.0 else ".1f"
     stages, figures = figures_of(fit.error)
     heads = [stage.replace("_", " ") for stage in stages]
-    rows = [
-        (
-            name.replace("all", "wild kept"),
-            *("–" if v is None else f"{scale.factor * v:{digits}}" for v in row),
-        )
-        for name, row in figures.items()
-    ]
+    rows = []
+    for name, row in figures.items():
+        cells = ("–" if v is None else f"{scale.factor * v:{digits}}" for v in row)
+        rows.append((name.replace("all", "wild kept"), *cells))
     title = f"{fit.compensation} of {fit.axis}{over}, {scale.error}"
     console.print(table_of(["error", *heads], rows, numbers=heads, title=title))
 
@@ -165,11 +162,9 @@ def _print_gate(console: "Console", fit: "AbstractResult", name: str) -> None:
     if not failed:
         console.print(f"{name}gate: passed ({len(fit.gate)} checks)", markup=False)
     for check in failed:
-        console.print(
-            f"{name}gate: FAILED {check.name}: {check.value:.4g} {check.unit}, allowed"
-            f" {check.limit:.4g} ({check.where})",
-            markup=False,
-        )
+        words = f"{check.value:.4g} {check.unit}, allowed {check.limit:.4g}"
+        line = f"{name}gate: FAILED {check.name}: {words} ({check.where})"
+        console.print(line, markup=False)
 
 
 def _print_group(
@@ -201,15 +196,10 @@ def _print_sums(console: "Console", group: "GroupResult") -> None:
     fits = "one fit" if count == 1 else f"{count} fits as one"
     for axis in group.axes:
         scale = scale_of(axis.unit)
-        figures = [axis.error[stage].sound.rms for stage in _STAGES]
-        rows.append(
-            (
-                f"{axis.axis}, {scale.error}",
-                *(number(scale.factor * value) for value in (*figures, axis.noise)),
-                str(len(axis.rows)),
-                str(int(axis.wild.sum())),
-            )
-        )
+        sizes = [*(axis.error[stage].sound.rms for stage in _STAGES), axis.noise]
+        shown = [number(scale.factor * size) for size in sizes]
+        counts = str(len(axis.rows)), str(int(axis.wild.sum()))
+        rows.append((f"{axis.axis}, {scale.error}", *shown, *counts))
     heads = ["before", "predicted", "from file", "one reading", "readings", "wild"]
     title = f"group {group.name}: {fits}, rms"
     console.print(table_of(["error of", *heads], rows, numbers=heads, title=title))
@@ -222,15 +212,9 @@ def _print_effects(
     for effect in group.effects:
         scale = scales.get(effect.axis, scale_of("mm"))
         over = fits[effect.index].over if effect.index is not None else ()
-        rows.append(
-            (
-                effect.name,
-                ", ".join(over) or "–",
-                _size(effect, fits, scale),
-                f"{effect.information:.0%}",
-                _state(effect, fits),
-            )
-        )
+        size, share = _size(effect, fits, scale), f"{effect.information:.0%}"
+        state = _state(effect, fits)
+        rows.append((effect.name, ", ".join(over) or "–", size, share, state))
     heads = ["effect", "over", "rms", "information", "list"]
     console.print(table_of(heads, rows, numbers=("rms", "information")))
 

@@ -171,18 +171,12 @@ def _plane_table(curve: OffsetCurve, order: str) -> Table:
         f"adds/{'µm' if curve.metric else 'inc'}; to the right: axis {across}, down:"
         f" axis {down} ({order})"
     )
-    rows = [
-        [
-            f"{node:g}",
-            *(
-                "-" if entry is None else _plain(offset)
-                for entry, offset in zip(entries, offsets, strict=True)
-            ),
-        ]
-        for node, entries, offsets in zip(
-            curve.nodes[1], curve.entries, curve.offsets, strict=True
-        )
-    ]
+    rows = []
+    lines = zip(curve.nodes[1], curve.entries, curve.offsets, strict=True)
+    for node, entries, offsets in lines:
+        pairs = zip(entries, offsets, strict=True)
+        cells = ("-" if entry is None else _plain(adds) for entry, adds in pairs)
+        rows.append([f"{node:g}", *cells])
     heads = ["mm" if curve.metric else "inc", *(f"{x:g}" for x in curve.nodes[0])]
     return _grid(heads, rows, caption, MOST_COLUMNS)
 
@@ -215,14 +209,11 @@ def _raw_table(file: ListFile, kind_of: Kind, table: str) -> Iterator[Renderable
         return
     size = count(len(places), "entry", "entries")
     yield Text(f"\n{kind_of.name.capitalize()} table, {size}. {kind_of.adds}")
-    lines = [
-        [
-            ", ".join(map(str, place)),
-            *(
-                rows.texts[rows.last[place]] if place in rows.last else "-"
-                for rows in columns.values()
-            ),
-        ]
-        for place in places
-    ]
+    lines = []
+    for place in places:
+        cells = (
+            rows.texts[rows.last[place]] if place in rows.last else "-"
+            for rows in columns.values()
+        )
+        lines.append([", ".join(map(str, place)), *cells])
     yield _grid(heads, lines)
