@@ -147,24 +147,20 @@ def doctor(
     lists = read_lists(files)
     names = {axis.number: name for name, axis in new.spec.axes.items()}
     with working("reading the measurements"):
-        diagnoses = diagnose(
-            lists,
-            read_outside(old),
-            read_outside(new),
-            new.reading,
-            names=names,
-        )
+        outside = read_outside(old), read_outside(new)
+        diagnoses = diagnose(lists, *outside, new.reading, names=names)
     note(not_judged(lists, new.conventions, names), "")
-    pairs = [
-        (names.get(answer.axis, f"A{answer.axis}"), answer) for answer in diagnoses
-    ]
     keys = ("compensation", "verdict", "value", "sentence")
     trees = [
-        {"axis": name} | {key: getattr(answer, key) for key in keys}
-        for name, answer in pairs
+        {"axis": names.get(answer.axis, f"A{answer.axis}")}
+        | {key: getattr(answer, key) for key in keys}
+        for answer in diagnoses
     ]
     print_result(
         trees if as_json else None,
-        [f"{name} {answer.compensation}: {answer.sentence}" for name, answer in pairs],
+        (
+            f"{tree['axis']} {tree['compensation']}: {tree['sentence']}"
+            for tree in trees
+        ),
     )
     return all(answer.is_right for answer in diagnoses)

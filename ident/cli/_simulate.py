@@ -97,30 +97,21 @@ def simulate(
         elif any(column.name == "event" for column in table.columns):
             happened = _events_in(table, path)
         step("following the controller")
-        offsets = follow(
-            lists,
-            path,
-            Reading(
-                rules.conventions,
-                increment,
-                ranges,
-                _lines(warmed, lists, path, rules.conventions),
-            ),
-            cycle_time=cycle_time,
-            events=happened,
-        )
+        lines = _lines(warmed, lists, path, rules.conventions)
+        reading = Reading(rules.conventions, increment, ranges, lines)
+        offsets = follow(lists, path, reading, cycle_time=cycle_time, events=happened)
     columns = _columns(path, offsets)
     note(dict.fromkeys(text for axis in offsets for text in axis.remarks))
     if out is not None:
         parquet = out.suffix.lower() == ".parquet"
         write_atomically(out, _content(columns, parquet=parquet))
+    summary = _summary(columns, offsets, rules)
     if as_json:
-        print_json(_summary(columns, offsets, rules))
+        print_json(summary)
     elif out is None:
         typer.echo(_content(columns).decode("ascii"), nl=False)
     else:
-        rows = len(next(iter(columns.values()))) if columns else 0
-        typer.echo(f"{rows} rows, {', '.join(columns)} in {out}", err=True)
+        typer.echo(f"{summary['rows']} rows, {', '.join(columns)} in {out}", err=True)
 
 
 def _lines(
@@ -134,16 +125,16 @@ def _lines(
     from ..kinds.temperature.entries import read_temperature_table
 
     machines = machine_lists(lists).machine if tables else {}
-    return {
-        axis: read_temperature_table(
+    lines, sensors = {}, list(motion.temperatures)
+    for axis, match in tables.items():
+        lines[axis] = read_temperature_table(
             Path(match["file"]),
-            list(motion.temperatures),
+            sensors,
             match["sensor"],
             conventions,
             machines.get(axis),
         )
-        for axis, match in tables.items()
-    }
+    return lines
 
 
 def _columns(
@@ -221,10 +212,8 @@ def _motion_in(table: "Table") -> "Motion":
     def number(axis: str) -> int:
         digits = axis.removeprefix("A")
         if not digits.isdigit():
-            reason = (
-                f"found axis {axis!r}, expected A1, A2, … after the logical numbers"
-            )
-            raise MeasurementError(str(table.path), reason)
+            words = f"found axis {axis!r}, expected A1, A2, … after the logical numbers"
+            raise MeasurementError(str(table.path), words)
         return int(digits)
 
     measured = measurement(table)
@@ -232,9 +221,8 @@ def _motion_in(table: "Table") -> "Motion":
     if not motion.positions:
         reason = "found no position, expected a column such as A1.position"
         raise MeasurementError(str(table.path), reason)
-    time = motion.time
-    if time is not None and np.any(np.diff(time) <= 0):
-        at = int(np.argmax(np.diff(time) <= 0))
+    time = np.zeros(0) if motion.time is None else motion.time
+    for at in np.flatnonzero(np.diff(time) <= 0).tolist():
         reason = (
             f"line {measured.lines[at + 1]}: found time {time[at + 1]:g} after"
             f" {time[at]:g}, expected ascending times"
