@@ -4,7 +4,6 @@ Only light modules are imported here: every command imports what it needs when i
 so that ``axcomp --help`` and ``axcomp check`` start in a fraction of a second.
 """
 
-import inspect
 import os
 import signal
 import sys
@@ -62,12 +61,6 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     )
 }
 """Function by name, in the order in which they are shown; its docstring is the help."""
-
-
-def examples_of(command: Callable[..., Any]) -> list[str]:
-    """Return the lines that the docstring of a command gives as examples."""
-    lines = inspect.cleandoc(command.__doc__ or "").partition("\nExamples:\n")[2]
-    return [line.strip() for line in lines.splitlines()]
 
 
 for _name, _function in COMMANDS.items():

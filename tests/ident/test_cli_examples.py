@@ -1,7 +1,10 @@
 """The examples that ``--help`` shows, run in a folder such as a user has."""
 
+import inspect
 import shlex
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from axcomp.ident.cli import main
-from axcomp.ident.cli._app import COMMANDS, app, examples_of
+from axcomp.ident.cli._app import COMMANDS, app
 
 X = np.linspace(0.0, 400.0, 21)
 OLD = """\
@@ -96,6 +99,12 @@ def logged(folder: Path) -> None:
     at = added[0].split(",").index("A1.leadscrew")
     rows = [f"{a},{b.split(',')[at]}" for a, b in zip(motion, added, strict=True)]
     (folder / "log.csv").write_text("\n".join(rows) + "\n")
+
+
+def examples_of(command: Callable[..., Any]) -> list[str]:
+    """Return the lines that the docstring of a command gives as examples."""
+    lines = inspect.cleandoc(command.__doc__ or "").partition("\nExamples:\n")[2]
+    return [line.strip() for line in lines.splitlines()]
 
 
 @pytest.mark.slow
