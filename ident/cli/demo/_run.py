@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from ....data.lists import ListFile
 from ....data.measurements import measurement, read_table, with_error, without_motion
@@ -209,11 +208,8 @@ def _loaded(mill: WorkingMachine, job: JobResult, folder: Path) -> WorkingMachin
 
 def _rms_errors(path: Path) -> dict[str, float]:
     """Return the error of each axis that a log shows, in mm rms, wild readings aside."""
-    measured = without_motion(measurement(read_table(path)), _AXES)
-    return {
-        axis: _rms(with_error(measured, axis).values[f"{axis}.error"]) for axis in _AXES
-    }
-
-
-def _rms(error: Float[np.ndarray, " t"]) -> float:
-    return float(np.std(error[~wild_readings(error)]))
+    measured, sizes = without_motion(measurement(read_table(path)), _AXES), {}
+    for axis in _AXES:
+        error = with_error(measured, axis).values[f"{axis}.error"]
+        sizes[axis] = float(np.std(error[~wild_readings(error)]))
+    return sizes
