@@ -74,24 +74,17 @@ def _wander(
     """
     if readings.run is not None or len(readings.error) > _MANY:
         return
-    every = [one.values.with_gaps() for one in measured]
-    names = {
-        role
-        for own in every
-        for role in own
-        if role.endswith(".position") and role not in own.unusable
-    }
-    columns = [
-        np.concatenate(
-            [
-                own[name]
-                if name in own and name not in own.unusable
-                else np.zeros(one.rows)
-                for own, one in zip(every, measured, strict=True)
-            ]
+    every = []
+    for values in (one.values.with_gaps() for one in measured):
+        roles = (role for role in values if role.endswith(".position"))
+        every.append(
+            {role: values[role] for role in roles if role not in values.unusable}
         )
-        for name in names
-    ]
+    columns = []
+    for name in {name for places in every for name in places}:
+        pairs = zip(every, measured, strict=True)
+        parts = [places.get(name, np.zeros(one.rows)) for places, one in pairs]
+        columns.append(np.concatenate(parts))
     if readings.direction is not None:
         columns.append(readings.direction)
     yield from wander_remarks(
