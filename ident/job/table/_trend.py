@@ -6,7 +6,6 @@ are. Where they stand out of the error and the job does not say, nothing is writ
 """
 
 import dataclasses
-from collections.abc import Sequence
 from typing import final
 
 import numpy as np
@@ -60,12 +59,8 @@ class Trend:
             negligible: Size that is never significant, in mm or °.
         """
         sure = np.append(self.slope_deviations * self.reach, self.constant_deviation)
-        return bool(
-            np.any(
-                (self.sizes > _SURE * sure)
-                & (self.sizes > max(self.remainder, negligible))
-            )
-        )
+        stands_out = self.sizes > max(self.remainder, negligible)
+        return bool(np.any(stands_out & (self.sizes > _SURE * sure)))
 
     @property
     def sizes(self) -> Float[np.ndarray, " n"]:
@@ -189,12 +184,8 @@ def _has_zero(plan: Plan) -> bool:
 
 def _unstated(plan: Plan) -> list[str]:
     """Return the measurements of which the job does not say whose zero and slope are."""
-    spec = plan.job.spec.measurements
-    return [
-        name
-        for name in plan.fit.sources
-        if not {"datum", "remove"} & spec[name].model_fields_set
-    ]
+    spec, keys = plan.job.spec.measurements, {"datum", "remove"}
+    return [n for n in plan.fit.sources if not keys & spec[n].model_fields_set]
 
 
 def asks_for_owner(job: Job, trend: Trend) -> bool:
@@ -210,15 +201,11 @@ def is_negligible(job: Job, trend: Trend) -> bool:
 
 def trend_words(job: Job, fit: TableSpec, trend: Trend) -> str:
     """Return constant and slopes with unit and standard deviation."""
-    axes, masters = job.spec.axes, fit.over
-    unit = axes[fit.axis].small_unit
-    words = [
-        f"a constant of {_amount(trend.constant, trend.constant_deviation)} {unit}"
-    ]
-    pairs: Sequence[tuple[float, float]] = list(
-        zip(trend.slopes, trend.slope_deviations, strict=True)
-    )
-    for master, (slope, deviation) in zip(masters, pairs, strict=False):
+    axes, unit = job.spec.axes, job.spec.axes[fit.axis].small_unit
+    constant = _amount(trend.constant, trend.constant_deviation)
+    words = [f"a constant of {constant} {unit}"]
+    slopes = zip(fit.over, trend.slopes, trend.slope_deviations, strict=False)
+    for master, slope, deviation in slopes:
         along = axes[master].kind == "linear"
         scale, per = (1e3, "m") if along else (1.0, "°")
         over = "" if master == fit.axis else f" over {master}"
