@@ -160,15 +160,14 @@ def _refuse_taken_over(job: Job, fit: FitSpec, before: AxisLists) -> None:
     for name in (name for name in fit.switches_off if name in before.used):
         for source in fit.sources:
             stated = job.spec.measurements[source].stated_active
-            if stated is not None or not before.acts(name):
-                continue
-            raise job.error(
-                ("measurements", source),
-                f"found no active, and {before.used[name].listing.source} switches on the {name}"
-                f" of {fit.axis}, which this {fit.compensation} takes over: expected"
-                " active = [] if it was off while measuring; if it was on, measure"
-                " without it",
-            )
+            if stated is None and before.acts(name):
+                raise job.error(
+                    ("measurements", source),
+                    f"found no active, and {before.used[name].listing.source} switches on the"
+                    f" {name} of {fit.axis}, which this {fit.compensation} takes over:"
+                    " expected active = [] if it was off while measuring; if it was on,"
+                    " measure without it",
+                )
 
 
 def _refuse_switched_off(job: Job, fit: FitSpec, before: AxisLists) -> None:

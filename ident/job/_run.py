@@ -157,10 +157,7 @@ def _names(job: Job) -> list[str]:
 
 def _names_of(number: int, fits: Sequence[FitSpec]) -> list[str]:
     """Return every name that fits of an axis may write."""
-    lists = [
-        compensation_file(number),
-        *(axis_file(number, whole=w) for w in (True, False)),
-    ]
+    lists = compensation_file(number), axis_file(number), axis_file(number, whole=False)
     return [*lists, *(name for fit in fits for name in fit.plc_files)]
 
 

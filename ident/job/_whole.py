@@ -244,7 +244,7 @@ class _Axis:
             spans=reached | spans,
             closed=frozenset(spans),
             warmth=warm_states(warmth),
-            unit="mm" if self.unit == "mm" else "deg",
+            unit=axes[self.name].plain_unit,
             cycle_time=self.job.spec.controller.cycle_time,
         )
 

@@ -125,15 +125,11 @@ class LogReadings:
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """What was taken for granted, once the log has been read."""
-        texts = list(self._said)
+        texts, fit = list(self._said), self.plan.fit
         for name in (source.name for source in self.sources):
-            texts += reference_words(
-                name,
-                self.tables.job.spec.measurements[name],
-                self.plan.axis,
-                self.plan.fit.lengths,
-                self._changes.get(name),
-            )
+            spec = self.tables.job.spec.measurements[name]
+            change = self._changes.get(name)
+            texts += reference_words(name, spec, fit.axis, fit.lengths, change)
         return tuple(Remark.info(words) for words in texts)
 
     def _parts_of(self, source: LogSource) -> list[TablePart]:

@@ -162,8 +162,7 @@ class BacklashDraft(AbstractDraft):
 
     def _read_back(self, done: "AxisFiles") -> float:
         """Return the width that the written file holds."""
-        listing = done.machine
-        if listing is None:
-            return 0.0 if self.plan.old is None else float(self.plan.old.width)
-        backlash = backlash_from_list(listing, self.job.conventions)
+        backlash = self.plan.old
+        if done.machine is not None:
+            backlash = backlash_from_list(done.machine, self.job.conventions)
         return 0.0 if backlash is None else float(backlash.width)
