@@ -4,7 +4,6 @@ import abc
 import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -364,13 +363,6 @@ class AbstractDraft(AbstractOfFit):
         """
         return None
 
-    def files_in(self, done: "AxisFiles") -> tuple[Path, ...]:
-        """Return the files of the axis that hold something of it; none if nothing is written."""
-        names = {done.machine_name, *self.fit.plc_files}
-        if self.kind.holder == "compensation":
-            names.add(done.compensation_name)
-        return tuple(n for n in done.written if self.written and n.name in names)
-
     def stays_on(self) -> Iterator[Remark]:
         """Yield that what the axis has already stays on, where nothing is written instead.
 
@@ -393,6 +385,9 @@ class AbstractDraft(AbstractOfFit):
     def frame(self, done: "AxisFiles") -> dict[str, Any]:
         """Return what every result says alike, as arguments of its class."""
         rules = self.job.conventions, self.job.verified, self.kind.conventions
+        names = {done.machine_name, *self.fit.plc_files}
+        if self.kind.holder == "compensation":
+            names.add(done.compensation_name)
         return {
             "compensation": self.compensation,
             "axis": self.axis,
@@ -400,6 +395,7 @@ class AbstractDraft(AbstractOfFit):
             "unit": self.unit,
             "gate": done.gates[self.index],
             "conventions": _convention_states(*rules),
+            "files": tuple(n for n in done.written if self.written and n.name in names),
             "findings": tuple(dataclasses.asdict(item) for item in done.findings),
         }
 

@@ -308,7 +308,6 @@ class LeftOutDraft(AbstractDraft):
             **frame,
             error=dict.fromkeys(("before", "predicted", "from_file"), figures),
             remarks=(Remark.error(words), *remarks, *done.remarks),
-            files=(),
             held_out="block" if share is None else share.recording.held_out,
             part=None if share is None else share.part,
             noise=np.nan if share is None else share.noise,

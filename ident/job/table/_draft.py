@@ -263,7 +263,6 @@ class TableDraft(AbstractDraft):
                 *switching_remarks(self),
                 *done.remarks,
             ),
-            files=done.written_lists,
             cycles=done.cycles if self._bilateral else None,
             held_out="run" if self.left.by_run else "block",
             every=None if self.log is None else self.log.every,

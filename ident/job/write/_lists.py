@@ -151,11 +151,6 @@ class AxisFiles:
         path = next((file for file in self.written if file.name == name), None)
         return None if path is None else self.root / path
 
-    @property
-    def written_lists(self) -> tuple[Path, ...]:
-        """Those of the written files that are lists, not the PLC's."""
-        return tuple(file for file in self.written if file.name not in self.extra)
-
 
 def read_back(listing: ListFile | None) -> ListFile | None:
     """Return a list as its bytes read."""

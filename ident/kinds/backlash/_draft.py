@@ -135,7 +135,6 @@ class BacklashDraft(AbstractDraft):
             **self.frame(done),
             error=staged(before, predicted, from_file, wild),
             remarks=(),
-            files=self.files_in(done),
             held_out=share.recording.held_out,
             width=self.width if self.written else 0.0,
             reference=self.plan.reference,

@@ -191,7 +191,6 @@ class CrosstalkDraft(AbstractDraft):
             **self.frame(done),
             error=staged(before, predicted, residual, wild),
             remarks=(*remarks_of(self), *done.remarks),
-            files=self.files_in(done),
             held_out="event",
             model=self.model if self.written else None,
             written=fit.kept(self.plan.acting) & self.written,

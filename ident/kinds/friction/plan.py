@@ -166,7 +166,6 @@ class FrictionDraft(AbstractDraft):
                 for key in ("before", "predicted", "from_file")
             },
             remarks=(*self._remarks(), *done.remarks),
-            files=done.written_lists if self.knots is not None else (),
             held_out="window",
             identified=self.found,
             knots=self.knots,

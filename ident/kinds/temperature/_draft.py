@@ -200,7 +200,6 @@ class TemperatureDraft(AbstractDraft):
             **self.frame(done),
             error=staged(before, predicted, from_file, wild),
             remarks=(*remarks_of(self), *done.remarks),
-            files=self.files_in(done),
             held_out=self.share.recording.held_out,
             no_effect=not (self.written or asks_for_none(self.fit)),
             reference=self.position,

@@ -81,7 +81,6 @@ class OffsetDraft(AbstractDraft):
             **self.frame(done),
             error=staged(self.error, left, left, wild),
             remarks=(Remark.info("The same everywhere."), *done.remarks),
-            files=done.written,
             value=value,
         )
 
