@@ -175,17 +175,14 @@ def cut_events(data: JointData, form: Crosstalk, over: Sequence[str] = ()) -> Ev
     )
     motion = {"acceleration": acceleration, "velocity": velocity, "positions": places}
     for name, values in {"time": time, **motion}.items():
-        invalid = ~np.isfinite(values.reshape(len(data), -1))
-        if invalid.any():
-            row = int(np.flatnonzero(invalid.any(axis=1))[0])
+        invalid = ~np.isfinite(values.reshape(len(data), -1)).all(axis=1)
+        for row in np.flatnonzero(invalid).tolist():
             msg = f"reading {row + 1}: {name} is not finite, expected numbers."
             raise FitError(msg)
-    falling = np.flatnonzero((np.diff(time) <= 0) & (np.diff(_logs(data)) == 0))
-    if falling.size:
-        msg = (
-            f"reading {falling[0] + 2}: found time that does not ascend, expected a log in the"
-            " order of time."
-        )
+    falling = (np.diff(time) <= 0) & (np.diff(_logs(data)) == 0)
+    for row in np.flatnonzero(falling).tolist():
+        words = "found time that does not ascend, expected a log in the order of time"
+        msg = f"reading {row + 2}: {words}."
         raise FitError(msg)
     cut, error = [], data.error[form.axis]
     for event in _windows(data, form):
