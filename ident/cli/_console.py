@@ -51,15 +51,9 @@ def table_of(
     caption: str | None = None,
     plain: bool = False,
 ) -> "Table":
-    """Return a table of texts as they stand.
+    """Return a table of texts as they stand; a plain one has no lines.
 
-    Args:
-        heads: Of the columns.
-        rows: Their cells.
-        numbers: Heads of columns of numbers.
-        title: Stands above it.
-        caption: Stands below it.
-        plain: It has no lines.
+    Columns whose heads are among the `numbers` are those of numbers.
     """
     from rich.box import HEAVY_HEAD
     from rich.markup import escape

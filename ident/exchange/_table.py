@@ -152,13 +152,7 @@ class AbstractTable(abc.ABC):
         positions: Float[np.ndarray, "t d"],
         branch: Int[np.ndarray, " t"] | None,
     ) -> Float[np.ndarray, "k t"]:
-        """Return what the controller adds at each reading under each of several lists.
-
-        Args:
-            integers: Entries of each list.
-            positions: As for `offset`.
-            branch: As for `offset`.
-        """
+        """Return the `offset` at each reading under each of several lists."""
         direction = None if branch is None else 1 - 2 * branch
         # The lists have their nodes in common: only these count of the first.
         nodes, weights = _touched(self.model(integers[0]), positions, direction)
