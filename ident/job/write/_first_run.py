@@ -86,15 +86,12 @@ def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
 def _program(channel: int, steps: Sequence[Mapping[str, Any]], title: str) -> str:
     states = [state for step in steps for state in step["states"]]
     # Words are checked, the title is a comment.
-    text = (
-        templates(__package__ or "")
-        .get_template("first_run.nc.jinja")
-        .render(
-            channel=channel,
-            steps=steps,
-            declared=declared(states),
-            words=list(dict.fromkeys(state.word for state in states)),
-            title=title,
-        )
+    template = templates(__package__ or "").get_template("first_run.nc.jinja")
+    text = template.render(
+        channel=channel,
+        steps=steps,
+        declared=declared(states),
+        words=list(dict.fromkeys(state.word for state in states)),
+        title=title,
     )
     return numbered(text.splitlines())

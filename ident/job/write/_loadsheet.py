@@ -25,7 +25,7 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
     open_ = [r for r in result.judgement.reasons if r.code is Code.ASSUMED]
     expected = result.expectation if open_ else None
     line = {
-        "name": f"{draft.compensation} of {draft.axis}",
+        "name": draft.fit.name,
         "axis": draft.axis,
         "word": word,
         "keyword": kind.keyword,
@@ -70,46 +70,40 @@ def load_sheet(
     for draft, _ in pairs:
         if draft.axis in axes and draft.kind.demanded:
             demanded.setdefault(draft.axis, []).append(draft.kind.keyword)
-    text = (
-        templates(__package__ or "")
-        .get_template("load_sheet.txt.jinja")
-        .render(
-            job=job.path.name,
-            axes=job.spec.axes,
-            rejected=[axis.axis for axis in files if axis.failed],
-            refuted=[
-                line["name"]
-                for line, (_, result) in zip(lines, pairs, strict=True)
-                if line["axis"] in axes and _is_refuted(result)
-            ],
-            files=let_out,
-            unsettled=[line for line in lines if line["conventions"]],
-            plc_objects={
-                axis.axis: " and ".join(
-                    name for name in axis.extra if name.endswith(".TcPOU")
-                )
-                for axis in let_out
-            },
-            restarts=[axis for axis in let_out if axis.restart],
-            changed=changed,
-            by_hand=[
-                axis.machine_name
-                for axis in changed
-                if axis.machine is not None
-                and job.spec.axes[axis.axis].machine_data is None
-            ],
-            programs=programs,
-            nameless=[
-                (axis, repr(job.spec.nc_word(axis))) for axis in nameless(job, axes)
-            ],
-            written=written,
-            demanded=[f"{axis}: {' | '.join(own)}" for axis, own in demanded.items()],
-            shown=[line["variable"] for line in written if not line["current"]],
-            currents=[line["variable"] for line in written if line["current"]],
-            unproven=[draft.kind for draft, result in pairs if not result.confirmed],
-            scope=SCOPE,
-            objects=OBJECTS,
-        )
+    template = templates(__package__ or "").get_template("load_sheet.txt.jinja")
+    text = template.render(
+        job=job.path.name,
+        axes=job.spec.axes,
+        rejected=[axis.axis for axis in files if axis.failed],
+        refuted=[
+            line["name"]
+            for line, (_, result) in zip(lines, pairs, strict=True)
+            if line["axis"] in axes and _is_refuted(result)
+        ],
+        files=let_out,
+        unsettled=[line for line in lines if line["conventions"]],
+        plc_objects={
+            axis.axis: " and ".join(
+                name for name in axis.extra if name.endswith(".TcPOU")
+            )
+            for axis in let_out
+        },
+        restarts=[axis for axis in let_out if axis.restart],
+        changed=changed,
+        by_hand=[
+            axis.machine_name
+            for axis in changed
+            if axis.machine is not None and axis.existing.machine is None
+        ],
+        programs=programs,
+        nameless=[(axis, repr(job.spec.nc_word(axis))) for axis in nameless(job, axes)],
+        written=written,
+        demanded=[f"{axis}: {' | '.join(own)}" for axis, own in demanded.items()],
+        shown=[line["variable"] for line in written if not line["current"]],
+        currents=[line["variable"] for line in written if line["current"]],
+        unproven=[draft.kind for draft, result in pairs if not result.confirmed],
+        scope=SCOPE,
+        objects=OBJECTS,
     )
     steps = [part.splitlines() for part in re.split(r"^## ", text, flags=re.M)[1:]]
     return tuple(LoadStep(action, " ".join(lines)) for action, *lines in steps)
