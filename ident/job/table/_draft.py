@@ -145,27 +145,21 @@ class TableDraft(AbstractDraft):
         job, table, change = self.job, self.plan.table, self.change
         axis, closed = job.spec.axes[self.axis], []
         for name, nodes in zip(self.fit.over, table.nodes, strict=True):
-            limits, ends = job.spec.axes[name].limits, nodes.positions[[0, -1]]
-            closed.append(
-                limits is not None
-                and bool(ends[0] <= limits[0] and ends[1] >= limits[1])
-            )
-        lines = judge(
-            GateTable(
-                names=self.fit.over,
-                nodes=tuple(nodes.positions for nodes in table.nodes),
-                offset=tuple(by_branch(table, self.offset).values()),
-                change=None
-                if change is None
-                else tuple(by_branch(table, change).values()),
-                closed=tuple(closed),
-                periodic=table.periodic,
-                unit=axis.plain_unit,
-                cycles=(cycles or 0) if self._bilateral else 0,
-                cycle_time=job.spec.controller.cycle_time,
-            ),
-            job.limits,
+            low, high = job.spec.axes[name].limits or (-np.inf, np.inf)
+            first, last = nodes.positions[[0, -1]]
+            closed.append(bool(first <= low and last >= high))
+        judged = GateTable(
+            names=self.fit.over,
+            nodes=tuple(nodes.positions for nodes in table.nodes),
+            offset=tuple(by_branch(table, self.offset).values()),
+            change=None if change is None else tuple(by_branch(table, change).values()),
+            closed=tuple(closed),
+            periodic=table.periodic,
+            unit=axis.plain_unit,
+            cycles=(cycles or 0) if self._bilateral else 0,
+            cycle_time=job.spec.controller.cycle_time,
         )
+        lines = judge(judged, job.limits)
         if self.kind.cycles is None:  # a leadscrew table
             return lines
         entry, spread = self.kind.cycles[0], self.spread[1]
