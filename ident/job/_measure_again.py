@@ -244,20 +244,14 @@ def _diagnoses(
     if all(kind(result.compensation).unseen for result in results):
         return {}, [*map(Remark.warning, lines)]
     remarks = [*map(Remark.info, lines)]
+    reading = dataclasses.replace(second.job.reading, conventions=job.conventions)
     try:
-        diagnoses = diagnose(
-            lists,
-            read_outside(job),
-            read_outside(second.job),
-            dataclasses.replace(second.job.reading, conventions=job.conventions),
-            names=names,
-        )
+        outside = read_outside(job), read_outside(second.job)
+        diagnoses = diagnose(lists, *outside, reading, names=names)
     except ExchangeError as error:
         words = f"What the lists do cannot be diagnosed from {second.name}: {error}"
         return {}, [*remarks, Remark.warning(words)]
-    return {
-        (diagnosis.axis, diagnosis.compensation): diagnosis for diagnosis in diagnoses
-    }, remarks
+    return {(one.axis, one.compensation): one for one in diagnoses}, remarks
 
 
 def _other_list(
@@ -384,11 +378,8 @@ def _save_settled(job: Job, root: Path, settled: dict[str, int | str]) -> list[R
         )
     values = stored.conventions.to_dict()
     if any(n not in stored.verified or values[n] != v for n, v in settled.items()):
-        merged = stored.with_verified(
-            settled,
-            machine=job.spec.machine.id,
-            saved_at=datetime.date.today().isoformat(),
-        )
+        machine, day = job.spec.machine.id, datetime.date.today().isoformat()
+        merged = stored.with_verified(settled, machine=machine, saved_at=day)
         before = path.read_text(encoding="utf-8") if path.is_file() else ""
         write_atomically(path, merged.saved_over(before))
     words = ", ".join(f"{name} = {value}" for name, value in settled.items())

@@ -105,14 +105,10 @@ class AxisFiles:
         machine = machine or before.machine
         drafts = [draft for draft in self.drafts if draft.written]
         lines = [line for draft in drafts if (line := draft.line(machine))]
-        return AxisLists(
-            self.number,
-            read_back(self.compensation) or before.compensation,
-            machine,
-            dataclasses.replace(
-                before.reading, lines={self.number: lines[-1]} if lines else {}
-            ),
-        )
+        own_line = {self.number: lines[-1]} if lines else {}
+        reading = dataclasses.replace(before.reading, lines=own_line)
+        compensation = read_back(self.compensation) or before.compensation
+        return AxisLists(self.number, compensation, machine, reading)
 
     @property
     def failed(self) -> bool:
