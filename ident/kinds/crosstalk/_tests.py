@@ -48,17 +48,14 @@ def fitted(
         members = group == number
         design = columns[members]
         spare = len(design) - int((design > TOUCHED).any(axis=0).sum())
-        yield (
-            number,
-            members,
-            regress(
-                design,
-                events.value[members],
-                weight=events.weight[members],
-                loss=loss if spare >= max(4, design.shape[1]) else "gauss",
-                noise=events.own_noise,
-            ),
+        found = regress(
+            design,
+            events.value[members],
+            weight=events.weight[members],
+            loss=loss if spare >= max(4, design.shape[1]) else "gauss",
+            noise=events.own_noise,
         )
+        yield number, members, found
 
 
 def held_out(
@@ -163,22 +160,15 @@ def _candidates(
     """
     low, high = positions.min(axis=0), positions.max(axis=0)
     moving = np.flatnonzero(high - low > _LEAST_SPAN).tolist()
-    return [
-        (
-            axes,
-            tuple(
-                _rounded(np.linspace(low[axis], high[axis], count))
-                for axis, count in zip(axes, counts, strict=True)
-            ),
-        )
-        for mode in modes
-        for axes in itertools.combinations(moving, mode - 1)
-        for counts in itertools.product(
-            range(max(min(3, most), 2) if len(axes) == 1 else 2, most + 1),
-            repeat=len(axes),
-        )
-        if math.prod(counts) <= most
-    ]
+    candidates = []
+    for axes in (a for mode in modes for a in itertools.combinations(moving, mode - 1)):
+        fewest = max(min(3, most), 2) if len(axes) == 1 else 2
+        for counts in itertools.product(range(fewest, most + 1), repeat=len(axes)):
+            if math.prod(counts) <= most:
+                ends = low[list(axes)], high[list(axes)], counts
+                lines = [np.linspace(*line) for line in zip(*ends, strict=True)]
+                candidates.append((axes, tuple(map(_rounded, lines))))
+    return candidates
 
 
 def _cells(positions: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
