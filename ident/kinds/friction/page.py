@@ -24,16 +24,10 @@ _ROOM = 8.0
 
 def body(fit: FrictionResult, scale: Scale) -> Body:
     """Return what the page shows of a fitted friction law."""
-    drawn = [
-        curve_plot(fit, scale),
-        residual_plot(fit, scale),
-        choice_plot(fit),
-        circle_plot(fit),
-    ]
-    return Body(
-        plots=[plot for plot in drawn if plot is not None],
-        facts=[*_facts(fit, scale)],
-    )
+    curves = curve_plot(fit, scale), residual_plot(fit, scale)
+    drawn = [*curves, choice_plot(fit), circle_plot(fit)]
+    plots = [plot for plot in drawn if plot is not None]
+    return Body(plots=plots, facts=[*_facts(fit, scale)])
 
 
 def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:

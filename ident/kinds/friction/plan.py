@@ -31,6 +31,7 @@ from .keys import Spec
 if TYPE_CHECKING:
     from ...job.write._lists import AxisFiles
 
+_STAGES = ("before", "predicted", "from_file")
 _ENTRIES = 20
 _LOOKED_AT, _PARTS = 3_000, 5
 """Samples by which a load that changes with the position is looked for, and parts of the
@@ -161,10 +162,7 @@ class FrictionDraft(AbstractDraft):
             view = dataclasses.replace(view, listed=listed)
         return FrictionResult(
             **self.frame(done),
-            error={
-                key: view.figures(getattr(view, key))
-                for key in ("before", "predicted", "from_file")
-            },
+            error={stage: view.figures(getattr(view, stage)) for stage in _STAGES},
             remarks=(*self._remarks(), *done.remarks),
             held_out="window",
             identified=self.found,

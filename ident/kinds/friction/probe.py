@@ -42,12 +42,8 @@ class FrictionProbe(AbstractProbe):
                 found=str(scaling),
                 expected="10 or more, of which 10 to 20 % can be written",
             )
-        return Probed(
-            in_use.axis,
-            in_use.name,
-            in_use.masters,
-            kept=kept | {f"{PREFIX}.scaling_factor": low},
-        )
+        kept[f"{PREFIX}.scaling_factor"] = low
+        return Probed(in_use.axis, in_use.name, in_use.masters, kept=kept)
 
     def entries(
         self, probed: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
