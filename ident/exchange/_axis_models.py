@@ -77,13 +77,13 @@ class AxisModels(Mapping[str, Any]):
         for name in tables:
             model = self.models[name]
             machine |= kind(name).entries.beside(model, self.models.keys())
+        target = ListTarget(existing, build=build)
         for name in sorted(self.models):
-            entries = kind(name).entries.to_list(
+            model, masters = (
                 self._in_list_units(name, rules),
                 self.masters.get(name, ()),
-                rules,
-                ListTarget(existing, build=build),
             )
+            entries = kind(name).entries.to_list(model, masters, rules, target)
             (compensation if name in tables else machine).update(entries)
         return compensation, machine
 

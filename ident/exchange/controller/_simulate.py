@@ -97,11 +97,8 @@ def simulate(
     axes: set[int] = set()
     for version, new in versions:
         machine = machine_lists(version)
-        used = [
-            use
-            for use in machine.in_use(reading.conventions, reading.lines)
-            if only is None or only(use)
-        ]
+        every = machine.in_use(reading.conventions, reading.lines)
+        used = [use for use in every if only is None or only(use)]
         expect(
             machine.compensation or any(use.kind.holder == "axis" for use in used),
             ", ".join(listing.source for listing in version) or "lists",
