@@ -241,6 +241,12 @@ class JointData:
         if self.run is not None:
             yield "run", self.run
 
+    @property
+    def order(self) -> Float[np.ndarray, " t"]:
+        """Time of every reading in s; its row number where there is no clock."""
+        rows = np.arange(len(self), dtype=float)
+        return rows if self.time is None else np.asarray(self.time, dtype=float)
+
     def run_of(self, axis: str) -> Int[np.ndarray, " t"] | None:
         """Return the runs that may have an offset of their own on an axis."""
         return self.runs.get(axis, self.run)

@@ -231,7 +231,7 @@ def _helpers(
         if len(nodes) > max(len(curves.get(member.axis, ())), 1):
             curves[member.axis] = nodes
     yield from (Leadscrew(axis, n) for axis, n in curves.items() if axis not in screws)
-    if recording.timed:
+    if recording.data.time is not None:
         # What is left of the delay of the instrument, and of the rate of its clock.
         needed = dict.fromkeys(
             member.axis for member in members if member.axis in recording.moving

@@ -49,8 +49,6 @@ class GroupRecording:
         data: All readings, measurements one after the other.
         slices: Rows of each measurement.
         run: Cycle of each reading, or None where nothing was repeated.
-        order: Time in s, or row number.
-        timed: Whether it is a time.
         fold: Turn in which each reading is held out.
         by_run: Whether whole runs are held out, else stretches of the recording.
         moving: Compensated axes whose error was recorded in motion, with their velocity.
@@ -62,8 +60,6 @@ class GroupRecording:
     data: JointData
     slices: Mapping[str, slice]
     run: Int[np.ndarray, " t"] | None
-    order: Float[np.ndarray, " t"]
-    timed: bool
     fold: Int[np.ndarray, " t"]
     by_run: bool
     moving: frozenset[str]
@@ -108,8 +104,8 @@ class GroupRecording:
             error=error,
             direction=None if direction is None else direction.astype(np.int64),
             run=None if self.run is None else self.run[keep],
-            order=self.order[keep],
-            timed=self.timed,
+            order=self.data.order[keep],
+            timed=self.data.time is not None,
             slices={
                 name: slice(int(ends[rows.start]), int(ends[rows.stop]))
                 for name, rows in self.slices.items()
@@ -155,9 +151,7 @@ def read_group(
         run = cycles_of(run, signs[0].astype(np.int64))
     several = run is not None and len(np.unique(run)) > 1
     time = joined([part.time for part in parts])
-    order = np.arange(sum(counts), dtype=float) if time is None else time
     slices = rows_of(lead.sources, counts)
-    fold, by_run = folds(_held_out_together(run, parts), order)
     # Runs without an offset: it is what tells the temperature.
     heated = _unique((member.axis,) for member in members if member.sensors)
     specs = [tables.job.spec.measurements[name] for name in lead.sources]
@@ -172,21 +166,20 @@ def read_group(
                 " not be told from what the temperature does from run to run."
             )
         )
+    apart = time is not None and not followed(time, slices)
+    data = JointData(
+        **columns,
+        time=time,
+        run=run if several else None,
+        runs=dict.fromkeys(heated, beside),
+        clock_number=np.repeat(np.arange(len(counts)), counts) if apart else None,
+        own_zero=own_zero,
+    )
+    fold, by_run = folds(_held_out_together(run, parts), data.order)
     return GroupRecording(
-        data=JointData(
-            **columns,
-            time=time,
-            run=run if several else None,
-            runs=dict.fromkeys(heated, beside),
-            clock_number=None
-            if time is None or followed(time, slices)
-            else np.repeat(np.arange(len(counts)), counts),
-            own_zero=own_zero,
-        ),
+        data=data,
         slices=slices,
         run=run,
-        order=np.asarray(order, dtype=float),
-        timed=time is not None,
         fold=fold,
         by_run=by_run,
         moving=frozenset(

@@ -148,11 +148,8 @@ class TemperatureFit:
     def independent(self) -> float:
         """Readings without a drift that would tell a constant as well, about."""
         count, noise = len(self.error), self.noise
-        rows = (
-            np.arange(count, dtype=float) if self.data.time is None else self.data.time
-        )
         mean = np.full((count, 1), 1.0 / count)
-        variance = float(variances_of_sums(noise, rows, mean)[0])
+        variance = float(variances_of_sums(noise, self.data.order, mean)[0])
         return (noise.white**2 + noise.drift**2) / max(variance, 1e-300)
 
     @property

@@ -50,12 +50,12 @@ def read_thermal(
         )
         remarks.append(Remark.info(f"{words} seen."))
     time = None if time is None or words else time - np.nanmin(time)
-    clock = rows.astype(float) if time is None else time
+    data = dataclasses.replace(data, time=time)
     if (plateau := plan.fit.steady) is not None:
         name = sensor_name(plateau.sensor)
         warm = data.temperature[name]
         try:
-            keep = steady(clock, warm, plateau.within, plateau.level)
+            keep = steady(data.order, warm, plateau.within, plateau.level)
         except FitError as error:
             msg = f"steady: {plateau.sensor}: {error}"
             raise FitError(msg) from None
@@ -66,14 +66,7 @@ def read_thermal(
         )
         remarks.append(Remark.info(sentence))
         rows = np.flatnonzero(keep)
-    recording = dataclasses.replace(
-        group,
-        data=dataclasses.replace(data, time=time),
-        order=clock,
-        timed=time is not None,
-        remarks=tuple(remarks),
-    )
-    return recording, rows
+    return dataclasses.replace(group, data=data, remarks=tuple(remarks)), rows
 
 
 def only_these(
@@ -87,7 +80,7 @@ def only_these(
     errors[rows] = error[rows]
     fold = recording.fold.copy()
     if not recording.by_run:
-        fold[rows], _ = folds(None, recording.order[rows])
+        fold[rows], _ = folds(None, recording.data.order[rows])
     data = dataclasses.replace(recording.data, error={axis: errors})
     return dataclasses.replace(recording, data=data, fold=fold)
 
@@ -140,10 +133,9 @@ def complete_rows(
     Raises:
         FitError: If they cannot tell what is asked for.
     """
-    clock = np.arange(len(data), dtype=float) if data.time is None else data.time
     columns = [data.column(*key, line.name) for key in line.inputs]
     error = data.column("error", line.axis, line.name)
-    complete = np.asarray(np.isfinite([error, clock, *columns]).all(axis=0))
+    complete = np.asarray(np.isfinite([error, data.order, *columns]).all(axis=0))
     usable = rows[complete[rows]]
     if len(usable) < FEWEST:
         msg = (
@@ -170,4 +162,4 @@ def complete_rows(
                 " only the offset can be fitted"
             )
             raise FitError(msg)
-    return np.asarray(usable[np.argsort(clock[usable], kind="stable")])
+    return np.asarray(usable[np.argsort(data.order[usable], kind="stable")])

@@ -255,8 +255,7 @@ def _vague(draft: "TemperatureDraft") -> Iterator[Remark]:
 
 def _or_drift(fit: TemperatureFit) -> Iterator[Remark]:
     """Return which effect a drift of the instrument would explain as well, and what one does."""
-    count, time, place = len(fit.error), fit.data.time, fit.position
-    clock = np.arange(count, dtype=float) if time is None else time
+    count, clock, place = len(fit.error), fit.data.order, fit.position
     distance = np.zeros(count) if place is None else place - place.mean()
     warm = dict(zip(fit.sensors, fit.structure.T, strict=True))
     columns = {effect: warm[sensor] for effect, sensor in fit.line.sensors.items()}
