@@ -157,16 +157,13 @@ class JobResult:
     @property
     def passed(self) -> bool:
         """Whether every list passed its gate and nothing requested is missing."""
-        if any(f.judgement.verdict is Verdict.REJECTED for f in self.fits):
+        # A list that failed its gate is rejected.
+        if any(fit.judgement.verdict is Verdict.REJECTED for fit in self.fits):
             return False
-        return all(fit.passed for fit in self.fits) and not any(
-            remark.level == "error"
-            for remark in (
-                *self.remarks,
-                *(r for fit in self.fits for r in fit.remarks),
-                *(r for group in self.groups for r in group.remarks),
-            )
-        )
+        fits = (remark for fit in self.fits for remark in fit.remarks)
+        groups = (remark for group in self.groups for remark in group.remarks)
+        remarks = (*self.remarks, *fits, *groups)
+        return all(remark.level != "error" for remark in remarks)
 
 
 _DEPTH = 3
