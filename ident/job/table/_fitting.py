@@ -2,12 +2,11 @@
 
 import dataclasses
 import functools
-from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ...core import CellCovariance, FitError
 from ...exchange import LIST_UNITS
@@ -92,7 +91,9 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         if run is not None and repeated
         else None,
     )
-    effects = _run_effects(samples) if repeated else "offset" if floating else "none"
+    effects = "offset" if floating else "none"
+    if run is not None and repeated:
+        effects = _run_effects(run)
     fewest = len(samples.error)  # readings of a direction
     if branch is not None:
         fewest = int(np.bincount(branch, minlength=2).min())
@@ -267,11 +268,9 @@ def _doubt(
     return values - plan.zero_of(dataclasses.replace(estimate, values=values))
 
 
-def _run_effects(samples: Samples) -> str:
+def _run_effects(run: Int[np.ndarray, " t"]) -> str:
     """Return what each run may have of its own: ``none``, ``offset`` or ``drift``."""
-    if samples.run is None:
-        return "none"
-    counts = Counter(samples.run.tolist()).values()
+    _, counts = np.unique(run, return_counts=True)
     if len(counts) < 2:
         return "none"
-    return "drift" if min(counts) >= _DRIFT_NEEDS else "offset"
+    return "drift" if counts.min() >= _DRIFT_NEEDS else "offset"
