@@ -302,13 +302,10 @@ def _confused(
     error, effects = recording.data.error, dict[int, AbstractEffect]()
     for member in members:
         # One whose form is open has that of a fit to the whole error.
-        effect = member.effect(recording, None) or member.effect(
-            recording, error[member.axis]
-        )
-        if effect is not None:
-            effects[member.index] = at_once(effect)
-    if len(effects) < 2:
-        return reasons
+        whole = error[member.axis]
+        effect = member.effect(recording, None) or member.effect(recording, whole)
+        assert effect is not None  # all of the error is known
+        effects[member.index] = at_once(effect)
     for pair in examine_design(data, [*effects.values()]).confusions:
         pair_names = set(pair.effects)
         for index, effect in effects.items():
