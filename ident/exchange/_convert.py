@@ -239,7 +239,8 @@ def table_of_file(
         return _of_triplets(path, trim)
     table = read_table(path)
     if table.format in MESH_FORMATS:
-        return _of_mesh(table)
+        plane = _of_grid(table, [_lengths(table, k) for k in range(3)])
+        return dataclasses.replace(plane, entries=-plane.entries, remarks=table.remarks)
     return _of_csv(table, compensation or "")
 
 
@@ -366,11 +367,6 @@ def _of_triplets(path: Path, trim: bool) -> ExchangedTable:
     if np.allclose(entries[0], entries[1], 0.0, 1e-9):
         entries = entries[:1]
     return ExchangedTable("leadscrew", None, (), (nodes,), entries)
-
-
-def _of_mesh(table: Table) -> ExchangedTable:
-    plane = _of_grid(table, [_lengths(table, k) for k in range(3)])
-    return dataclasses.replace(plane, entries=-plane.entries, remarks=table.remarks)
 
 
 def _of_grid(

@@ -1,5 +1,6 @@
 """What a job must fulfil beyond the types of its keys, checked before any work."""
 
+import itertools
 from collections.abc import Iterator
 
 from ....data.lists import BuildError, parse_build
@@ -10,10 +11,8 @@ from ._schema import ColumnOfRun, JobFile, MeasurementSpec
 
 def find_fault(job: JobFile) -> Fault | None:
     """Return the first thing that is wrong, or None."""
-    for faults in (_controller(job), _axes(job), _measurements(job), _fits(job)):
-        for fault in faults:
-            return fault
-    return None
+    parts = _controller(job), _axes(job), _measurements(job), _fits(job)
+    return next(itertools.chain(*parts), None)
 
 
 def _controller(job: JobFile) -> Iterator[Fault]:
