@@ -85,13 +85,12 @@ def _law(fit: FrictionResult, scale: Scale) -> str:
     law = fit.law
     per = fit.length_unit
     units = {"inertia": f"{scale.error}/({per}/s²)", "stribeck_velocity": f"{per}/s"}
+    units["stribeck_shape"] = ""
     parts = []
     for name, value in law.parameters.items():
         unit = units.get(name, scale.error)
         if name.startswith("viscous"):
             unit = f"{scale.error}/({per}/s)"
-        if name == "stribeck_shape":
-            unit = ""
         sd = law.standard_deviations.get(name)
         spread = "" if sd is None else f" ± {sd:.2g}"
         parts.append(f"{_plain(name)} {value:.4g}{spread} {unit}".rstrip())
@@ -172,9 +171,8 @@ def _draw(
             linewidth=0.7, color=color, alpha=0.8,
             label=f"measured, {style.DIRECTION_NAME[sign]}",
         )  # fmt: skip
-        panel.plot(
-            curve.speed, law, color=color, linewidth=1.2, label=f"law, {'+−'[sign < 0]}"
-        )
+        name = f"law, {'+−'[sign < 0]}"
+        panel.plot(curve.speed, law, color=color, linewidth=1.2, label=name)
         low, high = law - 2 * sd, law + 2 * sd
         panel.fill_between(curve.speed, low, high, color=color, alpha=0.15, linewidth=0)
         heights += [law[visible], mean]
@@ -190,9 +188,8 @@ def _draw(
     values = np.concatenate([height for height in heights if height.size])
     low, high = float(values.min()), float(values.max())
     room = 0.25 * (high - low) or 0.1 * abs(high) or 1.0
-    panel.set_ylim(
-        min(low - room, 0.0) if low < 0.4 * high else low - room, high + room
-    )
+    bottom = min(low - room, 0.0) if low < 0.4 * high else low - room
+    panel.set_ylim(bottom, high + room)
 
 
 def _caption(fit: FrictionResult, curve: LawCurve) -> str:
@@ -267,16 +264,13 @@ def choice_plot(fit: FrictionResult) -> Plot:
     choice = fit.identified.choice
     figure, (panel,) = style.new_figure(2.4, columns=1)
     names = [law.structure.words for law in choice.candidates]
-    errors = 100 * np.array([law.error for law in choice.candidates])
-    spreads = 100 * np.array([law.standard_error for law in choice.candidates])
     rows = np.arange(len(names))[::-1]
-    colours = [
-        style.ORANGE if k == choice.chosen else style.BLUE for k in range(len(names))
-    ]
-    for row, error, spread, colour in zip(rows, errors, spreads, colours, strict=True):
+    for k, (row, law) in enumerate(zip(rows, choice.candidates, strict=True)):
         panel.errorbar(
-            error, row, xerr=spread, marker="o", markersize=4, color=colour, linewidth=1
-        )
+            100 * law.error, row, xerr=100 * law.standard_error,
+            marker="o", markersize=4, linewidth=1,
+            color=style.ORANGE if k == choice.chosen else style.BLUE,
+        )  # fmt: skip
     panel.set_yticks(rows, names, fontsize=9.5)
     panel.set_xlabel("force error held out in %")
     return Plot("choice", "Which law predicts best", figure, choice_sentence(choice))
@@ -293,18 +287,15 @@ def circle_plot(fit: FrictionResult) -> Plot | None:
     )
     span = max(without, with_list) or 1.0
     angle = np.deg2rad(circle.angle)
+    level = np.full(angle.shape, 2 * span)
     stages = {"without the list": circle.without, "with the list": circle.with_list}
     for panel, (name, deviation) in zip(panels, stages.items(), strict=True):
-        panel.plot(
-            angle, np.full(angle.shape, 2 * span), color=style.GREY, linewidth=0.6
-        )
-        panel.plot(
-            angle, 2 * span + _PER_MM * deviation, color=style.BLUE, linewidth=1.1
-        )
+        panel.plot(angle, level, color=style.GREY, linewidth=0.6)
+        away = level + _PER_MM * deviation
+        panel.plot(angle, away, color=style.BLUE, linewidth=1.1)
         panel.set_ylim(0, 3.2 * span)
-        panel.set_yticks(
-            [span, 2 * span, 3 * span], [f"−{span:.2g}", "0", f"+{span:.2g} µm"]
-        )
+        ticks = {span: f"−{span:.2g}", 2 * span: "0", 3 * span: f"+{span:.2g} µm"}
+        panel.set_yticks([*ticks], [*ticks.values()])
         panel.tick_params(labelsize=9.5)
         panel.set_title(name, loc="center", y=1.12)  # clear of the angle at the top
     magnified = circle.radius * _PER_MM / (2 * span)
@@ -315,7 +306,6 @@ def circle_plot(fit: FrictionResult) -> Plot | None:
         f" {number(without)} µm to {number(with_list)} µm."
     )
     if with_list >= without:
-        caption = caption.replace("fall from", "do not fall:").replace(
-            "µm to", "µm and"
-        )
+        caption = caption.replace("fall from", "do not fall:")
+        caption = caption.replace("µm to", "µm and")
     return Plot("circle", "Quadrant spikes in a circular test", figure, caption)
