@@ -15,7 +15,7 @@ from ...fit.joint import JointFit, Part
 from ...proof import ErrorFigures, error_figures
 from ...readings import Readings
 from .._draft import AbstractDraft
-from ..result._result import AbstractResult, Remark, some_of
+from ..result._result import STAGES, AbstractResult, Remark, some_of
 from ._recording import GroupRecording
 
 if TYPE_CHECKING:
@@ -306,7 +306,7 @@ class LeftOutDraft(AbstractDraft):
         words = f"The {self.name} is left out: {why}"
         return LeftOutResult(
             **frame,
-            error=dict.fromkeys(("before", "predicted", "from_file"), figures),
+            error=dict.fromkeys(STAGES, figures),
             remarks=(Remark.error(words), *remarks, *done.remarks),
             held_out="block" if share is None else share.recording.held_out,
             part=None if share is None else share.part,

@@ -17,6 +17,8 @@ from ._second import MeasuredAgain, SecondMeasurement
 from ._verdict import Code, Judgement, Verdict, judgement_of
 
 Array = np.ndarray
+STAGES = ("before", "predicted", "from_file")
+"""Of an error: as measured, held out, and under the file as written."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,8 +72,8 @@ def staged(
     runs: RunTable | None = None,
 ) -> dict[str, ErrorFigures]:
     """Return the figures of an error by stage; arguments as `error_figures`."""
-    stages = {"before": before, "predicted": predicted, "from_file": from_file}
-    return {name: error_figures(error, runs, wild) for name, error in stages.items()}
+    stages = zip(STAGES, (before, predicted, from_file), strict=True)
+    return {name: error_figures(error, runs, wild) for name, error in stages}
 
 
 @dataclasses.dataclass(frozen=True)

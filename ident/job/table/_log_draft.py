@@ -12,12 +12,11 @@ from ...exchange import Model
 from ...fit import Grouping, Samples, StreamedFit, fit_streamed, predict
 from ...proof import ErrorFigures, ErrorTally, blocks_of, residual_of_folds
 from ...readings import Readings, joined
-from ..result._result import Remark, largest_wild
+from ..result._result import STAGES, Remark, largest_wild
 from ._draft import TableDraft
 from ._log_readings import LogReadings
 from ._remarks import outside
 
-_STAGES = ("before", "predicted", "from_file")
 _SHOWN = 20_000
 """Readings, and up to twice as many, that plots show."""
 
@@ -66,7 +65,7 @@ class FittedLog:
                 part = samples.take(row)
                 held_out[row] += table.offset(folds[label], part.positions, part.branch)
             wild, _ = self.streamed.judged(samples)
-            for name, error in zip(_STAGES, (before, held_out, residual), strict=True):
+            for name, error in zip(STAGES, (before, held_out, residual), strict=True):
                 errors = ErrorTally.of(error, wild=wild)
                 tally[name] = tally[name] + errors if name in tally else errors
             beyond += int(outside(table, samples.positions).sum())

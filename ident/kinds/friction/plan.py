@@ -11,7 +11,7 @@ from ....data.units import small_unit
 from ....models import FrictionCompensation
 from ...friction import Knots, place_knots
 from ...job._draft import AbstractDraft, AbstractPlan, Foreseen, Leftovers
-from ...job.result._result import Remark
+from ...job.result._result import STAGES, Remark
 from ...proof import CircularTest, GateCheck, circular_test
 from ...readings import Tables
 from ._identify import Identified, identify
@@ -31,7 +31,6 @@ from .keys import Spec
 if TYPE_CHECKING:
     from ...job.write._lists import AxisFiles
 
-_STAGES = ("before", "predicted", "from_file")
 _ENTRIES = 20
 _LOOKED_AT, _PARTS = 3_000, 5
 """Samples by which a load that changes with the position is looked for, and parts of the
@@ -162,7 +161,7 @@ class FrictionDraft(AbstractDraft):
             view = dataclasses.replace(view, listed=listed)
         return FrictionResult(
             **self.frame(done),
-            error={stage: view.figures(getattr(view, stage)) for stage in _STAGES},
+            error={stage: view.figures(getattr(view, stage)) for stage in STAGES},
             remarks=(*self._remarks(), *done.remarks),
             held_out="window",
             identified=self.found,
