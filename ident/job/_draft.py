@@ -305,18 +305,13 @@ class AbstractDraft(AbstractOfFit):
         return True
 
     @property
-    def sensors(self) -> tuple[str, ...]:
-        """Names of the temperatures that it follows, as its law counts them."""
-        return ()
-
-    @property
     def lags(self) -> Mapping[str, float]:
         """Time constants in s by which the controller filters its sensors, by name."""
         return {}
 
     @property
     def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
-        """Temperature in °C of what its sensors stand for at its readings, lag included."""
+        """Temperature in °C behind the sensors that it follows at its readings, lag included."""
         return {}
 
     def line(self, machine: ListFile | None) -> TemperatureLine | None:

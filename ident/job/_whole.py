@@ -238,7 +238,7 @@ class _Axis:
             line = draft.line(self.files.existing.machine)
             if line is not None and isinstance(line.offset_0, TemperatureCurve):
                 ends = np.asarray(line.offset_0.nodes.positions)[[0, -1]]
-                warmth |= dict.fromkeys(draft.sensors, (float(ends[0]), float(ends[1])))
+                warmth |= dict.fromkeys(draft.warmth, (float(ends[0]), float(ends[1])))
         return Travel(
             names={axis.number: name for name, axis in axes.items()},
             spans=reached | spans,
@@ -260,7 +260,7 @@ class _Axis:
                 remarks.append(Remark.info(f"{words} is not known: {reading}."))
                 continue
             measured, motion = reading
-            sensors = [name for draft in self.drafts for name in draft.sensors]
+            sensors = [name for draft in self.drafts for name in draft.warmth]
             if not all(name in motion.temperatures for name in sensors):
                 sensors = []
             warm = {name: motion.temperatures[name] for name in sensors}
@@ -275,7 +275,7 @@ class _Axis:
             added = added_beyond(loaded, before, spec.active, motion)
             if draft.kind.table and spec.at_reference:
                 # Lengths as they are where no law acts.
-                laws = (d.compensation for d in self.drafts if d.sensors)
+                laws = (d.compensation for d in self.drafts if d.warmth)
                 added |= dict.fromkeys(laws, np.zeros(motion.rows))
             lacking = [n for n in names if n not in added and not kind(n).unseen]
             # Over axes that stood still it adds a constant, which nobody knows.
@@ -309,7 +309,7 @@ class _Axis:
             if axis.number in inputs - motion.positions.keys()
         ]
         if any("temperature" in kind(name).follows for name in names):
-            sensors = dict.fromkeys(s for draft in self.drafts for s in draft.sensors)
+            sensors = dict.fromkeys(s for draft in self.drafts for s in draft.warmth)
             roles += [f"temperature.{name}" for name in sensors]
         return roles
 

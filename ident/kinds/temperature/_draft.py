@@ -145,16 +145,12 @@ class TemperatureDraft(AbstractDraft):
         return self._law.largest(self.places - self.position)[0]
 
     @property
-    def sensors(self) -> tuple[str, ...]:
-        return self.found.sensors
-
-    @property
     def lags(self) -> Mapping[str, float]:
         return {lag.sensor: lag.time_constant for lag in self.found.lags}
 
     @property
     def warmth(self) -> Mapping[str, Float[np.ndarray, " t"]]:
-        return dict(zip(self.sensors, self.found.structure.T, strict=True))
+        return dict(zip(self.found.sensors, self.found.structure.T, strict=True))
 
     def line(self, machine: ListFile | None) -> TemperatureLine | None:
         return self._line_of(self._law.columns, machine)
@@ -167,7 +163,7 @@ class TemperatureDraft(AbstractDraft):
         recording, rows = read_thermal(plan)
         data, line = recording.data, self.found.line
         readings = data.take(rows)
-        warm = [line.structure(data, sensor)[rows] for sensor in self.sensors]
+        warm = [line.structure(data, sensor)[rows] for sensor in self.found.sensors]
         place = readings.position.get(self.axis, np.zeros(len(rows)))
         predicted = self.found.predict(np.stack(warm, axis=1), place)
         finite = np.isfinite(readings.error[self.axis]) & np.isfinite(predicted)
@@ -214,13 +210,13 @@ class TemperatureDraft(AbstractDraft):
 
     def _line_of(self, table: Table, machine: ListFile | None) -> TemperatureLine:
         """Return the line that the PLC makes of a table, beside an axis list."""
-        first, second = map(self.sensors.index, self._followed)
+        first, second = map(self.found.sensors.index, self._followed)
         return temperature_line(table, (first, second), self.job.conventions, machine)
 
     @property
     def _followed(self) -> tuple[str, str]:
         """Sensors of offset and coefficient: of one of them for both."""
-        effects, first = self.found.line.sensors, self.sensors[0]
+        effects, first = self.found.line.sensors, self.found.sensors[0]
         return effects.get("offset", first), effects.get("coefficient", first)
 
     @property
