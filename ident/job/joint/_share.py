@@ -116,25 +116,15 @@ class Share:
         )
 
     @property
-    def left(self) -> Float[np.ndarray, " t"]:
-        """Residual of the whole sum per used reading, offsets of runs included.
+    def error(self) -> Float[np.ndarray, " t"]:
+        """Error per used reading that all other effects leave, its own and runs included.
 
         A drift that the job allows for is the instrument's, and taken off.
         """
         data = self.recording.data
         fitted = self.fit.predict(data, runs=self.recording.drifting)[self.axis]
-        error = data.error[self.axis]
-        return np.asarray((error - fitted)[self.rows])
-
-    @property
-    def error(self) -> Float[np.ndarray, " t"]:
-        """Error per used reading that all other effects leave, its own included."""
-        return np.asarray(self.left + self.part.contribution[self.rows] + self.constant)
-
-    @property
-    def message(self) -> str:
-        """How the fit of this axis went."""
-        return self.fit.fits[self.axis].message
+        left = (data.error[self.axis] - fitted)[self.rows]
+        return np.asarray(left + self.part.contribution[self.rows] + self.constant)
 
     @property
     def noise(self) -> float:
@@ -145,11 +135,6 @@ class Share:
     def wild(self) -> Bool[np.ndarray, " t"]:
         """Used readings that the loss rejected outright."""
         return np.asarray(self.fit.wild[self.axis][self.rows])
-
-    def column(self, table: str, name: str) -> Float[np.ndarray, " t"]:
-        """Return a column of the recording at the used readings."""
-        values = getattr(self.recording.data, table)[name]
-        return np.asarray(values[self.rows], dtype=float)
 
     def readings(self, over: Sequence[str], turns: bool) -> Readings:
         """Return the used readings as a fit of this part alone takes them.

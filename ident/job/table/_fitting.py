@@ -203,7 +203,7 @@ def _fit_of_share(plan: Plan, share: "Share") -> TableFit:
         suspect_runs=(),
         covariance=CellCovariance((0,), np.zeros((0, 1))),
         converged=share.fit.converged,
-        message=share.message,
+        message=share.fit.fits[plan.axis].message,
     )
 
 

@@ -32,14 +32,11 @@ _SPREAD = "lr_param.n_backlash_cyc"
 
 def sides_of(share: "Share") -> Sides:
     """Return the readings of a fitted backlash about the mean of both directions."""
-    axis, direction = share.axis, share.column("direction", share.axis)
+    axis, rows, data = share.axis, share.rows, share.recording.data
+    position, direction = data.position[axis][rows], data.direction[axis][rows]
     width = float(share.part.values[0])
-    return Sides(
-        share.column("position", axis),
-        direction.astype(np.int64),
-        share.fit.residual[axis][share.rows] - 0.5 * direction * width,
-        share.wild,
-    )
+    half = share.fit.residual[axis][rows] - 0.5 * direction * width
+    return Sides(position, direction.astype(np.int64), half, share.wild)
 
 
 @final
