@@ -253,11 +253,6 @@ class AbstractDraft(AbstractOfFit):
         return False
 
     @property
-    def replaces(self) -> tuple[str, ...]:
-        """Beginnings of the list entries that are removed where they are not new."""
-        return tuple(f"{self.kind.prefix}.{name}" for name in self.kind.entries.stale)
-
-    @property
     def converged(self) -> bool:
         """Whether the iterations of its fit came to rest; else its gate fails."""
         return True

@@ -224,7 +224,7 @@ def _listing(
         existing,
         spec.number,
         entries,
-        [prefix for draft in drafts for prefix in draft.replaces],
+        [f"{d.kind.prefix}.{name}" for d in drafts for name in d.kind.entries.stale],
         f"Compensation list of axis {name}, written by axcomp",
         f"Job: {job.spec.title or job.path.name}",
         name=name,
