@@ -20,10 +20,15 @@ from ._lists import AxisFiles
 
 
 def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, Any]:
-    """Return what the sheet says of a written fit; ``place`` is where its sign is looked at."""
-    kind, word = draft.kind, job.spec.nc_word(draft.axis)
-    open_ = [r for r in result.judgement.reasons if r.code is Code.ASSUMED]
+    """Return what the sheet says of a written fit.
+
+    Where its sign is looked at is its ``place``; ``refuted`` is what a second measurement speaks
+    against.
+    """
+    kind, word, judged = draft.kind, job.spec.nc_word(draft.axis), result.judgement
+    open_ = [reason for reason in judged.reasons if reason.code is Code.ASSUMED]
     expected = result.expectation if open_ else None
+    worse = judged.has(Code.DIAGNOSED) or judged.has(Code.NO_BETTER)
     line = {
         "name": draft.fit.name,
         "axis": draft.axis,
@@ -33,6 +38,7 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
         "current": kind.adds_current,
         "manual": bool(draft.fit.manual_activation),
         "needs": draft.needs,
+        "refuted": worse and judged.verdict is Verdict.REJECTED,
         "length": job.spec.axes[draft.axis].unit,
         "conventions": open_[0].fields["conventions"] if open_ else (),
         "expected": expected,
@@ -75,11 +81,7 @@ def load_sheet(
         job=job.path.name,
         axes=job.spec.axes,
         rejected=[axis.axis for axis in files if axis.failed],
-        refuted=[
-            line["name"]
-            for line, (_, result) in zip(lines, pairs, strict=True)
-            if line["axis"] in axes and _is_refuted(result)
-        ],
+        refuted=[line["name"] for line in written if line["refuted"]],
         files=let_out,
         unsettled=[line for line in lines if line["conventions"]],
         plc_objects={
@@ -107,13 +109,6 @@ def load_sheet(
     )
     steps = [part.splitlines() for part in re.split(r"^## ", text, flags=re.M)[1:]]
     return tuple(LoadStep(action, " ".join(lines)) for action, *lines in steps)
-
-
-def _is_refuted(result: AbstractResult) -> bool:
-    """Return whether a second measurement speaks against a list."""
-    judgement = result.judgement
-    worse = judgement.has(Code.DIAGNOSED) or judgement.has(Code.NO_BETTER)
-    return worse and judgement.verdict is Verdict.REJECTED
 
 
 def _place(axis: str, expected: Expectation) -> str:
