@@ -7,7 +7,6 @@ the ``.TcPOU`` files that TwinCAT XAE takes into a project.
 """
 
 import dataclasses
-import functools
 import uuid
 from collections.abc import Mapping
 from typing import Any
@@ -144,21 +143,13 @@ def plc_objects(program: Mapping[str, Any]) -> dict[str, str]:
         law: (parts.law_declaration(), parts.law_body()),
         access: (head, parts.access_body()),
     }
-    template = _templates().get_template("pou.TcPOU.jinja")
+    template = templates(__package__ or "").get_template("pou.TcPOU.jinja")
     return {
         name: template.render(
             name=name, id=uuid.uuid5(_ID, name), declaration=declaration, body=body
         )
         for name, (declaration, body) in texts.items()
     }
-
-
-@functools.cache
-def _templates() -> jinja2.Environment:
-    # CDATA is closed by no text.
-    environment = templates(__package__ or "")
-    environment.filters["declare"] = _declare
-    return environment
 
 
 def _parts(program: Mapping[str, Any]) -> jinja2.environment.TemplateModule:
@@ -180,9 +171,5 @@ def _parts(program: Mapping[str, Any]) -> jinja2.environment.TemplateModule:
         "offset_word": words[program["offset"]],
         "coefficient_word": words[program["coefficient"]],
     }
-    return _templates().get_template("program.st.jinja").make_module(values)
-
-
-def _declare(variable: str, comment: str) -> str:
-    """Return the line of a variable with its comment, in a column."""
-    return f"    {variable:<34}(* {comment} *)"
+    template = templates(__package__ or "").get_template("program.st.jinja")
+    return template.make_module(values)

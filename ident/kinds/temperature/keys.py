@@ -129,9 +129,8 @@ def block_names(axis: str) -> tuple[str, str]:
     return f"FB_TempCompLaw_{name}", f"FB_TempComp_{name}"
 
 
-def temperature_names(axis: str) -> tuple[str, str, str, str]:
+def temperature_names(axis: str) -> tuple[str, ...]:
     """Return the names of the table of an axis, its PLC program, and its blocks for XAE."""
-    name = plain_name(axis)
-    law, access = block_names(axis)
-    files = f"temperature_{name}.csv", f"temperature_{name}.st"
-    return *files, f"{law}.TcPOU", f"{access}.TcPOU"
+    blocks = (f"{block}.TcPOU" for block in block_names(axis))
+    stem = f"temperature_{plain_name(axis)}"
+    return f"{stem}.csv", f"{stem}.st", *blocks
