@@ -13,7 +13,7 @@ from ...diagnosis import OBJECTS, SCOPE
 from .._draft import AbstractDraft
 from ..file._load import Job
 from ..result._job_result import LoadStep
-from ..result._result import AbstractResult, Expectation
+from ..result._result import AbstractResult
 from ..result._verdict import Code, Verdict
 from ._first_run import nameless
 from ._lists import AxisFiles
@@ -22,8 +22,7 @@ from ._lists import AxisFiles
 def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, Any]:
     """Return what the sheet says of a written fit.
 
-    Where its sign is looked at is its ``place``; ``refuted`` is what a second measurement speaks
-    against.
+    It is ``refuted`` where a second measurement speaks against it.
     """
     kind, word, judged = draft.kind, job.spec.nc_word(draft.axis), result.judgement
     open_ = [reason for reason in judged.reasons if reason.code is Code.ASSUMED]
@@ -47,8 +46,7 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
         unit, factor = expected.unit, 1.0
         if unit in {"mm", "deg"}:
             unit, factor = small_unit(unit), 1e3
-        place, value = _place(word, expected), factor * expected.value
-        line |= {"place": place, "value": value, "unit": unit}
+        line |= {"value": factor * expected.value, "unit": unit}
     return line
 
 
@@ -109,15 +107,3 @@ def load_sheet(
     )
     steps = [part.splitlines() for part in re.split(r"^## ", text, flags=re.M)[1:]]
     return tuple(LoadStep(action, " ".join(lines)) for action, *lines in steps)
-
-
-def _place(axis: str, expected: Expectation) -> str:
-    """Return where to move an axis, and in which state, to see its sign."""
-    where = " and ".join(f"{name} = {at:.6g}" for name, at in expected.places.items())
-    words = f"move slowly to {where}" if where else f"stop {axis} anywhere"
-    if expected.direction is not None:
-        words += f" in {'positive' if expected.direction > 0 else 'negative'} direction"
-    if expected.temperatures:
-        warm = [f"{name} at {at:.1f} °C" for name, at in expected.temperatures.items()]
-        words += f" with {', '.join(warm)}"
-    return words
