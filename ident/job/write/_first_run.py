@@ -7,13 +7,16 @@ those of the programming manual of TF5200.
 """
 
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from ..._templates import templates
 from ...diagnosis import AXIS_WORD, CompState, declared, numbered
+from ...kinds import Kind
 from ..file._load import Job
 from ._lists import AxisFiles
+
+_Step = tuple[Kind, list[CompState]]
+"""A compensation, and the axes on which it is switched at once."""
 
 
 def program_name(channel: int) -> str:
@@ -40,24 +43,15 @@ def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
         if axis.lists and not (axis.failed or axis.axis in unnamed)
     ]
     drafts = [draft for axis in let_out for draft in axis.drafts if draft.written]
-    steps: dict[tuple[int, str, frozenset[str]], dict[str, Any]] = {}
+    steps: dict[tuple[int, frozenset[str], Kind], list[CompState]] = {}
     for draft in sorted(drafts, key=lambda draft: draft.index):
-        kind, channel = draft.kind, job.spec.axes[draft.axis].channel
+        channel, kind = job.spec.axes[draft.axis].channel, draft.kind
         # Both axes of a gantry at once: one of them alone would twist it.
-        step = steps.setdefault(
-            (channel, kind.name, _together(job, draft.axis)),
-            {
-                "name": kind.name,
-                "keyword": kind.keyword,
-                "init": kind.shows_init,
-                "states": [],
-            },
-        )
-        state = CompState(job.spec.nc_word(draft.axis), kind.keyword)
-        step["states"].append(state)
-    channels: dict[int, list[dict[str, Any]]] = {}
-    for (channel, *_), step in steps.items():
-        channels.setdefault(channel, []).append(step)
+        step = steps.setdefault((channel, _together(job, draft.axis), kind), [])
+        step.append(CompState(job.spec.nc_word(draft.axis), kind.keyword))
+    channels: dict[int, list[_Step]] = {}
+    for (channel, _, kind), states in steps.items():
+        channels.setdefault(channel, []).append((kind, states))
     title = job.spec.title or job.path.stem
     return {
         program_name(channel): _program(channel, probes, title)
@@ -83,8 +77,8 @@ def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def _program(channel: int, steps: Sequence[Mapping[str, Any]], title: str) -> str:
-    states = [state for step in steps for state in step["states"]]
+def _program(channel: int, steps: Sequence[_Step], title: str) -> str:
+    states = [state for _, axes in steps for state in axes]
     # Words are checked, the title is a comment.
     template = templates(__package__ or "").get_template("first_run.nc.jinja")
     text = template.render(
