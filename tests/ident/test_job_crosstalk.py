@@ -284,8 +284,8 @@ def test_several_logs_are_joined_without_seeing_each_other(tmp_path: Path) -> No
     both = run_job(path, tmp_path / "out").fits[0]
     assert isinstance(both, CrosstalkResult)
     # The same events twice.
-    twice = np.tile(one.before, 2)
-    np.testing.assert_allclose(both.before, twice, atol=1e-12)
+    twice = np.tile(one.fit.events.value, 2)
+    np.testing.assert_allclose(both.fit.events.value, twice, atol=1e-12)
 
 
 def test_accelerations_beyond_the_stated_one_are_named(tmp_path: Path) -> None:

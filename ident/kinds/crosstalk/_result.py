@@ -84,16 +84,6 @@ class CrosstalkResult(AbstractResult):
         """Axes over whose motion it acts."""
         return (self.master, *self.adaptation)
 
-    @property
-    def before(self) -> Float[np.ndarray, " n"]:
-        """Error that each event shows."""
-        return self.fit.events.value
-
-    @property
-    def wild(self) -> Bool[np.ndarray, " n"]:
-        """Events that contradict the others."""
-        return self.fit.events.wild
-
     def details(self) -> dict[str, Any]:
         """Return parameters, deviations and support for result.json."""
         fit, events = self.fit, self.fit.events

@@ -21,7 +21,7 @@ def body(fit: CrosstalkResult, scale: Scale) -> Body:
     if fit.adaptation:
         plots.append(_tests_plot(fit, scale))
     facts = [*_facts(fit, scale)]
-    return Body(plots=plots, facts=facts, wild_count=int(fit.wild.sum()))
+    return Body(plots=plots, facts=facts, wild_count=int(fit.fit.events.wild.sum()))
 
 
 def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
@@ -62,17 +62,17 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
 
 def _events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     """Draw the error that each event shows over its acceleration, before and after."""
-    crosstalk, sound = fit.fit, ~fit.wild
+    crosstalk, events = fit.fit, fit.fit.events
     x_label = f"acceleration of {fit.master} in mm/s²"
     y_label = f"error of {fit.axis} in {scale.error}"
     figure, panels = side_by_side(3.2, ("before", "from the file"), x_label, y_label)
-    branch, peak = crosstalk.events.branch, np.abs(crosstalk.events.peak)
+    branch, peak = events.branch, np.abs(events.peak)
     share = np.minimum(peak / crosstalk.full, 1.0) * scale.factor
     # Of accelerations by speed the sign of the peak does not tell the entry.
     signed = np.where(branch < 2, 1.0, -1.0) * peak
-    for panel, values in zip(panels, (fit.before, fit.from_file), strict=True):
+    for panel, values in zip(panels, (events.value, fit.from_file), strict=True):
         for direction in (1, -1):
-            rows = (np.array(_SIGN)[branch] == direction) & sound
+            rows = (np.array(_SIGN)[branch] == direction) & ~events.wild
             directed_marks(panel, direction, signed[rows], (values * share)[rows], 4.0)
         panel.locator_params(axis="x", nbins=5)
     _mean_lines(panels[0], fit, scale)
@@ -94,7 +94,7 @@ def _events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
                 f" The spread before is that over {' and '.join(fit.adaptation)}; the"
                 " lines are the means of the tests."
             )
-    caption += left_out_words(int(fit.wild.sum()), "contradicting event")
+    caption += left_out_words(int(events.wild.sum()), "contradicting event")
     return Plot("events", "Every acceleration, before and after", figure, caption)
 
 
@@ -115,7 +115,7 @@ def _mean_lines(panel: Axes, fit: CrosstalkResult, scale: Scale) -> None:
 
 def _tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     """Draw the tests over each adaptation axis with the events that tell them."""
-    crosstalk, sound, points = fit.fit, ~fit.wild, fit.fit.effect.points
+    crosstalk, events, points = fit.fit, fit.fit.events, fit.fit.effect.points
     columns = len(fit.adaptation)
     figure, panels = style.new_figure(
         5.5, rows=2, columns=columns, sharex="col", sharey=True
@@ -123,9 +123,9 @@ def _tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     for k, panel in enumerate(panels):
         pair, axis = divmod(k, columns)
         for row in (2 * pair, 2 * pair + 1):
-            rows = (crosstalk.events.branch == row) & sound
+            rows = (events.branch == row) & ~events.wild
             finite = np.isfinite(crosstalk.values[row])
-            places, errors = crosstalk.events.positions[rows, axis], fit.before[rows]
+            places, errors = events.positions[rows, axis], events.value[rows]
             directed_marks(panel, _SIGN[row], places, errors * scale.factor, 3.5, 0.45)
             panel.errorbar(
                 points[finite, axis], crosstalk.values[row, finite] * scale.factor,
