@@ -48,16 +48,6 @@ class FrictionView:
     listed: Float[np.ndarray, " t"]
 
     @property
-    def velocity(self) -> Float[np.ndarray, " t"]:
-        """In mm/s or °/s."""
-        return self.samples.velocity
-
-    @property
-    def moving(self) -> Bool[np.ndarray, " t"]:
-        """Samples that tell of kinetic friction; the figures are those of them."""
-        return self.samples.in_motion
-
-    @property
     def from_file(self) -> Float[np.ndarray, " t"]:
         """What the list leaves of the current."""
         return np.asarray(self.before - self.listed)
@@ -65,12 +55,12 @@ class FrictionView:
     @cached_property
     def wild(self) -> Bool[np.ndarray, " m"]:
         """Which of the samples in motion lie farther out than noise does."""
-        size = np.abs(self.from_file[self.moving])
+        size = np.abs(self.from_file[self.samples.in_motion])
         return np.asarray(size > _WILD * 1.4826 * median(size))
 
     def figures(self, error: Float[np.ndarray, " t"]) -> ErrorFigures:
-        """Return the figures of an error over the samples in motion."""
-        return error_figures(error[self.moving], wild=self.wild)
+        """Return the figures of an error over the samples in motion, which tell of friction."""
+        return error_figures(error[self.samples.in_motion], wild=self.wild)
 
     def gate(self, unit: float, name: str) -> GateCheck:
         """Return whether the list leaves what was predicted.

@@ -41,7 +41,7 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
         )
     yield (
         "Recording",
-        f"{grouped(int(np.sum(fit.view.moving)))} samples in motion; the force error"
+        f"{grouped(int(np.sum(fit.view.samples.in_motion)))} samples in motion; the force error"
         f" of the fit is {percent(law.relative_error)} of the load.",
     )
     if law.undetermined:
@@ -133,10 +133,10 @@ def curve_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     if curve is None:
         return None
     figure, panels = style.new_figure(3.4, columns=2)
-    binned, view = {}, fit.view
+    binned, view, samples = {}, fit.view, fit.view.samples
     for direction in (1, -1):
-        rows = view.moving & (np.sign(view.velocity) == direction)
-        speed, current = np.abs(view.velocity[rows]), direction * view.before[rows]
+        rows = samples.in_motion & (np.sign(samples.velocity) == direction)
+        speed, current = np.abs(samples.velocity[rows]), direction * view.before[rows]
         binned[direction] = _binned(speed, current, _BINS)
     fast = float(curve.speed[-1])
     limits = (fast, max(_SLOW * fast, 4.0 * float(curve.speed[0])))
@@ -217,7 +217,7 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     share of it: what is left there is what depends on the place.
     """
     view = fit.view
-    rows = np.flatnonzero(view.moving)
+    rows = np.flatnonzero(view.samples.in_motion)
     if not rows.size:
         return None
     chosen = rows[style.thin(rows.size)]
@@ -230,7 +230,7 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     figure, panels = style.new_figure(2.8, columns=2, sharey=True)
     unit = fit.length_unit
     views = {
-        f"velocity in {unit}/s": (view.velocity, residual),
+        f"velocity in {unit}/s": (view.samples.velocity, residual),
         f"position in {unit}": (view.position, beyond),
     }
     medians = []

@@ -134,9 +134,8 @@ class FrictionDraft(AbstractDraft):
     @property
     def foreseen(self) -> Foreseen:
         view = self.view
-        return Foreseen(
-            view.before[view.moving], view.predicted[view.moving], view.wild
-        )
+        rows = view.samples.in_motion
+        return Foreseen(view.before[rows], view.predicted[rows], view.wild)
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         assert self.knots is not None  # it is written
@@ -155,9 +154,8 @@ class FrictionDraft(AbstractDraft):
         if listing is not None and self.knots is not None:
             model = friction_from_list(listing, self.job.conventions)
         if model is not None and self.out_unit.current is not None:
-            listed = (
-                self.out_unit.current * model.sign * model.law.evaluate(view.velocity)
-            )
+            law = model.law.evaluate(view.samples.velocity)
+            listed = self.out_unit.current * model.sign * law
             view = dataclasses.replace(view, listed=listed)
         return FrictionResult(
             **self.frame(done),

@@ -572,7 +572,7 @@ def test_constant_load_is_the_one_that_goes_with_the_list(tmp_path: Path) -> Non
     assert found.curve is not None
     view = found.view
     assert view.offset is not None
-    rows, listed = view.moving, view.before - view.from_file
+    rows, listed = view.samples.in_motion, view.before - view.from_file
     for away in (-0.05, 0.05):
         other = view.from_file[rows] + away
         # Any other constant load leaves more of the current beside this list.
