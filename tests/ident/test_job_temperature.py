@@ -256,7 +256,7 @@ def test_two_sensors_share_one_table(tmp_path: Path) -> None:
         'sensors = { offset = "spindle", coefficient = "scale" }\nlag = "none"',
         columns='"temperature.spindle" = "spindle"\n"temperature.scale" = "scale"',
     )
-    assert found.sensors == ("spindle", "scale")
+    assert found.fit.sensors == ("spindle", "scale")
     assert found.error["from_file"].rms < 1.1 * NOISE
     assert found.law is not None
     at = np.interp(26.0, found.law.temperature, found.law.offset)

@@ -191,7 +191,7 @@ def _loaded(mill: WorkingMachine, job: JobResult, folder: Path) -> WorkingMachin
             continue
         number = mill.machine.axes[fit.axis]
         table = next(name for name in fit.files if name.suffix == ".csv")
-        sensor = next(iter(fit.sensors))
+        sensor = next(iter(fit.fit.sensors))
         listing = next(
             file for file in lists if file.source.endswith(f"achsmds{number}.add.lis")
         )

@@ -76,11 +76,6 @@ class TemperatureResult(AbstractResult):
     from_file: Float[np.ndarray, " t"]
 
     @property
-    def sensors(self) -> tuple[str, ...]:
-        """Names of the sensors, as columns of the temperatures."""
-        return self.fit.sensors
-
-    @property
     def expectation(self) -> Expectation | None:
         """The largest correction of the written line at a place that was measured."""
         correction, places = self.from_file - self.before, self.fit.position
@@ -91,7 +86,7 @@ class TemperatureResult(AbstractResult):
             None,
             float(correction[row]),
             self.unit,
-            temperatures=dict(zip(self.sensors, warm, strict=True)),
+            temperatures=dict(zip(self.fit.sensors, warm, strict=True)),
         )
 
     def details(self) -> dict[str, Any]:

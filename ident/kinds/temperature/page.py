@@ -150,7 +150,7 @@ def errors_plot(fit: TemperatureResult, scale: Scale) -> Plot:
     Over the position, or over the temperature where no coefficient was fitted.
     """
     thermal, followed = fit.fit, fit.fit.coefficient or fit.fit.offset
-    warm = thermal.structure[:, fit.sensors.index(followed.sensor)]
+    warm = thermal.structure[:, thermal.sensors.index(followed.sensor)]
     x, label = warm, _over(fit)
     if along := thermal.coefficient is not None:
         assert thermal.position is not None  # else there is no coefficient
