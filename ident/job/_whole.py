@@ -123,12 +123,14 @@ class _Axis:
         ]
         return self._whole(names, checks, values, readings, remarks)
 
-    def _abrupt(self, loaded: AxisLists, jumps: Mapping[str, float]) -> list[Remark]:
-        """Return what to set for compensations of the list that come in too few cycles.
+    def _abrupt(
+        self, loaded: AxisLists, jumps: Mapping[str, float]
+    ) -> Iterator[Remark]:
+        """Yield what to set for compensations of the list that come in too few cycles.
 
         The job does not write them, and leaves them as they are.
         """
-        limit, remarks = self.job.limits.max_switching, []
+        limit = self.job.limits.max_switching
         fitted = {draft.compensation for draft in self.drafts}
         for name, jump in jumps.items():
             cycles = kind(name).cycles
@@ -136,17 +138,14 @@ class _Axis:
                 continue
             entry, largest = cycles
             listing = loaded.used[name].listing
-            needed = switching_cycles(jump, limit, listing.integer(entry), largest)
-            if needed is None:
-                continue
-            words = (
-                f"The {name} of {listing.source} moves {self.name} by up to {jump:.4g}"
-                f" {self.unit} where it comes or goes, in"
-                f" {listing.integer(entry) or 0} cycles: set {entry} {needed}, so that"
-                f" a cycle brings no more than {limit:g} {self.unit} (max_switching)."
-            )
-            remarks.append(Remark.warning(words))
-        return remarks
+            stated = listing.integer(entry)
+            if needed := switching_cycles(jump, limit, stated, largest):
+                yield Remark.warning(
+                    f"The {name} of {listing.source} moves {self.name} by up to {jump:.4g}"
+                    f" {self.unit} where it comes or goes, in {stated or 0} cycles: set"
+                    f" {entry} {needed}, so that a cycle brings no more than {limit:g}"
+                    f" {self.unit} (max_switching)."
+                )
 
     def _hasty(self, loaded: AxisLists, lines: Sequence[GateCheck]) -> Iterator[Remark]:
         """Yield what to set where a reversal of the axis list is too fast for the gate."""
@@ -182,6 +181,12 @@ class _Axis:
                 " or raise max_jump in [gate] if the builder of the machine allows it."
             )
             remarks = [*remarks, Remark.error(words)]
+        switching, stages = {}, ("before", "alone", "together")
+        for draft in self.drafts:
+            gate = self.files.gates[draft.index]
+            steps = [check.value for check in gate if check.name == "max_switching"]
+            # All of a jump in one cycle, where nothing spreads it.
+            switching[draft.compensation] = max(steps, default=draft.jump)
         return WholeAxis(
             axis=name,
             compensations=names,
@@ -192,27 +197,14 @@ class _Axis:
             acceleration=values.get("max_acceleration", float("nan")),
             jump=float("nan") if jump is None else jump.value,
             error={
-                f"{reading.measurement}, {reading.compensation}": {
-                    "before": reading.before,
-                    "alone": reading.alone,
-                    "together": reading.together,
+                f"{one.measurement}, {one.compensation}": {
+                    stage: getattr(one, stage) for stage in stages
                 }
-                for reading in readings
+                for one in readings
             },
             gate=checks,
             remarks=tuple(dict.fromkeys(remarks)),
-            # All of a jump in one cycle, where nothing spreads it.
-            switching={
-                d.compensation: max(
-                    [
-                        check.value
-                        for check in self.files.gates[d.index]
-                        if check.name == "max_switching"
-                    ],
-                    default=d.jump,
-                )
-                for d in self.drafts
-            },
+            switching=switching,
         )
 
     def _travel(self) -> Travel:
