@@ -16,6 +16,9 @@ from ._errors import DirectionUnknown, MeasurementError
 from ._measurement import Measurement
 from ._moving import is_log
 
+_RESTARTS = 0.01
+"""Share of rows up to which a clock that goes back begins anew; more, and rows have no order."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Directions:
@@ -109,6 +112,8 @@ def _groups(
     """Return the rows of each run in the order of measurement."""
     order = np.arange(rows)
     if run is None:
+        if time is not None:
+            _refuse_restart(finder, time)
         return [order if time is None else np.argsort(time, kind="stable")]
     groups = [order[run == number] for number in dict.fromkeys(run.tolist())]
     if time is not None:
@@ -121,6 +126,21 @@ def _groups(
             )
             raise finder.unknown(reason)
     return groups
+
+
+def _refuse_restart(finder: "_Finder", time: Float[np.ndarray, " t"]) -> None:
+    """Raise where the clock begins anew: rows of both recordings would be mixed by it."""
+    starts = np.flatnonzero(np.diff(time) < 0) + 1
+    if not 0 < starts.size <= _RESTARTS * time.size:
+        return
+    parts = np.split(time, starts)
+    for start, earlier, later in zip(starts, parts, parts[1:], strict=False):
+        if later.max() > earlier.min():  # else the newest rows come first
+            reason = (
+                f"the time goes back in line {finder.measurement.lines[start]}: these are"
+                " two recordings, or rows written twice"
+            )
+            raise finder.unknown(reason)
 
 
 class _Finder:

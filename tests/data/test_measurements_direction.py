@@ -231,6 +231,17 @@ def test_a_log_with_pauses_of_any_length_has_its_direction_by_time(
     assert found == [1] * (33 + 35 + 31) + [-1] * (36 + 34)
 
 
+def test_two_recordings_on_one_clock_are_not_mixed(tmp_path: Path) -> None:
+    place = np.concatenate([np.linspace(0, 50, 200), np.linspace(50, 0, 200)]).tolist()
+    time = (0.05 * np.arange(200)).tolist()
+    with pytest.raises(DirectionUnknown, match="time goes back in line 202"):
+        directions(tmp_path, place, time=time + time)
+    # The later part of a recording may stand first.
+    later = (0.05 * np.arange(200, 400)).tolist()
+    found = directions(tmp_path, place, time=later + time)
+    assert found == [-1] + [1] * 199 + [-1] * 200
+
+
 def test_run_of_one_target_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DirectionUnknown, match="a run has only one target"):
         directions(tmp_path, [0, 0, 10, 10], run=[1, 1, 2, 2])

@@ -15,13 +15,10 @@ from .._draft import Leftovers
 from ..file._load import Job
 from ..joint._recording import read_group
 from ..result._result import Remark
-from ._remarks import wander_remarks
+from ._remarks import LOG, wander_remarks
 
 if TYPE_CHECKING:
     from ._plan import Plan
-
-_MANY = 20_000
-"""Readings from which on nobody went from place to place to read them."""
 
 
 def read_fit(
@@ -72,7 +69,7 @@ def _wander(
 
     A place is that of all axes, approached in one direction.
     """
-    if readings.run is not None or len(readings.error) > _MANY:
+    if readings.run is not None or len(readings.error) >= LOG:
         return
     every = []
     for values in (one.values.with_gaps() for one in measured):

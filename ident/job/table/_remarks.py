@@ -26,6 +26,13 @@ _TELLING, _WANDERS = 40, 0.4
 """Readings of places that were read again that tell a wander from noise; share of the mean square
 of their changes that neighbours in time leave, below which there is one."""
 
+LOG = 1000
+"""Readings from which on nobody went from place to place to read them."""
+_STRETCHES, _CELLS, _FEW = 8, 20, 5
+"""Stretches of a log, cells along each master, and cells that a stretch must have passed."""
+_MOVED = 0.5
+"""Share of the scatter within cells that stretches of a log may lie apart."""
+
 _SEEN, _TINY = 5.0, 1e-3
 """Deviations of a reading, and mm or °, by which a table changes beyond its readings unsaid."""
 
@@ -59,6 +66,7 @@ def fit_remarks(
             " filled by the prior and marked with support 0."
         )
     yield from _beyond_readings(draft)
+    yield from _log_remarks(draft)
     for name, nodes in zip(draft.fit.over, draft.plan.table.nodes, strict=True):
         limits, (low, high) = draft.job.spec.axes[name].limits, nodes.positions[[0, -1]]
         if limits is None or draft.plan.table.periodic:
@@ -193,6 +201,47 @@ def wander_remarks(
             f" {unit} rms, beside {1e3 * np.sqrt(scatter):.2g} {unit} of scatter. The standard"
             " deviations do not hold that: state what was a run of its own (run), or that the"
             " instrument drifts (drift, with a group)."
+        )
+
+
+def _log_remarks(draft: "TableDraft") -> Iterator[Remark]:
+    """Return a doubt where what a table leaves of a log changes from stretch to stretch.
+
+    Stretches are compared cell by cell: what a table misses at a place is no change in time.
+    """
+    readings, residual = draft.readings, draft.estimate.residual
+    if readings.run is not None or len(residual) < LOG:
+        return
+    keep = np.isfinite(residual) & ~draft.estimate.wild
+    when = np.argsort(np.argsort(readings.order[keep], kind="stable"), kind="stable")
+    stretch = when * _STRETCHES // len(when)
+    places, left = readings.positions[keep], residual[keep]
+    low, span = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1e-9)
+    cells = np.minimum((places - low) / span * _CELLS, _CELLS - 1).astype(np.int64)
+    if readings.direction is not None:
+        cells = np.column_stack([cells, readings.direction[keep]])
+    cell = np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1)
+    key = cell * _STRETCHES + stretch
+    size = int(cell.max() + 1) * _STRETCHES
+    counts = np.bincount(key, minlength=size)
+    sums = np.bincount(key, left, size), np.bincount(key, left**2, size)
+    mean = np.where(counts > 1, sums[0] / np.maximum(counts, 1), np.nan)
+    within = float(np.sum((sums[1] - counts * mean**2)[counts > 1]))
+    scatter = np.sqrt(within / max(float((counts - 1)[counts > 1].sum()), 1.0))
+    table = mean.reshape(-1, _STRETCHES)
+    table = table[np.isfinite(table).sum(axis=1) > 1]
+    seen = np.isfinite(table).sum(axis=0)
+    if (seen < _FEW).any():
+        return
+    moved = np.nanmean(table - np.nanmean(table, axis=1, keepdims=True), axis=0)
+    if (apart := float(np.std(moved))) > max(_MOVED * scatter, _TINY):
+        unit = draft.job.spec.axes[draft.axis].small_unit
+        yield Remark.warning(
+            f"What the table leaves of the log wanders in time by {1e3 * apart:.2g} {unit} rms"
+            f" from stretch to stretch, beside {1e3 * scatter:.2g} {unit} of scatter: the zero"
+            " of the instrument moved, or something else that no list of this axis follows."
+            " The standard deviations do not hold that. Cut the log where it jumps, state its"
+            " parts as runs (run), or that the instrument drifts (drift, with a group)."
         )
 
 

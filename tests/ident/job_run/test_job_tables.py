@@ -310,3 +310,42 @@ points = 13
     assert added[4] == pytest.approx(added[2], abs=1e-9)
     # Offset = −error; sagitta of a sine over 30° nodes is 0.14e-3, plus noise.
     assert added[1] == pytest.approx(-1e-3, abs=3e-4)
+
+
+@pytest.mark.parametrize("stream", ["false", "true"])
+@pytest.mark.parametrize("jump", [0.0, 0.015])
+def test_a_zero_that_moves_within_a_log_is_told(
+    tmp_path: Path, stream: str, jump: float
+) -> None:
+    rng = np.random.default_rng(3)
+    time = 0.01 * np.arange(24_000)
+    phase = (time / 15.0) % 2.0
+    place = 200.0 * np.where(phase < 1.0, phase, 2.0 - phase)
+    way = np.where(phase < 1.0, 1.0, -1.0)
+    error = screw_error(place, way) + 5e-4 * rng.standard_normal(len(time))
+    error += np.where(time > 110.0, jump, 0.0)
+    table(tmp_path / "log.csv", "t,x,e,way", time, place, error, way)
+    columns = 'time = "t", "X.position" = "x", "X.error" = "e", "X.direction" = "way"'
+    (tmp_path / "job.toml").write_text(
+        f"""
+[axes.X]
+number = 1
+[measurements.log]
+file = "log.csv"
+active = []
+remove = "none"
+stream = {stream}
+columns = {{ {columns} }}
+[[fits]]
+compensation = "leadscrew"
+axis = "X"
+measurement = "log"
+bilateral = true
+start = 0.0
+interval = 10.0
+points = 21
+"""
+    )
+    found = run_job(tmp_path / "job.toml", tmp_path / "out").fits[0]
+    said = [one.message for one in found.remarks if "wanders in time" in one.message]
+    assert len(said) == (jump > 0)
