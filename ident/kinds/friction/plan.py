@@ -37,6 +37,9 @@ _LOOKED_AT, _PARTS = 3_000, 5
 recording that have to agree on it."""
 _BY_PLACE = 0.05
 """Share of the friction from which on such a load is told."""
+_BY_TIME, _BOTH = 0.1, 0.1
+"""Share of the friction by which it changes over a recording before that is told, and of the
+samples of a part that each direction has."""
 _SURE = 3.0
 """Standard deviations from which on an inertia or a load is one."""
 
@@ -209,6 +212,7 @@ class FrictionDraft(AbstractDraft):
                 " this offset leaves the least of the current."
             )
         yield from self._of_place()
+        yield from self._of_time()
         if self.recording.unsure:
             yield Remark.error(f"No list is written. {self.recording.unsure}")
         elif not fit.has_law:
@@ -256,6 +260,33 @@ class FrictionDraft(AbstractDraft):
                 " driven, as a spring, a cable or a lever does: that is no friction, and the"
                 " law, the inertia and what differs between the directions hold a part of"
                 " it. Record on a short way to and fro."
+            )
+
+    def _of_time(self) -> Iterator[Remark]:
+        """Return that friction changes over the recording, as it does while an axis warms."""
+        fit, samples = self.found.fit, self.recording.samples
+        rows = np.flatnonzero(samples.in_motion)
+        rows = rows[:: -(-len(rows) // _LOOKED_AT)]
+        if not fit.has_law:
+            return
+        columns = [np.ones(len(rows)), fit.friction(samples.velocity[rows])]
+        if samples.acceleration is not None:
+            columns.append(samples.acceleration[rows])
+        design, current = np.stack(columns, axis=1), samples.current[rows]
+        parts = np.array_split(np.arange(len(rows)), _PARTS)
+        ahead = np.array([np.mean(samples.velocity[rows[part]] > 0) for part in parts])
+        if np.minimum(ahead, 1.0 - ahead).min() < _BOTH:
+            return  # a constant load is no friction only where both directions show it
+        shares = [np.linalg.lstsq(design[part], current[part])[0][1] for part in parts]
+        # A straight line over the parts, and how far they lie beside it.
+        when = np.linspace(-0.5, 0.5, _PARTS)
+        line, (beside,), *_ = np.polyfit(when, shares, 1, full=True)
+        scatter = float(np.sqrt(beside / (_PARTS - 2) / (when @ when)))
+        if abs(line[0]) > max(_SURE * scatter, _BY_TIME):
+            yield Remark.warning(
+                f"Friction {'falls' if line[0] < 0 else 'grows'} by {abs(line[0]):.0%} over the"
+                " recording, as it does while an axis warms: the list holds the mean. Run the"
+                " axis warm first, and record it then."
             )
 
     def _unsaid(self, curve: LawCurve, knots: Knots) -> Iterator[Remark]:

@@ -184,6 +184,24 @@ def test_a_load_that_changes_with_the_position_is_told(
     assert any("The load changes by" in each for each in said) == (spring > 0.0)
 
 
+@pytest.mark.parametrize("fall", [0.0, 0.3])
+def test_friction_that_changes_while_it_is_recorded_is_told(
+    tmp_path: Path, fall: float
+) -> None:
+    record(tmp_path, velocity=np.tile(motion(), 3))
+    table = np.loadtxt(tmp_path / "trace.csv", delimiter=",", skiprows=1)
+    # The axis warms: all of the current shrinks, its constant load with it.
+    table[:, 2] *= 1.0 - fall * np.linspace(0.0, 1.0, len(table))
+    header = "t,x,i"
+    path = tmp_path / "trace.csv"
+    np.savetxt(path, table, "%.7f", ",", header=header, comments="")
+    said = [one.message for one in friction(run(tmp_path)).remarks]
+    told = [words for words in said if "over the recording, as it does" in words]
+    assert len(told) == (fall > 0.0)
+    # From 1.15 to 0.85 of the mean law.
+    assert not told or re.search(r"falls by (2\d|3\d)%", told[0])
+
+
 def test_list_takes_what_the_law_takes(done: tuple[Path, JobResult]) -> None:
     error = friction(done[1]).error
     assert error["before"].rms > 2.0
