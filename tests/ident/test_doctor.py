@@ -236,6 +236,34 @@ def test_logs_of_other_paths_judge_each_list_by_the_axes_that_it_follows(
     assert not [one.sentence for one in found if "instead of" in one.sentence]
 
 
+@pytest.mark.parametrize(("shift", "said"), [(90.0, "further"), (270.0, "back")])
+def test_a_turn_is_shifted_by_the_shorter_way_round(shift: float, said: str) -> None:
+    rng = np.random.default_rng(4)
+    nodes = np.arange(0.0, 361.0, 15.0)
+    values = 0.02 * np.sin(np.deg2rad(nodes)) + 0.01 * np.cos(np.deg2rad(2 * nodes))
+    lines = [
+        "kopf.achs_nr 1\nkw.ssfk.unit 1\nkw.ssfk.interval 150000\nkw.ssfk.kw_startpos 0",
+        f"kw.ssfk.kw_nr_max {len(nodes)}\nkw.ssfk.modulo 1",
+        "kw.ssfk.set_pos_without_comp 1",
+    ]
+    lines += [f"kw.ssfk.table[{k}].pos {1e4 * v:.0f}" for k, v in enumerate(values)]
+    turning = ListFile.parse(("\n".join(lines) + "\n").encode(), "achskw1.lis")
+    places = np.tile(np.arange(0.0, 360.0, 5.0), 4)
+
+    def law(x: np.ndarray) -> np.ndarray:
+        return np.interp(np.mod(x, 360.0), nodes, values)
+
+    noise = 1e-4 * rng.standard_normal((2, len(places)))
+    left = law(places) - law(places - shift)
+    before, after = (
+        [Measured(1, {1: places}, error + part, None)]
+        for error, part in zip((law(places), left), noise, strict=True)
+    )
+    reading = Reading(Conventions(), modulo={1: (0.0, 360.0)})
+    (found,) = diagnose([turning], before, after, reading)
+    assert found.sentence == f"table applied 90.0 ° {said}"
+
+
 @pytest.mark.parametrize("shift", [0.0, 12.0])
 def test_few_readings_that_cannot_tell_a_shift_say_so(shift: float) -> None:
     rng = np.random.default_rng(1)

@@ -227,7 +227,10 @@ def _shift(change: Change, channel: AbstractChannel) -> str:
             along = (
                 f" along {channel.motion.name(master)}" if len(change.shift) > 1 else ""
             )
-            unit = "°" if master in channel.motion.ranges else "mm"
+            unit, turn = "mm", channel.motion.ranges.get(master)
+            if turn is not None:  # the shorter way round
+                unit, span = "°", turn[1] - turn[0]
+                value -= span * round(value / span)
             direction = "further" if value > 0 else "back"
             parts.append(f"{abs(value):.1f} {unit} {direction}{along}")
     return f"table applied {' and '.join(parts)}"
