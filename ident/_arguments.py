@@ -15,13 +15,16 @@ Datum = float | Sequence[float]
 """A position, one per master."""
 
 
-def check_options(remove: Any, solver: Any, smoothness: Any, drift: Any) -> None:
+def check_options(
+    loss: Any, remove: Any, solver: Any, smoothness: Any, drift: Any
+) -> None:
     """Check options of `axcomp.fit`.
 
     Raises:
         FitError: If one is none that it knows.
     """
     for option, word, words in (
+        ("loss", loss, ("student", "huber", "gauss")),
         ("remove", remove, ("none", "offset", "line")),
         ("solver", solver, ("factor", "ipopt", None)),
     ):

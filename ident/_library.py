@@ -284,7 +284,7 @@ def fit(
         FitError: If arrays or options do not fit together, do not determine the effects, no
             reading lies in a table, or nothing keeps the constraints.
     """
-    check_options(remove, solver, smoothness, drift)
+    check_options(loss, remove, solver, smoothness, drift)
     effects = stack_of(effects)
     constraints, active = by_name(constraints), models_by_name(active)
     if constraints and solver == "factor":

@@ -200,6 +200,7 @@ EFFECTS = {
     "Temperature('X', sensor='a', law={'offset': 2.0})": "found law 2.0",
     "Temperature('X', sensor='a', law={'offset': None})": "found law None",
     "Temperature('X', sensor='a', lag=[1.0, 2.0])": "found lag [1.0, 2.0]",
+    "Temperature('X', sensor='a', reference='intersection')": "found reference",
     "Crosstalk('X', 'Y', 100, -100, 'Z1', ['a'])": "found positions",
     "Crosstalk('X', 'Y', 100, -100, 'Z1', [0.0, 50.0])": "taken",
 }

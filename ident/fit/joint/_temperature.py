@@ -115,6 +115,9 @@ class Temperature(AbstractEffect):
                 "expected sensors of 'offset', 'coefficient' or both."
             )
             raise FitError(msg)
+        if isinstance(self.reference, str):
+            msg = f"{self.name}: found reference {self.reference!r}, expected a position in mm"
+            raise FitError(msg)
         ordered = {law: self.sensors[law] for law in LAWS if law in self.sensors}
         object.__setattr__(self, "sensors", ordered)
         strange = (
