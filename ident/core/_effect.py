@@ -160,7 +160,6 @@ class TableEffect(AbstractEffect):
 
     @property
     def size(self) -> int:
-        """See `AbstractEffect`."""
         return len(self.prior.order)
 
     @cached_property
@@ -204,7 +203,6 @@ class TableEffect(AbstractEffect):
         return Smooth(axis, None, self.branches, order)
 
     def design(self, readings: Readings) -> Design:
-        """See `AbstractEffect`."""
         columns = [readings.inputs[name] for name in self.inputs]
         direction = None if self.way is None else readings.inputs[self.way]
         nodes, shares = touched(self.model, np.stack(columns, axis=1), direction)
@@ -263,17 +261,14 @@ class ColumnsEffect(AbstractEffect):
 
     @property
     def prior(self) -> AbstractPrior:
-        """See `AbstractEffect`."""
         return self.given
 
     @property
     def size(self) -> int:
-        """See `AbstractEffect`."""
         return self.count
 
     @property
     def ridge(self) -> float:
-        """See `AbstractEffect`."""
         return self.held
 
     def design(self, readings: Readings) -> Design:
@@ -325,21 +320,17 @@ class GroupEffect(AbstractEffect):
 
     @property
     def size(self) -> int:
-        """See `AbstractEffect`."""
         return int(self.contrast.shape[1]) * self.parts
 
     @property
     def prior(self) -> AbstractPrior:
-        """See `AbstractEffect`."""
         return NoPrior(self.size)
 
     @property
     def ridge(self) -> float:
-        """See `AbstractEffect`."""
         return 1e-9
 
     def design(self, readings: Readings) -> Design:
-        """See `AbstractEffect`."""
         shares = self.contrast[readings.inputs[self.group]]
         if self.trend is not None:
             place = readings.inputs[self.trend][:, None]

@@ -126,16 +126,13 @@ class NoPrior(AbstractPrior):
 
     @cached_property
     def rows(self) -> tuple[sp.csr_array, ...]:
-        """See `AbstractPrior`."""
         return ()
 
     @property
     def straight(self) -> Float[np.ndarray, "n z"]:
-        """See `AbstractPrior`."""
         return np.eye(self.size)
 
     def logdet(self, weights: Vector) -> tuple[float, Vector]:
-        """See `AbstractPrior`."""
         return 0.0, np.zeros(len(weights))
 
 
@@ -155,16 +152,13 @@ class Independent(AbstractPrior):
 
     @cached_property
     def rows(self) -> tuple[sp.csr_array, ...]:
-        """See `AbstractPrior`."""
         return (self.matrix,)
 
     @property
     def straight(self) -> Float[np.ndarray, "n z"]:
-        """See `AbstractPrior`."""
         return np.zeros((int(np.asarray(self.matrix.shape)[1]), 0))
 
     def logdet(self, weights: Vector) -> tuple[float, Vector]:
-        """See `AbstractPrior`."""
         count = float(np.asarray(self.matrix.shape)[1])
         return count * float(np.log(weights[0])) + self.constant, np.array([count])
 
@@ -193,7 +187,6 @@ class Smooth(AbstractPrior):
 
     @cached_property
     def rows(self) -> tuple[sp.csr_array, ...]:
-        """See `AbstractPrior`."""
         width = 1 if self.fast is None else self.fast.size
         left, right = sp.eye_array(self.branches), sp.eye_array(width)
         blocks = [sp.kron(left, sp.kron(rows, right)) for rows in self.slow.rows]
@@ -203,7 +196,6 @@ class Smooth(AbstractPrior):
         return tuple(_placed(sp.coo_array(block), self.order) for block in blocks)
 
     def logdet(self, weights: Vector) -> tuple[float, Vector]:
-        """See `AbstractPrior`."""
         if self.fast is None:
             value, slopes = self.slow.logdet(weights)
             return self.branches * value, self.branches * slopes
@@ -228,29 +220,24 @@ class Smooth(AbstractPrior):
 
     @property
     def bounds(self) -> Float[np.ndarray, "k 2"]:
-        """See `AbstractPrior`."""
         axes = [self.slow] if self.fast is None else [self.slow, self.fast]
         return np.concatenate([axis.bounds for axis in axes])
 
     @property
     def scanned(self) -> bool:
-        """See `AbstractPrior`."""
         return True
 
     @property
     def optional(self) -> Bool[np.ndarray, " k"]:
-        """See `AbstractPrior`."""
         return np.resize([False, True], 2 if self.fast is None else 4)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """See `AbstractPrior`."""
         axes = self.axes[:1] if self.fast is None else self.axes
         return tuple(f"order {n}, axis {axis}" for axis in axes for n in (2, 4))
 
     @property
     def straight(self) -> Float[np.ndarray, "n z"]:
-        """See `AbstractPrior`."""
         if self.fast is None:
             grid = np.kron(np.eye(self.branches), self.slow.straight)
         else:

@@ -204,12 +204,10 @@ class CoulombViscous(AbstractStructure):
 
     @property
     def words(self) -> str:
-        """See `AbstractStructure`."""
         return "Coulomb + viscous" + " per direction" * self.directional
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """See `AbstractStructure`."""
         return ("coulomb", "viscous")
 
     def law(
@@ -234,18 +232,15 @@ class Stribeck(AbstractStructure):
 
     @property
     def words(self) -> str:
-        """See `AbstractStructure`."""
         fixed = "" if self.exponent is None else f" with exponent {self.exponent:g}"
         return "Stribeck" + fixed + " per direction" * self.directional
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """See `AbstractStructure`."""
         return ("coulomb", "viscous", "drop")
 
     @property
     def shapes(self) -> tuple[str, ...]:
-        """See `AbstractStructure`."""
         free = ("stribeck_velocity", "stribeck_shape")
         return free if self.exponent is None else free[:1]
 
@@ -267,7 +262,6 @@ class Stribeck(AbstractStructure):
         return np.stack(np.meshgrid(grid, exponents), axis=-1).reshape(-1, 2)
 
     def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 h"]:
-        """See `AbstractStructure`."""
         velocity = np.array([0.5 * speeds[0], 2.0 * speeds[1]])
         ranges = [velocity, np.array(_EXPONENT_RANGE)][: len(self.shapes)]
         return np.asarray(np.log(np.stack(ranges, axis=1)))
@@ -275,7 +269,6 @@ class Stribeck(AbstractStructure):
     def falling(
         self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
     ) -> Float[np.ndarray, "c n t"]:
-        """See `AbstractStructure`."""
         natural = np.exp(shapes)
         exponents = self.exponent or natural[:, 1:]
         columns = stribeck_columns(speed, natural[:, :1], exponents)
@@ -284,7 +277,6 @@ class Stribeck(AbstractStructure):
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
-        """See `AbstractStructure`."""
         coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
         velocity, *free = np.exp(shape)
         exponent = free[0] if self.exponent is None else self.exponent
@@ -305,17 +297,14 @@ class KnotTable(AbstractStructure):
 
     @property
     def words(self) -> str:
-        """See `AbstractStructure`."""
         return f"table of {len(self.knots)} knots" + " per direction" * self.directional
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """See `AbstractStructure`."""
         return tuple(f"knot_{index}" for index in range(len(self.knots)))
 
     @property
     def levels(self) -> Float[np.ndarray, " k"]:
-        """See `AbstractStructure`."""
         return np.ones(len(self.knots))
 
     @cached_property
@@ -355,7 +344,6 @@ class KnotTable(AbstractStructure):
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
-        """See `AbstractStructure`."""
         nodes = Setpoints(np.asarray(self.knots))
         tables = [FrictionTable(nodes, row) for row in factors]
         return tables[0] if len(tables) == 1 else DirectionalTable(*tables)

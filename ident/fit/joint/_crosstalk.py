@@ -98,7 +98,6 @@ class Crosstalk(AbstractEffect):
 
     @property
     def name(self) -> str:
-        """See `AbstractEffect`."""
         return f"crosstalk of {self.axis} from {self.master}"
 
     @property
@@ -127,7 +126,6 @@ class Crosstalk(AbstractEffect):
 
     @property
     def inputs(self) -> Inputs:
-        """See `AbstractEffect`."""
         by_slave = self.rules.crosstalk_velocity == "slave"
         mover = self.axis if by_slave else self.master
         motion = (("acceleration", self.master), ("velocity", mover))
@@ -135,7 +133,6 @@ class Crosstalk(AbstractEffect):
 
     @property
     def ranges(self) -> Ranges:
-        """See `AbstractEffect`."""
         top = 1.2 * max(self.acceleration, -self.deceleration)
         ranges = {
             ("position", axis): (float(places.min()), float(places.max()))
@@ -164,7 +161,6 @@ class Crosstalk(AbstractEffect):
         )
 
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
-        """See `AbstractEffect`."""
         count, tests = len(columns[0]), len(self.points)
         acceleration, speed, *places = map(filled, columns)
         stencil = self.to_model(np.zeros((4, tests)), 1.0).stencil(
@@ -176,7 +172,6 @@ class Crosstalk(AbstractEffect):
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
         words: tuple[str, ...] = BRANCHES
         if not self.velocity_dependent:
             words = ("acceleration", "deceleration")[: self.branches[-1] + 1]

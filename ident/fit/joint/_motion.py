@@ -53,21 +53,17 @@ class Backlash(AbstractEffect):
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
         return ("width",)
 
     @property
     def inputs(self) -> Inputs:
-        """See `AbstractEffect`."""
         return (("direction", self.axis),)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
-        """See `AbstractEffect`."""
         shared = "A constant difference between the directions"
         return [Component(self.name, self.rank, places, self, shared=shared)]
 
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
-        """See `AbstractEffect`."""
         return dense_rows(-0.5 * (columns[0][:, None] - self.reference))
 
     def to_model(self, table: Any, sign: float) -> Any:
@@ -112,21 +108,17 @@ class Delay(AbstractEffect):
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
         return ("delay", "rate of the delay")
 
     @property
     def inputs(self) -> Inputs:
-        """See `AbstractEffect`."""
         return (("velocity", self.axis),)
 
     @property
     def timed(self) -> bool:
-        """See `AbstractEffect`."""
         return True
 
     def placed(self, data: JointData) -> "Delay":
-        """See `AbstractEffect`."""
         if self.origin is not None:
             return self
         clock = data.clock_for(f"{self.name}: a rate")
@@ -141,6 +133,5 @@ class Delay(AbstractEffect):
         return [*super().columns_of(data), elapsed]
 
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
-        """See `AbstractEffect`."""
         speed, elapsed = columns
         return dense_rows(-np.column_stack([speed, speed * elapsed]))

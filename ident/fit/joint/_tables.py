@@ -54,28 +54,23 @@ class AbstractTable(AbstractEffect):
 
     @property
     def name(self) -> str:
-        """See `AbstractEffect`."""
         return f"{self.compensation} of {self.axis} over {' and '.join(self.masters)}"
 
     @property
     def size(self) -> int:
-        """See `AbstractEffect`."""
         return self.table_effect.size
 
     @property
     def grid(self) -> tuple[Float[np.ndarray, " _n"], ...]:
-        """See `AbstractEffect`."""
         return self.table_effect.nodes
 
     @property
     def inputs(self) -> Inputs:
-        """See `AbstractEffect`."""
         direction = (("direction", self.axis),) if self.table_effect.way else ()
         return (*(("position", master) for master in self.masters), *direction)
 
     @property
     def ranges(self) -> Ranges:
-        """See `AbstractEffect`."""
         return {
             ("position", master): (float(nodes[0]), float(nodes[-1]))
             for master, nodes in zip(self.masters, self.grid, strict=True)
@@ -93,7 +88,6 @@ class AbstractTable(AbstractEffect):
         return dataclasses.replace(prior, order=self._place[prior.order])
 
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
-        """See `AbstractEffect`."""
         table = self.table_effect
         names = table.inputs if table.way is None else (*table.inputs, table.way)
         inputs = dict(zip(names, columns, strict=True))
@@ -102,7 +96,6 @@ class AbstractTable(AbstractEffect):
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
         table = self.table_effect
         motions = (", moving positive", ", moving negative") if table.way else ("",)
         grid = [nodes[: len(nodes) - table.ring] for nodes in reversed(table.nodes)]
@@ -124,7 +117,6 @@ class AbstractTable(AbstractEffect):
     def offsets(
         self, model: Any, *places: Float[np.ndarray, " _n"]
     ) -> Float[np.ndarray, "..."]:
-        """See `AbstractEffect`."""
         mesh = list(np.meshgrid(*(places or self.grid)))
         rows = np.column_stack([axis.ravel() for axis in mesh])
         signs = (1, -1) if self.table_effect.way else (1,)
@@ -206,7 +198,6 @@ class AbstractLine(AbstractTable):
 
     @cached_property
     def table_effect(self) -> TableEffect:
-        """See `AbstractTable`."""
         return shared_table((self.nodes,), self.masters, None, self.modulo)
 
     @property
@@ -237,13 +228,11 @@ class Leadscrew(AbstractLine):
 
     @cached_property
     def table_effect(self) -> TableEffect:
-        """See `AbstractTable`."""
         way = "direction" if self.bilateral else None
         return dataclasses.replace(super().table_effect, way=way)
 
     @property
     def name(self) -> str:
-        """See `AbstractEffect`."""
         return f"leadscrew of {self.axis}"
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
@@ -285,11 +274,9 @@ class Cross(AbstractLine):
 
     @cached_property
     def masters(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
         return (self.master,)
 
     def to_model(self, table: Any, sign: float) -> Any:
-        """See `AbstractEffect`."""
         nodes = self._model_nodes
         line = models.ModuloNodes(nodes) if self.modulo else nodes
         return models.Cross(line, sign * table)
@@ -337,7 +324,6 @@ class Plane(AbstractTable):
 
     @cached_property
     def table_effect(self) -> TableEffect:
-        """See `AbstractTable`."""
         if self.nodes is not None:
             nodes = tuple(np.asarray(line, float) for line in self.nodes)
         elif self.start is None or self.interval is None or self.points is None:
@@ -349,7 +335,6 @@ class Plane(AbstractTable):
         return shared_table(nodes, self.masters)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
-        """See `AbstractEffect`."""
         rule = (
             f"the {self.name} has mean zero over the readings along every line that the "
             "other can follow"
@@ -358,6 +343,5 @@ class Plane(AbstractTable):
         return [dataclasses.replace(component, rule=rule)]
 
     def to_model(self, table: Any, sign: float) -> Any:
-        """See `AbstractEffect`."""
         first, second = (axis_nodes(line) for line in self.grid)
         return models.Plane(first, second, sign * table)

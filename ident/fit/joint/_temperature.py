@@ -156,17 +156,14 @@ class Temperature(AbstractEffect):
 
     @cached_property
     def masters(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
         return (self.axis,) if "coefficient" in self.sensors else ()
 
     @property
     def sensor_names(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
         return tuple(dict.fromkeys(self.sensors.values()))
 
     @property
     def name(self) -> str:
-        """See `AbstractEffect`."""
         return f"temperature of {self.axis} ({' and '.join(self.sensor_names)})"
 
     @property
@@ -239,18 +236,15 @@ class Temperature(AbstractEffect):
 
     @property
     def inputs(self) -> Inputs:
-        """See `AbstractEffect`."""
         sensors = [("temperature", sensor) for sensor in self.sensors.values()]
         return (*sensors, *(("position", axis) for axis in self.masters))
 
     @property
     def timed(self) -> bool:
-        """See `AbstractEffect`."""
         return any(lag != 0.0 for lag in self.lags.values())
 
     @property
     def ranges(self) -> Ranges:
-        """See `AbstractEffect`."""
         ranges: dict[tuple[str, str], tuple[float, float]] = {}
         for law, nodes in self.nodes.items():
             half = 0.5 * max(float(np.ptp(nodes)), 1.0)
@@ -262,7 +256,6 @@ class Temperature(AbstractEffect):
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
-        """See `AbstractEffect`."""
         nodes = self.nodes.items()
         return tuple(
             f"{law} at {node:.4g} °C" if len(temperatures) > 1 else law
@@ -284,7 +277,6 @@ class Temperature(AbstractEffect):
         ]
 
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
-        """See `AbstractEffect`."""
         parts = [
             node_shares(values, nodes) * (columns[-1] - self.reference)[:, None]
             if law == "coefficient"
