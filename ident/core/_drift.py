@@ -162,9 +162,7 @@ def find_drift(
         return white_only
     ratio, time_constant = np.exp(optimum.x)
     return DriftNoise(
-        float(np.sqrt(variance)),
-        float(np.sqrt(variance * ratio)),
-        float(time_constant),
+        float(np.sqrt(variance)), float(np.sqrt(variance * ratio)), float(time_constant)
     )
 
 
@@ -181,9 +179,7 @@ def scatter_of_sums(
 
 
 def variances_of_sums(
-    noise: DriftNoise,
-    time: Float[np.ndarray, " t"],
-    columns: Float[np.ndarray, "t k"],
+    noise: DriftNoise, time: Float[np.ndarray, " t"], columns: Float[np.ndarray, "t k"]
 ) -> Float[np.ndarray, " k"]:
     """Return the variances of the sums Σ x r of residuals r of weight 1 that scatter so."""
     gathered, spread = _spread(noise, time, columns)
@@ -192,9 +188,7 @@ def variances_of_sums(
 
 
 def _spread(
-    noise: DriftNoise,
-    time: Float[np.ndarray, " t"],
-    columns: Float[np.ndarray, "t k"],
+    noise: DriftNoise, time: Float[np.ndarray, " t"], columns: Float[np.ndarray, "t k"]
 ) -> tuple[Float[np.ndarray, "u k"], Float[np.ndarray, "u k"]]:
     """Return columns summed at each instant, and the covariance of the drift times these."""
     if not noise.drift > 0:

@@ -96,10 +96,7 @@ def discover(
 
 
 def examine(
-    observed: Observed,
-    channel: Channel,
-    axis: str,
-    axes: tuple[str, ...],
+    observed: Observed, channel: Channel, axis: str, axes: tuple[str, ...]
 ) -> Discovery:
     """Return which compensations the error, or the current, of an axis, one of all, asks for."""
     rows: Bool[np.ndarray, " t"] | str = np.isfinite(getattr(observed, channel)[axis])

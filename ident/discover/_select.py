@@ -295,10 +295,7 @@ def _selected(
 
 
 def _without_needless(
-    groups: Groups,
-    terms: Sequence[Term],
-    chosen: Bool[np.ndarray, " g"],
-    least: float,
+    groups: Groups, terms: Sequence[Term], chosen: Bool[np.ndarray, " g"], least: float
 ) -> Bool[np.ndarray, " g"]:
     """Return the terms without those whose part the others take over, simplest first."""
     keep, nuisance = chosen.copy(), len(chosen)

@@ -112,9 +112,7 @@ def zeroed(
 
 
 def deviations(
-    fits: Sequence[TableFit],
-    which: Int[np.ndarray, " t"],
-    samples: Samples,
+    fits: Sequence[TableFit], which: Int[np.ndarray, " t"], samples: Samples
 ) -> Float[np.ndarray, " t"]:
     """Return the standard deviation of one of several tables at each reading, in mm or °.
 

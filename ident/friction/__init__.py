@@ -19,15 +19,9 @@ Read in this order:
 - `_knots`: `place_knots`, the entries of a friction list, by dynamic programming.
 """
 
-from ._choice import (
-    Candidate as Candidate,
-    Choice as Choice,
-    choose_law as choose_law,
-)
+from ._choice import Candidate as Candidate, Choice as Choice, choose_law as choose_law
 from ._equation import Known as Known
-from ._inverse import (
-    fit_inverse as fit_inverse,
-)
+from ._inverse import fit_inverse as fit_inverse
 from ._knots import Knots as Knots, place_knots as place_knots
 from ._output_error import (
     OutputErrorFit as OutputErrorFit,

@@ -13,13 +13,7 @@ from ._equation import Known, Recording, record
 from ._inverse import fit_competing
 from ._result import FrictionFit
 from ._samples import DriveSamples
-from ._structures import (
-    AbstractStructure,
-    CoulombViscous,
-    KnotTable,
-    Laws,
-    Stribeck,
-)
+from ._structures import AbstractStructure, CoulombViscous, KnotTable, Laws, Stribeck
 from ._weights import View, Weights, ridged, weigh
 
 WINDOWS = 10

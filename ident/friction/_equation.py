@@ -18,13 +18,7 @@ from scipy.signal import firwin
 
 from ..core import FitError
 from ._samples import DriveSamples, check_samples
-from ._structures import (
-    KNOTS,
-    SUFFIXES,
-    AbstractStructure,
-    default_knots,
-    range_of,
-)
+from ._structures import KNOTS, SUFFIXES, AbstractStructure, default_knots, range_of
 
 _REACH = 10
 """Half the length of the filter in rows."""

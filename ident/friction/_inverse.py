@@ -112,10 +112,7 @@ def fit_competing(
 
 
 def _not_gauss(
-    fit: FrictionFit,
-    free: Equation,
-    weights: Weights,
-    shape: Float[np.ndarray, " h"],
+    fit: FrictionFit, free: Equation, weights: Weights, shape: Float[np.ndarray, " h"]
 ) -> bool:
     """Return whether the rows ask for another exponent than `GAUSS` (score test).
 

@@ -27,10 +27,6 @@ from ._result import (
     JointFit as JointFit,
     Part as Part,
 )
-from ._tables import (
-    Cross as Cross,
-    Leadscrew as Leadscrew,
-    Plane as Plane,
-)
+from ._tables import Cross as Cross, Leadscrew as Leadscrew, Plane as Plane
 from ._temperature import LAWS as LAWS, Temperature as Temperature
 from ._words import Confusion as Confusion, Gauge as Gauge

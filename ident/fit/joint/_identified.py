@@ -137,8 +137,7 @@ class Identified:
         direct = [shared for pair, shared in pairs.items() if not carried(pair)]
         return level, tuple(
             dataclasses.replace(
-                shared,
-                members=tuple(sorted(shared.members, key=lambda k: -rank[k])),
+                shared, members=tuple(sorted(shared.members, key=lambda k: -rank[k]))
             )
             for shared in direct
         )

@@ -18,15 +18,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import comb
 
 from ..._recording import JointData, clocked, lagged
-from ...core import (
-    Estimate,
-    FitError,
-    Loss,
-    Posterior,
-    Readings,
-    compact,
-    sums_of,
-)
+from ...core import Estimate, FitError, Loss, Posterior, Readings, compact, sums_of
 from ._design import Design
 from ._effect import AbstractEffect
 
