@@ -37,6 +37,9 @@ _EVEN = 1e-9
 class AbstractEffect(abc.ABC):
     """One effect that is linear in its unknowns: ``value = Σ shares · unknowns``."""
 
+    ridge: float = 0.0
+    """Precision that holds unknowns at zero, relative to their mean information."""
+
     @property
     @abc.abstractmethod
     def size(self) -> int:
@@ -50,11 +53,6 @@ class AbstractEffect(abc.ABC):
     @abc.abstractmethod
     def design(self, readings: Readings) -> Design:
         """Return the rows of the design for some readings."""
-
-    @property
-    def ridge(self) -> float:
-        """Precision that holds unknowns at zero, relative to their mean information."""
-        return 0.0
 
 
 def design_of(effect: AbstractEffect, readings: Readings) -> Design:
@@ -252,12 +250,12 @@ class ColumnsEffect(AbstractEffect):
     Attributes:
         given: Prior of the unknowns.
         count: Their number.
-        held: See `AbstractEffect.ridge`.
+        ridge: See `AbstractEffect`.
     """
 
     given: AbstractPrior
     count: int
-    held: float = 0.0
+    ridge: float = 0.0
 
     @property
     def prior(self) -> AbstractPrior:
@@ -266,10 +264,6 @@ class ColumnsEffect(AbstractEffect):
     @property
     def size(self) -> int:
         return self.count
-
-    @property
-    def ridge(self) -> float:
-        return self.held
 
     def design(self, readings: Readings) -> Design:
         """See `AbstractEffect`; never called where the design is given."""
@@ -308,6 +302,8 @@ class GroupEffect(AbstractEffect):
     group: str = "run"
     trend: str | None = None
 
+    ridge = 1e-9
+
     @cached_property
     def contrast(self) -> Float[np.ndarray, "g c"]:
         """Orthonormal columns over the groups."""
@@ -325,10 +321,6 @@ class GroupEffect(AbstractEffect):
     @property
     def prior(self) -> AbstractPrior:
         return NoPrior(self.size)
-
-    @property
-    def ridge(self) -> float:
-        return 1e-9
 
     def design(self, readings: Readings) -> Design:
         shares = self.contrast[readings.inputs[self.group]]
