@@ -76,11 +76,6 @@ class ArrowFactor:
         arrow = None if schur is None else cls(band, solved, schur)
         return arrow if arrow is not None and math.isfinite(arrow.logdet) else None
 
-    @property
-    def size(self) -> int:
-        """Number of unknowns."""
-        return len(self.band) + len(self.schur)
-
     @cached_property
     def logdet(self) -> float:
         """Natural logarithm of the determinant of the matrix."""

@@ -83,10 +83,6 @@ class Loss:
         """Return ψ(x)/x in 0…1 for residuals in scales."""
         return self.influence(ratio)[0]
 
-    def slope(self, ratio: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
-        """Return ψ'(x) for residuals in scales."""
-        return self.influence(ratio)[1]
-
     def wild(self, ratio: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
         """Return which residuals in scales are rejected outright."""
         return np.asarray(~(np.abs(ratio) <= self.limit))

@@ -123,7 +123,7 @@ def test_sums_are_those_of_dense_algebra(name: str, loss: Loss) -> None:
     np.testing.assert_allclose(sums.diagonal, np.diag(matrix), atol=1e-11)
     good = np.abs(ratio) <= loss.wild_from
     expected = [
-        active.sum(), loss.slope(ratio)[active].sum(), weight @ psi**2,
+        active.sum(), loss.influence(ratio)[1][active].sum(), weight @ psi**2,
         (weight * rest**2)[good].sum(), good.sum(),
     ]  # fmt: skip
     np.testing.assert_allclose(sums.tally, expected, rtol=1e-12)
