@@ -27,38 +27,28 @@ class _Limit:
     thread that set a limit only; the last fit may run in another one.
     """
 
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._users = 0
-        self._limiter: Any = None
-
-    def enter(self) -> None:
-        with self._lock:
-            if self._users == 0:
-                OpenBLASController.clear_controlling_thread(force=True)
-                self._limiter = _controller().limit(limits=1, user_api="blas")
-            self._users += 1
-
-    def leave(self) -> None:
-        with self._lock:
-            self._users -= 1
-            if self._users == 0:
-                OpenBLASController.clear_controlling_thread(force=True)
-                self._limiter.restore_original_limits()
-                OpenBLASController.clear_controlling_thread(force=True)
-
-
-_LIMIT = _Limit()
+    lock = threading.Lock()
+    users = 0
+    limiter: Any = None
 
 
 @contextlib.contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Limit BLAS to one thread inside the block, in whatever threads blocks overlap."""
-    _LIMIT.enter()
+    with _Limit.lock:
+        if _Limit.users == 0:
+            OpenBLASController.clear_controlling_thread(force=True)
+            _Limit.limiter = _controller().limit(limits=1, user_api="blas")
+        _Limit.users += 1
     try:
         yield
     finally:
-        _LIMIT.leave()
+        with _Limit.lock:
+            _Limit.users -= 1
+            if _Limit.users == 0:
+                OpenBLASController.clear_controlling_thread(force=True)
+                _Limit.limiter.restore_original_limits()
+                OpenBLASController.clear_controlling_thread(force=True)
 
 
 def cores() -> int:
