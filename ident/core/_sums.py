@@ -90,13 +90,8 @@ class Sums:
 
     def with_matrix(self, other: "Sums") -> "Sums":
         """Return these sums with the matrix and the support of others."""
-        return dataclasses.replace(
-            self,
-            diagonals=other.diagonals,
-            cross=other.cross,
-            border=other.border,
-            support=other.support,
-        )
+        right, tally, histogram = self.right, self.tally, self.histogram
+        return dataclasses.replace(other, right=right, tally=tally, histogram=histogram)
 
     @cached_property
     def diagonal(self) -> Vector:
@@ -264,16 +259,14 @@ def _by_matrix(
         np.square(residual).sum(where=good),
         np.count_nonzero(good),
     ]
-    if former is None:
-        touching = design.astype(bool).astype(float)
-        support = (touching.T @ active.astype(float)).astype(np.int64)
-        matrix = (*_products(stack, design, active * weight), support)
-    else:
-        matrix = former.diagonals, former.cross, former.border, former.support
-    diagonals, cross, border, support = matrix
     right, sizes = design.T @ weighted, _binned(residual)
-    vectors = right, np.array(tally, float), sizes, support
-    return Sums(stack, diagonals, cross, border, *vectors), residual
+    vectors = {"right": right, "tally": np.array(tally, float), "histogram": sizes}
+    if former is not None:
+        return dataclasses.replace(former, **vectors), residual
+    touching = design.astype(bool).astype(float)
+    support = (touching.T @ active.astype(float)).astype(np.int64)
+    matrix = _products(stack, design, active * weight)
+    return Sums(stack, *matrix, **vectors, support=support), residual
 
 
 def _products(
