@@ -121,11 +121,6 @@ class Estimate:
         chosen = choose_weights(post.problem) if self.follows else None
         return (chosen or post).variance, post.problem.degrees
 
-    @property
-    def variances(self) -> Vector:
-        """Variance of every unknown, see `spread`."""
-        return self.spread(lambda post: (post.values, post.inverse_diagonal))
-
     def spread(self, view: View) -> Spread:
         """Return the variances, or the covariance, of some values.
 
@@ -221,9 +216,8 @@ class _Passes:
         if near is not None and near.loss != Loss():
             matrix = self.over(near.values, near.loss, None)
             problem = self._problem(matrix, near.values)
-            weights = (
-                near.posterior.weights if self.fixed is None else self._light(problem)
-            )
+            post = near.posterior
+            weights = post.weights if self.fixed is None else self.fixed(problem)
             post = self._solved(problem, weights)
             return self._robust(post, float(matrix.tally[0]), searches=1)
         theta = np.zeros(self.stack.size) if start is None else start
@@ -261,7 +255,10 @@ class _Passes:
     def _least_squares(self, matrix: Sums, theta: Vector) -> Posterior:
         problem = self._problem(matrix, theta)
         # About the values themselves the sums keep all their digits.
-        return self._weighed(self._solved(problem, self._light(problem)).about())
+        problem = self._solved(problem, self._light(problem)).about()
+        if self.fixed is None:
+            return self._chosen(problem, None)
+        return self._solved(problem, self.fixed(problem))
 
     def _problem(self, sums: Sums, theta: Vector, gain: float = 1.0) -> Problem:
         return Problem.of(sums, theta, gain, self.pins)
@@ -291,10 +288,8 @@ class _Passes:
                 active = float(sums.tally[0])
             factor = None if full else post.factor
             gain = max(float(sums.tally[1] / max(sums.tally[0], 1.0)), 0.1)
-            if full:
-                problem = self._problem(sums, about, gain)
-            else:
-                problem = post.problem.again(sums, about, gain)
+            problem_of = self._problem if full else post.problem.again
+            problem = problem_of(sums, about, gain)
             weights = post.weights if self.fixed is None else self.fixed(problem)
             post = self._solved(problem, weights, factor)
             trail = [*trail[-1:], (about, post.values - about)]
@@ -345,12 +340,6 @@ class _Passes:
         if post is None:
             raise FitError(NOT_DETERMINED)
         return post
-
-    def _weighed(self, problem: Problem) -> Posterior:
-        """Return the posterior at the weights that were given, or else by evidence."""
-        if self.fixed is None:
-            return self._chosen(problem, None)
-        return self._solved(problem, self.fixed(problem))
 
     def _chosen(self, problem: Problem, near: Posterior | None) -> Posterior:
         post = choose_weights(problem, near)

@@ -105,7 +105,8 @@ def result_of(
     """
     post, table = estimate.posterior, layout.effect
     unscaled = np.maximum(post.inverse_diagonal[: table.size], 1e-300)
-    deviation = np.sqrt(estimate.variances[: table.size])
+    variances = estimate.spread(lambda post: (post.values, post.inverse_diagonal))
+    deviation = np.sqrt(variances[: table.size])
     support = post.problem.sums.support[: table.size]
     worst = float(deviation[support > 0].max(initial=0.0))
     # Rounding can leave a singular matrix just definite.

@@ -124,9 +124,7 @@ def _posterior(
     readings = Readings(target, {}, (pseudo != 0.0).astype(float))
     columns = compact(design.columns)
     sums, _ = sums_of(design.stack, readings, fit.centre, Loss(), design=columns)
-    problem = dataclasses.replace(
-        fit.posterior.problem, sums=sums, theta=fit.centre, gain=1.0
-    )
+    problem = fit.posterior.problem.again(sums, fit.centre, 1.0)
     # Without any residual there is none that could have changed sides.
     return problem.at(fit.posterior.weights) or fit.posterior
 
