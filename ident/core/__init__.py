@@ -36,6 +36,7 @@ from ._effect import (
     TableEffect as TableEffect,
     axis_nodes as axis_nodes,
     design_of as design_of,
+    node_shares as node_shares,
     shared_table as shared_table,
     touched as touched,
 )
@@ -48,7 +49,6 @@ from ._hold_out import (
     sums_by_group as sums_by_group,
 )
 from ._loss import WILD as WILD, Loss as Loss, choose_loss as choose_loss
-from ._polyline import node_shares as node_shares
 from ._posterior import (
     CellCovariance as CellCovariance,
     Posterior as Posterior,
