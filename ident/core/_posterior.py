@@ -361,17 +361,16 @@ class CellCovariance:
         self, nodes: Int[np.ndarray, "t k"], shares: Float[np.ndarray, "t k"]
     ) -> Float[np.ndarray, " t"]:
         """Return the variance of Σ shares · values per row."""
-        slots = np.full(max(self.offsets) + 1, -1)
+        # Distances that are not known, all larger ones too, have an element of 0.
+        columns = np.pad(self.columns, ((0, 0), (0, 1)))
+        slots = np.full(max(self.offsets) + 2, len(self.offsets))
         slots[list(self.offsets)] = np.arange(len(self.offsets))
         result = np.zeros(len(nodes))
         for a in range(nodes.shape[1]):
             for b in range(a + 1):
-                gap = np.abs(nodes[:, a] - nodes[:, b])
-                slot = np.where(
-                    gap < len(slots), slots[np.minimum(gap, len(slots) - 1)], -1
-                )
-                element = self.columns[np.minimum(nodes[:, a], nodes[:, b]), slot]
+                first, second = nodes[:, a], nodes[:, b]
+                slot = slots[np.minimum(np.abs(first - second), len(slots) - 1)]
                 factor = 1.0 if a == b else 2.0
-                product = shares[:, a] * shares[:, b]
-                result += np.where(slot < 0, 0.0, factor * product * element)
+                product = factor * (shares[:, a] * shares[:, b])
+                result += product * columns[np.minimum(first, second), slot]
         return np.maximum(result, 0.0)
