@@ -63,10 +63,7 @@ class _Chain:
     def precision(
         self, time_constant: float
     ) -> tuple[Float[np.ndarray, " u"], Float[np.ndarray, " g"], float]:
-        """Return diagonal and side diagonal of the precision of a drift, and its log-det.
-
-        Of a drift of variance 1.
-        """
+        """Return diagonal, side diagonal and log-det of the precision of a drift of variance 1."""
         innovation = -np.expm1(-2.0 * self.gaps / time_constant)
         correlation = np.exp(-self.gaps / time_constant)
         diagonal = np.append(1.0, 1.0 / innovation)

@@ -190,9 +190,9 @@ def _scanned(problem: Problem) -> Posterior | None:
     scanned = np.concatenate(
         [[prior.scanned] * len(prior.rows) for prior, _, _ in problem.stack.priors]
     ).astype(bool)
-    relative = [np.where(scanned, scale, 1.0) for scale in _SCALES]
-    plain = [np.where(problem.optional, 0.0, factors) for factors in relative]
-    return _best_of(problem, [factors * problem.density for factors in plain])
+    second = np.where(problem.optional, 0.0, problem.density)
+    trials = [np.where(scanned, scale, 1.0) * second for scale in _SCALES]
+    return _best_of(problem, trials)
 
 
 def _bent(problem: Problem, plain: Posterior) -> Posterior | None:

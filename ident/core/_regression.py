@@ -116,12 +116,13 @@ def regress(
         start=_least_magnitudes(reduced * root[:, None], target * root, loss),
     )
     residual = target - reduced @ fit.centre
-    wild = fit.loss.wild(residual * root / fit.loss.scale)
+    ratio = residual * root / fit.loss.scale
+    wild = fit.loss.wild(ratio)
     rows = ~wild
     if wild.any() and int(rows.sum()) <= size:
         msg = "the readings that agree with each other are too few to fit."
         raise FitError(msg)
-    share = fit.loss.share(residual * root / fit.loss.scale)
+    share = fit.loss.share(ratio)
     pseudo = (share * residual / fit.posterior.problem.gain)[rows]
     clock = np.arange(count, dtype=float) if time is None else np.asarray(time)
     clock, weights, active = clock[rows], relative[rows], design[rows]
