@@ -204,14 +204,11 @@ def choose_law(
     # Rows beside a window share samples with it by the filter.
     touched = np.stack([edges[:-1] - reach, edges[1:] + reach]).clip(0, len(window))
     cuts = np.unique(np.append(touched, [0, len(window)]))
-    kinds = tuple(structures or default_structures(recording))
-    fits, held = (
-        dict[AbstractStructure, FrictionFit](),
-        dict[AbstractStructure, _Held](),
-    )
+    fits: dict[AbstractStructure, FrictionFit] = {}
+    held: dict[AbstractStructure, _Held] = {}
     with one_blas_thread():
         weights, near = weigh(recording, loss, cuts), None
-        for kind in kinds:
+        for kind in structures or default_structures(recording):
             fit = fit_competing(weights.free.under(kind), weights, near)
             # Both directions apart have nearly the shape that they have together.
             near = fit.shape if len(fit.shape) else None
@@ -226,10 +223,8 @@ def choose_law(
     residual = np.array([*held_out, *(fit.error for fit in fits.values())])
     size = recording.load_size
     square = recording.usable * np.minimum(residual**2, weights.limit**2) / size**2
-    counts, squares = (
-        np.add.reduceat(values, edges[:-1], axis=-1)
-        for values in (recording.usable * 1.0, square)
-    )
+    counts = np.add.reduceat(recording.usable * 1.0, edges[:-1])
+    squares = np.add.reduceat(square, edges[:-1], axis=1)
     errors = np.sqrt(squares[: len(fits)] / counts)
     fitted = np.sqrt(squares[len(fits) :].sum(axis=1) / counts.sum())
     candidates = tuple(

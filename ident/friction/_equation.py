@@ -129,14 +129,11 @@ class Recording:
     @cached_property
     def noise_free(self) -> "Recording | None":
         """The same of the motion free of noise, where one stands beside the measured one."""
-        fine = self.samples.instrument_velocity
+        samples, fine = self.samples, self.samples.instrument_velocity
         if fine is None:
             return None
-        samples = dataclasses.replace(
-            self.samples,
-            velocity=fine,
-            acceleration=self.samples.instrument_acceleration,
-        )
+        push = samples.instrument_acceleration
+        samples = dataclasses.replace(samples, velocity=fine, acceleration=push)
         return dataclasses.replace(self, samples=samples)
 
     @cached_property

@@ -248,12 +248,8 @@ class _Runs:
         slow = np.abs(velocity[first]) < _SLOW * np.abs(velocity).max()
         velocity[first[slow]] = 0.0
         force = guess.known.gain * samples.current[:-1]
-        excitation = Excitation(
-            jnp.asarray(padded(force)),
-            jnp.asarray(padded(begins)),
-            jnp.asarray(padded(velocity[:-1])),
-            jnp.asarray(samples.cycle),
-        )
+        drive = padded(force), padded(begins), padded(velocity[:-1]), samples.cycle
+        excitation = Excitation(*map(jnp.asarray, drive))
         return cls(
             equation,
             excitation,
@@ -330,11 +326,8 @@ class _Task:
                 low[place], high[place] = guess[place] * np.array(_INERTIA)
             else:
                 signed = name == "offset" or "non-negative" in self.constraints
-                unit = (
-                    float(equation.recording.speed.max())
-                    if name.startswith("viscous")
-                    else 1.0
-                )
+                viscous = name.startswith("viscous")
+                unit = float(equation.recording.speed.max()) if viscous else 1.0
                 low[place], high[place] = -largest / unit * signed, largest / unit
         return low, high
 
@@ -347,9 +340,8 @@ class _Task:
         values, converged = solve(
             self.problem, start, TOLERANCE, self.solver, self.constraints
         )
-        residual, slopes = (
-            np.asarray(array) for array in linearised(jnp.asarray(values), self.problem)
-        )
+        arrays = linearised(jnp.asarray(values), self.problem)
+        residual, slopes = (np.asarray(array) for array in arrays)
         error, cost = residual[: len(self.runs.run)], 0.5 * float(residual @ residual)
         if not np.isfinite(cost):
             msg = f"output error: {self.solver} found no law that can be simulated."
@@ -388,12 +380,8 @@ class _Task:
             method=f"output error ({self.solver})",
             given=np.asarray(inverse @ inner @ inverse.T),
         )
-        return OutputErrorFit(
-            friction=law,
-            free_run=float(np.sqrt(error @ error / self.runs.compared.sum())),
-            cost=cost,
-            task=self,
-        )
+        free_run = float(np.sqrt(error @ error / self.runs.compared.sum()))
+        return OutputErrorFit(law, free_run, cost, self)
 
 
 def _approached(task: _Task, samples: DriveSamples) -> Float[np.ndarray, " 10"]:

@@ -274,9 +274,8 @@ class _Search:
         unit = np.linalg.norm(self.solve(setting, use)[1]) or 1.0
 
         def at(point: Float[np.ndarray, " q"]) -> _Setting:
-            return dataclasses.replace(
-                setting, distance=float(point[0]), shape=point[1:].copy()
-            )
+            distance, shape = float(point[0]), point[1:].copy()
+            return dataclasses.replace(setting, distance=distance, shape=shape)
 
         optimum = least_squares(
             lambda point: self.solve(at(point), use)[1] / unit,

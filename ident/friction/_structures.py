@@ -215,8 +215,7 @@ class CoulombViscous(AbstractStructure):
     ) -> AbstractFriction:
         """See `AbstractStructure`: a Stribeck curve without an excess at break-away."""
         coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
-        numbers = coulomb, coulomb, 1.0, GAUSS, viscous
-        return StribeckFriction(*numbers)
+        return StribeckFriction(coulomb, coulomb, 1.0, GAUSS, viscous)
 
 
 @final
@@ -280,8 +279,7 @@ class Stribeck(AbstractStructure):
         coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
         velocity, *free = np.exp(shape)
         exponent = free[0] if self.exponent is None else self.exponent
-        numbers = coulomb, coulomb + drop, velocity, exponent, viscous
-        return StribeckFriction(*numbers)
+        return StribeckFriction(coulomb, coulomb + drop, velocity, exponent, viscous)
 
 
 @final
