@@ -311,7 +311,7 @@ def _contrast(counted: bytes, present: bytes) -> Float[np.ndarray, "g c"]:
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class GroupEffect(AbstractEffect):
-    """Offsets of groups of readings (runs), as contrasts; with a trend within each, too.
+    """Offsets of groups of readings (``run``), as contrasts; with a trend within each, too.
 
     Effects of all groups that count sum to zero, so that what stands beside them keeps the
     mean; a ridge holds what no reading determines.
@@ -319,13 +319,11 @@ class GroupEffect(AbstractEffect):
     Attributes:
         counted: Groups whose effects sum to zero.
         present: Groups that have any readings; the others have no effect.
-        group: Name of the input with the number of the group, from 0.
         trend: Name of the input with the centred place within it; None: offsets only.
     """
 
     counted: Bool[np.ndarray, " g"]
     present: Bool[np.ndarray, " g"]
-    group: str = "run"
     trend: str | None = None
 
     ridge = 1e-9
@@ -349,7 +347,7 @@ class GroupEffect(AbstractEffect):
         return NoPrior(self.size)
 
     def design(self, readings: Readings) -> Design:
-        shares = self.contrast[readings.inputs[self.group]]
+        shares = self.contrast[readings.inputs["run"]]
         if self.trend is not None:
             place = readings.inputs[self.trend][:, None]
             shares = np.hstack([shares, shares * place])

@@ -28,12 +28,10 @@ _MEMBER = 0.05
 """Part in a shared direction, relative to the largest, from which on a group is a member."""
 
 
-def null_space(
-    matrix: Float[np.ndarray, "m m"], limit: float = SINGULAR
-) -> Float[np.ndarray, "m g"]:
+def null_space(matrix: Float[np.ndarray, "m m"]) -> Float[np.ndarray, "m g"]:
     """Return the null space of an information matrix, judged with a unit diagonal."""
     values, vectors, scale = _scaled_modes(matrix)
-    return np.asarray(vectors[:, values < limit] / scale[:, None])
+    return np.asarray(vectors[:, values < SINGULAR] / scale[:, None])
 
 
 def pivoted(

@@ -310,7 +310,7 @@ def _stack(table: TableEffect, counted: bytes, drift: bool) -> Stack:
         return Stack((table,), banded)
     counts = np.frombuffer(counted, bool)
     trend = "order" if drift else None
-    effect = GroupEffect(counts, np.ones(len(counts), bool), "run", trend)
+    effect = GroupEffect(counts, np.ones(len(counts), bool), trend)
     return Stack((table, effect), banded)
 
 

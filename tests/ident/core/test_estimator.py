@@ -56,7 +56,7 @@ def readings(count: int = 400, seed: int = 0, weighted: bool = True) -> Readings
 
 def stack_of(name: str) -> Stack:
     everything = np.ones(4, bool)
-    return Stack((TABLES[name], GroupEffect(everything, everything, "run", "late")))
+    return Stack((TABLES[name], GroupEffect(everything, everything, "late")))
 
 
 def dense(stack: Stack, given: Readings) -> np.ndarray:
