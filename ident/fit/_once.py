@@ -42,6 +42,9 @@ _ORDER, _NORM, _ALIKE = 4, 70.0, 6.9
 """Order of the differences that tell the noise of a smooth surface; their scatter along both
 axes for noise of 1; how many of them, as neighbours overlap, say as much as an independent one."""
 
+Place = tuple[Int[np.ndarray, " t"], Int[np.ndarray, " t"]]
+"""Rows and columns of a table's array: the node of every reading."""
+
 
 def judge_once(fit: TableFit, samples: Samples) -> TableFit:
     """Return the fit, with what a single probing cannot tell added to its uncertainty.
@@ -61,9 +64,10 @@ def judge_once(fit: TableFit, samples: Samples) -> TableFit:
     floor = _least_noise(readings)
     if floor > fit.noise:
         fit = _noisier(fit, place, floor)
-    across, roughness = max(enumerate(_roughness(readings)), key=lambda pair: pair[1])
+    rough = [_roughness(readings, axis) for axis in (0, 1)]
+    across = int(np.argmax(rough))
     # Below the scatter of a reading no structure can hide; from twice that on, all of it can.
-    share = float(np.clip(roughness / fit.noise - 1.0, 0.0, 1.0))
+    share = float(np.clip(rough[across] / fit.noise - 1.0, 0.0, 1.0))
     offsets = [_offset_of_lines(readings, axis, fit.noise) for axis in (0, 1)]
     if not share:
         across = int(np.argmax(offsets))
@@ -71,9 +75,7 @@ def judge_once(fit: TableFit, samples: Samples) -> TableFit:
     return _half_way(fit, place, across, share, offset) if offset else fit
 
 
-def _nodes_read(
-    fit: TableFit, samples: Samples
-) -> tuple[Int[np.ndarray, " t"], Int[np.ndarray, " t"]] | None:
+def _nodes_read(fit: TableFit, samples: Samples) -> Place | None:
     """Return the node of every reading in the table's array; None unless each has its own."""
     place = []
     for column, nodes in enumerate(fit.layout.nodes):
@@ -104,11 +106,7 @@ def _least_noise(readings: Float[np.ndarray, "n m"]) -> float:
     return noise / (1.0 + float(np.sqrt(0.5 * _ALIKE / bends.size)))
 
 
-def _noisier(
-    fit: TableFit,
-    place: tuple[Int[np.ndarray, " t"], Int[np.ndarray, " t"]],
-    noise: float,
-) -> TableFit:
+def _noisier(fit: TableFit, place: Place, noise: float) -> TableFit:
     """Return the table of the same prior for readings of a larger noise."""
     assert fit.estimate is not None  # a fit of readings in memory has one
     weights = fit.estimate.posterior.weights * (noise / fit.noise) ** 2
@@ -130,20 +128,16 @@ def _noisier(
     )
 
 
-def _roughness(readings: Float[np.ndarray, "n m"]) -> tuple[float, float]:
-    """Return how much the mean of a line differs from those beside it, per array axis.
+def _roughness(readings: Float[np.ndarray, "n m"], axis: int) -> float:
+    """Return how much the mean of a line differs from those beside it along an array axis.
 
     As a standard deviation per line, were it all independent from line to line: what is smooth
     cancels in the second differences of the means.
     """
-    roughness = []
-    for axis in (0, 1):
-        if readings.shape[axis] < _FEWEST:
-            roughness.append(0.0)
-            continue
-        bend = np.diff(readings.mean(axis=1 - axis), 2)
-        roughness.append(float(np.sqrt(np.mean(np.square(bend)) / 6.0)))
-    return roughness[0], roughness[1]
+    if readings.shape[axis] < _FEWEST:
+        return 0.0
+    bend = np.diff(readings.mean(axis=1 - axis), 2)
+    return float(np.sqrt(np.mean(np.square(bend)) / 6.0))
 
 
 def _offset_of_lines(
@@ -166,11 +160,7 @@ def _offset_of_lines(
 
 
 def _half_way(
-    fit: TableFit,
-    place: tuple[Int[np.ndarray, " t"], Int[np.ndarray, " t"]],
-    across: int,
-    share: float,
-    offset: float,
+    fit: TableFit, place: Place, across: int, share: float, offset: float
 ) -> TableFit:
     """Return the table half way to its readings, with an offset of every line in its noise.
 
@@ -200,11 +190,8 @@ def _half_way(
         columns[:, slot] += offset**2 if step in (0, along) else 0.0
     columns[:, 0] += table.to_values(gain)
     size = offset / fit.noise
-    clause = (
-        f", and the table goes {fraction:.0%} of the way from the smooth surface to each reading"
-        if share
-        else ""
-    )
+    way = f", and the table goes {fraction:.0%} of the way from the smooth surface to each reading"
+    clause = way if share else ""
     message = (
         f"{fit.message} Every node was read once, and the lines of readings differ by more "
         "than readings scatter: an offset of every line and structure as fine as the nodes "
