@@ -80,10 +80,8 @@ class AxisFit:
     @property
     def counted(self) -> Bool[np.ndarray, " r"]:
         """Readings that the noise is judged by."""
-        loss = self.estimate.loss
-        return np.asarray(
-            self.active & (np.abs(self.residual) <= loss.wild_from * loss.scale)
-        )
+        limit = self.estimate.loss.wild_from * self.estimate.loss.scale
+        return np.asarray(self.active & (np.abs(self.residual) <= limit))
 
     def smoothness(self) -> dict[str, dict[str, float]]:
         """Return the weights of each table, and of the drift, by name."""
@@ -191,10 +189,9 @@ class AxisFit:
     @cached_property
     def lag_deviation(self) -> dict[str, float]:
         """Standard deviation of each lag in s, such as noise with a memory leaves it."""
+        design, values = self.design, self.estimate.values
+        sensed = sensed_variances(design, self.data, values, self.active, self.lags)
         result: dict[str, float] = {}
-        sensed = sensed_variances(
-            self.design, self.data, self.estimate.values, self.active, self.lags
-        )
         for sensor, lag in self.lags.items():
             variance = lag.deviation**2
             swell = self.memory.swell_along(lag.direction)
@@ -218,13 +215,9 @@ class AxisFit:
         spread = np.diag(self.known.covariance(post, functionals))
         spread = spread * self.estimate.scatter[0]
         deviation = np.sqrt(np.maximum(spread, 0.0)).reshape(2, -1)
-        numbers = np.stack(
-            [rows[0] @ self.theta, deviation[0], rows[1] @ self.theta, deviation[1]]
-        )
-        return tuple(
-            RunEffect(run, *values)
-            for run, values in zip(design.course.runs, numbers.T.tolist(), strict=True)
-        )
+        numbers = np.stack([rows @ self.theta, deviation], axis=1).reshape(4, -1)
+        pairs = zip(design.course.runs, numbers.T.tolist(), strict=True)
+        return tuple(RunEffect(run, *values) for run, values in pairs)
 
     def parts(self) -> list[Part]:
         """Return the fitted effects."""

@@ -187,8 +187,7 @@ class Design:
     @cached_property
     def information(self) -> sp.csr_array:
         """Information of all rows on the unknowns, Σ x xᵀ, whatever was measured in them."""
-        readings = Readings(np.zeros(len(self.rows)), {})
-        zero = np.zeros(self.size)
+        readings, zero = Readings(np.zeros(len(self.rows)), {}), np.zeros(self.size)
         columns = compact(self.columns)
         return sums_of(self.stack, readings, zero, Loss(), design=columns)[0].matrix
 
@@ -240,7 +239,9 @@ def design_of(
     Raises:
         FitError: If no row is complete.
     """
-    first = max(filter(_banded, effects), key=lambda effect: effect.size, default=None)
+    # The part of a large plane in the matrix is worth a band.
+    planes = [e for e in effects if len(e.grid) == 2 and e.size > _BANDED]
+    first = max(planes, key=lambda effect: effect.size, default=None)
     ordered = sorted(effects, key=lambda effect: effect is not first)
     blocks = [effect.block(data) for effect in ordered]
     keep = np.ones(len(data), bool) if use is None else np.asarray(use, bool)
@@ -286,11 +287,6 @@ def design_of(
         components=tuple(components),
         course=course,
     )
-
-
-def _banded(effect: AbstractEffect) -> bool:
-    """Return whether its part of the matrix is worth a band."""
-    return len(effect.grid) == 2 and effect.size > _BANDED
 
 
 def _nuisance(

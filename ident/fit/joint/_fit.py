@@ -82,9 +82,8 @@ def fit_joint(
         fits = {axis: by_size[axis] for axis in groups}
         parts = {part.name: part for fit in fits.values() for part in fit.parts()}
         runs = {axis: fit.runs() for axis, fit in fits.items()}
-        gauges, confusions = _freedoms_and_confusions(
-            [fit.known for fit in fits.values()]
-        )
+        axes = [fit.known for fit in fits.values()]
+        gauges, confusions = _freedoms_and_confusions(axes)
     return JointFit(
         parts=tuple(parts[effect.name] for effect in placed),
         noise={axis: fit.estimate.noise for axis, fit in fits.items()},
@@ -127,10 +126,9 @@ def held_out_errors(
     for axis, axis_fit in fit.fits.items():
         rows = axis_fit.design.rows
         result[axis] = np.full(len(data), np.nan)
+        error = data.error[axis][rows]
         with one_blas_thread():
-            result[axis][rows] = _held_out(
-                axis_fit, data.error[axis][rows], groups[rows], runs
-            )
+            result[axis][rows] = _held_out(axis_fit, error, groups[rows], runs)
     return result
 
 

@@ -125,8 +125,6 @@ class Rules:
     @cached_property
     def gain(self) -> Float[np.ndarray, "g n"]:
         """How far each direction is moved, per unknown."""
-        if not self.null.shape[1]:
-            return np.zeros((0, len(self.null)))
         inverse = np.linalg.pinv(self.functionals @ self.null, rcond=1e-9)
         return np.asarray(inverse @ self.functionals)
 

@@ -120,9 +120,8 @@ class Temperature(AbstractEffect):
             raise FitError(msg)
         ordered = {law: self.sensors[law] for law in LAWS if law in self.sensors}
         object.__setattr__(self, "sensors", ordered)
-        strange = (
-            {*self.lag} - {*self.sensor_names} if isinstance(self.lag, Mapping) else ()
-        )
+        by_sensor = self.lag if isinstance(self.lag, Mapping) else {}
+        strange = {*by_sensor} - {*self.sensor_names}
         if strange:
             msg = f"{self.name}: found lag of {in_a_row([*strange])}, expected of its sensors"
             raise FitError(msg)
@@ -138,11 +137,8 @@ class Temperature(AbstractEffect):
             nodes: str | int | Float[np.ndarray, " _n"]
             nodes = entry if isinstance(entry, str | int) else numbers_of(entry)
             if isinstance(nodes, np.ndarray):
-                valid = (
-                    nodes.ndim == 1
-                    and len(nodes) > 0
-                    and bool((np.diff(nodes) > 0).all())
-                )
+                ascending = nodes.ndim == 1 and (np.diff(nodes) > 0).all()
+                valid = bool(ascending and len(nodes))
             else:
                 valid = nodes in _COUNTS if isinstance(nodes, str) else nodes > 0
             if not valid:
@@ -256,11 +252,10 @@ class Temperature(AbstractEffect):
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
-        nodes = self.nodes.items()
         return tuple(
-            f"{law} at {node:.4g} °C" if len(temperatures) > 1 else law
-            for law, temperatures in nodes
-            for node in temperatures
+            f"{law} at {node:.4g} °C" if len(nodes) > 1 else law
+            for law, nodes in self.nodes.items()
+            for node in nodes
         )
 
     def block(self, data: JointData) -> Block:
@@ -302,7 +297,7 @@ class Temperature(AbstractEffect):
 
     def to_model(self, table: Any, sign: float) -> models.TemperatureLine:
         """See `AbstractEffect`; sensors are numbered as `TemperatureLine` wants them."""
-        curves: dict[str, Any] = {"offset": 0.0, "coefficient": 0.0}
+        curves: dict[str, Any] = dict.fromkeys(LAWS, 0.0)
         for law, values in self.split(table).items():
             number, nodes = self.sensor_names.index(self.sensors[law]), self.nodes[law]
             curves[law] = (
@@ -311,9 +306,8 @@ class Temperature(AbstractEffect):
                 else float(sign * values[0])
             )
         reference: Any = jnp.asarray(float(self.reference))
-        return models.TemperatureLine(
-            reference, curves["offset"], curves["coefficient"]
-        )
+        offset, coefficient = (curves[law] for law in LAWS)
+        return models.TemperatureLine(reference, offset, coefficient)
 
     def split(
         self, values: Shaped[np.ndarray, " p"]
