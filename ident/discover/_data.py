@@ -222,13 +222,9 @@ class Discovery:
     @classmethod
     def of(cls, parts: "Sequence[Discovery]") -> "Discovery":
         """Return the findings of several axes and drives one after the other."""
-        fields = [field.name for field in dataclasses.fields(cls)]
-        return cls(
-            *(
-                tuple(item for part in parts for item in getattr(part, name))
-                for name in fields
-            )
-        )
+        names = [field.name for field in dataclasses.fields(cls)]
+        entries = [[e for part in parts for e in getattr(part, name)] for name in names]
+        return cls(*map(tuple, entries))
 
     @property
     def told(self) -> bool:

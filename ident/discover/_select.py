@@ -175,19 +175,15 @@ class Selection:
     @cached_property
     def drift(self) -> Float[np.ndarray, " t"]:
         """What a drift contributes to each reading."""
-        count = self.columns.drift.shape[1]
-        values = self.groups.values[len(self.groups.values) - count :]
-        return np.asarray(self.columns.drift @ values)
+        columns, values = self.columns.drift, self.groups.values
+        return np.asarray(columns @ values[len(values) - columns.shape[1] :])
 
     @cached_property
     def runs(self) -> Float[np.ndarray, " t"]:
         """What offsets of runs and a drift contribute to each reading."""
-        drifting = self.columns.drift.shape[1]
-        count = drifting + self.columns.runs.shape[1]
-        values = (
-            self.groups.values[-count : -drifting or None] if count else np.zeros(0)
-        )
-        return np.asarray(self.columns.runs @ values + self.drift)
+        columns, values = self.columns.runs, self.groups.values
+        end = len(values) - self.columns.drift.shape[1]
+        return np.asarray(columns @ values[end - columns.shape[1] : end] + self.drift)
 
     def part(self, term: Term) -> Float[np.ndarray, " t"]:
         """Return what a term contributes to each reading."""
@@ -310,16 +306,14 @@ def _without_needless(
         for g in np.flatnonzero(keep).tolist():
             gain = max(free.gain([g]), 0.0)
             cost, heated = float(np.sqrt(gain / free.weight)), terms[g].kind in HEAT
+            count = groups.slices[g].stop - groups.slices[g].start
             idle = cost < least and not heated
             if heated or (not idle and gain < _PLAIN * groups.noise**2):
                 full, single = rest_of.with_and_without(g, nuisance, 0.1 * least)
                 worth = 2.0 * (full.evidence - single.evidence)
-                place = groups.slices[g]
-                chance = _BEYOND_CHANCE + place.stop - place.start
-                idle = worth < (BEYOND_CHANCE if heated else chance)
+                idle = worth < (BEYOND_CHANCE if heated else _BEYOND_CHANCE + count)
             if idle:
-                place = groups.slices[g]
-                needless[g] = place.stop - place.start, -cost
+                needless[g] = count, -cost
         if not needless:
             return keep
         # Of several that are too many, the one with most functions goes first.

@@ -246,14 +246,10 @@ class Need:
     def growth_alone(self) -> "Need":
         """Return a temperature effect without the shift of the whole axis."""
         terms = tuple(each for each in self.terms if each.kind is Kind.HEAT_SLOPE)
-        words = (
-            f"{self.words} How far the whole axis shifts with it is left to the drift."
-        )
-        sensor = terms[0].sensor
-        keys: dict[str, object] = {"sensors": {"coefficient": sensor}}
-        return dataclasses.replace(
-            self, terms=terms, sensor=sensor, keys=keys, words=words.strip()
-        )
+        left = "How far the whole axis shifts with it is left to the drift."
+        words, sensor = f"{self.words} {left}".strip(), terms[0].sensor
+        keys = {"sensors": {"coefficient": sensor}}
+        return Need(self.compensation, terms, self.masters, sensor, keys, words)
 
 
 def compose(sizes: Mapping[Term, float], turning: Collection[str] = ()) -> list[Need]:

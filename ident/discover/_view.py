@@ -203,9 +203,7 @@ def candidates_of(
     terms = [term for term, why in tried.items() if not why]
     if view.channel == "current":
         return terms, [], []
-    missed = [
-        (term.facts.compensation, term.masters, why) for term, why in tried.items()
-    ]
+    missed = [(t.facts.compensation, t.masters, why) for t, why in tried.items()]
     heat = [] if axis in view.data.rotary else list(_warm(view))
     why = "no temperature changed" if view.data.temperature else ""
     if axis in view.data.rotary:
