@@ -137,11 +137,8 @@ def spread_of(post: Posterior, view: View) -> Spread:
     """Return variances, or a covariance, which know that the smoothness is estimated, too.
 
     The mean over smoother and rougher tables, each as likely as its evidence says; on a large
-    stack, where readings leave little doubt of the weights, that of the best ones alone.
-
-    Args:
-        post: At the best weights.
-        view: What of a posterior is wanted.
+    stack, where readings leave little doubt of the weights, that of the best ones alone. The
+    posterior is that at the best weights.
     """
     values, within = view(post)
     total, sums = 1.0, post.variance * within

@@ -66,14 +66,7 @@ def sums_by_group(
     design: Matrix,
     groups: Int[np.ndarray, " t"],
 ) -> dict[int, Sums]:
-    """Return the sums of each group about `Estimate.about`, by `Estimate.loss`.
-
-    Args:
-        estimate: Of all readings.
-        readings: These.
-        design: Theirs.
-        groups: What is left out together.
-    """
+    """Return the sums of each group about `Estimate.about` of all, by `Estimate.loss`."""
     stack, sums = estimate.posterior.problem.stack, {}
     about, loss = estimate.about, estimate.loss
     for label in np.unique(groups).tolist():

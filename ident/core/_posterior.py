@@ -48,14 +48,7 @@ class Problem:
     def of(
         cls, sums: Sums, theta: Vector, gain: float = 1.0, pins: Vector | None = None
     ) -> "Problem":
-        """Return the problem of some sums.
-
-        Args:
-            sums: About θ.
-            theta: The estimate.
-            gain: Mean ψ' of the loss.
-            pins: Precision by which unknowns are held that nothing else determines.
-        """
+        """Return the problem of some sums; pins hold unknowns that nothing else determines."""
         stack, diagonal = sums.stack, sums.diagonal
         density, held = [], np.zeros(stack.size)
         for number, (prior, here, _) in enumerate(stack.priors):

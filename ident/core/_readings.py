@@ -53,11 +53,7 @@ def filled(
     """Return rows with the last one repeated up to the next power of two.
 
     Compiled functions then see few different lengths: nobody waits for a compilation per
-    recording.
-
-    Args:
-        rows: One or more.
-        least: Least length of the result.
+    recording. The result has a least length; rows are one or more.
     """
     length = max(least, 1 << max(len(rows) - 1, 0).bit_length())
     fill = np.repeat(rows[-1:], length - len(rows), axis=0)

@@ -126,9 +126,6 @@ class Estimate:
 
         Beside the noise of the readings they know what else was estimated: smoothness
         (`spread_of`), noise (Student's t), and which readings count (`Loss.unevenness`).
-
-        Args:
-            view: Which values, and what a posterior says of them.
         """
         post, (variance, degrees) = self.posterior, self.scatter
         squares = variance * view(post)[1] if self.stated else spread_of(post, view)
@@ -149,13 +146,7 @@ class Estimate:
 
 
 def memory(stack: Stack, readings: Readings, columns: Matrix | None = None) -> Pass:
-    """Return the pass over readings in memory; their design is made once.
-
-    Args:
-        stack: Effects.
-        readings: Any number.
-        columns: Their design, where it is known.
-    """
+    """Return the pass over readings in memory; their design is made once, or known before."""
     design = compact(columns) if isinstance(columns, sp.csr_array) else columns
     if design is None and loop_axes(stack, readings) is None:
         design = stack.matrix(readings)

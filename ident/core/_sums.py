@@ -133,12 +133,7 @@ class Sums:
         return sp.csr_array(sp.block_array(rows))
 
     def moved(self, step: Vector, gain: float = 1.0) -> "Sums":
-        """Return the sums about θ + step, the weights of the loss kept.
-
-        Args:
-            step: Change of the unknowns.
-            gain: Mean ψ' of the loss.
-        """
+        """Return the sums about θ + step; weights and mean ψ' (``gain``) of the loss stay."""
         change = gain * self.apply(step)
         tally = self.tally.copy()
         tally[2] += gain * float(step @ (change - 2.0 * self.right))

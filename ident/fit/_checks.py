@@ -60,12 +60,10 @@ class Extent:
         )
 
     def check(self, layout: TableLayout, free: int, allow_gaps: bool) -> None:
-        """Refuse readings that are too few or stand at one place.
+        """Refuse readings that stand at one place or are too few.
 
-        Args:
-            layout: Where the nodes lie.
-            free: Unknowns that no prior holds.
-            allow_gaps: Fewer readings than nodes are enough.
+        More than the free unknowns, which no prior holds, are needed; as many as nodes unless
+        gaps are allowed.
 
         Raises:
             FitError: Naming what is missing.

@@ -114,9 +114,7 @@ class Inequalities:
     def keep(self, fit: TableFit, samples: Samples) -> TableFit:
         """Return the most probable table that keeps them; its folds will keep them as well.
 
-        Args:
-            fit: As fitted without.
-            samples: Its readings.
+        The fit is one without, the samples are its readings.
 
         Raises:
             FitError: If nothing keeps them.

@@ -116,10 +116,7 @@ def deviations(
 ) -> Float[np.ndarray, " t"]:
     """Return the standard deviation of one of several tables at each reading, in mm or °.
 
-    Args:
-        fits: Tables of one layout and smoothness.
-        which: Table that is asked for each reading.
-        samples: The readings.
+    They are of one layout and smoothness; ``which`` says the table of each reading.
     """
     nodes, shares = design_of(fits[0].layout.effect, samples.readings)
     covariances = [fit.covariance for fit in fits]

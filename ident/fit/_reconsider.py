@@ -37,13 +37,7 @@ def crowded(nodes: Float[np.ndarray, "3 n"]) -> Bool[np.ndarray, " n"]:
 
 
 def at_medians(stack: Stack, readings: Readings, estimate: Estimate) -> Estimate:
-    """Return an estimate moved to the median reading of each node: where to begin anew.
-
-    Args:
-        stack: The table, and effects of runs beside it where there are any.
-        readings: All readings.
-        estimate: The estimate.
-    """
+    """Return an estimate moved to the median reading of each node: where to begin anew."""
     size, design = stack.effects[0].size, stack.matrix(readings)
     node, start = nearest_nodes(stack, readings), estimate.values.copy()
     for _ in range(_ROUNDS):
@@ -61,13 +55,8 @@ def reconsidered(
 ) -> Estimate:
     """Return the estimate, or one that believes readings which agree with each other.
 
-    Worth its time where nodes are `crowded`.
-
-    Args:
-        stack: The table, and effects of runs beside it where there are any.
-        readings: All readings.
-        estimate: The estimate.
-        refit: Fit from near another estimate.
+    Worth its time where nodes of the table, the first effect, are `crowded`. Another estimate
+    is where ``refit`` begins.
     """
     size, design = stack.effects[0].size, stack.matrix(readings)
     node = nearest_nodes(stack, readings)

@@ -145,12 +145,7 @@ def result_of(
 
 
 def fold_of(fit: TableFit, post: Posterior) -> TableFit:
-    """Return the table of a fold: smoothness and loss are those of the whole fit.
-
-    Args:
-        fit: Of all readings.
-        post: Without some of them.
-    """
+    """Return the table of a fold's posterior: smoothness and loss are those of the whole fit."""
     assert fit.estimate is not None  # that of all readings has one
     estimate = dataclasses.replace(fit.estimate, posterior=post, stated=True)
     effect = post.problem.stack.effects[-1]

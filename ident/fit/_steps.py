@@ -65,12 +65,7 @@ class Steps:
     def common(
         self, residual: Float[np.ndarray, " t"], wild: Bool[np.ndarray, " t"]
     ) -> float:
-        """Return the variance in mm² or °² of what is rounded off every time.
-
-        Args:
-            residual: What is left of the readings.
-            wild: Readings that do not count.
-        """
+        """Return the variance in mm² or °² of what is rounded off every time; wild do not count."""
         if self.size == 0.0:
             return 0.0
         good = ~wild[self.order]

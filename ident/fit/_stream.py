@@ -144,16 +144,7 @@ def _attempt(
     smoothness: Smoothness,
     loss: str,
 ) -> StreamedFit:
-    """Return the fit by one loss.
-
-    Args:
-        layout: As for `fit_streamed`.
-        sum_up: Makes a pass over all readings.
-        first: Errors of the first piece.
-        grouping: As for `fit_streamed`.
-        smoothness: Likewise.
-        loss: Likewise.
-    """
+    """Return the fit by one loss, given passes over all readings and errors of a first piece."""
     stack = Stack((layout.effect,))
     firsts: list[_Summed] = []
 

@@ -300,10 +300,7 @@ class _InMemory:
 def _stack(table: TableEffect, counted: bytes, drift: bool) -> Stack:
     """Return a table, and effects of its runs; jobs on the same nodes share it.
 
-    Args:
-        table: The table.
-        counted: Truth value of each run: whether it counts in the mean of all.
-        drift: Whether runs have a drift beside their offset.
+    Truth values say which runs count in the mean of all.
     """
     banded = table.size > _DENSE
     if not counted:

@@ -60,13 +60,7 @@ def fit_inverse(
 def fit_carried(
     equation: Equation, weights: Weights, near: Float[np.ndarray, " h"] | None = None
 ) -> FrictionFit:
-    """Return the fit of what the data carry of a law.
-
-    Args:
-        equation: Of the law that is asked for.
-        weights: Of its rows.
-        near: Logarithms of a shape to begin with.
-    """
+    """Return the fit of what the data carry of a law; arguments as of `fit_equation`."""
     directional, missing = equation.structure.directional, dict[str, str]()
     fit = fit_equation(equation, weights, near)
     if near is not None and _drop_reason(fit) is not None:

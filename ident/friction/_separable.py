@@ -38,10 +38,7 @@ def fit_equation(
 ) -> FrictionFit:
     """Fit factors and shape of an equation to all of its usable rows.
 
-    Args:
-        equation: The equation.
-        weights: Of its rows.
-        near: Logarithms of a shape to begin with.
+    The search begins at the logarithms of a shape, where some are given.
 
     Raises:
         FitError: If hardly any row is left.
@@ -135,11 +132,6 @@ def _smoothed(
     eigenbasis of prior and rows together serves all weights. Residuals that resemble their
     neighbours carry less than their number says: they count as many as lie at the distance
     at which they stop doing so.
-
-    Args:
-        equation: Of a law with a prior.
-        rows: Its rows.
-        share: Weight of each row.
     """
     sums = rows.sums
     size = np.sqrt(np.diag(sums))

@@ -255,14 +255,7 @@ def fit_axis(
     options: Options,
     use: Bool[np.ndarray, " t"] | None,
 ) -> AxisFit:
-    """Fit all effects of one axis.
-
-    Args:
-        axis: Compensated axis.
-        effects: Its effects, nodes placed.
-        data: Readings.
-        options: How to fit.
-        use: Rows to fit; None = all.
+    """Fit all effects of one axis, their nodes placed, to some rows (None: to all).
 
     Raises:
         FitError: If the readings do not determine them or an option is unknown.

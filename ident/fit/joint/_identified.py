@@ -146,14 +146,7 @@ class Identified:
 def identified(
     design: Design, unheld: Unheld, data: JointData, drift: int
 ) -> Identified:
-    """Return what the rows of an axis tell of its unknowns.
-
-    Args:
-        design: Columns.
-        unheld: What neither rows nor smoothness hold.
-        data: All rows.
-        drift: Pieces of the drift of each run.
-    """
+    """Return what the rows of an axis tell of its unknowns; arguments as of `ideal_shapes`."""
     ideal = ideal_shapes(design, data, drift)
     structure = Rules.of(design, ideal)
     functionals = [structure.functionals[:, part.places] for part in design.stated]

@@ -182,14 +182,8 @@ def sensed_variances(
     """Return the variance in s² of each lag that shows, by the noise of its sensor.
 
     The structure remembers that noise for the whole lag, so that it is none of a reading:
-    drawing it anew tells how far it moves the lag.
-
-    Args:
-        design: Columns, lags fitted.
-        data: All rows.
-        theta: Values of all unknowns.
-        active: Readings that are believed.
-        fitted: The lags by sensor.
+    drawing it anew tells how far it moves the lag. Columns are those of the fitted lags, data
+    have all rows, the values are of all unknowns, active readings are believed.
     """
     lags = {sensor: lag.value for sensor, lag in fitted.items() if lag.value > 0.0}
     if not lags:

@@ -210,12 +210,8 @@ def without_turns(
     """Return residuals less what the direction of motion explains at every turn alike.
 
     A table for both directions leaves the backlash in the residual. That is no memory: means
-    over both directions do not wander with it.
-
-    Args:
-        pseudo: Residuals, 0 where a reading is not believed.
-        positions: Of each moving axis.
-        order: In which they were taken.
+    over both directions do not wander with it. Residuals are 0 where a reading is not believed;
+    the order is that in which they were taken, at positions of each moving axis.
     """
     believed, columns = pseudo != 0.0, [np.ones(len(pseudo))]
     for position in positions:
