@@ -80,10 +80,7 @@ class Extent:
         for name, count in zip(names, self.counts, strict=True):
             if count < needed and not allow_gaps:
                 where = f" in {name} direction" if name else ""
-                msg = (
-                    f"{count} readings{where} for {needed} nodes, "
-                    f"expected at least {needed}."
-                )
+                msg = f"{count} readings{where} for {needed} nodes, expected at least {needed}."
                 raise FitError(msg)
         if self.counts.sum() <= free:
             msg = (

@@ -328,10 +328,7 @@ def _runs(samples: Samples, effects: str) -> Int[np.ndarray, " r"]:
         msg = f"run_effects {effects!r} need the run of every reading, found none."
         raise FitError(msg)
     if effects == "drift" and samples.order is None:
-        msg = (
-            "run_effects 'drift' need the place of every reading within its run, "
-            "found none."
-        )
+        msg = "run_effects 'drift' need the place of every reading within its run, found none."
         raise FitError(msg)
     labels = np.unique(samples.run)
     return (labels if len(labels) > 1 else labels[:0]).astype(np.int64)

@@ -123,9 +123,8 @@ class FrictionFit:
         """One sentence on how the fit went."""
         rows = int(self.equation.recording.usable.sum())
         return (
-            f"{self.structure.words}: "
-            f"{'converged' if self.converged else 'did not converge'}, "
-            f"{rows - self.count} of {rows} samples rejected as wild."
+            f"{self.structure.words}: {'converged' if self.converged else 'did not converge'},"
+            f" {rows - self.count} of {rows} samples rejected as wild."
         )
 
     @cached_property

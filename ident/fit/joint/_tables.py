@@ -313,10 +313,7 @@ class Plane(AbstractTable):
                 continue
             value = getattr(self, key)
             if np.shape(value) != (2,):
-                msg = (
-                    f"plane of {self.axis}: found {key} {value!r}, expected two, one per"
-                    " master"
-                )
+                msg = f"plane of {self.axis}: found {key} {value!r}, expected two, one per master"
                 raise FitError(msg)
             object.__setattr__(self, key, tuple(value))  # lists do as well
         super().__post_init__()

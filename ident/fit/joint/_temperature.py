@@ -87,8 +87,7 @@ class Temperature(AbstractEffect):
         ),
         (
             Rank.DATUM,
-            "the temperature of {sensors} did not change. Measure at two temperatures at "
-            "least.",
+            "the temperature of {sensors} did not change. Measure at two temperatures at least.",
         ),
         (
             Rank.OFFSET,
