@@ -161,9 +161,8 @@ class Chain:
         """Return the log-determinant of penalty + shift · unit matrix."""
         if shift == 0.0:
             return self.logdet(weights)[0]
-        columns = lower_band(
-            sp.csr_array(weights[0] * self.grams[0] + weights[1] * self.grams[1])
-        )
+        second, fourth = self.grams
+        columns = lower_band(sp.csr_array(weights[0] * second + weights[1] * fourth))
         columns[:, 0] += shift
         return band_logdet(columns)
 

@@ -98,9 +98,8 @@ def find_drift(
         weight: Known weights of the white part.
     """
     step = -(-len(time) // _MANY)
-    time, columns, residual, weight = (
-        values[::step] for values in (time, columns, residual, weight)
-    )
+    time, columns = time[::step], columns[::step]
+    residual, weight = residual[::step], weight[::step]
     free = len(time) - columns.shape[1]
     square = float((weight * residual**2).sum())
     white_only = DriftNoise(float(np.sqrt(square / max(free, 1))))
@@ -158,9 +157,8 @@ def find_drift(
     if not value < independent - _WORTH:
         return white_only
     ratio, time_constant = np.exp(optimum.x)
-    return DriftNoise(
-        float(np.sqrt(variance)), float(np.sqrt(variance * ratio)), float(time_constant)
-    )
+    white, drift = np.sqrt([variance, variance * ratio]).tolist()
+    return DriftNoise(white, drift, float(time_constant))
 
 
 def scatter_of_sums(

@@ -169,9 +169,8 @@ def _is_large(problem: Problem) -> bool:
     stack = problem.stack
     width = max(stack.offsets) if stack.band else 0
     dense = stack.size - stack.band
-    return bool(
-        stack.band * (2.0 * width) ** 2 + stack.band * width * dense + dense**3 > _LARGE
-    )
+    operations = stack.band * ((2.0 * width) ** 2 + width * dense) + dense**3
+    return bool(operations > _LARGE)
 
 
 def _can_be_thinned(problem: Problem) -> bool:

@@ -122,9 +122,8 @@ class ArrowFactor:
             solved = _half_solved(self.band, self.cross, back=True)
             whitened = dtrsm(1.0, self.schur, solved.T, lower=1)
             for slot, k in enumerate(offsets):
-                inverse[: n - k, slot] += np.einsum(
-                    "mj,mj->j", whitened[:, k:], whitened[:, : n - k]
-                )
+                later, sooner = whitened[:, k:], whitened[:, : n - k]
+                inverse[: n - k, slot] += np.einsum("mj,mj->j", later, sooner)
         return inverse
 
 

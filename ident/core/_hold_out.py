@@ -71,9 +71,8 @@ def sums_by_group(
     about, loss = estimate.about, estimate.loss
     for label in np.unique(groups).tolist():
         mask = groups == label
-        sums[label], _ = sums_of(
-            stack, readings.take(mask), about, loss, design=design[mask]
-        )
+        group = readings.take(mask)
+        sums[label], _ = sums_of(stack, group, about, loss, design=design[mask])
     return sums
 
 

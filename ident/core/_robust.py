@@ -359,9 +359,7 @@ def _ahead(trail: list[tuple[Vector, Vector]], post: Posterior) -> Vector:
     share = float(last @ response) / max(float(change @ response), 1e-300)
     ahead = min(share, 1.0) * (later - sooner + change)
     # A loss that believes nothing pulls evenly from any distance: its passes have no end.
-    size, reach = (
-        float(np.sqrt(max(step @ apply(step), 0.0))) for step in (ahead, last)
-    )
-    return np.asarray(
-        post.values - ahead * min(1.0, _FURTHEST * reach / max(size, 1e-300))
-    )
+    squares = (float(step @ apply(step)) for step in (ahead, last))
+    size, reach = (float(np.sqrt(max(square, 0.0))) for square in squares)
+    part = min(1.0, _FURTHEST * reach / max(size, 1e-300))
+    return np.asarray(post.values - ahead * part)

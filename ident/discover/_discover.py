@@ -135,9 +135,8 @@ def examine(
         certain = [need.growth_alone() if need in warm else need for need in certain]
     # A fit of a group knows of the drift, even if it is the only one.
     group = axis if len(certain) > 1 or wanders else None
-    records = sorted(
-        (_found(chosen, need, group) for need in certain), key=lambda e: -e.share
-    )
+    records = [_found(chosen, need, group) for need in certain]
+    records.sort(key=lambda entry: -entry.share)
     unexplained = [entry for _, entry in doubts]
     for need in composed:
         rms, share = chosen.size_of(need.terms)

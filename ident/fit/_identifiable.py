@@ -92,9 +92,8 @@ class Shapes:
         valid = np.diag(matrix) > _ROUNDING * np.array(scale)
         pairs = zip(self.basis, kernels, strict=True)
         limited = tuple(basis @ kernel for basis, kernel in pairs)
-        return Shapes(
-            limited, np.where(np.outer(valid, valid), matrix, 0.0), self.constant
-        )
+        matrix = np.where(np.outer(valid, valid), matrix, 0.0)
+        return Shapes(limited, matrix, self.constant)
 
 
 def _slices(blocks: Sequence[np.ndarray]) -> list[slice]:

@@ -42,9 +42,8 @@ def at_medians(stack: Stack, readings: Readings, estimate: Estimate) -> Estimate
     node, start = nearest_nodes(stack, readings), estimate.values.copy()
     for _ in range(_ROUNDS):
         start[:size] += _medians(node, readings.value - design @ start, size)
-    return dataclasses.replace(
-        estimate, posterior=dataclasses.replace(estimate.posterior, values=start)
-    )
+    posterior = dataclasses.replace(estimate.posterior, values=start)
+    return dataclasses.replace(estimate, posterior=posterior)
 
 
 def reconsidered(

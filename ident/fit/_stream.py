@@ -131,9 +131,8 @@ def fit_streamed(
         if loss == "student" and result.wild > TOO_MANY * result.count:
             result, remark = attempt("huber"), f"{NONE_LEFT_OUT} "
     message = f"{result.fit.message} {remark}Read in {next(passes)} passes."
-    return dataclasses.replace(
-        result, fit=dataclasses.replace(result.fit, message=message)
-    )
+    fit = dataclasses.replace(result.fit, message=message)
+    return dataclasses.replace(result, fit=fit)
 
 
 def _attempt(

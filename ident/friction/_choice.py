@@ -227,11 +227,10 @@ def choose_law(
     squares = np.add.reduceat(square, edges[:-1], axis=1)
     errors = np.sqrt(squares[: len(fits)] / counts)
     fitted = np.sqrt(squares[len(fits) :].sum(axis=1) / counts.sum())
+    results = zip(fits.items(), scores, errors, fitted, strict=True)
     candidates = tuple(
         Candidate(kind if fit.missing else fit.structure, fit, laws, error, float(rms))
-        for (kind, fit), (laws, _), error, rms in zip(
-            fits.items(), scores, errors, fitted, strict=True
-        )
+        for (kind, fit), (laws, _), error, rms in results
     )
     # Each sample belongs to the window of the nearest row.
     centres = recording.lowpass.centres

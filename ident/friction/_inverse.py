@@ -66,10 +66,9 @@ def fit_carried(
     if near is not None and _drop_reason(fit) is not None:
         # What a simpler law is best at may lie in another valley.
         exponential = equation.under(Stribeck(directional, _EXPONENTIAL))
-        shape = np.append(
-            fit_equation(exponential, weights).shape, np.log(_EXPONENTIAL)
-        )
-        others = [fit_equation(equation, weights, start) for start in (None, shape)]
+        velocity = fit_equation(exponential, weights).shape
+        starts = None, np.append(velocity, np.log(_EXPONENTIAL))
+        others = [fit_equation(equation, weights, start) for start in starts]
         fit = min(fit, *others, key=lambda each: float(each.share @ each.error**2))
     reason = _shape_reason(fit)
     if reason is not None and _drop_reason(fit) is None:
@@ -132,9 +131,8 @@ def _drop_reason(fit: FrictionFit) -> str | None:
         return None
     count, recording = len(fit.state), fit.equation.recording
     sd = np.sqrt(np.diag(fit.state_covariance))
-    factors, factors_sd = (
-        values[fixed:count].reshape(structure.ways, -1) for values in (fit.state, sd)
-    )
+    of_law = (values[fixed:count] for values in (fit.state, sd))
+    factors, factors_sd = (values.reshape(structure.ways, -1) for values in of_law)
     velocity, speeds = float(np.exp(fit.shape[0])), recording.speed
     slowest, fastest = float(speeds.min()), float(speeds.max())
     unit = f"{recording.samples.unit}/s"

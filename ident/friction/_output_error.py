@@ -337,9 +337,8 @@ class _Task:
         Raises:
             FitError: If it finds nothing that can be simulated.
         """
-        values, converged = solve(
-            self.problem, start, TOLERANCE, self.solver, self.constraints
-        )
+        task = TOLERANCE, self.solver, self.constraints
+        values, converged = solve(self.problem, start, *task)
         arrays = linearised(jnp.asarray(values), self.problem)
         residual, slopes = (np.asarray(array) for array in arrays)
         error, cost = residual[: len(self.runs.run)], 0.5 * float(residual @ residual)

@@ -325,9 +325,8 @@ def _best(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit, 
     table = search.grid(shape, keep, delays)
     first, _ = _pass(search, shape, keep, table, 1)
     error = search.solve(first, use)[1]
-    level, typical = (
-        median(np.abs(values)) for values in (search.recording.target[use], error)
-    )
+    loads = search.recording.target[use], error
+    level, typical = (median(np.abs(values)) for values in loads)
     good = np.abs(error) <= max(_WILD * 1.4826 * typical, _SMALL * level)
     if good.mean() >= 0.5:
         keep[use[~good]] = False

@@ -137,9 +137,8 @@ def _smoothed(
     size = np.sqrt(np.diag(sums))
     size = np.where(size > 0, size, size.max())
     scaling = np.outer(size, size)
-    stiffness, vectors = eigh(
-        equation.penalty / scaling, sums[:, :-1] / scaling + _NULL * np.eye(len(size))
-    )
+    precision = sums[:, :-1] / scaling + _NULL * np.eye(len(size))
+    stiffness, vectors = eigh(equation.penalty / scaling, precision)
     stiffness = np.maximum(stiffness, 0.0)
     moments = vectors.T @ (sums[:, -1] / size)
     residual = rows.target - rows.right @ (vectors @ moments / size)

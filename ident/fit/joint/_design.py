@@ -267,9 +267,8 @@ def design_of(
             # In the order of the table's unknowns, so that the matrix is a band.
             places = table.unknowns
             columns[0] = sp.csr_array(columns[0][:, np.argsort(places)])
-        components += (
-            dataclasses.replace(part, table=table) for part in effect.components(places)
-        )
+        parts = effect.components(places)
+        components += [dataclasses.replace(part, table=table) for part in parts]
         count += effect.size
     course = _course(data, axis, rows, drift, wander)
     nuisance = course.columns(data, axis, rows)

@@ -155,9 +155,8 @@ def _with_deviations(
     heated, change = _heated_places(design), np.zeros((len(design.rows), len(delayed)))
     for k, sensor in enumerate(delayed):
         ends = [lags[sensor] * (1.0 + sign * _STEP) for sign in (1.0, -1.0)]
-        later, sooner = (
-            _heated(design, data, {**lags, sensor: end}) @ theta[heated] for end in ends
-        )
+        columns = (_heated(design, data, {**lags, sensor: end}) for end in ends)
+        later, sooner = (block @ theta[heated] for block in columns)
         change[:, k] = (later - sooner) / (ends[0] - ends[1])
     moves = change * active[:, None]
     response = post.factor.solve(np.asarray(design.columns.T @ moves))
@@ -192,13 +191,9 @@ def sensed_variances(
     for sensor, lag in lags.items():
         warmth = data.temperature[sensor]
         sensed = clocked(np.asarray(data.time, float), warmth)
-        ends = [
-            dataclasses.replace(
-                data, temperature={**data.temperature, sensor: warmth + shift}
-            )
-            for shift in (_SHIFT, -_SHIFT)
-        ]
-        above, below = (_heated(design, end, lags) @ theta[heated] for end in ends)
+        ends = ({**data.temperature, sensor: warmth + k} for k in (_SHIFT, -_SHIFT))
+        shifted = (dataclasses.replace(data, temperature=end) for end in ends)
+        above, below = (_heated(design, end, lags) @ theta[heated] for end in shifted)
         direction = np.where(active, fitted[sensor].direction, 0.0)
         influence = np.zeros(len(data))
         influence[design.rows] = direction * (above - below) / (2.0 * _SHIFT)

@@ -183,9 +183,8 @@ class JointFit:
         """One sentence or more on how the fit went."""
         if len(self.fits) == 1:
             return next(iter(self.fits.values())).message
-        return " ".join(
-            f"Axis {axis}: {fit.message}" for axis, fit in self.fits.items()
-        )
+        fits = self.fits.items()
+        return " ".join(f"Axis {axis}: {fit.message}" for axis, fit in fits)
 
     @property
     def axes(self) -> tuple[str, ...]:
