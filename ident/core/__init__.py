@@ -63,6 +63,7 @@ from ._prior import (
 from ._readings import Readings as Readings, filled as filled
 from ._regression import (
     Regression as Regression,
+    estimate_columns as estimate_columns,
     least_scale as least_scale,
     regress as regress,
 )

@@ -15,11 +15,11 @@ from ._effect import ColumnsEffect
 from ._errors import FitError
 from ._prior import NoPrior
 from ._readings import Readings
-from ._robust import estimate, memory
+from ._robust import Estimate, estimate, memory
 from ._stack import Stack
 
 _RIDGE = 1e-9
-"""Precision that holds what only wild readings show, relative to that of all others."""
+"""Precision that holds what no readings or only wild ones show, relative to that of all others."""
 _MAGNITUDES = 10
 """Passes of least magnitudes, which only begin."""
 SINGULAR = 1e-9
@@ -105,16 +105,9 @@ def regress(
         msg = "the readings cannot tell the columns apart."
         raise FitError(msg)
     size = basis.shape[1]
-    stack = Stack((ColumnsEffect(NoPrior(size), size, _RIDGE),), banded=False)
-    reduced = design @ basis
-    fit = estimate(
-        stack,
-        memory(stack, Readings(target, {}, weight), reduced),
-        loss=loss,
-        weights=lambda _: np.zeros(0),
-        floor=least_scale(target, noise),
-        start=_least_magnitudes(reduced * root[:, None], target * root, loss),
-    )
+    reduced, floor = design @ basis, least_scale(target, noise)
+    start = _least_magnitudes(reduced * root[:, None], target * root, loss)
+    fit = estimate_columns(reduced, target, loss, floor, weight, start)
     residual = target - reduced @ fit.centre
     ratio = residual * root / fit.loss.scale
     wild = fit.loss.wild(ratio)
@@ -161,6 +154,23 @@ def regress(
         covariance=covariance,
         independent=np.where(undetermined, 0.0, independent),
         undetermined=undetermined,
+    )
+
+
+def estimate_columns(
+    columns: Float[np.ndarray, "t k"],
+    target: Float[np.ndarray, " t"],
+    loss: str,
+    floor: float,
+    weight: Float[np.ndarray, " t"] | None = None,
+    start: Float[np.ndarray, " k"] | None = None,
+) -> Estimate:
+    """Return the fit of columns without a prior; arguments as of `regress` and `estimate`."""
+    size = columns.shape[1]
+    stack = Stack((ColumnsEffect(NoPrior(size), size, _RIDGE),), banded=False)
+    over, none = memory(stack, Readings(target, {}, weight), columns), np.zeros(0)
+    return estimate(
+        stack, over, loss=loss, weights=lambda _: none, floor=floor, start=start
     )
 
 

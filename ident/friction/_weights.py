@@ -14,22 +14,12 @@ from typing import final
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..core import (
-    ColumnsEffect,
-    NoPrior,
-    Readings,
-    Stack,
-    estimate,
-    least_scale,
-    memory,
-)
+from ..core import estimate_columns, least_scale
 from ._equation import Equation, Recording, in_line
 from ._structures import KnotTable, Stribeck
 
 _WILD = 4.0
 """Error in scales beyond which a row says nothing of the law."""
-_HELD = 1e-9
-"""Precision that holds a column without rows, relative to that of all others."""
 _RIDGE = 1e-12
 """Added to scaled normal matrices that are inverted as they stand."""
 _NULL = 1e-9
@@ -172,14 +162,7 @@ def weigh(
     if loss != "gauss" and count > 2 * size:
         length = np.sqrt(np.maximum(np.einsum("sk,sk->k", rows, rows), 1e-300))
         design = rows / length
-        stack = Stack((ColumnsEffect(NoPrior(size), size, _HELD),), banded=False)
-        fit = estimate(
-            stack,
-            memory(stack, Readings(target, {}, None), design),
-            loss=loss,
-            weights=lambda _: np.zeros(0),
-            floor=least_scale(target),
-        )
+        fit = estimate_columns(design, target, loss, least_scale(target))
         ratio = (target - design @ fit.centre) / fit.loss.scale
         share[used], limit = fit.loss.share(ratio), _WILD * fit.loss.scale
     if cuts is None:
