@@ -360,10 +360,6 @@ class GroupEffect(AbstractEffect):
     def variances(self, inverse: Float[np.ndarray, "c c"]) -> Float[np.ndarray, "p g"]:
         """Return the variances of offsets, then trends, for a covariance of the unknowns."""
         width = self.contrast.shape[1]
-        columns = [slice(k * width, (k + 1) * width) for k in range(self.parts)]
-        return np.array(
-            [
-                np.sum(self.contrast @ inverse[column, column] * self.contrast, axis=1)
-                for column in columns
-            ]
-        )
+        parts = [slice(k * width, (k + 1) * width) for k in range(self.parts)]
+        blocks = np.array([inverse[part, part] for part in parts])
+        return np.asarray(np.sum(self.contrast @ blocks * self.contrast, axis=2))

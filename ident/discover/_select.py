@@ -56,12 +56,8 @@ def look_at(
     """
     error, design = columns.view.error, columns.design(terms)
     rows = some_of(len(error), _MOST)
-    groups = robust_groups(
-        design.columns[rows],
-        design.slices,
-        error[rows],
-        lambda size: 0.05 * columns.view.least(size),
-    )
+    some = design.columns[rows], design.slices, error[rows]
+    groups = robust_groups(*some, lambda size: 0.05 * columns.view.least(size))
     columns.weight = weights_about(error - design.columns @ groups.values)
     return design, rows, groups
 

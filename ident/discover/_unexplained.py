@@ -197,14 +197,10 @@ def look_for_confusion(
     error = np.asarray(columns.view.error - np.sum(parts, axis=0))
 
     def compared(terms: Sequence[Term], beside: Sequence[Term]) -> AgainstDrift | None:
-        nuisance = [columns.zeros, columns.runs, *map(columns.of, beside)]
-        return against_drift(
-            columns.view.data.clock,
-            np.concatenate([columns.of(term) for term in terms], axis=1),
-            error,
-            np.concatenate(nuisance, axis=1),
-            columns.drift,
-        )
+        warmth = np.hstack([columns.of(term) for term in terms])
+        nuisance = np.hstack([columns.zeros, columns.runs, *map(columns.of, beside)])
+        clock = columns.view.data.clock
+        return against_drift(clock, warmth, error, nuisance, columns.drift)
 
     drift = compared(terms, ())
     growth = [term for term in terms if term.kind is Kind.HEAT_SLOPE]

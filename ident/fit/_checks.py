@@ -53,11 +53,8 @@ class Extent:
         return cls(counts, low, np.array([float(column.max()) for column in columns]))
 
     def __add__(self, other: "Extent") -> "Extent":
-        return Extent(
-            self.counts + other.counts,
-            np.minimum(self.low, other.low),
-            np.maximum(self.high, other.high),
-        )
+        low, high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
+        return Extent(self.counts + other.counts, low, high)
 
     def check(self, layout: TableLayout, free: int, allow_gaps: bool) -> None:
         """Refuse readings that stand at one place or are too few.

@@ -247,10 +247,8 @@ class Correlations:
     def _shared(
         self, mixed: dict[int, Float[np.ndarray, "_r a"]], correlation: float
     ) -> Shared:
-        values = [
-            self.shapes.basis[k] @ self.white[k] @ mixture
-            for k, mixture in mixed.items()
-        ]
+        basis, white = self.shapes.basis, self.white
+        values = [basis[k] @ white[k] @ mixture for k, mixture in mixed.items()]
         count = int(values[0].shape[1])
         return Shared(tuple(mixed), correlation, count, tuple(map(_sizes, values)))
 

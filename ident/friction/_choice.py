@@ -235,13 +235,9 @@ def choose_law(
     # Each sample belongs to the window of the nearest row.
     centres = recording.lowpass.centres
     between = 0.5 * (centres[1:] + centres[:-1])
+    window = window[np.searchsorted(between, np.arange(len(samples.time)))]
     chosen, best = _order(candidates)
-    return Choice(
-        chosen=chosen,
-        best=best,
-        candidates=candidates,
-        window=window[np.searchsorted(between, np.arange(len(samples.time)))],
-    )
+    return Choice(chosen, best, candidates, window)
 
 
 def _wavers(fit: FrictionFit) -> bool:

@@ -250,13 +250,9 @@ class _Runs:
         force = guess.known.gain * samples.current[:-1]
         drive = padded(force), padded(begins), padded(velocity[:-1]), samples.cycle
         excitation = Excitation(*map(jnp.asarray, drive))
-        return cls(
-            equation,
-            excitation,
-            samples.position[1:] - samples.position[:-1][begins][run],
-            (piece[1:] == piece[:-1]) & use[1:] & use[:-1],
-            run,
-        )
+        target = samples.position[1:] - samples.position[:-1][begins][run]
+        compared = (piece[1:] == piece[:-1]) & use[1:] & use[:-1]
+        return cls(equation, excitation, target, compared, run)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -361,11 +357,8 @@ class _Task:
         inverse = thin * root @ root.T
         low, high = (np.asarray(array) for array in self.problem.limits)
         edge = _EDGE * (high - low)
-        missing = {
-            name: reason
-            for name, reason in self.guess.undetermined.items()
-            if name not in self.guess.names
-        }
+        reasons, names = self.guess.undetermined.items(), self.guess.names
+        missing = {name: reason for name, reason in reasons if name not in names}
         law = FrictionFit(
             equation=equation,
             state=factors,

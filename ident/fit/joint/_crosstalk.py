@@ -81,10 +81,8 @@ class Crosstalk(AbstractEffect):
             )
             raise FitError(msg)
         points = self.points
-        if (
-            points.shape[1] != len(self.adaptation)
-            or not 1 <= len(points) <= MOST_TESTS
-        ):
+        wrong = points.shape[1] != len(self.adaptation)
+        if wrong or not 1 <= len(points) <= MOST_TESTS:
             msg = (
                 f"{self.name}: found positions of shape {points.shape}, expected 1 to "
                 f"{MOST_TESTS} tests along {len(self.adaptation)} adaptation axes."

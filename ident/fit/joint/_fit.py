@@ -192,12 +192,8 @@ def examine_design(
             for design in [design_of(axis, group, data, drift, use, axis in data.error)]
         ]
         gauges, confusions = _freedoms_and_confusions(axes)
-    share = {
-        effect.name: known.share_of(effect.name)
-        for known in axes
-        for effect in known.design.effects
-    }
-    shares = tuple(share[effect.name] for effect in placed)
+    known = {axis.design.axis: axis for axis in axes}
+    shares = tuple(known[effect.axis].share_of(effect.name) for effect in placed)
     return Identifiability(shares, gauges, confusions)
 
 

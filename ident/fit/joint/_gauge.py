@@ -85,10 +85,8 @@ def _plane_shapes(
         np.kron(np.ones((slow, 1)), np.eye(fast)),
     ]
     if smooth:
-        first, second = (
-            legendre.legvander(np.linspace(-1.0, 1.0, count), _DEGREE)[:, 1:]
-            for count in (slow, fast)
-        )
+        lines = (np.linspace(-1.0, 1.0, count) for count in (slow, fast))
+        first, second = (legendre.legvander(line, _DEGREE)[:, 1:] for line in lines)
         parts.append(np.kron(first, second))
     else:
         grid = reached.reshape(slow, fast)

@@ -39,11 +39,8 @@ class AbstractTable(AbstractEffect):
 
     def __post_init__(self) -> None:
         for nodes in self.grid:
-            if (
-                len(nodes) < 2
-                or not (np.diff(nodes) > 0).all()
-                or not np.isfinite(nodes).all()
-            ):
+            ascending = np.isfinite(nodes).all() and (np.diff(nodes) > 0).all()
+            if len(nodes) < 2 or not ascending:
                 msg = f"{self.name}: expected at least two nodes in ascending order."
                 raise FitError(msg)
 

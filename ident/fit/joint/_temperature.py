@@ -263,21 +263,16 @@ class Temperature(AbstractEffect):
 
     def columns_of(self, data: JointData) -> list[Float[np.ndarray, " t"]]:
         """See `AbstractEffect`; temperatures are those of the structure."""
-        return [
-            self.structure(data, name)
-            if channel == "temperature"
-            else data.column(channel, name, self.name)
-            for channel, name in self.inputs
-        ]
+        warmth = [self.structure(data, sensor) for sensor in self.sensors.values()]
+        places = [data.column("position", axis, self.name) for axis in self.masters]
+        return [*warmth, *places]
 
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
-        parts = [
-            node_shares(values, nodes) * (columns[-1] - self.reference)[:, None]
-            if law == "coefficient"
-            else node_shares(values, nodes)
-            for values, (law, nodes) in zip(columns, self.nodes.items(), strict=False)
-        ]
-        return dense_rows(np.hstack(parts))
+        laws = zip(self.nodes.items(), columns, strict=False)
+        parts = {law: node_shares(values, nodes) for (law, nodes), values in laws}
+        if "coefficient" in parts:
+            parts["coefficient"] *= (columns[-1] - self.reference)[:, None]
+        return dense_rows(np.hstack([*parts.values()]))
 
     def structure(self, data: JointData, sensor: str) -> Float[np.ndarray, " t"]:
         """Return the temperature of the structure behind a sensor in °C, per row.

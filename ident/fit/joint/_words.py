@@ -144,13 +144,11 @@ def _pair(pair: Shared, design: Design) -> Confusion:
     for component, size in zip(parts, pair.sizes, strict=True):
         parameters += _parameters(component, design, size > PART)
     both = [component.name for component in parts] if len(names) == 1 else names
-    return Confusion(
-        names,
-        tuple(parameters),
-        pair.correlation,
+    sentence = (
         f"These readings cannot tell {_the(both)} apart "
-        f"(correlation {pair.correlation:.4f}): {_remedy(parts)}",
+        f"(correlation {pair.correlation:.4f}): {_remedy(parts)}"
     )
+    return Confusion(names, tuple(parameters), pair.correlation, sentence)
 
 
 def _parameters(
