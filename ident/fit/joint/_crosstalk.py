@@ -1,9 +1,9 @@
 """Crosstalk as an effect: entries of tests, over the stencil of the controller."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import jax.numpy as jnp
 import numpy as np
@@ -46,13 +46,10 @@ class Crosstalk(AbstractEffect):
     no_keys = ("conventions",)
     rank = Rank.CROSSTALK
     remedy = "accelerate and slow down {master} at all places of the tests, in both directions."
-    remedies = (
-        (
-            None,
-            "the acceleration of {master} never varied by itself. Accelerate and slow down "
-            "in both directions, and stand still as well.",
-        ),
-    )
+    remedies: ClassVar[Mapping[Rank | None, str]] = {
+        None: "the acceleration of {master} never varied by itself. Accelerate and slow down in"
+        " both directions, and stand still as well."
+    }
 
     def __post_init__(self) -> None:
         if isinstance(self.adaptation, str):

@@ -119,7 +119,7 @@ class AbstractEffect(abc.ABC):
     """How simple it is beside others."""
     remedy: ClassVar[str] = "move {masters} over the whole table."
     """What to measure where no reading shows it; with fields of `worded`."""
-    remedies: ClassVar[tuple[tuple[Rank | None, str], ...]] = ()
+    remedies: ClassVar[Mapping[Rank | None, str]] = {}
     """The same where it cannot be told from a component of this rank (None: any), and why; the
     first one counts."""
     one_unit: ClassVar[bool] = True

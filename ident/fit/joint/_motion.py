@@ -1,9 +1,9 @@
 """Effects of how an axis moves: its backlash, and the delay of what measured it."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -33,18 +33,12 @@ class Backlash(AbstractEffect):
     no_keys = ("reference",)
     rank = Rank.BACKLASH
     remedy = "measure {axis} in both directions."
-    remedies = (
-        (
-            Rank.DATUM,
-            "all readings were taken in one direction. Measure in both directions.",
-        ),
-        (Rank.RUNS, "each run went one way. Measure both directions within each run."),
-        (
-            None,
-            "the direction changed together with the position. Approach the same positions "
-            "from both sides.",
-        ),
-    )
+    remedies: ClassVar[Mapping[Rank | None, str]] = {
+        Rank.DATUM: "all readings were taken in one direction. Measure in both directions.",
+        Rank.RUNS: "each run went one way. Measure both directions within each run.",
+        None: "the direction changed together with the position. Approach the same positions"
+        " from both sides.",
+    }
 
     def __post_init__(self) -> None:
         if self.reference not in (1, -1):
@@ -97,13 +91,10 @@ class Delay(AbstractEffect):
     compensation = "delay"
     rank = Rank.DELAY
     remedy = "move {axis} at several speeds."
-    remedies = (
-        (
-            None,
-            "the speed of {axes} never varied by itself. Move at several speeds in both "
-            "directions.",
-        ),
-    )
+    remedies: ClassVar[Mapping[Rank | None, str]] = {
+        None: "the speed of {axes} never varied by itself. Move at several speeds in both"
+        " directions."
+    }
     one_unit = False
 
     @cached_property

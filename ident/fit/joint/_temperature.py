@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import jax.numpy as jnp
 import numpy as np
@@ -71,35 +71,21 @@ class Temperature(AbstractEffect):
     no_keys = ("reference_temperature",)
     rank = Rank.OFFSET
     remedy = "measure {axis} at two temperatures of {sensors} at least."
-    remedies = (
-        *(
-            (
-                table,
-                "the temperature of {sensors} changed together with the position of {axes}. "
-                "Measure the same positions again at another temperature.",
-            )
-            for table in TABLES
+    remedies: ClassVar[Mapping[Rank | None, str]] = {
+        **dict.fromkeys(
+            TABLES,
+            "the temperature of {sensors} changed together with the position of {axes}. "
+            "Measure the same positions again at another temperature.",
         ),
-        (
-            Rank.RUNS,
-            "the temperature of {sensors} changed together with the runs (or with the time). "
-            "Let it rise and fall within a run, or repeat a temperature in another run.",
-        ),
-        (
-            Rank.DATUM,
-            "the temperature of {sensors} did not change. Measure at two temperatures at least.",
-        ),
-        (
-            Rank.OFFSET,
-            "at each temperature {axes} stood at one position only. Measure each temperature "
-            "at several positions.",
-        ),
-        (
-            None,
-            "the temperature of {sensors} changed together with the other. Vary it while the "
-            "other stays as it is.",
-        ),
-    )
+        Rank.RUNS: "the temperature of {sensors} changed together with the runs (or with the"
+        " time). Let it rise and fall within a run, or repeat a temperature in another run.",
+        Rank.DATUM: "the temperature of {sensors} did not change. Measure at two temperatures at"
+        " least.",
+        Rank.OFFSET: "at each temperature {axes} stood at one position only. Measure each"
+        " temperature at several positions.",
+        None: "the temperature of {sensors} changed together with the other. Vary it while the"
+        " other stays as it is.",
+    }
 
     def __post_init__(self, sensor: str | None) -> None:
         if (sensor is None) == (not self.sensors):

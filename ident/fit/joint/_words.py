@@ -174,8 +174,9 @@ def _remedy(parts: Sequence[Component]) -> str:
     for part in sorted(parts, key=lambda part: part.rank):
         others = {None, *(other.rank for other in parts if other is not part)}
         if part.effect is not None:
-            for words in (w for rank, w in part.effect.remedies if rank in others):
-                return part.effect.worded(words, axes)
+            for rank, words in part.effect.remedies.items():
+                if rank in others:
+                    return part.effect.worded(words, axes)
     names = in_a_row(axes)
     if Rank.RUNS in ranks:
         return (
