@@ -85,16 +85,10 @@ def fit_table(
     check_layout(layout)
     extent = Extent.of(layout, samples)
     check_smoothness(smoothness)
-    labels = _runs(samples, run_effects)
+    labels, steps = _runs(samples, run_effects), _steps(samples)
+    drift, ignored = run_effects == "drift", tuple(floating)
     fit_to = _InMemory(
-        layout,
-        samples.readings,
-        labels,
-        smoothness,
-        run_effects == "drift",
-        allow_gaps,
-        _steps(samples),
-        tuple(floating),
+        layout, samples.readings, labels, smoothness, drift, allow_gaps, steps, ignored
     )
     extent.check(layout, fit_to.stack(()).free, allow_gaps)
     with one_blas_thread():
@@ -259,15 +253,12 @@ class _InMemory:
             estimate_table, stack, over, error, self.smoothness, loss, step=step
         )
         fitted = fit_from(offsets)
-
-        def refit(near: Estimate) -> Estimate:
-            return fit_from(near=near)
-
         if loss == "huber" and not fitted.converged:
             # Readings of a node that contradict all others pull evenly from any distance.
-            fitted = refit(at_medians(stack, readings, fitted))
+            fitted = fit_from(near=at_medians(stack, readings, fitted))
         judged = Judged.of(stack, readings, fitted.about, fitted.loss)
         if loss == "student" and crowded(judged.nodes).any():
+            refit = functools.partial(fit_from, None)  # near another estimate
             fitted = reconsidered(stack, readings, fitted, refit)
             judged = Judged.of(stack, readings, fitted.about, fitted.loss)
         fit = result_of(
