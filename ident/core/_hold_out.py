@@ -11,6 +11,7 @@ import operator
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Bool, Float, Int
 
 from ._effect import GroupEffect
@@ -134,15 +135,10 @@ def _with_runs(stack: Stack, present: bytes) -> tuple[Stack, Float[np.ndarray, "
     """Return a stack of fewer runs, and the matrix from its border to that of all runs."""
     effect = stack.effects[-1]
     assert isinstance(effect, GroupEffect)
-    n, before = stack.band, stack.starts[-2]
     fewer = dataclasses.replace(effect, present=np.frombuffer(present, bool))
     slim = Stack((*stack.effects[:-1], fewer), stack.banded)
     # Effects of all runs per effect of the fewer ones: the same columns in another basis.
     rotation = effect.contrast.T @ fewer.contrast
-    first, (rows, columns) = before - n, rotation.shape
-    border = np.zeros((stack.size - n, slim.size - n))
-    border[:first, :first] = np.eye(first)
-    for number in range(effect.parts):
-        row, column = first + number * rows, first + number * columns
-        border[row : row + rows, column : column + columns] = rotation
-    return slim, border
+    others = np.eye(stack.starts[-2] - stack.band)
+    border = scipy.linalg.block_diag(others, *[rotation] * effect.parts)
+    return slim, np.asarray(border)
