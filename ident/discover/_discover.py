@@ -166,10 +166,11 @@ def _found(chosen: Selection, need: Need, group: str | None) -> Found:
     if share < _CANCELLED:
         part = "against what else was found"
     sentence += f" {part}. {need.words}"
+    stability = float(min(chosen.frequency[chosen.index(need.terms)]))
     return Found(
         axis=axis, masters=need.masters, rms=rms, share=share, unit=chosen.view.unit,
         sentence=sentence.strip(), compensation=name, sensor=need.sensor,
-        stability=chosen.stability_of(need.terms), keys=dict(need.keys), group=group,
+        stability=stability, keys=dict(need.keys), group=group,
     )  # fmt: skip
 
 

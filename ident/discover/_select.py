@@ -197,10 +197,6 @@ class Selection:
         share = float(np.clip(np.mean(course * self.clean) / self.square, 0.0, 1.0))
         return float(np.sqrt(np.mean(course**2))), share
 
-    def stability_of(self, terms: Sequence[Term]) -> float:
-        """Return the share of resamples in which all of some terms were selected."""
-        return float(min(self.frequency[self.index(terms)]))
-
 
 def select_terms(
     columns: Columns, terms: Sequence[Term], looked: Sequence[Term] | None = None

@@ -212,11 +212,6 @@ class Term:
             rest=" and ".join(self.masters[1:]),
         )
 
-    @property
-    def start(self) -> str:
-        """Its name at the start of a sentence."""
-        return self.words[0].upper() + self.words[1:]
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Need:
@@ -268,7 +263,8 @@ def compose(sizes: Mapping[Term, float], turning: Collection[str] = ()) -> list[
 
 
 def _unmatched(term: Term, reason: str, *others: Term) -> Need:
-    return Need(None, (term, *others), term.masters, words=f"{term.start}{reason}")
+    words = term.words[0].upper() + term.words[1:] + reason
+    return Need(None, (term, *others), term.masters, words=words)
 
 
 def _of(sizes: Mapping[Term, float], *kinds: Kind) -> tuple[Term, ...]:
