@@ -81,9 +81,9 @@ class Stack:
     def terms(self) -> "tuple[Term, ...]":
         """Terms of the prior, in the order of the weights."""
         return tuple(
-            Term(penalty, self.here(number), self.here(number).start - self.band)
-            for number, effect in enumerate(self.effects)
-            for penalty in effect.prior.penalties
+            Term(penalty, here, here.start - self.band)
+            for prior, here, _ in self.priors
+            for penalty in prior.penalties
         )
 
     @cached_property
@@ -118,12 +118,10 @@ class Stack:
 
     def design(self, readings: Readings) -> Design:
         """Return the rows of all effects side by side."""
-        designs = [design_of(effect, readings) for effect in self.effects]
-        nodes = [
-            entries + start
-            for (entries, _), start in zip(designs, self.starts, strict=False)
-        ]
-        return np.hstack(nodes), np.hstack([shares for _, shares in designs])
+        designs = (design_of(effect, readings) for effect in self.effects)
+        nodes, shares = zip(*designs, strict=True)
+        placed = zip(nodes, self.starts, strict=False)
+        return np.hstack([node + start for node, start in placed]), np.hstack(shares)
 
     def matrix(self, readings: Readings) -> Matrix:
         """Return the rows of all effects side by side as a matrix, kept as those are."""

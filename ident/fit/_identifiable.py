@@ -188,10 +188,7 @@ class Correlations:
         return np.asarray(values), np.asarray(vectors)
 
     def remaining(self) -> list[float]:
-        """Return the information that remains of each group beside all others.
-
-        Summed over its directions, each of which has 1 alone.
-        """
+        """Return the information left of each group beside all others; a direction has 1 alone."""
         values, vectors = self._modes
         inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
         return [float(np.trace(np.linalg.inv(inverse[at, at]))) for at in self._slices]

@@ -70,10 +70,7 @@ def most_probable(
 def kept(
     words: Sequence[str], entries: Array, nodes: Sequence[Float[np.ndarray, " _n"]]
 ) -> Array:
-    """Return the entries, exactly within the words that they keep but for rounding.
-
-    Arguments as for `margins_of`.
-    """
+    """Return entries exactly within the words, but for rounding; arguments as for `margins_of`."""
     signs = list(_signs(entries, nodes)) if "monotone" in words else []
     result = np.maximum(entries, 0) if "non-negative" in words else entries
     for axis, sign in signs:

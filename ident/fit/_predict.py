@@ -64,10 +64,7 @@ def mean_row(
     positions: Float[np.ndarray, "t d"],
     branch: Int[np.ndarray, " t"] | None = None,
 ) -> Float[np.ndarray, " n"]:
-    """Return the share of each unknown in the mean of a table at positions.
-
-    Arguments and errors as for `predict`.
-    """
+    """Return each unknown's share in the mean of a table; arguments and errors as for `predict`."""
     nodes, shares = _design(layout, positions, branch)
     row = np.zeros(layout.effect.size)
     np.add.at(row, nodes, shares / len(positions))

@@ -161,10 +161,8 @@ def fit_reversal(
         mask = np.isin(np.arange(len(position)), np.concatenate(rows))
         table = rough.grid(np.zeros(0), mask, range(_MOST_DELAY + 1))
         delays = _beside(int(np.argmin(table.min(axis=(0, 2)))))
-        passes = [
-            _best(_Search(recording, kind, *recorded), len(starts), delays)
-            for kind in kinds
-        ]
+        searches = (_Search(recording, kind, *recorded) for kind in kinds)
+        passes = [_best(search, len(starts), delays) for search in searches]
     return min(passes, key=lambda result: result[1])[0]
 
 

@@ -202,10 +202,7 @@ class JointFit:
         Raises:
             KeyError: If there is none.
         """
-        for part in self.parts:
-            if part.name == name:
-                return part
-        raise KeyError(name)
+        return {part.name: part for part in self.parts}[name]
 
     def predict(
         self, data: JointData, *, runs: bool = False
