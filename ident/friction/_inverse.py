@@ -21,6 +21,7 @@ _TOO_FAST = 0.5
 """Stribeck velocity, as a share of the highest speed, that only a bend at speed can give."""
 _VAGUE_LOG = 0.7
 """Standard deviation of the logarithm of a shape (a factor of two) that says nothing."""
+_ASSUMED = "the data do not tell how sharply friction falls; 2 is assumed"
 
 
 def fit_inverse(
@@ -70,9 +71,10 @@ def fit_carried(
         starts = None, np.append(velocity, np.log(_EXPONENTIAL))
         others = [fit_equation(equation, weights, start) for start in starts]
         fit = min(fit, *others, key=lambda each: float(each.share @ each.error**2))
-    reason = _shape_reason(fit)
-    if reason is not None and _drop_reason(fit) is None:
-        missing["stribeck_shape"] = reason
+    free = "stribeck_shape" in fit.structure.shapes
+    vague = free and np.sqrt(fit.state_covariance[-1, -1]) > _VAGUE_LOG
+    if free and (vague or fit.at_bound[1]) and _drop_reason(fit) is None:
+        missing["stribeck_shape"] = _ASSUMED
         gaussian = equation.under(Stribeck(directional, GAUSS))
         fit = fit_equation(gaussian, weights, fit.shape[:1])
         fit = dataclasses.replace(fit, assumed=True)
@@ -153,14 +155,4 @@ def _drop_reason(fit: FrictionFit) -> str | None:
         )
     if not (factors[:, -1] > _DROP * factors_sd[:, -1]).any():
         return "the drop from break-away to Coulomb friction is lost in the noise"
-    return None
-
-
-def _shape_reason(fit: FrictionFit) -> str | None:
-    """Return why the data do not tell the Stribeck exponent, or None where they do."""
-    if "stribeck_shape" not in fit.structure.shapes:
-        return None
-    vague = np.sqrt(fit.state_covariance[-1, -1]) > _VAGUE_LOG
-    if fit.at_bound[1] or vague:
-        return "the data do not tell how sharply friction falls; 2 is assumed"
     return None
