@@ -216,8 +216,7 @@ class Posterior:
         stack = self.problem.stack
         if stack.small:
             return np.asarray(np.square(stack.rows @ self.values).sum(axis=1))
-        terms = stack.terms
-        bends = (t.penalty.rows @ self.values[t.here] for t in terms)
+        bends = (t.penalty.rows @ self.values[t.here] for t in stack.terms)
         return np.array([float(bend @ bend) for bend in bends])
 
     @cached_property

@@ -115,8 +115,7 @@ def regress(
     if wild.any() and int(rows.sum()) <= size:
         msg = "the readings that agree with each other are too few to fit."
         raise FitError(msg)
-    share = fit.loss.share(ratio)
-    pseudo = (share * residual / fit.posterior.problem.gain)[rows]
+    pseudo = (fit.loss.share(ratio) * residual / fit.posterior.problem.gain)[rows]
     clock = np.arange(count, dtype=float) if time is None else np.asarray(time)
     clock, weights, active = clock[rows], relative[rows], design[rows]
     span, kernel = _spectrum(np.sqrt(weights)[:, None] * active)

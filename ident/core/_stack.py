@@ -37,8 +37,7 @@ class Stack:
     @cached_property
     def starts(self) -> tuple[int, ...]:
         """First unknown of each effect, then the number of all."""
-        sizes = [effect.size for effect in self.effects]
-        return (0, *np.cumsum(sizes).tolist())
+        return (0, *np.cumsum([effect.size for effect in self.effects]).tolist())
 
     @cached_property
     def size(self) -> int:

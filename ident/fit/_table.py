@@ -297,8 +297,7 @@ def _stack(table: TableEffect, counted: bytes, drift: bool) -> Stack:
     if not counted:
         return Stack((table,), banded)
     counts = np.frombuffer(counted, bool)
-    trend = "order" if drift else None
-    effect = GroupEffect(counts, np.ones(len(counts), bool), trend)
+    effect = GroupEffect(counts, np.ones_like(counts), "order" if drift else None)
     return Stack((table, effect), banded)
 
 

@@ -339,5 +339,4 @@ def _hold_out(
     fixed = {"inertia": fit.known.inertia, "offset": fit.known.offset}
     none = np.zeros(len(factors))
     loads = [named.get(name, none + (value or 0.0)) for name, value in fixed.items()]
-    laws = Laws(equation.structure, factors @ to_law.T, shapes, *loads)
-    return laws, error
+    return Laws(equation.structure, factors @ to_law.T, shapes, *loads), error

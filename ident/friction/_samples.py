@@ -61,8 +61,7 @@ class DriveSamples:
     @cached_property
     def piece(self) -> Int[np.ndarray, " t"]:
         """Index of the stretch of even time steps that each sample belongs to."""
-        steps = np.diff(self.time)
-        jumps = np.abs(steps - self.cycle) > _JUMP * self.cycle
+        jumps = np.abs(np.diff(self.time) - self.cycle) > _JUMP * self.cycle
         return np.concatenate([[0], np.cumsum(jumps)])
 
     @cached_property

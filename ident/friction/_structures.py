@@ -257,8 +257,7 @@ class Stribeck(AbstractStructure):
         grid = np.linspace(low, high, count)[1:-1]
         if self.exponent is not None:
             return grid[:, None]
-        exponents = np.log(_EXPONENTS)
-        return np.stack(np.meshgrid(grid, exponents), axis=-1).reshape(-1, 2)
+        return np.stack(np.meshgrid(grid, np.log(_EXPONENTS)), axis=-1).reshape(-1, 2)
 
     def bounds(self, speeds: tuple[float, float]) -> Float[np.ndarray, "2 h"]:
         velocity = np.array([0.5 * speeds[0], 2.0 * speeds[1]])
@@ -270,8 +269,7 @@ class Stribeck(AbstractStructure):
     ) -> Float[np.ndarray, "c n t"]:
         natural = np.exp(shapes)
         exponents = self.exponent or natural[:, 1:]
-        columns = stribeck_columns(speed, natural[:, :1], exponents)
-        return columns[: 1 + shapes.shape[1]]
+        return stribeck_columns(speed, natural[:, :1], exponents)[: 1 + shapes.shape[1]]
 
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]

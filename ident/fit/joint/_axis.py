@@ -112,8 +112,7 @@ class AxisFit:
     def share(self) -> Float[np.ndarray, " r"]:
         """Weight that the loss left each of them."""
         loss = self.estimate.loss
-        share = loss.share(self.residual / loss.scale)
-        return np.where(self.active, share, 0.0)
+        return np.where(self.active, loss.share(self.residual / loss.scale), 0.0)
 
     def over_rows(self, values: np.ndarray, empty: float | bool) -> np.ndarray:
         """Return values of the used readings over all rows."""

@@ -121,8 +121,7 @@ class Crosstalk(AbstractEffect):
 
     @property
     def inputs(self) -> Inputs:
-        by_slave = self.rules.crosstalk_velocity == "slave"
-        mover = self.axis if by_slave else self.master
+        mover = self.axis if self.rules.crosstalk_velocity == "slave" else self.master
         motion = (("acceleration", self.master), ("velocity", mover))
         return (*motion, *(("position", axis) for axis in self.adaptation))
 

@@ -278,8 +278,7 @@ class AbstractEffect(abc.ABC):
 
 def is_number(value: object) -> bool:
     """Return whether a value is one finite number."""
-    numbers = numbers_of(value)
-    return not isinstance(value, str) and numbers.ndim == 0
+    return not isinstance(value, str) and numbers_of(value).ndim == 0
 
 
 def numbers_of(given: object) -> Float[np.ndarray, "..."]:

@@ -270,8 +270,7 @@ class Unheld:
         ]
         basis = _spread(design.components, straight, design.size)
         null = basis @ null_space(_over(design, basis))
-        pins = pins_of(null, design.diagonal)
-        return cls(null, pins, basis.shape[1] - null.shape[1])
+        return cls(null, pins_of(null, design.diagonal), basis.shape[1] - null.shape[1])
 
 
 def pins_of(
