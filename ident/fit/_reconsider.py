@@ -61,10 +61,6 @@ def reconsidered(
     node = nearest_nodes(stack, readings)
     count = np.bincount(node, minlength=size)
     root = 1.0 if readings.weight is None else np.sqrt(readings.weight)
-
-    def residual(values: Float[np.ndarray, " u"]) -> Float[np.ndarray, " t"]:
-        return np.asarray(readings.value - design @ values)
-
     near = at_medians(stack, readings, estimate)
     post = near.posterior
     light = post.weights if estimate.stated else _LIGHT * post.problem.density
@@ -78,7 +74,8 @@ def reconsidered(
         Readings of a node that lost most of them share one fault, about which they scatter
         like good ones.
         """
-        residuals = residual(candidate.values)
+        post = candidate.posterior
+        residuals = np.asarray(readings.value - design @ post.values)
         limit = candidate.loss.limit * candidate.loss.scale
         wild = np.abs(residuals) * root > limit
         faulty = _mostly(count, np.bincount(node[wild], minlength=size))
@@ -87,7 +84,7 @@ def reconsidered(
         used = ~wild & ~faulty[node]
         free = max(int(used.sum()) - stack.free, 1)
         square = float(np.square((residuals * root)[used]).sum())
-        square += candidate.posterior.total - candidate.posterior.residual_square
+        square += post.total - post.residual_square
         good = float(np.log(2.0 * np.pi * max(square / free, 1e-300))) + 1.0
         span = 2.0 * float(np.log(max(np.ptp(residuals), 1e-150)))
         shifted, strays = int((~stray & ~used).sum()), int(stray.sum())
@@ -96,11 +93,7 @@ def reconsidered(
         result -= 2.0 * (strays * np.log(_WILD) + faults * np.log(_FAULTY))
         if not estimate.stated:
             # A smoothness that the readings chose must pay for itself.
-            result += (
-                candidate.posterior.evidence
-                - candidate.posterior.problem.degrees
-                * np.log(candidate.posterior.total)
-            )
+            result += post.evidence - post.problem.degrees * np.log(post.total)
         return float(result)
 
     return min((estimate, rival), key=cost)

@@ -288,16 +288,16 @@ def _profile(
         columns = _heated(design, data, lags) * active[:, None]
         coupling = load(columns)
         through = solve(coupling)
-        schur = columns.T @ columns - coupling.T @ through
+        gram = columns.T @ columns
+        schur = gram - coupling.T @ through
         moment = columns.T @ target - coupling.T @ base
         scale = np.sqrt(np.maximum((columns**2).sum(axis=0), 1e-300))
-        scaled = schur / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
+        unit, ridge = np.outer(scale, scale), _RIDGE * np.eye(len(scale))
+        scaled, alone = schur / unit + ridge, gram / unit + ridge
         values = np.linalg.solve(scaled, moment / scale) / scale
         square = max(remaining - float(moment @ values), 1e-300)
-        gram = columns.T @ columns / np.outer(scale, scale)
-        gram = gram + _RIDGE * np.eye(len(scale))
         # Relative to the columns alone: their size, and how alike they are, is no evidence.
-        logdet = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(gram)[1]
+        logdet = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(alone)[1]
         theta = post.values + base - through @ values
         theta[heated] = values
         return post.problem.degrees * float(np.log(square)) + float(logdet), theta
