@@ -81,10 +81,8 @@ class Lowpass:
         if self.factor == 1:
             return np.arange(len(self.piece))
         half = _REACH * self.factor
-        centres = [
-            np.arange(run.start + half, run.stop - half, self.factor)
-            for run in self._runs
-        ]
+        ends = ((run.start + half, run.stop - half) for run in self._runs)
+        centres = [np.arange(*places, self.factor) for places in ends]
         return np.concatenate([np.zeros(0, np.int64), *centres])
 
     @property

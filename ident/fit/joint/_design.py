@@ -278,14 +278,8 @@ def design_of(
         columns.append(block)
         components.append(_nuisance(axis, rank, places, course))
         count += block.shape[1]
-    return Design(
-        axis=axis,
-        effects=tuple(ordered),
-        rows=rows,
-        columns=sp.csr_array(sp.hstack(columns, format="csr")),
-        components=tuple(components),
-        course=course,
-    )
+    matrix = sp.csr_array(sp.hstack(columns, format="csr"))
+    return Design(axis, tuple(ordered), rows, matrix, tuple(components), course)
 
 
 def _nuisance(

@@ -201,14 +201,13 @@ class AbstractEffect(abc.ABC):
 
     def worded(self, words: str, axes: Sequence[str] = ()) -> str:
         """Return words with its axis, first and all masters, sensors, and given axes."""
-        names = {
-            "master": self.masters[:1],
-            "masters": self.masters,
-            "sensors": self.sensor_names,
-            "axes": axes,
-        }
-        fields = {name: in_a_row(values) for name, values in names.items()}
-        return words.format(axis=self.axis, **fields)
+        return words.format(
+            axis=self.axis,
+            master=in_a_row(self.masters[:1]),
+            masters=in_a_row(self.masters),
+            sensors=in_a_row(self.sensor_names),
+            axes=in_a_row(axes),
+        )
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
         """Return its parts that have a meaning of their own, for values at these columns."""
