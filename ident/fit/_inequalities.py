@@ -71,9 +71,8 @@ def kept(
     words: Sequence[str], entries: Array, nodes: Sequence[Float[np.ndarray, " _n"]]
 ) -> Array:
     """Return entries exactly within the words, but for rounding; arguments as for `margins_of`."""
-    signs = list(_signs(entries, nodes)) if "monotone" in words else []
     result = np.maximum(entries, 0) if "non-negative" in words else entries
-    for axis, sign in signs:
+    for axis, sign in _signs(entries, nodes) if "monotone" in words else ():
         rising = np.maximum.accumulate(result, axis)
         falling = np.flip(np.maximum.accumulate(np.flip(result, axis), axis), axis)
         result = np.where(sign > 0, rising, falling)

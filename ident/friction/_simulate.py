@@ -123,16 +123,10 @@ def _travel_jvp(
 
     def linearised(old: Array) -> tuple[Array, Array]:
         """Return the slope of the new velocity by the old one, and its other change."""
-        _, slope = jax.jvp(
-            lambda v: _half_step(drive, v, excitation.force, half),
-            (old,),
-            (jnp.ones_like(old),),
-        )
-        _, change = jax.jvp(
-            lambda d, f: _half_step(d, old, f, half),
-            (drive, excitation.force),
-            (tangents[0], tangents[1].force),
-        )
+        force, ones = excitation.force, jnp.ones_like(old)
+        _, slope = jax.jvp(lambda v: _half_step(drive, v, force, half), (old,), (ones,))
+        given, moved = (drive, force), (tangents[0], tangents[1].force)
+        _, change = jax.jvp(lambda d, f: _half_step(d, old, f, half), given, moved)
         return slope, change
 
     def follow(
@@ -327,13 +321,9 @@ def _levenberg_marquardt(
     solver: Any = optx.LevenbergMarquardt(
         limit, limit, norm=optx.rms_norm, linear_solver=lx.QR()
     )
+    middle = jnp.zeros_like(start)
     optimum: Any = optx.least_squares(
-        residual,
-        solver,
-        jnp.zeros_like(start),
-        (numbers, problem),
-        max_steps=_STEPS,
-        throw=False,
+        residual, solver, middle, (numbers, problem), max_steps=_STEPS, throw=False
     )
     converged = jnp.asarray(optimum.result == optx.RESULTS.successful)
     values = numbers.values(optimum.value)
