@@ -73,16 +73,18 @@ def _planes(drawn: _Drawn) -> Figure:
     figure.set_figwidth(6.4 * len(drawn))
     fields = [np.asarray(plane.offsets) for _, plane in drawn]
     limit = max(float(np.abs(field).max(initial=0.0)) for field in fields) or 1.0
+    layers = []
     for axes, (age, plane), field in zip(every, drawn, fields, strict=True):
         layer = axes.pcolormesh(
             *(borders(np.asarray(nodes)) for nodes in plane.nodes), field,
             cmap=DIVERGING, vmin=-limit, vmax=limit, rasterized=as_raster(field.size),
         )  # fmt: skip
+        layers.append(layer)
         axes.grid(False)
         axes.set_title(_title(age, plane))
         axes.set_xlabel(_along(plane, 0))
         axes.set_ylabel(_along(plane, 1))
-    figure.colorbar(layer, ax=every, label=_adds(drawn[0][1]))  # all have one scale
+    figure.colorbar(layers[0], ax=every, label=_adds(drawn[0][1]))
     return figure
 
 

@@ -273,8 +273,13 @@ class LeftOutDraft(AbstractDraft):
     why: str = ""
     share: Share | None = None
 
-    written = False
-    needs = ""
+    @property
+    def written(self) -> bool:
+        return False
+
+    @property
+    def needs(self) -> str:
+        return ""
 
     @property
     def name(self) -> str:
