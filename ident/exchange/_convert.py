@@ -127,14 +127,17 @@ def list_with(table: ExchangedTable) -> tuple[ListFile, dict[str, int]]:
     description = f"{count} masters of a {name} table"
     expect(count == MASTERS[name], "masters", description, expected)
     rows = [table.entries] if len(table.nodes) == 2 else table.entries
-    holds = "errors" if name == "leadscrew" else "offsets"
+    own = count == 0  # the table of an axis over itself, with a column per direction
+    holds = "errors" if own else "offsets"
     expected = f"{holds}, as the entries of a {name} are: the negative"
     expect(
         table.holds in ("", holds), "columns", f"{table.holds} by their name", expected
     )
-    single = name == "leadscrew" or len(rows) == 1
     expect(
-        single, "columns", f"{len(rows)} of entries", f"one: a {name} has no directions"
+        own or len(rows) == 1,
+        "columns",
+        f"{len(rows)} of entries",
+        f"one: a {name} has no directions",
     )
     turning = {"modulo": True} if table.modulo else {}
     nodes = [_nodes(places) for places in table.nodes]
