@@ -96,7 +96,39 @@ def reconsidered(
             result += post.evidence - post.problem.degrees * np.log(post.total)
         return float(result)
 
-    return min((estimate, rival), key=cost)
+    best = min((estimate, rival), key=cost)
+    if best is estimate and _repeats(stack, readings, estimate, node):
+
+        def unforeseen(candidate: Estimate) -> float:
+            """Return what a run held out leaves, about (generalised cross-validation)."""
+            post = candidate.posterior
+            left = np.square((readings.value - design @ post.values) * root).sum()
+            return float(left) / max(len(node) - post.used, 1.0) ** 2
+
+        best = min((estimate, rival), key=unforeseen)
+    return best
+
+
+def _repeats(
+    stack: Stack, readings: Readings, estimate: Estimate, node: Int[np.ndarray, " t"]
+) -> bool:
+    """Return whether what a node lost comes again in each run: no fault of a run does."""
+    run = readings.inputs.get("run")
+    if run is None:
+        return False
+    size = stack.effects[0].size
+    residual = readings.value - stack.matrix(readings) @ estimate.values
+    limit = estimate.loss.limit * estimate.loss.scale
+    wild = np.abs(residual) > limit
+    lost = _mostly(
+        np.bincount(node, minlength=size), np.bincount(node[wild], minlength=size)
+    )
+    about = np.abs(residual - _medians(node, residual, size)[node])
+    for one in np.flatnonzero(lost):
+        here = node == one
+        if len(np.unique(run[here])) > 1 and np.all(about[here] <= limit):
+            return True
+    return False
 
 
 def _mostly(

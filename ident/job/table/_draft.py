@@ -24,6 +24,10 @@ from ._readings import datum_of, read_fit, run_table, zero_at
 from ._remarks import fit_remarks, outside, places_of
 from ._trend import trend_left
 
+_SEEN, _SAME = 5.0, 0.3
+"""Noise of a reading that an old table must exceed to show, and share of it below which what was
+measured is not what it takes off."""
+
 if TYPE_CHECKING:
     from ..write._lists import AxisFiles
     from ._log_draft import FittedLog
@@ -195,6 +199,30 @@ class TableDraft(AbstractDraft):
             part=part_of(fit.over, self.readings.positions, readings.positions, turn),
             way=ways.pop() if self._bilateral and len(ways) == 1 else None,
         )
+
+    def stays_on(self) -> Iterator[Remark]:
+        old, name = self.plan.old_offset, self.compensation
+        if old is None or self.plan.active or not self.lists.acts(name):
+            return
+        # What the axis is given by a table that was off, its readings show.
+        own, new = old - np.mean(old), self.offset - np.mean(self.offset)
+        size, shown = float(np.std(old)), float(np.std(new))
+        factor = float(np.sum(own * new) / max(float(np.sum(own**2)), 1e-300))
+        if size < _SEEN * self.estimate.noise or abs(factor) > _SAME:
+            return
+        unit = self.job.spec.axes[self.axis].small_unit
+        words = (
+            f"The {name} of {self.axis} in {self.lists.used[name].listing.source} takes off"
+            f" {1e3 * size:.3g} {unit} rms, and readings that were taken with it off"
+            f" (active = []) show {abs(factor):.0%} of that. Was it on? Then state active ="
+            f' ["{name}"] of these measurements'
+        )
+        if shown < _SAME * size:
+            yield Remark.error(
+                f"{words}. If it was off, it is wrong: switch it off there."
+            )
+        else:
+            yield Remark.warning(f"{words}: what is written takes its place.")
 
     @property
     def in_memory(self) -> bool:

@@ -276,3 +276,18 @@ def test_table_that_was_on_while_its_axis_list_has_it_off_is_doubted(
     )
     (fit,) = run_job(job, tmp_path / "out").tables
     assert any("once too often" in one.message for one in fit.remarks)
+
+
+@pytest.mark.parametrize("switched", [1, 0])
+def test_readings_without_the_error_that_a_table_takes_off_were_not_taken_without_it(
+    tmp_path: Path, switched: int
+) -> None:
+    old_list(tmp_path)
+    (tmp_path / "axis.lis").write_text(f"kopf.achs_nr 1\nlr_param.ssfk {switched}\n")
+    laser(tmp_path / "laser.csv", scale=0.02)
+    axis = 'list = "achskw1.lis"\nmachine_data = "axis.lis"'
+    result = run_job(screw_job(tmp_path, axis=axis), tmp_path / "out")
+    said = [one.message for one in result.fits[0].remarks if one.level == "error"]
+    # Where the axis list has switched it off, it may well have been wrong.
+    assert len([words for words in said if "Was it on?" in words]) == switched
+    assert result.passed == (not switched)

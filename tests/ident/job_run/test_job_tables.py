@@ -349,3 +349,42 @@ points = 21
     found = run_job(tmp_path / "job.toml", tmp_path / "out").fits[0]
     said = [one.message for one in found.remarks if "wanders in time" in one.message]
     assert len(said) == (jump > 0)
+
+
+def test_a_local_error_that_comes_again_in_each_run_is_the_machines(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(0)
+    there = np.arange(0.0, 401.0, 10.0)
+    target = np.tile(np.concatenate([there, there[::-1]]), 4)
+    way = np.tile(np.repeat([1, -1], len(there)), 4)
+    run = np.repeat(np.arange(4), 2 * len(there))
+    error = screw_error(target, way) + np.where(target == 200.0, 0.012, 0.0)
+    error += 5e-4 * rng.standard_normal(len(target))
+    table(tmp_path / "laser.csv", "target,error,way,run", target, error, way, run)
+    columns = '"X.position" = "target", "X.error" = "error", "X.direction" = "way"'
+    (tmp_path / "job.toml").write_text(
+        f"""
+[axes.X]
+number = 1
+[measurements.laser]
+file = "laser.csv"
+active = []
+remove = "none"
+columns = {{ {columns}, run = "run" }}
+[[fits]]
+compensation = "leadscrew"
+axis = "X"
+measurement = "laser"
+bilateral = true
+start = 0.0
+interval = 10.0
+points = 41
+"""
+    )
+    result = run_job(tmp_path / "job.toml", tmp_path / "out")
+    assert result.passed
+    up, down = np.array([200.0, 200.0]), np.array([1, -1])
+    left = screw_error(up, down) + 0.012 + offsets(tmp_path / "out", 1, A1=up, D=down)
+    # Means of four readings, three deviations, beside the rounding.
+    assert np.max(np.abs(left)) < 3 * 5e-4 / 2 + LIST_UNIT
