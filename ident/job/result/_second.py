@@ -22,6 +22,9 @@ LESS = 1.5
 SHOWN = 0.5
 """Share of what a list adds that may be left where the figures alone show its sign."""
 
+_LEFT = 5.0
+"""Scatter of a reading that the mean of a place exceeds where an entry is another."""
+
 _WHOLE = 0.8
 """Share of the travel from which on a second measurement speaks for all of it."""
 
@@ -50,6 +53,43 @@ def part_of(
         if high - low < _WHOLE * (end - start):
             return name, reached[0], reached[1] % turn if turn else reached[1]
     return None
+
+
+def near_of(
+    names: Sequence[str],
+    positions: Float[np.ndarray, "t d"],
+    error: Float[np.ndarray, " t"],
+    direction: Int[np.ndarray, " t"] | None,
+    scatter: float,
+) -> str:
+    """Return the place where readings agree that far more is left than elsewhere; empty: none.
+
+    Args:
+        names: Of the axes.
+        positions: Of each reading, in mm or °.
+        error: With the list active, in mm or °.
+        direction: ±1 of each, or None.
+        scatter: Of a reading, as it was predicted.
+    """
+    columns = (
+        positions if direction is None else np.column_stack([positions, direction])
+    )
+    places, at, counts = np.unique(
+        columns.round(2), axis=0, return_inverse=True, return_counts=True
+    )
+    slopes = np.column_stack([np.ones(len(error)), positions])
+    rest = error - slopes @ np.linalg.lstsq(slopes, error)[0]
+    mean = np.bincount(at.reshape(-1), rest) / counts
+    size = np.where(counts > 1, np.abs(mean), 0.0)
+    worst = int(np.argmax(size))
+    spread = np.ptp(rest[at.reshape(-1) == worst])
+    # One reading that is off, or several that differ, are no fault of the list.
+    if size[worst] <= max(_LEFT * scatter, spread):
+        return ""
+    words = [f"{n} = {x:.6g}" for n, x in zip(names, places[worst], strict=False)]
+    if direction is not None:
+        words.append("positive" if places[worst, -1] > 0 else "negative")
+    return ", ".join(words)
 
 
 def _reach(places: Float[np.ndarray, " t"], turn: float | None) -> tuple[float, float]:
@@ -98,6 +138,7 @@ class SecondMeasurement:
             as far as those of the first measurement.
         way: ±1 of the only direction of motion that they have, where the list has two;
             None: they have all that it has.
+        near: A place where its readings agree that far more is left, in words; empty: none.
         trend: Constant and slopes of these readings, where they are large; else None.
         factor: How many times it acts, and its standard deviation, where these readings
             show that by themselves; None likewise.
@@ -112,6 +153,7 @@ class SecondMeasurement:
     added: float | None = None
     part: tuple[str, float, float] | None = None
     way: int | None = None
+    near: str = ""
     trend: LeftTrend | None = None
     factor: tuple[float, float] | None = None
 

@@ -172,6 +172,8 @@ def _doubts(fit: "AbstractResult") -> list[Reason]:
         return []
     if again.readings.figures.sound.rms > LESS * again.predicted:
         return [Reason(Code.LESS_THAN_PREDICTED)]
+    if again.readings.near:
+        return [Reason(Code.NEAR, {"where": again.readings.near})]
     part: dict[str, Any] = {}
     if again.readings.part is not None:
         part = dict(zip(("axis", "low", "high"), again.readings.part, strict=True))

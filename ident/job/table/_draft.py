@@ -18,7 +18,7 @@ from ...readings import Readings, Tables, without_zero
 from .._draft import AbstractDraft, Foreseen
 from .._gating import spread_over, switching_remarks
 from ..result._result import Remark, SampleView, TableResult, staged
-from ..result._second import SecondMeasurement, part_of
+from ..result._second import SecondMeasurement, near_of, part_of
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
 from ._remarks import fit_remarks, outside, places_of
@@ -195,6 +195,13 @@ class TableDraft(AbstractDraft):
             readings.direction if along else None,
             readings.run if run_table(readings, table) is not None else None,
             added=float(np.std(added)),
+            near=near_of(
+                fit.over,
+                readings.positions,
+                error,
+                readings.direction,
+                self.predicted or 0.0,
+            ),
             trend=trend_left(again, plan, readings.positions, error),
             part=part_of(fit.over, self.readings.positions, readings.positions, turn),
             way=ways.pop() if self._bilateral and len(ways) == 1 else None,

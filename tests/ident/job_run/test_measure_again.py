@@ -242,6 +242,26 @@ def test_second_measurement_in_one_direction_verifies_that_one_only(
     assert "which saw motion in + direction only" in said
 
 
+def test_an_entry_that_is_another_shows_where_the_same_list_acted_both_times(
+    first: Path, tmp_path: Path
+) -> None:
+    # Of a list that was on in both measurements nothing changes: readings have to say it.
+    shutil.copytree(first, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "old.lis").write_bytes((tmp_path / "out" / "achskw1.lis").read_bytes())
+    fine = np.unique([*np.arange(0.0, 401.0, 4.0), *np.arange(0.0, 176.0, 2.0)])
+    fine = fine[(fine <= 175.0) | (fine >= 225.0) | (fine == 200.0)]
+    laser(tmp_path / "laser.csv", 1.0, there=fine, zero=0.004)
+    path = screw_job(
+        tmp_path, axis='list = "old.lis"', measurement='active = ["leadscrew"]'
+    )
+    run_job(path, tmp_path / "out")
+    # 8 um at one place in each of three runs, by which rms without wild readings is as predicted.
+    after = after_job(tmp_path, 1.0, entry=0.008, there=fine, zero=0.004)
+    assert fit(path, "--after", str(after)) == 1
+    (screw,) = result(path)["fits"]
+    assert {"code": "near", "where": "X = 200, positive"} in screw["reasons"]
+
+
 @pytest.mark.parametrize(
     ("low", "high", "said"),
     [(-90.0, 90.0, ("C", 270.0, 90.0)), (0.0, 345.0, None), (-180.0, 165.0, None)],
