@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.special import stdtr, stdtrit
+from scipy.special import ndtri, stdtr, stdtrit
 
 from ..core import (
     Estimate,
@@ -27,6 +27,8 @@ _HOPELESS = 1e3
 """Uncertainty of a node, in ranges of the readings, that no extrapolation explains."""
 _TRUSTED = 0.5
 """A node whose nearest readings keep less than this share of their weight is named."""
+_CHANCE = 0.01
+"""That any lone reading of sound ones is named."""
 _TWO_SIGMA = 0.97725
 """Share of a normal variable below two standard deviations."""
 _FAR = 1e-3
@@ -119,8 +121,12 @@ def result_of(
     suspects: list[int] = []
     if nodes is not None:
         nearest, weight, _ = nodes
-        # A share of 0.5 is the Student weight at two scales; a lone reading must be further off.
-        limit = np.where(nearest > 1, _TRUSTED, 0.5 * _TRUSTED) * nearest
+        # A share of 0.5 is the Student weight at two scales. A lone reading must be further off,
+        # and of many the furthest lies far off by chance.
+        lone = max(int(np.sum(nearest == 1)), 1)
+        far = estimate.noise / estimate.loss.scale * float(-ndtri(0.5 * _CHANCE / lone))
+        least = min(0.5 * _TRUSTED, float(estimate.loss.share(np.array([far]))[0]))
+        limit = np.where(nearest > 1, _TRUSTED, least) * nearest
         doubted = (nearest > 0) & (weight < limit)
         suspects = np.flatnonzero(table.to_table(doubted).reshape(-1)).tolist()
     return TableFit(

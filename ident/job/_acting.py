@@ -39,6 +39,7 @@ def leftovers(job: Job) -> dict[tuple[int, str], list["Acting"]]:
             continue  # the checks of the lists say it
         _refuse_taken_over(job, fit, before)
         _refuse_switched_off(job, fit, before)
+        _refuse_warm(job, fit, before)
         for name in _overlapping(job, fit, before):
             for source in fit.sources:
                 if name in job.spec.measurements[source].active:
@@ -191,6 +192,32 @@ def _refuse_switched_off(job: Job, fit: FitSpec, before: AxisLists) -> None:
                     f" what nothing corrects then; expected {entry} 1 there if it will"
                     f" act, or active without {name} if it was off on {fit.axis}",
                 )
+
+
+def _refuse_warm(job: Job, fit: FitSpec, before: AxisLists) -> None:
+    """Raise where a PLC moves an axis by its temperature and lengths do not say theirs.
+
+    What a warm axis has grown by would stand in the table, too.
+    """
+    fitted = {other.compensation for other in job.spec.fits if other.axis == fit.axis}
+    for name in before.used:
+        if not (kind(name).by_plc and fit.kind.table and fit.lengths):
+            continue
+        if name in fitted or before.acts(name):
+            continue
+        for source in fit.sources:
+            spec = job.spec.measurements[source]
+            if spec.at_reference or name in spec.active:
+                continue
+            listing = before.used[name].listing.source
+            raise job.error(
+                ("measurements", source),
+                f"found nothing of the temperature of {fit.axis}, for which"
+                f" {listing} switches a law of the PLC on ({kind(name).activation}): what a"
+                " warm axis has grown by would be taken off twice; expected expansion and"
+                " material_temperature, already_compensated = true if these lengths are"
+                f' those at the reference temperature, or active = ["{name}"] if it acted',
+            )
 
 
 def _unclear(

@@ -21,7 +21,7 @@ from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._plan import Plan
 from ._readings import read_fit
-from ._remarks import doubt_of_places, limit_remarks, outside
+from ._remarks import SEEN, TINY, doubt_of_places, limit_remarks, outside
 from ._trend import refuse_unowned_trend
 
 if TYPE_CHECKING:
@@ -58,7 +58,60 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
                 raise FitError(msg) from None
             raise
     refuse_unowned_trend(plan, draft.estimate)
-    return draft
+    return held_beyond(draft)
+
+
+def held_beyond(draft: TableDraft) -> TableDraft:
+    """Return a table over one axis that goes on beyond its readings as the controller does.
+
+    There the smoothness would go on straight. Where the other direction was read the table
+    follows that, as far from it as at the last reading; else it holds its edge.
+    """
+    plan, estimate = draft.plan, draft.estimate
+    if (
+        len(plan.table.nodes) > 1
+        or plan.table.periodic
+        or plan.inequalities is not None
+    ):
+        return draft
+    nodes, (name,) = plan.table.nodes[0].positions, plan.fit.over
+    shape = plan.table.branches, len(nodes)
+    values, read = (
+        estimate.values.reshape(shape).copy(),
+        estimate.support.reshape(shape) > 0,
+    )
+    least = max(SEEN * estimate.noise, TINY)
+    said = dict[tuple[float, float, str], list[str]]()
+    for branch in range(shape[0]):
+        curve, other = values[branch], estimate.values.reshape(shape)[branch - 1]
+        reached = np.flatnonzero(read[branch])
+        if not reached.size:
+            continue
+        for edge, beyond in (
+            (int(reached[0]), range(reached[0] - 1, -1, -1)),
+            (int(reached[-1]), range(reached[-1] + 1, shape[1])),
+        ):
+            far = float(np.abs(curve[beyond] - curve[edge]).max(initial=0.0))
+            if len(beyond) < 2 or far <= least:
+                continue
+            follows = False
+            for node, before in zip(beyond, (edge, *beyond), strict=False):
+                beside = shape[0] > 1 and read[branch - 1, [node, before]].all()
+                curve[node] = curve[before] + (other[node] - other[before]) * beside
+                follows |= bool(beside)
+            low, high = sorted((nodes[beyond[0]], nodes[beyond[-1]]))
+            does = "follows the other direction" if follows else "holds its edge"
+            said.setdefault((low, high, does), []).append("+−"[branch])
+    remarks = [
+        Remark.warning(
+            f"No reading{f' in {signs[0]} direction' * (len(signs) < shape[0])} lies at {name} ="
+            f" {low:g} to {high:g}: there the table {does}, which nobody measured. Measure"
+            " there as well."
+        )
+        for (low, high, does), signs in said.items()
+    ]
+    held = dataclasses.replace(estimate, values=values.reshape(estimate.values.shape))
+    return dataclasses.replace(draft, estimate=held, said=(*draft.said, *remarks))
 
 
 def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> TableDraft:
@@ -173,9 +226,10 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
         by_run=recording.by_run,
     )
     effects, remarks = "offset" if fit.runs else "none", share.remarks()
-    return TableDraft(
+    draft = TableDraft(
         plan.job, plan.index, plan.fit, plan, fit, effects, readings, heldout, remarks
     )
+    return held_beyond(draft)
 
 
 def _fit_of_share(plan: Plan, share: "Share") -> TableFit:

@@ -33,7 +33,7 @@ _STRETCHES, _CELLS, _FEW = 8, 20, 5
 _MOVED = 0.5
 """Share of the scatter within cells that stretches of a log may lie apart."""
 
-_SEEN, _TINY = 5.0, 1e-3
+SEEN, TINY = 5.0, 1e-3
 """Deviations of a reading, and mm or °, by which a table changes beyond its readings unsaid."""
 
 _OVERRUN = 0.01
@@ -126,10 +126,12 @@ def fit_remarks(
 
 
 def _beyond_readings(draft: "TableDraft") -> Iterator[Remark]:
-    """Return a doubt where a table goes on beyond its readings by more than a node."""
+    """Return a doubt where a surface goes on beyond its readings by more than a node."""
     table, support = draft.plan.table, draft.estimate.support
+    if len(table.nodes) == 1:
+        return  # a line is held there (`held_beyond`)
     values = draft.estimate.values
-    least = max(_SEEN * draft.estimate.noise, _TINY)
+    least = max(SEEN * draft.estimate.noise, TINY)
     unit = draft.job.spec.axes[draft.axis].small_unit
     for k, (name, nodes) in enumerate(zip(draft.fit.over, table.nodes, strict=True)):
         along = support.ndim - 1 - k  # the first master runs fastest
@@ -234,7 +236,7 @@ def _log_remarks(draft: "TableDraft") -> Iterator[Remark]:
     if (seen < _FEW).any():
         return
     moved = np.nanmean(table - np.nanmean(table, axis=1, keepdims=True), axis=0)
-    if (apart := float(np.std(moved))) > max(_MOVED * scatter, _TINY):
+    if (apart := float(np.std(moved))) > max(_MOVED * scatter, TINY):
         unit = draft.job.spec.axes[draft.axis].small_unit
         yield Remark.warning(
             f"What the table leaves of the log wanders in time by {1e3 * apart:.2g} {unit} rms"

@@ -27,6 +27,9 @@ _LESS = 0.98
 _TOLD, _LARGE = 2.0, 3.0
 """Standard deviations that tell a law from none; and how many times the noise of a reading a
 list of one that is not told may be off, before it is refused."""
+_AT, _SEVERAL, _PART, _WANDERS = 0.01, 8, 0.1, 0.4
+"""Share of the travel about a datum that is the datum; readings there that tell how they move;
+share of all that the readings show; and share of their variance that neighbours in time leave."""
 _FEW = 8.0
 _MEETINGS: Mapping[Meeting, str] = {
     "met": "The lines meet at {at:.5g} mm ± {sure:.2g} mm",
@@ -212,7 +215,13 @@ def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
         )
     yield from _alike(fit)
     datum = draft.plan.datum
-    if datum is not None and (effects is None or "offset" in effects):
+    if datum is not None and (moved := _moved_at(fit, datum)):
+        yield Remark.error(
+            f"The instrument was set to zero at {datum:g} mm (datum), and its readings there move"
+            f" by {1e3 * moved:.2g} µm while the temperature changes: it was set once, and not"
+            ' anew at each temperature. State remove = "offset" in place of datum.'
+        )
+    elif datum is not None and (effects is None or "offset" in effects):
         yield Remark.warning(
             f"The instrument was set to zero at {datum:g} mm (datum): a"
             " shift of the whole axis is not seen, and only the growth from there"
@@ -227,6 +236,20 @@ def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
             f" the {len(fit.error)} readings tell no more than"
             f" {max(fit.independent, 1):.0f} independent ones would."
         )
+
+
+def _moved_at(fit: TemperatureFit, datum: float) -> float:
+    """Return how far in mm readings at a datum move in time; 0 where they only scatter."""
+    place = fit.position
+    if place is None:
+        return 0.0
+    here = np.abs(place - datum) <= _AT * np.ptp(place)
+    error = fit.error[here & ~fit.wild]
+    if len(error) < _SEVERAL:
+        return 0.0
+    white = 0.5 * float(np.mean(np.diff(error) ** 2))
+    large = np.std(error) > _PART * np.std(fit.error)
+    return float(np.ptp(error)) if large and white < _WANDERS * np.var(error) else 0.0
 
 
 def _vague(draft: "TemperatureDraft") -> Iterator[Remark]:

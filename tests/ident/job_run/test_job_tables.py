@@ -85,8 +85,10 @@ def test_a_table_that_goes_on_beyond_its_readings_is_doubted(
     (fit,) = run_job(job, tmp_path / "out").fits
     said = " ".join(r.message for r in fit.remarks if r.level == "warning")
     assert ("No reading lies at X = 500 to 800: there" in said) == far
-    assert ("End it at X = 400" in said) == far
-    assert ("which nobody measured. End" in said) == far
+    assert ("holds its edge, which nobody measured" in said) == far
+    # The controller holds the edge of a table: so does the table beyond its readings.
+    entries = fit.table["pos"]
+    assert not far or np.ptp(entries[4:]) == 0.0
 
 
 def test_a_flat_table_may_go_on_beyond_its_readings(tmp_path: Path) -> None:
@@ -388,3 +390,33 @@ points = 41
     left = screw_error(up, down) + 0.012 + offsets(tmp_path / "out", 1, A1=up, D=down)
     # Means of four readings, three deviations, beside the rounding.
     assert np.max(np.abs(left)) < 3 * 5e-4 / 2 + LIST_UNIT
+
+
+def test_a_direction_that_was_read_in_part_follows_the_other_one(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(2)
+    there = np.arange(0.0, 401.0, 25.0)
+    target = np.tile(np.concatenate([there, there[::-1]]), 3)
+    way = np.tile(np.repeat([1, -1], len(there)), 3)
+    run = np.repeat(np.arange(3), 2 * len(there))
+    # On the way back the instrument saw the first quarter only.
+    seen = (way > 0) | (target <= 100.0)
+    error = 0.02 * np.sin(target / 60.0) - np.where(way < 0, 0.004, 0.0)
+    error += 1e-4 * rng.standard_normal(len(target))
+    columns = (each[seen] for each in (target, error, way, run))
+    table(tmp_path / "laser.csv", "target,error,way,run", *columns)
+    job = screw_job(tmp_path, fit="").read_text()
+    job = job.replace("smoothness = 0", "").replace("100.0", "25.0")
+    job = job.replace("points = 5", "points = 17").replace('loss = "gauss"', "")
+    (tmp_path / "job.toml").write_text(job)
+    result = run_job(tmp_path / "job.toml", tmp_path / "out")
+    said = [one.message for one in result.fits[0].remarks]
+    assert any(
+        "in − direction lies at X = 125 to 400: there the table follows" in words
+        for words in said
+    )
+    place = np.array([300.0])
+    added = offsets(tmp_path / "out", 1, A1=place, D=np.array([-1]))
+    # Its lost motion is the same there; straight on the table would be tens of um off.
+    assert abs(added[0] + 0.02 * np.sin(5.0) - 0.004) < 1e-3

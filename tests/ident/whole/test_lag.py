@@ -88,3 +88,24 @@ def test_a_law_that_readings_do_not_tell_from_none_is_not_let_out(
     # Near one place shift and growth are one: together they fit, elsewhere they are off.
     said = [one.message for one in result.fits[0].remarks if one.level == "error"]
     assert len([words for words in said if "do not tell it from none" in words]) == 2
+
+
+def test_a_datum_whose_readings_move_with_the_temperature_is_none(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(8)
+    place = np.tile(np.arange(0.0, 601.0, 100.0), 60)
+    warm = 20.0 + 4.0 * np.sin(np.linspace(0.0, 12.0, len(place)))
+    job = readings(tmp_path, place, warm, 0.0)
+    error = 2e-3 * (warm - 20.0) + COEFFICIENT * (warm - 20.0) * place
+    error += NOISE * rng.standard_normal(len(place))
+    time = STEP * np.arange(len(place))
+    table(tmp_path / "log.csv", "t,x,e,warm", time, place, error, warm)
+    alone = JOB[: JOB.index("[[fits]]")] + JOB[JOB.rindex("[[fits]]") :]
+    alone = alone.replace('group = "g"', "").replace("reference = 0.0", "")
+    job.write_text(alone.replace('remove = "none"', "datum = { at = 0.0 }"))
+    result = run_job(job, tmp_path / "out")
+    assert not result.passed
+    said = " ".join(one.message for one in result.fits[0].remarks)
+    # 2 µm/K over 8 K, beside the noise.
+    assert "its readings there move by 1" in said

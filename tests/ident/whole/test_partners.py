@@ -122,6 +122,21 @@ def test_leadscrew_beside_a_slope_of_which_nothing_is_said_is_refused(
     assert not (tmp_path / "out" / "achskw1.lis").exists()
 
 
+def test_table_beside_a_law_of_the_plc_says_how_warm_it_was_measured(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    laser(tmp_path, slope=SLOPE)
+    # As `axcomp fit` of a temperature leaves it: the PLC moves the line.
+    (tmp_path / "xm.lis").write_text(HEAT.replace("-50.0", "0.0"))
+    axis = 'machine_data = "xm.lis"'
+    text = JOB.format(axis=axis, active="active = []", bilateral="false")
+    assert fit(tmp_path, text) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "what a warm axis has grown by would be taken off twice" in said
+    stated = "active = []\nalready_compensated = true"
+    assert fit(tmp_path, JOB.format(axis=axis, active=stated, bilateral="false")) == 0
+
+
 def test_bilateral_table_switches_the_backlash_of_the_axis_list_off(
     tmp_path: Path,
 ) -> None:
