@@ -310,10 +310,8 @@ def _fall(fit: AbstractResult, scale: Scale, listed: bool = True) -> str:
     if before is None:
         return "nothing was predicted"
     before = before.sound
-    seen, error = "readings", f"the error of {fit.axis}"
-    if fit.held_out == "event":
-        seen = "events"
-        error = f"the mean error of {fit.axis} in each, at the specified acceleration,"
+    seen = "events" if fit.held_out == "event" else "readings"
+    error = fit.subject
     if fit.group is not None:
         error = f"what the rest of its group leaves of {error}"
     start = f"{error} is {_size(before, scale)}"

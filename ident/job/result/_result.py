@@ -213,6 +213,11 @@ class AbstractResult(abc.ABC):
         return again.acts or judged.verdict is Verdict.GOOD
 
     @property
+    def subject(self) -> str:
+        """What its figures are of, in words."""
+        return f"the error of {self.axis}"
+
+    @property
     def measured_as(self) -> str:
         """What these readings may be called: ``verified`` only where they show it."""
         return "verified" if self.confirmed else "measured again"

@@ -12,7 +12,7 @@ from ....models import Backlash
 from ...job._draft import AbstractDraft, Foreseen
 from ...job._gating import spread_over
 from ...job.result._result import staged
-from ...job.result._second import SecondMeasurement
+from ...job.result._second import LeftTrend, SecondMeasurement
 from ...proof import GateCheck, reversal_checks
 from ...proof.axis import check_switching
 from ...readings import Tables
@@ -114,15 +114,53 @@ class BacklashDraft(AbstractDraft):
         plan = dataclasses.replace(self.plan, job=tables.job, fit=fit)
         draft = plan.fit_single(tables, {})
         assert isinstance(draft, BacklashDraft)  # its own
-        sides = sides_of(draft.share)
+        sides, width = sides_of(draft.share), float(self.share.part.values[0])
+        trend, moved = None, self._moved(draft)
+        if abs(moved) > 0.5 * abs(width):
+            # Nearer to what the other flank as the right one does.
+            unit = self.job.spec.axes[self.axis].small_unit
+            words = (
+                f"a constant of {1e3 * moved:+.3g} {unit} of both directions: as if it were"
+                f" right in {'−' if self.plan.reference > 0 else '+'} direction"
+                " (anwahl_losekomp)"
+            )
+            rest = float(np.sqrt(np.mean(sides.before[~sides.wild] ** 2)))
+            trend = LeftTrend(words, rest, owned=True)
         return SecondMeasurement(
             ", ".join(fit.sources),
             sides.position[:, None],
-            sides.before,
+            sides.before + (moved if trend else 0.0),
             sides.direction,
             wild=sides.wild,
-            added=0.5 * abs(float(self.share.part.values[0])),
+            added=0.5 * abs(width),
+            trend=trend,
         )
+
+    def _moved(self, again: "BacklashDraft") -> float:
+        """Return by how much the middle of both directions lies beside where it should, in mm.
+
+        It moves by half of the width, to the side that is right; 0 where readings do not tell
+        where the axis lies, or other fits move it too.
+        """
+        drafts = (self, again)
+        specs = [
+            one.job.spec.measurements[k] for one in drafts for k in one.fit.sources
+        ]
+        owned = all(one.remove == "none" and one.datum is None for one in specs)
+        others = [fit for fit in self.job.spec.fits if fit.axis == self.axis]
+        acting = {frozenset({*one.active} - {self.compensation}) for one in specs}
+        if not owned or len(others) > 1 or len(acting) > 1:
+            return 0.0
+        before, after = (one.middle for one in drafts)
+        width = float(self.share.part.values[0])
+        return after - (before - 0.5 * self.plan.reference * width)
+
+    @property
+    def middle(self) -> float:
+        """Mean of what both directions show as they were measured, in mm or °."""
+        data, rows = self.share.recording.data, self.share.rows[~self.share.wild]
+        error, way = data.error[self.axis][rows], data.direction[self.axis][rows]
+        return 0.5 * float(sum(np.median(error[way == sign]) for sign in (1, -1)))
 
     def prove(self, done: "AxisFiles") -> BacklashResult:
         share, sides = self.share, sides_of(self.share)

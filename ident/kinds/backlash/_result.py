@@ -124,6 +124,10 @@ class BacklashResult(AbstractResult):
     dependence: Dependence | None
 
     @property
+    def subject(self) -> str:
+        return f"the error of {self.axis} about the middle of both directions"
+
+    @property
     def measured_width(self) -> tuple[float, float]:
         """What was measured, and its standard deviation, in ``unit``."""
         return float(self.fit.values[0]), float(self.fit.standard_deviation[0])

@@ -50,6 +50,10 @@ class CrosstalkResult(AbstractResult):
         return np.zeros((4, 0)) if self.model is None else np.asarray(self.model.values)
 
     @property
+    def subject(self) -> str:
+        return f"the mean error of {self.axis} in each, at the specified acceleration,"
+
+    @property
     def points(self) -> Float[np.ndarray, "p k"]:
         """Places of the written tests in mm."""
         return np.asarray(self.fit.effect.points[self.written])
