@@ -8,7 +8,7 @@ the same file.
 import functools
 import uuid
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from ...data.measurements import GEO_PORT, INDEX_GROUP
 from ._objects import Observable
@@ -25,8 +25,13 @@ _RECORD_TIME = 600.0
 """Seconds that a recording takes at most."""
 
 
+# Machines of a fleet have the same axes, and writing it takes a tenth of a short job.
+@functools.lru_cache(maxsize=16)
 def scope_configuration(
-    rows: Iterable[Observable], *, cycle_time: float | None = None, net_id: str = _LOCAL
+    rows: tuple[Observable, ...],
+    *,
+    cycle_time: float | None = None,
+    net_id: str = _LOCAL,
 ) -> bytes:
     """Return the configuration: UTF-8 with a byte order mark and CRLF, as Scope writes it.
 
@@ -37,14 +42,6 @@ def scope_configuration(
         cycle_time: Time between samples in s; None: that of the task.
         net_id: AMS net id of the controller.
     """
-    return _configuration(tuple(rows), cycle_time, net_id)
-
-
-# Machines of a fleet have the same axes, and writing it takes a tenth of a short job.
-@functools.lru_cache(maxsize=16)
-def _configuration(
-    rows: tuple[Observable, ...], cycle_time: float | None, net_id: str
-) -> bytes:
     recorded = [row for row in rows if row.channel is not None]
     acquisitions = [_acquisition(row, cycle_time, net_id) for row in recorded]
     groups = {
