@@ -3,14 +3,13 @@
 import csv
 import dataclasses
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import final
 
 from ...data.lists import ListFile
 from ...data.measurements import CNC_OBJECTS, INDEX_GROUP, CncObject
 from ...models import Conventions
 from ..exchange import InUse, MachineLists, machine_lists
-from ..kinds import kind
 
 _NO_ADDRESS = (
     "no manual gives its address: choose it in the object browser of the target"
@@ -103,13 +102,12 @@ def objects_csv(rows: Iterable[Observable]) -> str:
 
 def _compensation(one: InUse) -> list[Observable]:
     """Return the objects of a compensation, then its NC variable."""
-    facts = kind(one.name)
     rows = [
         _object(each, one.axis) for each in CNC_OBJECTS if each.compensation == one.name
     ]
-    meaning = "value that acts" + (", a current" if facts.adds_current else "")
+    meaning = "value that acts" + (", a current" if one.kind.adds_current else "")
     variable = Observable(
-        one.axis, one.name, facts.variable, unit="mm, inch", meaning=meaning,
+        one.axis, one.name, one.kind.variable, unit="mm, inch", meaning=meaning,
         source="[001] p.96", note=_VARIABLE,
     )  # fmt: skip
     return [*rows, variable]
@@ -138,11 +136,10 @@ def _external(machine: MachineLists) -> list[Observable]:
     ]
 
 
-def _positions(used: Iterable[InUse]) -> list[Observable]:
+def _positions(used: Collection[InUse]) -> list[Observable]:
     """Return the positions that a log needs beside the offsets."""
-    pairs = [(use, kind(use.name).adds_current) for use in used]
-    seen = sorted({axis for use, _ in pairs for axis in (use.axis, *use.masters)})
-    moved = sorted({use.axis for use, is_current in pairs if not is_current})
+    seen = sorted({axis for use in used for axis in (use.axis, *use.masters)})
+    moved = sorted({use.axis for use in used if not use.kind.adds_current})
     commanded, bus = "commanded position, uncompensated", "position on the drive bus"
     rows = [
         Observable(
