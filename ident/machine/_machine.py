@@ -17,8 +17,6 @@ from ...models import Conventions, Motion, PositionController, TemperatureLine
 from ..exchange import Reading as ListReading, controller_from_lists
 from ._sources import AbstractErrorSource, Column, Columns, State
 
-_WHERE = "virtual machine"
-
 
 class MachineError(FoundError):
     """Something was asked of the virtual machine that it does not have."""
@@ -83,16 +81,16 @@ class VirtualMachine:
 
     def error_in(self, axis: str, state: State) -> Column:
         """Return the error of the bare machine in a state in mm."""
-        total = np.zeros(state.rows)
-        for cause in self.causes(axis, state).values():
-            total += cause
-        return total
+        return sum(self.causes(axis, state).values(), np.zeros(state.rows))
 
     def causes(self, axis: str, state: State) -> dict[str, Column]:
         """Return the error of the bare machine in mm by the compensation it asks for."""
+        if axis not in self.axes:
+            where, axes = "virtual machine", ", ".join(self.axes)
+            raise MachineError(where, f"axis {axis}", f"one of {axes}")
         causes: dict[str, Column] = {}
         for source in self.sources:
-            if source.axis == self._checked(axis):
+            if source.axis == axis:
                 kind = source.compensation
                 causes[kind] = causes.get(kind, 0.0) + source.error(state)
         return causes
@@ -112,12 +110,6 @@ class VirtualMachine:
         column = list(self.axes).index(axis)
         added = np.asarray(self.controller.settled(motion).offset)[:, column]
         return np.asarray(total + added)
-
-    def _checked(self, axis: str) -> str:
-        if axis not in self.axes:
-            axes = ", ".join(self.axes)
-            raise MachineError(_WHERE, f"axis {axis}", f"one of {axes}")
-        return axis
 
 
 @dataclasses.dataclass(frozen=True)
