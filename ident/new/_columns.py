@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 import re
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 
 import numpy as np
 from jaxtyping import Float
@@ -365,30 +365,29 @@ def _with_encoders(table: Table, named: Sequence[_Named]) -> tuple[list[_Named],
     kinds = {each.kind for each in named}
     if "error" in kinds and not kinds & {"position", "actual"}:
         # There is no other place that the error could be of.
-        named = [
-            dataclasses.replace(each, kind="position")
-            if each.kind == "encoder"
-            else each
-            for each in named
-        ]
-    named = [
-        dataclasses.replace(each, kind="encoder")
-        if each.kind == "actual" and is_own_reading(each.column.name)
-        else each
-        for each in named
-    ]
+        named = _as("position", named, lambda each: each.kind == "encoder")
+    named = _as(
+        "encoder",
+        named,
+        lambda each: each.kind == "actual" and is_own_reading(each.column.name),
+    )
     drive = table.format == SCOPE_FORMAT or "current" in kinds
     seen = any(e.kind == "error" or (e.kind == "actual" and not e.own) for e in named)
     if table.format == LASER_FORMAT and not drive:
-        return list(named), seen  # what it holds beside its errors they were made of
+        return named, seen  # what it holds beside its errors they were made of
     if not (drive or seen):
-        return list(named), False
+        return named, False
+    own = _as("encoder", named, lambda each: each.kind == "actual" and each.own)
+    return own, True
+
+
+def _as(
+    kind: str, named: Sequence[_Named], which: Callable[[_Named], bool]
+) -> list[_Named]:
+    """Return columns, some of them of another kind."""
     return [
-        dataclasses.replace(each, kind="encoder")
-        if each.kind == "actual" and each.own
-        else each
-        for each in named
-    ], True
+        dataclasses.replace(each, kind=kind) if which(each) else each for each in named
+    ]
 
 
 def _with_drift(named: Sequence[_Named]) -> tuple[list[_Named], Column | None]:
@@ -403,8 +402,7 @@ def _with_drift(named: Sequence[_Named]) -> tuple[list[_Named], Column | None]:
     (place,) = places
     if span(place.column.values) > _AT_REST * _largest(place.column):
         return list(named), None
-    error = dataclasses.replace(place, kind="error")
-    return [error if each is place else each for each in named], place.column
+    return _as("error", named, lambda each: each is place), place.column
 
 
 def _with_probed(named: Sequence[_Named]) -> tuple[list[_Named], Column | None]:
@@ -419,8 +417,7 @@ def _with_probed(named: Sequence[_Named]) -> tuple[list[_Named], Column | None]:
     last, *others = places
     if not 0.0 < span(last.column.values) <= _PROBED * span(others[0].column.values):
         return list(named), None
-    error = dataclasses.replace(last, kind="error")
-    return [error if each is last else each for each in named], last.column
+    return _as("error", named, lambda each: each is last), last.column
 
 
 def _telling(each: _Named) -> int:
