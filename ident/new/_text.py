@@ -79,7 +79,7 @@ class JobPage:
     def note(self, *sentences: str) -> None:
         """Add sentences as remarks, wrapped."""
         for sentence in sentences:
-            self.lines += _wrapped(sentence, "# ", "# ")
+            self.lines += _wrapped(sentence, "# ")
 
     def key(self, line: str, remark: str = "") -> None:
         """Add a key with a remark behind it."""
@@ -94,7 +94,7 @@ class JobPage:
             Question(len(self.lines) + 1, about, words, tuple(answers), needed)
         )
         head = f"# QUESTION {number}{'' if needed else OPTIONAL}: "
-        self.lines += _wrapped(words, head, "# ")
+        self.lines += _wrapped(words, head)
         self.lines += [f"{ANSWER}{answer}" for answer in answers]
 
     def text(self, head: Sequence[str]) -> str:
@@ -106,12 +106,12 @@ class JobPage:
         return "\n".join([*head, *self.lines]) + "\n"
 
 
-def _wrapped(sentence: str, first: str, others: str) -> list[str]:
+def _wrapped(sentence: str, opening: str) -> list[str]:
     return textwrap.wrap(
         sentence,
         _WIDTH,
-        initial_indent=first,
-        subsequent_indent=others,
+        initial_indent=opening,
+        subsequent_indent="# ",
         break_long_words=False,
         break_on_hyphens=False,
     )
