@@ -1,6 +1,7 @@
 """From measurement files to a commented job."""
 
 import dataclasses
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -101,16 +102,13 @@ def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
             re.sub(r"[^a-z0-9_-]+", "_", file.stem.casefold()).strip("_") or "readings"
         )
         taken = {each.name for each in sources}
-        free = name
-        for k in range(2, len(files) + 2):
-            if free not in taken:
-                break
-            free = f"{name}_{k}"
+        names = itertools.chain([name], (f"{name}_{k}" for k in itertools.count(2)))
+        free = next(each for each in names if each not in taken)
         source = _source(free, file, axes)
         if not any(_of_axis(text) for text, _ in _roles(source)):
-            names = ", ".join(c.name for c in source.table.columns[:_SHOWN])
+            columns = ", ".join(c.name for c in source.table.columns[:_SHOWN])
             reason = (
-                f"found columns {names}, of which none names a role and fewer than two hold"
+                f"found columns {columns}, of which none names a role and fewer than two hold"
                 " lengths; expected a header with names such as 'x [mm]' and 'dx [um]', or"
                 f" the job to say in columns: {advice(source.table)}"
             )
