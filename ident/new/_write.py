@@ -14,7 +14,6 @@ from ..job import (
     Gate,
     Job,
     JobFile,
-    Trend,
     asks_for_owner,
     is_negligible,
     trend_words,
@@ -334,7 +333,9 @@ def _write_zero(
         }
         if (own := trends[name]) is None:
             continue
-        words = _trend_words(contents, fit, own)
+        spec = contents.job.spec.model_dump(by_alias=True, exclude_none=True)
+        of_job: Any = JobFile.model_validate(spec | {"fits": [fit.of_job]}).fits[0]
+        words = trend_words(contents.job, of_job, own)
         needed = asks_for_owner(contents.job, own)
         beside = any(t and asks_for_owner(contents.job, t) for t in trends.values())
         held = _holder(contents.axes, fit) is not None
@@ -347,12 +348,6 @@ def _write_zero(
             f"The readings show {quiet[0]}: both are negligible, and nothing has to be"
             ' answered here (by datum = { at = … }, or remove = "none", "offset" or "line").'
         )
-
-
-def _trend_words(contents: Contents, one: Suggestion, trend: Trend) -> str:
-    spec = contents.job.spec.model_dump(by_alias=True, exclude_none=True)
-    fit: Any = JobFile.model_validate(spec | {"fits": [one.of_job]}).fits[0]
-    return trend_words(contents.job, fit, trend)
 
 
 def _ask_for_owner(
