@@ -1,7 +1,7 @@
 """A log against the lists: what the controller does with each compensation."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
 
@@ -116,14 +116,9 @@ def verify_log(
                 " that is allowed for."
             )
     verdicts = [judge_channel(*fitted) for fitted in searches.values()]
-    driven: set[int] = set()
     for axis, parts in channels.items():
-        from_sums, at_drive = _sums(
-            axis, parts, log, names, motion, set(searches), remarks
-        )
-        verdicts = _merged(verdicts, from_sums)
-        if at_drive:
-            driven.add(axis)
+        summed = _sums(axis, parts, log, names, motion, set(searches), remarks)
+        verdicts = _merged(verdicts, summed)
     if not verdicts:
         raise ExchangeError(
             where=str(log.source),
@@ -131,6 +126,7 @@ def verify_log(
             expected="columns such as A3.cross, CROSSC::actual_offset or"
             " A3.drive_position",
         )
+    driven = channels.keys() & motion.drives.keys()
     summary = _summary(verdicts, channels, driven, conventions, remarks)
     fixed = summary.settled | set(owned.values())
     return dataclasses.replace(summary, settled=fixed)
@@ -190,8 +186,8 @@ def _sums(
     motion: LogMotion,
     logged: set[tuple[int, str]],
     remarks: list[str],
-) -> tuple[list[Verdict], bool]:
-    """Return verdicts from the drive position or the sum, and whether it was the drive."""
+) -> list[Verdict]:
+    """Return verdicts from the position at the drive, else from the sum."""
     drive = motion.drives.get(axis)
     sums = [
         offset
@@ -206,19 +202,13 @@ def _sums(
     parts = {
         n: channel for n, channel in parts.items() if not channel.one.kind.adds_current
     }
-    unknown = {
-        name: channel for name, channel in parts.items() if (axis, name) not in logged
-    }  # fmt: skip
+    unknown = [name for name in parts if (axis, name) not in logged]
     if drive is None:
-        if sums and unknown:
-            fitted_parts = search_total(
-                parts, Target.of(sums[0].values, step=sums[0].step)
-            )
-            verdicts = [
-                judge_channel(parts[name], fitted_parts[name]) for name in unknown
-            ]
-            return verdicts, False
-        return [], False
+        if not (sums and unknown):
+            return []
+        total = Target.of(sums[0].values, step=sums[0].step)
+        fitted_parts = search_total(parts, total)
+        return [judge_channel(parts[name], fitted_parts[name]) for name in unknown]
     place = motion.position(axis, "beside its drive_position")
     listed = [channel.column(channel.plain) for channel in parts.values()]
     target, lag, part = drive_target(place, drive, listed, motion.cycle is not None)
@@ -231,9 +221,7 @@ def _sums(
     late_by = dataclasses.replace(motion, clock=part)
     parts = {name: changed(channel, motion=late_by) for name, channel in parts.items()}
     fitted_parts = search_total(parts, target)
-    return [
-        judge_channel(parts[name], fitted) for name, fitted in fitted_parts.items()
-    ], True
+    return [judge_channel(parts[name], fitted) for name, fitted in fitted_parts.items()]
 
 
 def _merged(logged: Sequence[Verdict], summed: Sequence[Verdict]) -> list[Verdict]:
@@ -254,7 +242,7 @@ def _merged(logged: Sequence[Verdict], summed: Sequence[Verdict]) -> list[Verdic
 def _summary(
     verdicts: Sequence[Verdict],
     channels: ByAxis,
-    driven: set[int],
+    driven: Set[int],
     conventions: Conventions,
     remarks: list[str],
 ) -> Verification:
