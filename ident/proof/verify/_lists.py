@@ -50,14 +50,14 @@ def channels_of(
         reversal = reversal_cycles(machine.machine.get(use.axis))
         channel = use.kind.log_channel
         parts[use.name] = channel(use, motion, reading, reversal, dict(parts))
-    if not any(channels.values()):
+    if not channels:
         names = ", ".join(use.source for use in lists)
         raise ExchangeError(
             where=names or "lists",
             found="no compensation that is active",
             expected="at least one table, or an axis list with a compensation",
         )
-    return {axis: parts for axis, parts in channels.items() if parts}
+    return channels
 
 
 def changed(channel: AbstractChannel, **fields: object) -> AbstractChannel:
