@@ -167,7 +167,7 @@ def cases_of(
     if not power[0]:
         return [(0.0, Diagnosis(use.axis, use.name, "cannot tell"))], math.nan, None
     search_result = search(channel, target)
-    cases = []
+    best, cases = search_result.rivals[0], []
     for rival in search_result.rivals:
         change = rival.hypothesis.change
         shift = change.shift
@@ -177,21 +177,13 @@ def cases_of(
         # What adds no more than may drift between measurements adds nothing.
         if rival.hypothesis.is_free and abs(rival.hypothesis.scale) <= _BAND:
             continue
-        if (
-            change.turned
-            and rival is not search_result.rivals[0]
-            and not _turn_matters(channel)
-        ):
+        if change.turned and rival is not best and not _turn_matters(channel):
             continue
         named = _named(rival.hypothesis, channel)
-        if named.verdict == "right" and rival is search_result.rivals[0]:
+        if rival is best and named.verdict == "right":
             rows = scene.changes[use.axis].readings
             named = _as_a_whole(named, channel, search_result, rows)
-        elif (
-            rival is search_result.rivals[0]
-            and not blurred
-            and _leaves_much(channel, search_result)
-        ):
+        elif rival is best and not blurred and _leaves_much(channel, search_result):
             named = Diagnosis(use.axis, use.name, "other", sentence=_UNLIKE)
         cases.append((rival.criterion, named))
     cases += _elsewhere(use, scene, search_result)
