@@ -138,33 +138,23 @@ def _places(
 ) -> _Places:
     from scipy.ndimage import median
 
-    rows = []
+    rows, late = [], []
     for measurement in measured:
+        zeros = np.zeros(len(measurement.error))
         columns = [np.rint(measurement.positions[axis] / _PLACE) for axis in axes]
         directions = measurement.direction if directed else None
-        columns.append(
-            np.zeros(len(measurement.error)) if directions is None else directions
-        )
+        columns.append(zeros if directions is None else directions)
         rows.append(np.stack(columns, axis=1).astype(np.int64))
-    keys, values = (
-        np.concatenate(rows),
-        np.concatenate([measurement.error for measurement in measured]),
-    )
-    late = np.concatenate(
-        [
-            np.zeros(len(measurement.error))
-            if measurement.late is None
-            else measurement.late
-            for measurement in measured
-        ]
-    )
+        late.append(zeros if measurement.late is None else measurement.late)
+    values = np.concatenate([measurement.error for measurement in measured])
     places, at, counts = np.unique(
-        keys, axis=0, return_inverse=True, return_counts=True
+        np.concatenate(rows), axis=0, return_inverse=True, return_counts=True
     )
+    at = at.ravel()
     # One wild reading among several must not count.
-    middle = median(values, at.ravel(), np.arange(len(counts)))
+    middle = median(values, at, np.arange(len(counts)))
     mean, drawn = (
-        np.bincount(at.ravel(), column) / counts for column in (values, late)
+        np.bincount(at, column) / counts for column in (values, np.concatenate(late))
     )
     level = np.where(counts > _SEVERAL, middle, mean)
     return _Places(places, np.stack([level, drawn], axis=1), counts)
