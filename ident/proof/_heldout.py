@@ -31,13 +31,11 @@ class HeldOut:
         residual: Error left per reading in mm or °.
         standard_deviation: Predicted for such a reading, noise of the reading and
             rounding to list units included.
-        groups: What was left out together: the run, or the spatial block.
         by_run: Whether runs were left out (else blocks).
     """
 
     residual: Float[np.ndarray, " t"]
     standard_deviation: Float[np.ndarray, " t"]
-    groups: Int[np.ndarray, " t"]
     by_run: bool
 
 
@@ -111,7 +109,7 @@ def residual_of_folds(
         + _run_variance(folds, fold_of_reading, samples)
         + 1 / (12 * LIST_UNITS**2)
     )
-    return HeldOut(before + offset - active, deviation, np.asarray(groups), by_run)
+    return HeldOut(before + offset - active, deviation, by_run)
 
 
 def blocks_of(layout: TableLayout, samples: Samples) -> Int[np.ndarray, " t"]:

@@ -222,7 +222,6 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
     heldout = HeldOut(
         residual=share.predicted[share.rows],
         standard_deviation=np.full(len(samples.error), spread),
-        groups=recording.fold[share.rows],
         by_run=recording.by_run,
     )
     effects, remarks = "offset" if fit.runs else "none", share.remarks()
