@@ -46,8 +46,7 @@ def held_out(
     to_integers: Callable[[Sequence[TableFit]], Int[np.ndarray, "k ..."]],
     before: Float[np.ndarray, " t"],
     active: Float[np.ndarray, " t"],
-    *,
-    by_run: bool,
+    run: Int[np.ndarray, " t"] | None = None,
 ) -> HeldOut:
     """Return what lists fitted without a run (or block) leave of its readings.
 
@@ -61,13 +60,11 @@ def held_out(
         to_integers: From fits to the entries of their lists.
         before: Error as measured, per reading.
         active: Offset that was active while measuring, per reading.
-        by_run: Whether runs are left out: they go over the same places.
+        run: Of each reading, where runs are left out: they go over the same places.
     """
-    groups = _by_run(samples.run) if by_run and samples.run is not None else None
-    by_run = groups is not None
-    if groups is None:
-        groups = blocks_of(fit.layout, samples)
+    groups = blocks_of(fit.layout, samples) if run is None else _by_run(run)
     folds = dict(leave_out(fit, samples, groups))
+    by_run = run is not None
     return residual_of_folds(
         table, samples, folds, groups, to_integers, before, active, by_run=by_run
     )
@@ -117,17 +114,10 @@ def blocks_of(layout: TableLayout, samples: Samples) -> Int[np.ndarray, " t"]:
     return spatial_blocks(layout, samples, count=_BLOCKS)
 
 
-def _by_run(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"] | None:
-    """Return the run of each reading, None where there is one only.
-
-    Of many runs, a tenth of them at a time.
-    """
-    count = len(set(run.tolist()))
-    if count < 2:
-        return None
-    groups = run
-    if count > _MOST_RUNS:
-        groups = np.unique(run, return_inverse=True)[1].reshape(-1) % 10
+def _by_run(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
+    """Return the run of each reading; of many runs, a tenth of them at a time."""
+    runs, index = np.unique(run, return_inverse=True)
+    groups = run if len(runs) <= _MOST_RUNS else index.reshape(-1) % 10
     return np.asarray(groups, dtype=np.int64)
 
 

@@ -188,9 +188,8 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
     estimate = _doubted(plan, readings, samples, estimate)
-    heldout = held_out(
-        table, samples, fit, plan.integers, before, acted, by_run=repeated
-    )
+    left_out = run if repeated else None
+    heldout = held_out(table, samples, fit, plan.integers, before, acted, left_out)
     readings = dataclasses.replace(readings, error=before)
     return TableDraft(
         plan.job, plan.index, spec, plan, estimate, effects, readings, heldout, remarks
