@@ -17,16 +17,12 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ...data.errors import AxcompError
 from ...data.files import sha256, sync_folder
 from ._collect import Task
 from ._folder import BatchError
 from ._rows import Row, hash_of_inputs, identity_in, rows_of
-
-if TYPE_CHECKING:
-    from ..job import JobResult
 
 WORK = ".work"
 _KINDS = {"lists": True, "unverified": False}
@@ -41,6 +37,8 @@ _LOOK = 1.0
 _clock = time.monotonic
 _PUBLISHING = 4
 """Jobs whose files are on their way to the disk at the same time."""
+_DRAWING = threading.Lock()
+"""matplotlib draws one figure at a time."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -261,7 +259,10 @@ def _job_outcome(task: Task, order: Order, stage: Path) -> Outcome:
         # The batch that this worker belonged to ended and took its work away.
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(stage))
     if order.reports or not result.passed:
-        _report(result, stage)
+        from ..report import write_report  # takes long to load
+
+        with _DRAWING:
+            write_report(result, stage)
     # The rules that a verdict asks for; by the others no list is unproven.
     verified = all(
         rule.state == "verified"
@@ -286,17 +287,6 @@ def _move(stage: Path, place: Path) -> None:
         if not place.is_dir():
             raise
         shutil.rmtree(stage, ignore_errors=True)
-
-
-_DRAWING = threading.Lock()
-"""matplotlib draws one figure at a time."""
-
-
-def _report(result: "JobResult", folder: Path) -> None:
-    from ..report import write_report
-
-    with _DRAWING:
-        write_report(result, folder)
 
 
 def published(task: Task, order: Order) -> list[Row] | None:
