@@ -303,15 +303,14 @@ def published(task: Task, order: Order) -> list[Row] | None:
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
             result = json.loads((folder / "result.json").read_bytes())
             inputs = result["inputs"]
-            current = task.sha256 in inputs.values()
-            current = current and hash_of_inputs(inputs) == inputs_hash(task.path)
-            current = current and all(
-                (folder / file).is_file() for file in result["files"]
-            )
-            for name, digest in result["digests"].items():
+            digests = result["digests"].items()
+            if (
+                task.sha256 in inputs.values()
+                and hash_of_inputs(inputs) == inputs_hash(task.path)
+                and all((folder / file).is_file() for file in result["files"])
                 # A list that somebody has changed is no longer what its result says.
-                current = current and sha256(folder / name) == digest
-            if current:
+                and all(sha256(folder / name) == digest for name, digest in digests)
+            ):
                 place = f"{kind}/{task.name}"
                 return rows_of(task.name, place, verified, task.sha256, result)
         if folder.exists():
