@@ -12,7 +12,7 @@ from ._rows import VERSION, Row, arrow_schema, as_date
 NAME = "results.parquet"
 
 
-def write_results(folder: Path, rows: Sequence[Row]) -> Path:
+def write_results(folder: Path, rows: Sequence[Row]) -> None:
     """Write the table of a batch, whole or not at all."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -21,9 +21,7 @@ def write_results(folder: Path, rows: Sequence[Row]) -> Path:
     table = pa.Table.from_pylist(dated, schema=arrow_schema())
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd")
-    path = folder / NAME
-    write_atomically(path, buffer.getvalue())
-    return path
+    write_atomically(folder / NAME, buffer.getvalue())
 
 
 def read_results(folder: Path) -> Any:
