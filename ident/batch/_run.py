@@ -13,7 +13,7 @@ from typing import Any
 from ._collect import Task, collect_jobs
 from ._folder import BatchError, begin, end, locked
 from ._rows import Row
-from ._summary import Summary, prepare_summary, summarise
+from ._summary import Summary, summarise
 from ._table import read_results, write_results
 from ._work import WORK, Order, Outcome, examine
 from ._workers import prepare_workers, run_chunks, workers_of
@@ -135,7 +135,9 @@ def run_batch(
         hashes = {task.name: task.sha256 for task in tasks}
         manifest = begin(out, jobs, hashes, resume=resume)
         tasks = tuple(task.as_file() for task in tasks)
-        prepare_summary()
+        # What the summary is drawn with: half a second that need not stand at the end.
+        from ..report import _style  # noqa: F401
+
         order = Order(str(out), secrets.token_hex(4), reports, time_limit)
         stand, done = Progress(len(tasks)), dict[str, list[Row]]()
         try:

@@ -127,11 +127,6 @@ class Summary:
     twins: _Rows
 
 
-def prepare_summary() -> None:
-    """Import what a summary is drawn with: half a second that need not stand at the end."""
-    from ..report import _style  # noqa: F401
-
-
 def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
     """Return the figures of a batch, and write ``summary.json`` and ``summary.html``.
 
