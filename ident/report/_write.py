@@ -1,6 +1,6 @@
 """Writes the report: one HTML page that needs nothing else, and its plots as files."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
 import markupsafe
@@ -11,10 +11,10 @@ from .._templates import templates
 from ..job import JobResult, by_level, signed
 from . import _style as style
 from ._body import Plot
-from ._group import GroupSection, group_section
+from ._group import group_section
 from ._overview import overview_plot
 from ._scale import number, percent, scale_of
-from ._section import Section, section_of, summary_row
+from ._section import section_of, summary_row
 from ._verdict import front_of
 
 
@@ -48,29 +48,13 @@ def write_report(result: JobResult, out: Path) -> tuple[Path, ...]:
         several = len(result.fits) > 1 or result.second
         overview = overview_plot(result.fits) if several else None
         draw("", [overview] if overview else [])
-    page = _render(result, overview, groups, sections, files)
-    plots = [out / "plots" / f"{name}.svg" for name in files]
-    (out / "plots").mkdir(parents=True, exist_ok=True)
-    write_together(dict(zip(plots, map(signed, files.values()), strict=True)))
-    # The page comes last: where it stands, its plots do too.
-    write_atomically(out / "report.html", signed(page))
-    return (out / "report.html", *plots)
-
-
-def _render(
-    result: JobResult,
-    overview: Plot | None,
-    groups: list[GroupSection],
-    sections: list[Section],
-    files: Mapping[str, str],
-) -> str:
+    template = templates(__package__ or "", html=True).get_template("report.html.jinja")
     # Everything that came from a user is escaped; only our own drawings are not.
-    page = templates(__package__ or "", html=True).get_template("report.html.jinja")
-    return page.render(
+    svgs = {k: markupsafe.Markup(style.to_inline(text)) for k, text in files.items()}
+    headed = [(section.heading, section.fit) for section in sections]
+    page = template.render(
         job=result,
-        front=front_of(
-            [(section.heading, section.fit) for section in sections], result.verdict
-        ),
+        front=front_of(headed, result.verdict),
         overview=overview,
         groups=groups,
         sections=sections,
@@ -79,9 +63,12 @@ def _render(
         number=number,
         percent=percent,
         scale_of=scale_of,
-        svgs={
-            name: markupsafe.Markup(style.to_inline(text))
-            for name, text in files.items()
-        },
+        svgs=svgs,
         job_text=job_text(result.job),
     )
+    plots = [out / "plots" / f"{name}.svg" for name in files]
+    (out / "plots").mkdir(parents=True, exist_ok=True)
+    write_together(dict(zip(plots, map(signed, files.values()), strict=True)))
+    # The page comes last: where it stands, its plots do too.
+    write_atomically(out / "report.html", signed(page))
+    return (out / "report.html", *plots)
