@@ -224,16 +224,11 @@ def _draw_height(
     axes: Axes, x: float, ends: tuple[float, float], arrow: str, colour: str, place: Any
 ) -> None:
     """Draw a measured height as an arrow or a bracket."""
-    ends_at = (x, ends[0]), (x, ends[1])
-    properties: dict[str, Any] = {
-        "color": colour,
-        "linewidth": 1.2,
-        "mutation_scale": 10.0,
-    }
     axes.add_patch(
         FancyArrowPatch(
-            *ends_at, arrowstyle=arrow, shrinkA=0.0, shrinkB=0.0, transform=place,
-            clip_on=False, zorder=8, **properties,
+            (x, ends[0]), (x, ends[1]), arrowstyle=arrow, shrinkA=0.0, shrinkB=0.0,
+            mutation_scale=10.0, color=colour, linewidth=1.2, transform=place,
+            clip_on=False, zorder=8,
         )
     )  # fmt: skip
 
