@@ -32,15 +32,12 @@ def overview_plot(fits: Sequence[AbstractResult]) -> Plot | None:
     heights = [2.0 if len(fit.masters) == 1 else 2.3 for fit in tables]
     figure = Figure(figsize=(7.2, sum(heights) + 0.2), layout="constrained")
     panels = figure.subplots(len(tables), 2, squeeze=False, height_ratios=heights)
-    sentences = [
-        _draw_fit(figure, list(row), fit)
-        for row, fit in zip(panels, tables, strict=True)
-    ]
-    for row, fit in zip(panels, tables, strict=True):
-        if fit.fit.layout.branches == 2:
-            keys = row[0].get_legend_handles_labels()
-            figure.legend(*keys, loc="outside upper right", ncols=2, markerscale=2)
-            break
+    rows = list(zip(panels, tables, strict=True))
+    sentences = [_draw_fit(figure, list(row), fit) for row, fit in rows]
+    bilateral = [row[0] for row, fit in rows if fit.fit.layout.branches == 2]
+    if bilateral:
+        keys = bilateral[0].get_legend_handles_labels()
+        figure.legend(*keys, loc="outside upper right", ncols=2, markerscale=2)
     caption = f"Left: as measured. Right: with the new list. {' '.join(sentences)}"
     return Plot("overview", "Before and after, at the same scale", figure, caption)
 
