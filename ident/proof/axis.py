@@ -239,7 +239,6 @@ class Together:
     Attributes:
         measurement: Its name.
         compensation: The fit that was made of it.
-        readings: How many count.
         before: rms of the error as measured, in mm or °.
         alone: rms with this list alone.
         together: rms with all that will act on the axis.
@@ -248,7 +247,6 @@ class Together:
 
     measurement: str
     compensation: str
-    readings: int
     before: float
     alone: float
     together: float
@@ -316,12 +314,11 @@ def judge_together(
     error_alone = error + added.get(compensation, 0.0)
     error_together = error + np.sum(list(added.values()), axis=0)
     sound = ~wild_readings(error_alone, least=1.0 / LIST_UNITS)
-    count, rms_alone = int(sound.sum()), rms(error_alone)
-    tolerance = _SLACK + _SURE / np.sqrt(2.0 * max(count, 1))
+    rms_alone = rms(error_alone)
+    tolerance = _SLACK + _SURE / np.sqrt(2.0 * max(sound.sum(), 1))
     return Together(
         measurement=name,
         compensation=compensation,
-        readings=count,
         before=rms(error),
         alone=rms_alone,
         together=rms(error_together),
