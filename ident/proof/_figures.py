@@ -24,15 +24,13 @@ class ErrorFigures:
         max: Largest magnitude, over all readings.
         iso230: A, R, B, B_mean, E, M … of ISO 230-2 where there are runs, else None;
             figures that the data do not give are left out.
-        rms_without_wild: The same without wild readings; None where none is wild.
-        max_without_wild: Likewise.
+        without_wild: Rms and max of the others; None where no reading is wild.
     """
 
     rms: float
     max: float
     iso230: Mapping[str, float] | None = None
-    rms_without_wild: float | None = None
-    max_without_wild: float | None = None
+    without_wild: "ErrorFigures | None" = None
 
     @property
     def sound(self) -> "ErrorFigures":
@@ -41,9 +39,7 @@ class ErrorFigures:
         A single reading of 1 mm among thousands of 10 µm would be all that rms and max
         tell of; before and after a list are compared without it.
         """
-        if self.rms_without_wild is None or self.max_without_wild is None:
-            return self
-        return ErrorFigures(self.rms_without_wild, self.max_without_wild, self.iso230)
+        return self.without_wild or self
 
     def as_tree(self) -> dict[str, float]:
         """Return all figures by name, as result.json gives them."""
@@ -104,16 +100,14 @@ class ErrorTally:
     @property
     def figures(self) -> ErrorFigures:
         """What they come to."""
-        (count, square, largest), (sound, sound_square, sound_largest) = (
-            self.sizes.tolist()
+        whole, sound = (
+            ErrorFigures(math.sqrt(square / max(count, 1)), largest)
+            for count, square, largest in self.sizes.tolist()
         )
-        figures = ErrorFigures(math.sqrt(square / max(count, 1)), largest)
-        if sound in (0, count):
-            return figures
-        sound_rms = math.sqrt(sound_square / sound)
-        return dataclasses.replace(
-            figures, rms_without_wild=sound_rms, max_without_wild=sound_largest
-        )
+        count, count_sound = self.sizes[:, 0]
+        if count_sound in (0, count):
+            return whole
+        return dataclasses.replace(whole, without_wild=sound)
 
 
 def error_figures(

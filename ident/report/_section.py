@@ -110,7 +110,7 @@ def figures_of(
 ) -> tuple[list[str], dict[str, list[float | None]]]:
     """Return the stages of an error that are shown, and the figures of each by name."""
     stages = [stage for stage in _COLUMNS if stage in error]
-    wild = any(error_of.rms_without_wild is not None for error_of in error.values())
+    wild = any(error_of.without_wild is not None for error_of in error.values())
     rows = {
         name: [_figure(error[stage], name) for stage in stages]
         for name in _ROWS
