@@ -146,10 +146,6 @@ class Rows:
         """Return the current of a drive in its unit, or None."""
         return self._numbers(f"{axis}.current")
 
-    def has_place(self, axis: str, kinds: Iterable[str] = ("position",)) -> bool:
-        """Return whether the position of an axis was recorded, as one of the kinds."""
-        return any(f"{axis}.{kind}" in self.measured.values for kind in kinds)
-
     def position(
         self, axis: str, why: str = "", kinds: Iterable[str] = ("position",)
     ) -> Float[np.ndarray, " t"]:
@@ -173,8 +169,11 @@ class Rows:
         self, kinds: Iterable[str] = ("position",)
     ) -> dict[str, Float[np.ndarray, " t"]]:
         """Return the positions of all axes that have one, by name."""
-        axes = [axis for axis in self.job.spec.axes if self.has_place(axis, kinds)]
-        return {axis: self.position(axis, kinds=kinds) for axis in axes}
+        return {
+            axis: self.position(axis, kinds=kinds)
+            for axis in self.job.spec.axes
+            if any(f"{axis}.{kind}" in self.measured.values for kind in kinds)
+        }
 
     def standing(self, axis: str | None) -> "Commanded":
         """Return the rows as the controller takes them, each a position of its own.
