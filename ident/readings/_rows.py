@@ -188,22 +188,6 @@ class Rows:
             temperatures={sensor: self.temperature(sensor) for sensor in self.sensors},
         )
 
-    def raw_error(
-        self, axis: str, against: tuple[str, ...] = ("position",)
-    ) -> Float[np.ndarray, " t"]:
-        """Return the error of an axis as measured, in mm or °.
-
-        Args:
-            axis: Name of the axis.
-            against: Kinds of role that tell where it says it is, the best first.
-
-        Raises:
-            MissingRole: If there is none.
-            MeasurementError: If a value is one that no machine has.
-        """
-        error = np.array(derive_error(self.measured, axis, against), dtype=float)
-        return self._sane(f"{axis}.error", error)
-
     def error(
         self,
         axis: str,
@@ -218,36 +202,35 @@ class Rows:
             axis: Name of the axis.
             position: Of the axes over which a line may be taken off, by name.
             lengths: The error is one of length along the axis.
-            against: As for `raw_error`.
+            against: Kinds of role that tell where it says it is, the best first.
 
         Raises:
-            MeasurementError: If there is none, or a value is one that no machine has.
+            MissingRole: If there is none.
+            MeasurementError: If a value is one that no machine has.
         """
-        error = self.raw_error(axis, against)
-        if lengths and axis in position:
-            error = self.at_reference(axis, error, position[axis])
+        error = self.at_reference(axis, position, lengths=lengths, against=against)
         return without_zero(error, [*position.values()], self.spec.remove)
 
     def at_reference(
         self,
         axis: str,
-        error: Float[np.ndarray, " t"],
-        position: Float[np.ndarray, " t"],
+        position: Mapping[str, Float[np.ndarray, " t"]],
+        *,
+        lengths: bool = True,
+        against: tuple[str, ...] = ("position",),
     ) -> Float[np.ndarray, " t"]:
-        """Return errors of length along an axis as at the reference temperature.
-
-        Args:
-            axis: Name of the axis.
-            error: As measured, in mm.
-            position: Of the axis itself.
-        """
+        """Return `error` before the zero is taken off."""
+        error = np.array(derive_error(self.measured, axis, against), dtype=float)
+        error = self._sane(f"{axis}.error", error)
         spec, warmth = self.spec, self.spec.material_temperature
+        if not lengths or axis not in position:
+            return error
         if spec.expansion is None or spec.already_compensated or warmth is None:
             return error
         at = spec.datum.at if spec.datum is not None else 0.0
         reduced = reduce_length(
             error,
-            position,
+            position[axis],
             expansion=spec.expansion,
             material_temperature=(
                 self.temperature(warmth, "as material_temperature")

@@ -151,10 +151,8 @@ class LogReadings:
         )
         rows = Rows(job, source.name, measured, [fit.axis])
         why = f"for the {fit.compensation} fit of {fit.axis}"
-        positions = np.stack([rows.position(axis, why) for axis in fit.over], axis=1)
-        error = rows.raw_error(fit.axis)
-        if fit.lengths:
-            error = rows.at_reference(fit.axis, error, positions[:, 0])
+        place = {axis: rows.position(axis, why) for axis in fit.over}
+        error = rows.at_reference(fit.axis, place, lengths=fit.lengths)
         if self.plan.turning:
             direction = rows.direction(fit.axis, needed=True)
         self._said.update(dict.fromkeys(rows.remarks))
@@ -162,6 +160,7 @@ class LogReadings:
             self._changes[source.name] = max(
                 change, self._changes.get(source.name, 0.0)
             )
+        positions = np.stack([*place.values()], axis=1)
         return Samples(positions, error, self.plan.branch(direction))
 
     @cached_property
