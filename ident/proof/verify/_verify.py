@@ -143,8 +143,7 @@ def _clock_of(searches: Explained) -> float:
     A controller can only be late by whole cycles. A part of one that all compensations
     share is the clock of the recording, and with it what most of them share.
     """
-    lags: list[float] = []
-    weights: list[float] = []
+    found: list[tuple[float, float]] = []
     for channel, fitted in searches.values():
         # A filter of two cycles is half a cycle late: only unfiltered ones count here.
         hypothesis = next(
@@ -153,28 +152,27 @@ def _clock_of(searches: Explained) -> float:
         )
         rows = channel.motion.judged
         column = hypothesis.scale * channel.column(hypothesis.change)
-        slope = np.gradient(column)[
-            rows.start - hypothesis.lag : rows.stop - hypothesis.lag
-        ]
-        base = column[rows.start - hypothesis.lag : rows.stop - hypothesis.lag]
+        earlier = slice(rows.start - hypothesis.lag, rows.stop - hypothesis.lag)
+        slope, base = np.gradient(column)[earlier], column[earlier]
         target = fitted.residual + fitted.column[rows]
         power = float(slope @ slope)
         noise = float(np.mean(np.square(fitted.residual)))
         if power <= 100.0 * noise:
             continue
-        lags.append(hypothesis.lag - float((target - base) @ slope) / power)
-        weights.append(power / noise)
-    if not lags:
+        lag = hypothesis.lag - float((target - base) @ slope) / power
+        found.append((lag, power / noise))
+    if not found:
         return 0.0
-    turns = 2.0 * np.pi * np.array(lags)
+    lags, weights = np.array(found).T
+    turns = 2.0 * np.pi * lags
     centre = np.average(np.exp(1j * turns), weights=weights)
     part = float(np.angle(centre)) / (2.0 * np.pi)
     deviation = np.angle(np.exp(1j * turns - 2j * np.pi * part)) / (2.0 * np.pi)
-    allowed = _PART + 4.0 / np.sqrt(np.array(weights))
+    allowed = _PART + 4.0 / np.sqrt(weights)
     if abs(part) < _PART or np.any(np.abs(deviation) > allowed):
         return 0.0
-    cycles = np.round(np.array(lags) - part)
-    votes = {value: np.array(weights)[cycles == value].sum() for value in cycles}
+    cycles = np.round(lags - part)
+    votes = {value: weights[cycles == value].sum() for value in cycles}
     return float(max(votes, key=lambda value: votes[value])) + part
 
 
