@@ -1,7 +1,6 @@
 """One measurement of a job, a column at a time: the only place where readings are made."""
 
 from collections.abc import Iterable, Mapping
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -113,6 +112,7 @@ class Rows:
         self.measured = table
         self.remarks = list(table.remarks)
         self.change: dict[str, float] = {}
+        self._motions: dict[tuple[str, tuple[str, ...]], Motion] = {}
 
     def __len__(self) -> int:
         return self.measured.rows
@@ -312,10 +312,6 @@ class Rows:
             f" to {motion.bandwidth:.3g} Hz."
         )
         return np.asarray(getattr(motion, what), dtype=float)
-
-    @cached_property
-    def _motions(self) -> dict[tuple[str, tuple[str, ...]], Motion]:
-        return {}
 
     def _numbers(self, role: str) -> Float[np.ndarray, " t"] | None:
         values = self.measured.get(role)
