@@ -7,7 +7,6 @@ with its possible answers (`_text`).
 
 from ._job import NewJob as NewJob, new_job as new_job
 from ._text import (
-    ANSWER as ANSWER,
     OPTIONAL as OPTIONAL,
     Question as Question,
     open_question as open_question,
