@@ -21,8 +21,8 @@ from ...data.measurements import (
     widest_reversal,
     with_arrows,
 )
-from ...data.units import small_unit
 from . import _style as style
+from ._scale import Scale, scale_of
 
 _SERIES = ("#7d8590", style.GREEN, "#7a3e9d")
 _DASHES = {1: "-", -1: (0, (5, 1.6))}
@@ -53,8 +53,7 @@ def draw_iso_chart(
     with style.house_style():
         figure, (axes,) = style.new_figure(6.0)
         figure.set_dpi(150)
-        small, long = small_unit(unit), "°" if unit == "deg" else "mm"
-        single = len(tests) == 1
+        scale, single = scale_of(unit), len(tests) == 1
         low, high = _extent(tests.values())
         margin = 0.08 * (high - low or 1.0)
         axes.set_ylim(low - margin, high + margin)
@@ -66,11 +65,11 @@ def draw_iso_chart(
         for at, (name, test) in enumerate(tests.items()):
             colour = style.INK if single else _SERIES[at]
             _draw_brackets(axes, test, colour, at, "" if single else name)
-            _draw_reversal(axes, test, colour, (small, long))
+            _draw_reversal(axes, test, colour, scale)
         if tolerance is not None:
-            _draw_tolerance(axes, list(tests.values())[-1], tolerance, small)
-        axes.set_xlabel(f"Position [{long}]")
-        axes.set_ylabel(f"Deviation actual − commanded [{small}]")
+            _draw_tolerance(axes, list(tests.values())[-1], tolerance, scale)
+        axes.set_xlabel(f"Position [{scale.position}]")
+        axes.set_ylabel(f"Deviation actual − commanded [{scale.error}]")
         axes.axhline(0.0, color=style.GREY, linewidth=0.8, zorder=1)
         axes.set_title(_title(tests, axis), fontsize=10, weight="normal")
         figure.legend(
@@ -205,9 +204,7 @@ def _draw_brackets(axes: Axes, test: Iso230, colour: str, at: int, name: str) ->
         )
 
 
-def _draw_reversal(
-    axes: Axes, test: Iso230, colour: str, units: tuple[str, str]
-) -> None:
+def _draw_reversal(axes: Axes, test: Iso230, colour: str, scale: Scale) -> None:
     """Mark the largest reversal between the two means."""
     widest = widest_reversal(test)
     if widest is None or widest.mean_up is None or widest.mean_down is None:
@@ -215,8 +212,7 @@ def _draw_reversal(
     low, high = sorted((widest.mean_up * 1e3, widest.mean_down * 1e3))
     _draw_height(axes, widest.target, (low, high), "<->", colour, axes.transData)
     # What it is stands in the legend: a label beside the arrow would cover the curves.
-    small, long = units
-    label = f"B = {high - low:.1f} {small} at {widest.target:g} {long}"
+    label = f"B = {high - low:.1f} {scale.error} at {widest.target:g} {scale.position}"
     axes.plot([], [], linestyle="none", marker="d", color=colour, label=label)
 
 
@@ -233,7 +229,7 @@ def _draw_height(
     )  # fmt: skip
 
 
-def _draw_tolerance(axes: Axes, test: Iso230, tolerance: float, small: str) -> None:
+def _draw_tolerance(axes: Axes, test: Iso230, tolerance: float, scale: Scale) -> None:
     """Draw the tolerance as a band around the middle of A."""
     ends = test.accuracy_ends() or test.systematic_ends()
     if ends is None:
@@ -244,5 +240,5 @@ def _draw_tolerance(axes: Axes, test: Iso230, tolerance: float, small: str) -> N
         (middle + tolerance / 2) * 1e3,
         facecolor="#e6f4ea",
         zorder=0,
-        label=f"tolerance {tolerance * 1e3:g} {small}",
+        label=f"tolerance {tolerance * 1e3:g} {scale.error}",
     )
