@@ -6,6 +6,7 @@ import numpy as np
 
 from ...fit import RunEffect
 from ...job import TableResult, largest_wild
+from .. import _style as style
 from .._body import WildRow
 from .._scale import Scale, grouped, number, percent, place
 from ._fitted import Readings
@@ -150,9 +151,8 @@ def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRo
     for row in largest_wild(readings.before, readings.wild).tolist():
         spots = zip(fit.masters, readings.positions[row], strict=True)
         where = ", ".join(f"{name} = {place(float(at))}" for name, at in spots)
-        direction = {1: ", moving +", -1: ", moving −"}.get(
-            int(readings.direction[row]), ""
-        )
+        sign = int(readings.direction[row])
+        direction = f", {style.DIRECTION_NAME[sign]}" if sign else ""
         run = "" if readings.run is None else str(int(readings.run[row]))
         rows.append(
             WildRow(
