@@ -9,6 +9,7 @@ from .._sources import Column
 from ._programme import CYCLE
 
 _STEP = 1.0
+"""s, in which heat and the zero of an instrument are followed."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,7 +145,6 @@ def _between(values: Column, at: Column) -> Column:
 
 def _wander(size: int, drift: float, rng: np.random.Generator) -> Column:
     """Return a random walk that is `drift` wide after half an hour."""
-    step = 1.0
-    grid = np.arange(0.0, size * CYCLE + 2 * step, step)
-    walk = np.cumsum(rng.standard_normal(len(grid))) * drift * np.sqrt(step / 1800.0)
+    grid = np.arange(0.0, size * CYCLE + 2 * _STEP, _STEP)
+    walk = np.cumsum(rng.standard_normal(len(grid))) * drift * np.sqrt(_STEP / 1800.0)
     return np.asarray(np.interp(np.arange(size) * CYCLE, grid, walk - walk.mean()))
