@@ -180,11 +180,3 @@ def bin_means(
         spread = np.bincount(index, (value - mean[index]) ** 2, slices)
         error = np.sqrt(spread / np.maximum(size - 1, 1) / size)
     return Bins(edges, size, mean, error)
-
-
-def robust_limit(value: Float[np.ndarray, " t"]) -> float:
-    """Return the size that all but a few of the values stay within, never 0."""
-    finite = np.abs(value[np.isfinite(value)])
-    if finite.size == 0:
-        return 1.0
-    return float(np.quantile(finite, 0.995)) * 1.15 or 1.0

@@ -8,7 +8,7 @@ from ...job import TableResult
 from .. import _style as style
 from .._body import Plot
 from .._scale import Scale, number, percent
-from ._fitted import Bins, Readings, bin_means, robust_limit, say_drawn
+from ._fitted import Bins, Readings, bin_means, say_drawn
 
 _MOST_RUNS = 60
 """More runs than this are not looked at one by one."""
@@ -43,7 +43,9 @@ def residual_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot | 
     views = views_of(fit, readings, scale)
     rows = len(views)
     figure, axes = style.new_figure(1.9 * rows + 0.5, rows, sharey=True)
-    limit = robust_limit(readings.predicted[readings.sound])
+    # All but a few of them lie within.
+    remaining = np.abs(readings.predicted[readings.sound])
+    limit = float(np.quantile(remaining, 0.995)) * 1.15 or 1.0
     beyond = []
     for panel, (name, (words, where)) in zip(axes, views.items(), strict=True):
         if _draw_cloud(panel, readings, where, limit).beyond_chance:
