@@ -515,8 +515,8 @@ def _named(column: Column, letters: Set[str] = frozenset()) -> _Named | None:
     if decided is None and unit is None and not axis and pieces[-1:] in (["t"], ["T"]):
         decided = "temperature"  # "frame_t"
     kind = decided or (kinds[0] if kinds else None)
-    if kind is None:
-        kind = "position" if axis and column.text is None else None
+    if kind is None and axis and column.text is None:
+        kind = "position"
     if kind is None or (column.text is not None and kind not in _TEXTS):
         return None
     if kind == "direction" and not any(map(direction_of, column.text or "+")):
