@@ -34,8 +34,8 @@ from ._gate import (
 from ._heldout import (
     HeldOut as HeldOut,
     blocks_of as blocks_of,
+    groups_of_runs as groups_of_runs,
     held_out as held_out,
-    residual_of_folds as residual_of_folds,
 )
 
 if TYPE_CHECKING:

@@ -12,7 +12,6 @@ from ..fit import (
     TableFit,
     TableLayout,
     deviations,
-    leave_out,
     spatial_blocks,
 )
 
@@ -42,37 +41,6 @@ class HeldOut:
 def held_out(
     table: AbstractTable,
     samples: Samples,
-    fit: TableFit,
-    to_integers: Callable[[Sequence[TableFit]], Int[np.ndarray, "k ..."]],
-    before: Float[np.ndarray, " t"],
-    active: Float[np.ndarray, " t"],
-    run: Int[np.ndarray, " t"] | None = None,
-) -> HeldOut:
-    """Return what lists fitted without a run (or block) leave of its readings.
-
-    Each fold goes the whole way: fitted, rounded to list units, evaluated by the
-    rules of the controller.
-
-    Args:
-        table: What is written.
-        samples: Readings as fitted.
-        fit: The fit to all of them.
-        to_integers: From fits to the entries of their lists.
-        before: Error as measured, per reading.
-        active: Offset that was active while measuring, per reading.
-        run: Of each reading, where runs are left out: they go over the same places.
-    """
-    groups = blocks_of(fit.layout, samples) if run is None else _by_run(run)
-    folds = dict(leave_out(fit, samples, groups))
-    by_run = run is not None
-    return residual_of_folds(
-        table, samples, folds, groups, to_integers, before, active, by_run=by_run
-    )
-
-
-def residual_of_folds(
-    table: AbstractTable,
-    samples: Samples,
     fits: Mapping[int, TableFit],
     groups: Int[np.ndarray, " t"],
     to_integers: Callable[[Sequence[TableFit]], Int[np.ndarray, "k ..."]],
@@ -82,6 +50,9 @@ def residual_of_folds(
     by_run: bool = False,
 ) -> HeldOut:
     """Return what lists leave of the readings that they were fitted without.
+
+    Each fold goes the whole way: fitted, rounded to list units, evaluated by the
+    rules of the controller.
 
     Args:
         table: What is written.
@@ -114,8 +85,8 @@ def blocks_of(layout: TableLayout, samples: Samples) -> Int[np.ndarray, " t"]:
     return spatial_blocks(layout, samples, count=_BLOCKS)
 
 
-def _by_run(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
-    """Return the run of each reading; of many runs, a tenth of them at a time."""
+def groups_of_runs(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
+    """Return the run of each reading, to be left out; of many runs, a tenth at a time."""
     runs, index = np.unique(run, return_inverse=True)
     groups = run if len(runs) <= _MOST_RUNS else index.reshape(-1) % 10
     return np.asarray(groups, dtype=np.int64)

@@ -10,8 +10,8 @@ from jaxtyping import Float, Int
 
 from ...core import CellCovariance, FitError
 from ...exchange import LIST_UNITS
-from ...fit import Samples, TableFit, doubt_of_means, fit_table
-from ...proof import HeldOut, held_out
+from ...fit import Samples, TableFit, doubt_of_means, fit_table, leave_out
+from ...proof import HeldOut, blocks_of, groups_of_runs, held_out
 from ...readings import Readings, Tables, place_in_run, runs_overlap, without_zero
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
@@ -188,8 +188,14 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
     estimate = _doubted(plan, readings, samples, estimate)
-    left_out = run if repeated else None
-    heldout = held_out(table, samples, fit, plan.integers, before, acted, left_out)
+    if run is not None and repeated:
+        groups = groups_of_runs(run)
+    else:
+        groups = blocks_of(fit.layout, samples)
+    folds = dict(leave_out(fit, samples, groups))
+    heldout = held_out(
+        table, samples, folds, groups, plan.integers, before, acted, by_run=repeated
+    )
     readings = dataclasses.replace(readings, error=before)
     return TableDraft(
         plan.job, plan.index, spec, plan, estimate, effects, readings, heldout, remarks

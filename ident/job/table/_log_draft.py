@@ -10,7 +10,7 @@ from jaxtyping import Int
 
 from ...exchange import Model
 from ...fit import Grouping, Samples, StreamedFit, fit_streamed, predict
-from ...proof import ErrorFigures, ErrorTally, blocks_of, residual_of_folds
+from ...proof import ErrorFigures, ErrorTally, blocks_of, held_out
 from ...readings import Readings, joined
 from ..result._result import STAGES, Remark, largest_wild
 from ._draft import TableDraft
@@ -120,7 +120,7 @@ def fit_log(readings: LogReadings) -> TableDraft:
     at, before = (samples.positions, samples.branch), samples.error - zero
     wild, share = streamed.judged(samples)
     residual = samples.error - predict(streamed.fit, *at)[0]
-    held_out = residual_of_folds(
+    heldout = held_out(
         table, samples, streamed.folds, grouping(samples), plan.integers, before,
         plan.acted(*at),
     )  # fmt: skip
@@ -140,7 +140,7 @@ def fit_log(readings: LogReadings) -> TableDraft:
             timed=False,
             slices={},
         ),
-        held_out,
+        heldout,
         (*readings.remarks, *_of_the_route(log)),
         log,
     )
