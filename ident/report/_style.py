@@ -1,9 +1,9 @@
 """One look for all plots: colour-blind safe, direction told by marker too, as SVG."""
 
-import contextlib
 import io
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from typing import Any
 
 import matplotlib as mpl
@@ -65,11 +65,9 @@ _RC: Any = {
 }
 
 
-@contextlib.contextmanager
-def house_style() -> Iterator[None]:
+def house_style() -> AbstractContextManager[None]:
     """Set the look of the plots for the time of a ``with`` block."""
-    with mpl.rc_context(_RC):
-        yield
+    return mpl.rc_context(_RC)
 
 
 def new_figure(
