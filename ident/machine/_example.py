@@ -56,7 +56,6 @@ class Drive:
     Attributes:
         law: Friction in A over mm/s.
         inertia: In A per mm/s².
-        load: Constant load in A.
         rated_current: In A.
         torque_unit: Share of the rated current that one unit of the drive is.
         noise: Standard deviation of the recorded current in A.
@@ -64,7 +63,6 @@ class Drive:
 
     law: AbstractFriction
     inertia: float
-    load: float
     rated_current: float
     torque_unit: float
     noise: float
@@ -77,7 +75,6 @@ def example_drive(size: float = 1.0) -> Drive:
         # Coulomb, break-away, Stribeck velocity and exponent, viscous.
         law=StribeckFriction(*map(jnp.asarray, law)),
         inertia=0.004 * size,
-        load=0.0,
         rated_current=9.0,
         torque_unit=0.001,
         noise=0.05,
@@ -96,7 +93,7 @@ def record_drive(path: Path, drive: Drive, seed: int) -> None:
     acceleration = np.gradient(velocity, _CYCLE)
     friction = np.asarray(drive.law(velocity))
     noise = drive.noise * np.random.default_rng(seed).normal(size=velocity.size)
-    current = drive.inertia * acceleration + friction + drive.load + noise
+    current = drive.inertia * acceleration + friction + noise
     time = np.arange(velocity.size) * _CYCLE
     position = 100.0 + np.cumsum(velocity) * _CYCLE
     table = np.column_stack([1e3 * time, position, -current])

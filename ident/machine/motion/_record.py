@@ -17,6 +17,9 @@ from .._sources import Column, Columns, State
 from ._instruments import HeatedPart, Tracker, following
 from ._programme import CYCLE, Programme
 
+_ENCODER_NOISE = 2e-5
+"""Standard deviation of an encoder reading in mm."""
+
 
 @dataclasses.dataclass(frozen=True)
 class AxisLoop:
@@ -70,7 +73,6 @@ class WorkingMachine:
         drives: By axis.
         parts: That warm up, each with a sensor of the same name.
         trackers: One instrument per axis.
-        encoder_noise: Standard deviation of an encoder reading in mm.
         plc_lags: By sensor, the time constant in s with which the PLC follows it before
             it sets the temperature compensation.
     """
@@ -80,7 +82,6 @@ class WorkingMachine:
     drives: Mapping[str, Drive]
     parts: tuple[HeatedPart, ...]
     trackers: Mapping[str, Tracker]
-    encoder_noise: float = 2e-5
     plc_lags: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @property
@@ -141,7 +142,7 @@ def record(work: WorkingMachine, programme: Programme, seed: int) -> MotionLog:
         speed = loop.follow(programme.velocity[axis])
         rate = loop.follow(programme.acceleration[axis])
         friction = _friction(drive, speed)
-        torque = drive.inertia * rate + friction + drive.load
+        torque = drive.inertia * rate + friction
         noise = drive.noise * rng.standard_normal(len(speed))
         current[axis] = -(torque + noise)
         pushed = loop.yielding(friction - fed[axis])
@@ -153,7 +154,7 @@ def record(work: WorkingMachine, programme: Programme, seed: int) -> MotionLog:
     encoder, actual, truth, wrong = {}, {}, {}, {}
     for axis in axes:
         fault = work.machine.error_in(axis, state)
-        noise = work.encoder_noise * rng.standard_normal(len(fault))
+        noise = _ENCODER_NOISE * rng.standard_normal(len(fault))
         encoder[axis] = raw[axis] - added[axis] + noise
         truth[axis] = fault + added[axis]
         actual[axis], wrong[axis] = work.trackers[axis].read(raw[axis] + fault, rng)
