@@ -162,14 +162,14 @@ def identity_in(path: Path) -> Row:
     except (TomlError, OSError):
         return {}
     machine, fits = tree.get("machine"), tree.get("fits")
-    row: Row = {"title": tree.get("title")}
-    if isinstance(machine, Mapping):
-        row |= {
-            "machine_id": machine.get("id"),
-            "measured_at": machine.get("measured_at"),
-        }
+    machine = machine if isinstance(machine, Mapping) else {}
+    fits = fits if isinstance(fits, list) else []
+    row: Row = {
+        "title": tree.get("title"),
+        "machine_id": machine.get("id"),
+        "measured_at": machine.get("measured_at"),
+    }
     for key in ("axis", "compensation"):
-        fits = fits if isinstance(fits, list) else []
         values = {str(fit.get(key)) for fit in fits if isinstance(fit, Mapping)}
         row[key] = values.pop() if len(values) == 1 else None
     texts = ("title", "machine_id")
