@@ -136,7 +136,7 @@ def _draw_maps(
     means = [_mean_by_cell(table, places, error) for places, error, _ in both]
     span = symmetric(np.stack(means))
     layers = [
-        heat(panel, table, mean, limits=(-span, span), diverging=True)
+        heat(panel, table, mean, (-span, span))
         for panel, mean in zip(panels, means, strict=True)
     ]
     for panel in panels:

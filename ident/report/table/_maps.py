@@ -23,7 +23,8 @@ def error_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     """Draw the fitted error with the measured points; unmeasured nodes hatched."""
     (table,) = branches_of(fit, scale)
     figure, (axes,) = style.new_figure(map_height(table) + 0.5)
-    mesh = heat(axes, table, table.value, diverging=True)
+    span = symmetric(table.value)
+    mesh = heat(axes, table, table.value, (-span, span))
     bar(figure, mesh, [axes], f"error of {fit.axis} in {scale.error}")
     drawn = min(readings.size, style.DRAWN_POINTS)
     style.marks(
@@ -61,10 +62,10 @@ def coverage_maps(fit: TableResult, scale: Scale) -> Plot:
         figure.set_layout_engine("compressed")
     else:
         figure, (above, below) = style.new_figure(2 * height + 0.8, 2, 1)
-    mesh = heat(above, table, table.sd, limits=spread_limits(table))
+    mesh = heat(above, table, table.sd, spread_limits(table))
     bar(figure, mesh, [above], f"sd in {scale.error}")
     largest = max(float(np.quantile(table.support, 0.98)), 1.0)
-    mesh = heat(below, table, table.support.astype(float), limits=(0.0, largest))
+    mesh = heat(below, table, table.support.astype(float), (0.0, largest))
     counts = bar(figure, mesh, [below], "readings per node")
     counts.locator = MaxNLocator(integer=True)
     above.set_title("standard deviation")
@@ -104,19 +105,15 @@ def heat(
     axes: Axes,
     table: Fitted,
     value: Float[np.ndarray, "j i"],
-    *,
-    limits: tuple[float, float] | None = None,
-    diverging: bool = False,
+    limits: tuple[float, float],
 ) -> QuadMesh:
-    if limits is None:
-        span = symmetric(value)
-        limits = (-span, span)
+    """Draw a value per node, in colours that part at 0 where the limits lie about it."""
     axes.grid(False)
     mesh = axes.pcolormesh(
         style.borders(table.nodes[0]),
         style.borders(table.nodes[1]),
         value,
-        cmap=style.DIVERGING if diverging else style.SEQUENTIAL,
+        cmap=style.DIVERGING if limits[0] < 0 else style.SEQUENTIAL,
         vmin=limits[0],
         vmax=limits[1],
         rasterized=True,
