@@ -160,7 +160,7 @@ def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
             reason = f"rows {named[name]} and {number}: found two jobs named {name!r},"
             raise BatchError(str(path), f"{reason} expected names of their own")
         tree: dict[str, Any] = {}
-        faults: list[str] = []
+        fault: str | None = None
         template = row.pop("template", None)
         if template:
             base = path.parent / str(template)
@@ -169,7 +169,7 @@ def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
                     templates[base] = _template(base)
                 tree = _rebased(templates[base], base.parent, jobs)
             except BatchError as error:
-                faults.append(f"row {number}: {error}")
+                fault = f"row {number}: {error}"
         for key, cell in row.items():
             if cell is None or cell == "":
                 continue
@@ -179,11 +179,9 @@ def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
             try:
                 _put(tree, parts, value)
             except (AttributeError, TypeError, ValueError, IndexError):
-                faults.append(
-                    f"row {number}: {key!r} leads through a key that has a value"
-                )
+                reason = f"{key!r} leads through a key that has a value"
+                fault = fault or f"row {number}: {reason}"
         text = job_text(tree) + "\n"
-        fault = faults[0] if faults else None
         yield Task(name, jobs / f"{name}.toml", _hash(text.encode()), text, fault)
 
 
