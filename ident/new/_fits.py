@@ -101,12 +101,12 @@ def _of_error(
     moved = [each for each in data.position if span(data.position[each][rows]) > _MOVED]
     others = tuple(each for each in moved if each != axis)
     warm = [s for s in data.temperature if span(data.temperature[s][rows]) > _WARM]
-    places = {axis: data.position[axis][rows]} if axis in moved else {}
     few = not moved or all(
         len(np.unique(np.round(data.position[each][rows], 3))) <= _PLACES
         for each in moved
     )
-    heat = [_of_heat(axis, warm, bool(places), name, plain=few)] if warm else []
+    heat = [_of_heat(axis, warm, axis in moved, name, plain=few)] if warm else []
+    plain = not (few and warm)
     if few:
         yield from heat
     if axis in moved:
@@ -114,9 +114,8 @@ def _of_error(
         why = f"the error of {axis} was measured along {axis}"
         why += ", in both directions" if bilateral else ", in one direction"
         keys: dict[str, Any] = {"bilateral": True} if bilateral else {}
-        plain = not (few and warm)
         yield Suggestion("leadscrew", axis, (axis,), keys, (name,), plain, why)
-    others_plain = axis not in moved and not (few and warm)
+    others_plain = plain and axis not in moved
     # A surface holds what a line over one of its axes would.
     for master in others if axis in moved or len(others) == 1 else ():
         why = f"the error of {axis} was measured while {master} moved"
@@ -135,11 +134,9 @@ def _of_heat(
     axis: str, warm: Sequence[str], along: bool, name: str, *, plain: bool
 ) -> Suggestion:
     """Return the thermal line; measured at one position, only its offset can be told."""
-    keys: dict[str, Any] = {}
+    keys: dict[str, Any] = {"sensor": warm[0]}
     if not along:
-        keys["sensors"] = {"offset": warm[0]}
-    else:
-        keys["sensor"] = warm[0]
+        keys = {"sensors": {"offset": warm[0]}}
     why = f"the error of {axis} was measured while {' and '.join(warm)} changed"
     return Suggestion("temperature", axis, (), keys, (name,), plain, why)
 
