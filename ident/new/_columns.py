@@ -185,7 +185,9 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         if len(several) == 1:
             columns[text] = several[0]
         else:
-            unclear.append(_rivals(table, text, several))
+            first = table.column(several[0].column)
+            rivals = [(text, each) for each in several]
+            unclear.append(_unclear(first, {"column"}, rivals))
     offered = {
         table.column(part.column).name
         for each in unnamed
@@ -660,13 +662,6 @@ def _joined(unclear: Sequence[Unclear]) -> list[Unclear]:
             each = dataclasses.replace(first, asks=asks, choices=choices)
         by_role[role] = each
     return list(by_role.values())
-
-
-def _rivals(table: Table, text: str, several: Sequence[ColumnSpec]) -> Unclear:
-    """Return the question which of several columns has a role."""
-    first = table.column(several[0].column)
-    choices = tuple((text, each) for each in several)
-    return Unclear(first.name, frozenset({"column"}), choices, _largest(first))
 
 
 def _largest(column: Column) -> float:
