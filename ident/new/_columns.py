@@ -136,7 +136,8 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     named, outside = _with_encoders(table, named)
     named, drift = _with_drift(named)
     named, probed = _with_probed(named)
-    home, owner = _home(table, axes, named), _owner(table, axes, named)
+    home = _home(table, axes, named)
+    owner = _owner(table, axes, named, home)
     angles = _angles(table, named, home[0])
     assumed: dict[str, str] = {}
     for each in sorted(named, key=_telling):
@@ -445,7 +446,7 @@ def _home(
 
 
 def _owner(
-    table: Table, axes: Sequence[str], named: Sequence[_Named]
+    table: Table, axes: Sequence[str], named: Sequence[_Named], home: tuple[str, bool]
 ) -> tuple[str, bool]:
     """Return the axis of an error whose column names none, and whether anybody has.
 
@@ -455,9 +456,9 @@ def _owner(
     if axes:
         return axes[0], True
     if table.across:
-        known.append(_home(table, axes, named)[0])
+        known.append(home[0])
     elif not known or table.axis is not None:
-        return _home(table, axes, named)
+        return home
     others = [axis for axis in ("Y", "Z", "X") if axis not in known]
     return (others[0] if others else known[0]), False
 
@@ -473,7 +474,7 @@ def _without_commands(named: Sequence[_Named]) -> list[_Named]:
     ]
 
 
-def _named(column: Column, letters: Set[str] = frozenset()) -> _Named | None:
+def _named(column: Column, letters: Set[str]) -> _Named | None:
     """Return what a column is by its role, its unit or its name, or None.
 
     Args:
