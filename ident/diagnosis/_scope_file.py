@@ -44,10 +44,9 @@ def scope_configuration(
     """
     recorded = [row for row in rows if row.channel is not None]
     acquisitions = [_acquisition(row, cycle_time, net_id) for row in recorded]
-    groups = {
-        title: [row for row in recorded if _group(row) == title]
-        for title in dict.fromkeys(map(_group, recorded))
-    }
+    groups: dict[str, list[Observable]] = {}
+    for row in recorded:
+        groups.setdefault(_group(row), []).append(row)
     chart = _member("YTChart", "Compensations", [
         *(_axis_group(title, own) for title, own in groups.items()),
         _member("ChartStyle", "Chart Style", [], {"StackedAxes": "true"}),
