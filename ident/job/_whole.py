@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -26,7 +27,6 @@ from ..proof.axis import (
     judge_together,
     judge_workspace,
     switching_cycles,
-    warm_states,
 )
 from ..readings import Tables, read_error, without_zero
 from ._draft import AbstractDraft
@@ -231,11 +231,12 @@ class _Axis:
             if line is not None and isinstance(line.offset_0, TemperatureCurve):
                 ends = np.asarray(line.offset_0.nodes.positions)[[0, -1]]
                 warmth |= dict.fromkeys(draft.warmth, (float(ends[0]), float(ends[1])))
+        states = itertools.product(*warmth.values())
         return Travel(
             names={axis.number: name for name, axis in axes.items()},
             spans=reached | spans,
             closed=frozenset(spans),
-            warmth=warm_states(warmth),
+            warmth=tuple(dict(zip(warmth, state, strict=True)) for state in states),
             unit=axes[self.name].plain_unit,
             cycle_time=self.job.spec.controller.cycle_time,
         )

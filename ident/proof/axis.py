@@ -220,18 +220,6 @@ def _nodes(
     return rows
 
 
-def warm_states(
-    curves: Mapping[str, Sequence[float]],
-) -> tuple[Mapping[str, float], ...]:
-    """Return every combination of the temperatures of several sensors.
-
-    Args:
-        curves: Temperatures in °C by sensor at which its laws have their nodes.
-    """
-    states = itertools.product(*curves.values())
-    return tuple(dict(zip(curves, state, strict=True)) for state in states)
-
-
 @dataclasses.dataclass(frozen=True)
 class Together:
     """What is left of the error of one measurement, by one list alone and by all.
