@@ -3,7 +3,7 @@
 import copy
 import dataclasses
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,9 @@ _CHOICES = ("slave", "master")
 
 ByAxis = Mapping[int, Mapping[str, AbstractChannel]]
 """Channels by logical axis number and compensation."""
+
+Numbering = Callable[[str], int]
+"""From the name of an axis in a log to its logical number."""
 
 
 def channels_of(
@@ -67,39 +70,36 @@ def changed(channel: AbstractChannel, **fields: object) -> AbstractChannel:
     return copied
 
 
-def axis_names(lists: Sequence[ListFile]) -> dict[str, int]:
-    """Return the logical numbers of the axes by the names that the lists give them."""
+def numbering(lists: Sequence[ListFile], source: str) -> Numbering:
+    """Return what gives the logical number of an axis of a log: A3, or a name in a list.
+
+    It raises an `ExchangeError` that names the source for any other.
+    """
     numbers: dict[str, int] = {}
     for listing in lists:
         name = listing.text("kopf.log_achs_name")
         if name and listing.kind == "compensation":
             numbers[name.strip().casefold()] = axis_number(listing)
-    return numbers
+
+    def number(text: str) -> int:
+        match = re.fullmatch(r"A([0-9]+)", text)
+        if match:
+            return int(match[1])
+        if text.casefold() not in numbers:
+            names = ", ".join(sorted(numbers)) or "none"
+            raise ExchangeError(
+                where=source,
+                found=f"axis {text!r}",
+                expected="A1, A2, … after the logical numbers, or a name in a list"
+                f" (kopf.log_achs_name: {names})",
+            )
+        return numbers[text.casefold()]
+
+    return number
 
 
-def number_of(text: str, names: Mapping[str, int], source: str) -> int:
-    match = re.fullmatch(r"A([0-9]+)", text)
-    if match:
-        return int(match[1])
-    if text.casefold() not in names:
-        listing = ", ".join(sorted(names)) or "none"
-        raise ExchangeError(
-            where=source,
-            found=f"axis {text!r}",
-            expected="A1, A2, … after the logical numbers, or a name in a list"
-            f" (kopf.log_achs_name: {listing})",
-        )
-    return names[text.casefold()]
-
-
-def motion_of(
-    log: ControllerLog, names: Mapping[str, int], ranges: Ranges
-) -> LogMotion:
+def motion_of(log: ControllerLog, number: Numbering, ranges: Ranges) -> LogMotion:
     """Return the motion of a log, by logical axis number."""
-
-    def number(name: str) -> int:
-        return number_of(name, names, str(log.source))
-
     drives = {
         number(role.partition(".")[0]): log.motion.require(role)
         for role in log.motion.values
@@ -115,7 +115,7 @@ def motion_of(
 
 
 def reports_of(
-    log: ControllerLog, names: Mapping[str, int], channels: ByAxis
+    log: ControllerLog, number: Numbering, channels: ByAxis
 ) -> tuple[dict[tuple[int, str], LoggedOffset], list[str]]:
     """Return what was reported by axis and compensation, and what is not judged."""
     reports: dict[tuple[int, str], LoggedOffset] = {}
@@ -142,7 +142,7 @@ def reports_of(
                 )
             axis = owners[0] if owners else 0
         else:
-            axis = number_of(offset.axis, names, str(log.source))
+            axis = number(offset.axis)
         if offset.compensation not in channels.get(axis, {}):
             words = "is logged, but no list that is active has it"
             remarks.append(f"{offset.column}: {offset.compensation} {words}.")
@@ -154,7 +154,7 @@ def reports_of(
 def owners(
     lists: Sequence[ListFile],
     log: ControllerLog,
-    names: Mapping[str, int],
+    number: Numbering,
     motion: LogMotion,
     reading: Reading,
 ) -> tuple[Reading, dict[str, str]]:
@@ -167,7 +167,7 @@ def owners(
     owner_rules: dict[str, str] = {}
     for kind in kinds():
         reported = {
-            number_of(offset.axis, names, str(log.source)): offset
+            number(offset.axis): offset
             for offset in log.offsets
             if offset.compensation == kind.name and offset.axis is not None
         }

@@ -16,11 +16,11 @@ from ._hypothesis import FAULT
 from ._judge import Verdict, judge_channel
 from ._lists import (
     ByAxis,
-    axis_names,
+    Numbering,
     changed,
     channels_of,
     motion_of,
-    number_of,
+    numbering,
     owners,
     reports_of,
 )
@@ -73,13 +73,13 @@ def verify_log(
         ExchangeError: If a list makes no table, an axis has two, the log lacks the
             position of a master, or has nothing of what the lists add.
     """
-    names = axis_names(lists)
-    motion = motion_of(log, names, reading.modulo)
+    number = numbering(lists, str(log.source))
+    motion = motion_of(log, number, reading.modulo)
     assumed = reading.conventions
-    reading, owned = owners(lists, log, names, motion, reading)
+    reading, owned = owners(lists, log, number, motion, reading)
     conventions = reading.conventions
     channels = channels_of(lists, motion, reading)
-    reports, remarks = reports_of(log, names, channels)
+    reports, remarks = reports_of(log, number, channels)
     for name, rule in owned.items():
         owner = getattr(conventions, rule)
         if owner != getattr(assumed, rule):
@@ -117,7 +117,7 @@ def verify_log(
             )
     verdicts = [judge_channel(*fitted) for fitted in searches.values()]
     for axis, parts in channels.items():
-        summed = _sums(axis, parts, log, names, motion, set(searches), remarks)
+        summed = _sums(axis, parts, log, number, motion, set(searches), remarks)
         verdicts = _merged(verdicts, summed)
     if not verdicts:
         raise ExchangeError(
@@ -180,7 +180,7 @@ def _sums(
     axis: int,
     parts: Mapping[str, AbstractChannel],
     log: ControllerLog,
-    names: Mapping[str, int],
+    number: Numbering,
     motion: LogMotion,
     logged: set[tuple[int, str]],
     remarks: list[str],
@@ -191,10 +191,7 @@ def _sums(
         offset
         for offset in log.offsets
         if offset.compensation == "offset"
-        and (
-            offset.axis is None
-            or number_of(offset.axis, names, str(log.source)) == axis
-        )
+        and (offset.axis is None or number(offset.axis) == axis)
     ]
     # A current is no position.
     parts = {
