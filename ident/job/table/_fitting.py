@@ -74,12 +74,10 @@ def held_beyond(draft: TableDraft) -> TableDraft:
         or plan.inequalities is not None
     ):
         return draft
-    nodes, (name,) = plan.table.nodes[0].positions, plan.fit.over
+    nodes, name = plan.table.nodes[0].positions, plan.fit.over[0]
     shape = plan.table.branches, len(nodes)
-    values, read = (
-        estimate.values.reshape(shape).copy(),
-        estimate.support.reshape(shape) > 0,
-    )
+    values = estimate.values.reshape(shape).copy()
+    read = estimate.support.reshape(shape) > 0
     least = max(SEEN * estimate.noise, TINY)
     said = dict[tuple[float, float, str], list[str]]()
     for branch in range(shape[0]):

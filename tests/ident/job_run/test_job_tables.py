@@ -82,7 +82,7 @@ def test_a_table_that_goes_on_beyond_its_readings_is_doubted(
     laser(tmp_path / "laser.csv")
     job = screw_job(tmp_path)
     job.write_text(job.read_text().replace("points = 5", f"points = {points}"))
-    (fit,) = run_job(job, tmp_path / "out").fits
+    (fit,) = run_job(job, tmp_path / "out").tables
     said = " ".join(r.message for r in fit.remarks if r.level == "warning")
     assert ("No reading lies at X = 500 to 800: there" in said) == far
     assert ("holds its edge, which nobody measured" in said) == far
