@@ -29,6 +29,16 @@ from .write._lists import AxisFiles
 
 _CONVENTIONS = "conventions.toml"
 """Name in the output folder, where the job names no file of its machine."""
+_FACTORS = {
+    -1.0: ("sign", "added with opposite sign", -1),
+    0.0: (
+        "wrong axis",
+        "nothing is added: it is not active, or follows another axis",
+        0,
+    ),
+    2.0: ("twice", "added twice", 1),
+}
+"""What a list is, by how many times it acts, and the sign with which it does."""
 _NEAR = 0.1
 """Share by which a list that is turned round may act otherwise than it says."""
 
@@ -203,17 +213,21 @@ def _beside(fit: AbstractResult, fits: Sequence[AbstractResult]) -> AbstractResu
 def _turned(
     diagnosis: Diagnosis | None, readings: SecondMeasurement | None
 ) -> Diagnosis | None:
-    """Return a diagnosis; "sign" for "cannot tell" where the readings alone show factor −1."""
+    """Return a diagnosis; a fault for "cannot tell" where readings alone show its factor."""
     factor = None if readings is None else readings.factor
     if diagnosis is None or diagnosis.verdict != "cannot tell" or factor is None:
         return diagnosis
     value, deviation = factor
-    if abs(value + 1.0) > _NEAR or 3.0 * deviation > _NEAR:
-        return diagnosis
-    words = "added with opposite sign"
-    return dataclasses.replace(
-        diagnosis, verdict="sign", value=value, sentence=words, sign=-1
+    for times, (verdict, words, sign) in _FACTORS.items():
+        if abs(value - times) <= _NEAR and 3.0 * deviation <= _NEAR:
+            return dataclasses.replace(
+                diagnosis, verdict=verdict, value=value, sentence=words, sign=sign
+            )
+    # Readings at standstill see a temperature line as a constant.
+    words = (
+        f"cannot tell: what it does is {value:.2g} ± {deviation:.1g} times what it says"
     )
+    return dataclasses.replace(diagnosis, sentence=words)
 
 
 def _finished(

@@ -69,12 +69,12 @@ def held_beyond(draft: TableDraft) -> TableDraft:
     """
     plan, estimate = draft.plan, draft.estimate
     if (
-        len(plan.table.nodes) > 1
+        len(plan.table.nodes) != 1
         or plan.table.periodic
         or plan.inequalities is not None
     ):
         return draft
-    nodes, name = plan.table.nodes[0].positions, plan.fit.over[0]
+    nodes, name = plan.table.nodes[0].positions, plan.positions[0]
     shape = plan.table.branches, len(nodes)
     values = estimate.values.reshape(shape).copy()
     read = estimate.support.reshape(shape) > 0
