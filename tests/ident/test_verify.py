@@ -11,7 +11,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from axcomp.data.lists import ListFile
 from axcomp.data.measurements import ControllerLog, LoggedOffset, read_log
-from axcomp.ident.exchange import Reading
+from axcomp.ident.exchange import Motion, Reading, simulate
 from axcomp.ident.proof import Verdict, Verification, verify_log
 from axcomp.models import Conventions
 
@@ -414,8 +414,6 @@ def test_what_the_motion_does_not_reach_is_said(tmp_path: Path) -> None:
 def test_every_compensation_of_a_machine_agrees_with_its_simulation(
     tmp_path: Path,
 ) -> None:
-    from axcomp.ident.exchange import Motion, simulate
-
     lists = (
         listing(
             "achskw1.lis", "kopf.achs_nr 1", "kw.crosstalk.mode 1",
@@ -457,6 +455,17 @@ def test_an_axis_that_stands_still_settles_nothing(tmp_path: Path) -> None:
     assert "the log cannot tell" in only(found).sentence
     assert not found.agrees
     assert not found.settled
+
+
+def test_a_log_that_is_exact_is_judged_like_any_other(tmp_path: Path) -> None:
+    lists = [plane_list(), axis_list()]
+    log = log_of(tmp_path, {})
+    places = {axis: log.motion.require(f"A{axis}.position") for axis in MOTION}
+    motion = Motion(places, {}, log.motion.require("time"))
+    (one,) = simulate(lists, motion, Reading(Conventions()))
+    offset = LoggedOffset("A3", "plane", "A3.plane", one.parts["plane"], True, 0.0)
+    exact = ControllerLog(log.source, log.motion, (offset,), log.cycle, ())
+    assert only(verified(exact, *lists)).verdict == ("agrees",)
 
 
 def test_a_compensation_that_adds_nothing_is_called_so(tmp_path: Path) -> None:

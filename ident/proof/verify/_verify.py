@@ -24,7 +24,7 @@ from ._lists import (
     owners,
     reports_of,
 )
-from ._log import LogMotion, Target
+from ._log import FLOOR, LogMotion, Target
 from ._search import Found, search
 from ._total import drive_target, search_total
 
@@ -156,7 +156,8 @@ def _clock_of(searches: Explained) -> float:
         slope, base = np.gradient(column)[earlier], column[earlier]
         target = fitted.residual + fitted.column[rows]
         power = float(slope @ slope)
-        noise = float(np.mean(np.square(fitted.residual)))
+        # A log may be exact to its digits.
+        noise = max(float(np.mean(np.square(fitted.residual))), FLOOR**2)
         if power <= 100.0 * noise:
             continue
         lag = hypothesis.lag - float((target - base) @ slope) / power
