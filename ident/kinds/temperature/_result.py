@@ -34,13 +34,20 @@ _FEW = 8.0
 _MEETINGS: Mapping[Meeting, str] = {
     "met": "The lines meet at {at:.5g} mm ± {sure:.2g} mm",
     "parallel": "The lines hardly change their slope, so they meet nowhere",
-    "two sensors": "Two sensors move offset and slope, so the lines do not meet",
+    "two sensors": "Two sensors move offset and slope, so the lines do not meet, and no"
+    " reference is stated where what the second one measures is clamped (reference = … in mm:"
+    " elsewhere the offset has to follow both)",
     "not one point": "The lines of the temperatures do not meet in one point",
     "uncertain": "Where the lines meet is uncertain, and far from what was measured",
     "no offset": "No offset is fitted, and no reference is stated where the axis stays at all"
     " temperatures (reference = … in mm, or a sensor of the offset, too)",
 }
-_UNSURE: tuple[Meeting, ...] = ("not one point", "uncertain", "no offset")
+_UNSURE: tuple[Meeting, ...] = (
+    "two sensors",
+    "not one point",
+    "uncertain",
+    "no offset",
+)
 """What a person should know before the line is used."""
 _SIGN = Remark.warning(
     "Whether the controller adds the line or takes it off is the least certain sign of"
