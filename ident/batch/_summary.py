@@ -192,6 +192,8 @@ def _plain_reason(reason: str | None) -> str:
 
 def _picture(errors: Mapping[str, Sequence[float]], unit: str) -> str:
     """Return the distribution of the errors as SVG."""
+    from matplotlib.ticker import LogLocator
+
     from ..report._style import new_figure, to_inline, to_svg
 
     scale = scale_of(unit)
@@ -201,6 +203,9 @@ def _picture(errors: Mapping[str, Sequence[float]], unit: str) -> str:
             sizes = scale.factor * np.array(values)
             axes.plot(sizes, 100.0 * _CURVE, color=_COLOURS[stage], label=_WORDS[stage])
     axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:g}")  # powers are no plain text
+    axes.xaxis.set_minor_formatter("")
     axes.set_xlabel(f"error (rms), {scale.error}")
     axes.set_ylabel("share of fits, %")
     axes.grid(True, color="#dddddd")

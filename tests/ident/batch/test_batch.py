@@ -564,6 +564,7 @@ def test_the_summary_finds_what_failed_what_is_loud_and_what_grows(batch: Path) 
     assert "00003, 00017" in page
     assert sum(summary.gate.values()) >= 2
     assert "<svg" in page
+    assert "mathdefault" not in page  # powers of ten as the text of a formula
     assert json.loads((batch / "out" / "summary.json").read_text())["jobs"] == 18
 
 
