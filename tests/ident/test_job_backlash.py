@@ -161,6 +161,26 @@ def test_active_without_axis_list_is_refused(tmp_path: Path) -> None:
         run(tmp_path, active='["backlash"]')
 
 
+def test_a_backlash_behind_a_wandering_zero_is_not_called_none(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    places = np.linspace(0.0, 330.0, 12)
+    rows, zero = ["t,target,error,way"], 0.0
+    for row in range(48):
+        way = 1 if row // 12 % 2 == 0 else -1
+        zero += 2e-3 * rng.normal()
+        x = places[::way][row % 12]
+        rows.append(f"{60 * row},{x},{zero - 1e-3 * way:.6f},{way}")
+    (tmp_path / "dial.csv").write_text("\n".join(rows) + "\n")
+    names = '"X.position" = "target", "X.error" = "error", "X.direction" = "way"'
+    columns = f'columns = {{ time = "t", {names} }}'
+    job = JOB.format(axis="", active="[]", columns=columns)
+    (tmp_path / "job.toml").write_text(job)
+    result = run_job(tmp_path / "job.toml", tmp_path / "out")
+    assert not result.passed
+    said = [one.message for one in result.fits[0].remarks if one.level == "error"]
+    assert any("do not tell whether there is a backlash" in words for words in said)
+
+
 def test_no_backlash_writes_nothing_and_says_so(tmp_path: Path) -> None:
     readings(tmp_path, width=0.0)
     found = run(tmp_path)

@@ -95,6 +95,10 @@ def change_along(width: float, sides: Sides) -> Dependence | None:
     return Dependence(probability, variation, slope, probability < _CHANCE and matters)
 
 
+_VAGUE, _SMALL = 0.5, 3e-4
+"""Scatter of a reading, and mm or °, beyond which the deviation of a width tells nothing of it."""
+
+
 @final
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BacklashResult(AbstractResult):
@@ -199,10 +203,18 @@ def remarks_of(result: BacklashResult, listed: bool, active: bool) -> Iterator[R
         yield Remark.info(f"{result.type.capitalize()}.")
     else:
         width, deviation = result.measured_width
-        yield Remark.warning(
-            f"No backlash shows: {1e3 * width:.2f} {unit} ± {1e3 * deviation:.2f} {unit} is"
-            " less than 3 standard deviations. Nothing is written."
-        )
+        found = f"{1e3 * width:.2f} {unit} ± {1e3 * deviation:.2f} {unit}"
+        if deviation > max(_VAGUE * result.noise, _SMALL):
+            yield Remark.error(
+                f"These readings do not tell whether there is a backlash: {found}, beside"
+                f" {1e3 * result.noise:.2g} {unit} of scatter: what changes in time looks the"
+                " same. Approach more places from both sides, in another order."
+            )
+        else:
+            yield Remark.warning(
+                f"No backlash shows: {found} is less than 3 standard deviations. Nothing is"
+                " written."
+            )
     if dependence is not None and dependence.significant:
         yield Remark.warning(
             f"The backlash changes along the axis by {1e3 * dependence.variation:.1f} {unit} rms"
