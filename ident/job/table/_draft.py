@@ -21,7 +21,7 @@ from ..result._result import Remark, SampleView, TableResult, staged
 from ..result._second import SecondMeasurement, near_of, part_of
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
-from ._remarks import fit_remarks, outside, places_of
+from ._remarks import LOG, fit_remarks, outside, places_of
 from ._trend import trend_left
 
 _SEEN, _SAME = 5.0, 0.3
@@ -195,7 +195,9 @@ class TableDraft(AbstractDraft):
             readings.direction if along else None,
             readings.run if run_table(readings, table) is not None else None,
             added=float(np.std(added)),
-            near=near_of(
+            near=""
+            if readings.late is not None or len(error) >= LOG
+            else near_of(
                 fit.over,
                 readings.positions,
                 error,
