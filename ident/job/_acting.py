@@ -212,7 +212,7 @@ def _refuse_warm(job: Job, fit: FitSpec, before: AxisLists) -> None:
             listing = before.used[name].listing.source
             raise job.error(
                 ("measurements", source),
-                f"found nothing of the temperature of {fit.axis}, for which"
+                f"found lengths of {fit.axis} without their temperature, and"
                 f" {listing} switches a law of the PLC on ({kind(name).activation}): what a"
                 " warm axis has grown by would be taken off twice; expected expansion and"
                 " material_temperature, already_compensated = true if these lengths are"

@@ -15,8 +15,8 @@ from ...job._draft import AbstractDraft, Foreseen
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
 from ...proof import GateCheck, reversal_dynamics
-from ._events import cut_events, directed
-from ._result import ABOVE, SHORT, CrosstalkResult, remarks_of
+from ._events import cut_events, directed, held_shares
+from ._result import SHORT, CrosstalkResult, remarks_of
 from .effect import CrosstalkFit, full_offsets
 from .entries import crosstalk_from_list, entries_of_crosstalk
 from .keys import Spec
@@ -121,19 +121,18 @@ class CrosstalkDraft(AbstractDraft):
     @property
     def foreseen(self) -> Foreseen:
         value, predicted = self.found.events.value, self.found.predicted
-        # Of an event beyond the specified acceleration the list takes off a share; without a
-        # list nothing changes.
-        taken = 1.0 / np.where(self.excess > ABOVE, self.excess, 1.0) * self.written
-        left = value - taken * (value - predicted)
+        # Beyond the specified acceleration the list takes off a part; without a list nothing
+        # changes.
+        left = value - self.taken * self.written * (value - predicted)
         return Foreseen(value, left, self.found.events.wild)
 
     @functools.cached_property
-    def excess(self) -> Float[np.ndarray, " n"]:
-        """Acceleration of each event over that at which the controller holds its correction."""
+    def taken(self) -> Float[np.ndarray, " n"]:
+        """Part of each event that the list can take off."""
         events = self.found.events
         if self.job.conventions.crosstalk_above != "hold":
-            return np.zeros(len(events))
-        return np.asarray(np.abs(events.peak) / self.found.full)
+            return np.ones(len(events))
+        return held_shares(self.log, self.found.effect, events)
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         model, limits = self.model, self.job.limits

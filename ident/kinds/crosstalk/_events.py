@@ -343,6 +343,19 @@ def _shares_of(
     return share, np.where(share < _QUIET, -1, branch)
 
 
+def held_shares(
+    data: JointData, form: Crosstalk, events: Events
+) -> Float[np.ndarray, " n"]:
+    """Return which part of each event a controller takes off that holds at full acceleration.
+
+    By all of its rows: a spike of a noisy acceleration is a small part of them.
+    """
+    share, _ = _shares_of(data, form)
+    held = share * np.minimum(share, 1.0)
+    pairs = zip(events.start, events.stop, strict=True)
+    return np.array([held[a:b].sum() / np.square(share[a:b]).sum() for a, b in pairs])
+
+
 def _stretches(*labels: np.ndarray) -> list[tuple[int, int]]:
     """Return first row and row after the last of each stretch in which no label changes."""
     changed = np.any([np.diff(label) != 0 for label in labels], axis=0)

@@ -19,8 +19,8 @@ SHORT = ("accelerating +", "accelerating âˆ’", "decelerating +", "decelerating â
 """Words for the rows of `BRANCHES`: what the master does, and its direction."""
 _QUADRANTS = {"crosstalk_accelerate", "crosstalk_sign"}
 _COVERED = 0.995
-ABOVE = 1.1
-"""Share of the specified acceleration up to which a peak is its own noise."""
+_HELD = 0.97
+"""Part of an event that the list takes off, below which the master accelerates too hard."""
 
 
 @final
@@ -205,8 +205,8 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
             " an instrument is. If it is the machine that follows late, the correction"
             " will come too early by as much."
         )
-    excess = float(draft.excess.max())
-    if excess > ABOVE:
+    excess = float(np.max(np.abs(events.peak) / draft.found.full))
+    if draft.taken.min() < _HELD:
         up, down = draft.found.rates
         stated = (
             draft.fit.acceleration is not None and draft.fit.deceleration is not None
