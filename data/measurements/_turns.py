@@ -13,7 +13,7 @@ _LONGER = 1.5
 
 
 def unwound(
-    columns: Mapping[str, Float[np.ndarray, " t"]], turns: Mapping[str, float]
+    columns: Mapping[str, np.ndarray], turns: Mapping[str, float]
 ) -> dict[str, Float[np.ndarray, " t"]]:
     """Return the positions that a display has wrapped into one turn, going on beyond it.
 
