@@ -83,15 +83,8 @@ def _refuse_contradiction(
         difference = measurement.values[actual_role] - measurement.values[role]
     except CellError:  # the error does without them
         return
-    both = np.stack([error, difference]).astype(float)
-    both = both[:, np.isfinite(both).all(axis=0)]
-    if both.shape[1] < _ENOUGH:
-        return
-    (own, product), (_, square) = np.cov(both)
-    if product**2 < _ALIKE**2 * own * square or not own * square:
-        return
-    factor = product / square
-    if not 1.0 / _MULTIPLE < factor < _MULTIPLE:
+    factor, alike = _times(error, difference)
+    if abs(alike) >= _ALIKE and not 1.0 / _MULTIPLE < factor < _MULTIPLE:
         remedy = "sign = -1" if factor < 0 else "the unit"
         reason = (
             f"found '{axis}.error' {factor:.3g} times '{actual_role}' − '{role}', expected"
@@ -99,6 +92,20 @@ def _refuse_contradiction(
             f" '{actual_role}' out of them"
         )
         raise MeasurementError(str(measurement.source), reason)
+
+
+def _times(
+    stated: np.ndarray, expected: Float[np.ndarray, " t"]
+) -> tuple[float, float]:
+    """Return how many times another column one is, and their correlation; 1 and 0: unknown."""
+    both = np.stack([stated, expected]).astype(float)
+    both = both[:, np.isfinite(both).all(axis=0)]
+    if both.shape[1] < _ENOUGH:
+        return 1.0, 0.0
+    (own, product), (_, square) = np.cov(both)
+    if not own * square:
+        return 1.0, 0.0
+    return float(product / square), float(product / np.sqrt(own * square))
 
 
 def derive_motion(
@@ -178,13 +185,7 @@ def recorded_motion(
         derived = getattr(derive_motion(measurement, axis, order=order), what)
     except MeasurementError:  # nothing to compare it with
         return stated
-    both = np.stack([stated, derived]).astype(float)
-    both = both[:, np.isfinite(both).all(axis=0)]
-    if both.shape[1] < _ENOUGH:
-        return stated
-    (own, product), (_, square) = np.cov(both)
-    alike = product / max(np.sqrt(own * square), np.finfo(float).tiny)
-    factor = product / max(square, np.finfo(float).tiny)
+    factor, alike = _times(stated, derived)
     if alike < _AGAINST or (alike > _ALIKE and not 1 / _FACTOR < factor < _FACTOR):
         remedy = "sign = -1" if factor < 0 else "the unit"
         reason = (

@@ -118,12 +118,13 @@ def _repeats(
         return False
     size = stack.effects[0].size
     residual = readings.value - stack.matrix(readings) @ estimate.values
+    root = 1.0 if readings.weight is None else np.sqrt(readings.weight)
     limit = estimate.loss.limit * estimate.loss.scale
-    wild = np.abs(residual) > limit
+    wild = np.abs(residual) * root > limit
     lost = _mostly(
         np.bincount(node, minlength=size), np.bincount(node[wild], minlength=size)
     )
-    about = np.abs(residual - _medians(node, residual, size)[node])
+    about = np.abs(residual - _medians(node, residual, size)[node]) * root
     for one in np.flatnonzero(lost):
         here = node == one
         if len(np.unique(run[here])) > 1 and np.all(about[here] <= limit):

@@ -386,6 +386,7 @@ def _with_partner(
         except ExchangeError as error:
             fault = str(error)
         turned = [name for name, (other_way, _) in against.items() if other_way]
+        twist = max((offset for _, offset in against.values()), default=0.0)
         where, advice = f"{partner} has all that acts on {axis}", ""
         doubt: Remark | None = None
         if lacking:
@@ -427,11 +428,7 @@ def _with_partner(
                 " its column)?"
             )
             doubt = Remark.warning(words)
-        elif twist := (
-            0.0
-            if fitted
-            else max((offset for _, offset in against.values()), default=0.0)
-        ):
+        elif twist and not fitted:
             words = (
                 f"{axis} and its gantry partner {partner} are moved up to {twist:.4g} mm"
                 f" apart by their lists, more than {axis} alone is moved. Fit {partner} as"

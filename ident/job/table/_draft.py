@@ -188,6 +188,12 @@ class TableDraft(AbstractDraft):
         error = readings.error - zero_at(readings, datum, table)
         turn = None if table.modulo is None else float(np.diff(table.modulo)[0])
         ways = set() if readings.direction is None else set(readings.direction.tolist())
+        near = ""
+        if (
+            readings.late is None and len(error) < LOG
+        ):  # somebody went from place to place
+            visits = readings.positions, error, readings.direction
+            near = near_of(fit.over, *visits, self.predicted or 0.0)
         return SecondMeasurement(
             ", ".join(fit.sources),
             readings.positions,
@@ -195,15 +201,7 @@ class TableDraft(AbstractDraft):
             readings.direction if along else None,
             readings.run if run_table(readings, table) is not None else None,
             added=float(np.std(added)),
-            near=""
-            if readings.late is not None or len(error) >= LOG
-            else near_of(
-                fit.over,
-                readings.positions,
-                error,
-                readings.direction,
-                self.predicted or 0.0,
-            ),
+            near=near,
             trend=trend_left(again, plan, readings.positions, error),
             part=part_of(fit.over, self.readings.positions, readings.positions, turn),
             way=ways.pop() if self._bilateral and len(ways) == 1 else None,

@@ -459,17 +459,19 @@ def follows_speed(data: JointData, aligned: JointData, form: Crosstalk) -> bool:
         form: Of the fit.
     """
     velocity, cost = form.columns_of(data)[1], 0.0
+    # Where the error was moved a window may have lost too many of its rows.
+    moved = {window.start: window for window in _windows(aligned, form)}
     pairs = []
-    for window in _windows(data, form):
+    for window in (each for each in _windows(data, form) if each.start in moved):
         level, _ = np.linalg.qr(window.design[:, -2:])
         columns = np.stack([velocity, data.error[form.axis]], axis=1)[window.rows]
         speed, error = (columns - level @ (level.T @ columns)).T
-        pairs.append((speed, error))
-    slopes = [speed @ error / max(speed @ speed, 1e-300) for speed, error in pairs]
-    for (speed, error), window in zip(pairs, _windows(aligned, form), strict=False):
+        pairs.append((speed, error, moved[window.start]))
+    slopes = [speed @ error / max(speed @ speed, 1e-300) for speed, error, _ in pairs]
+    for speed, error, window in pairs:
         base, _ = np.linalg.qr(window.design)
-        moved = aligned.error[form.axis][window.rows]
-        left = error - float(np.median(slopes)) * speed, moved - base @ (base.T @ moved)
+        late = aligned.error[form.axis][window.rows]
+        left = error - float(np.median(slopes)) * speed, late - base @ (base.T @ late)
         spreads = [max(float(np.mean(each**2)), 1e-24) for each in left]
         cost += len(error) * float(np.log(spreads[0] / spreads[1]))
     return cost < 0.0
