@@ -28,14 +28,23 @@ from ._design import Design, design_of
 from ._effect import TABLES, AbstractEffect, Rank
 from ._gauge import Unheld
 from ._identified import Identified, identified
-from ._lag import FoundLag, find_lags, lagging, sensed_variances, sensors_to_fit
+from ._lag import (
+    WORTH,
+    FoundLag,
+    find_lags,
+    lag_bounds,
+    lagging,
+    sensed_variances,
+    sensors_to_fit,
+)
 from ._memory import Memory, order_of, without_turns
 from ._result import Options, Part, Smoothness
 
 Vector = Float[np.ndarray, " _n"]
 
-_LAG_ROUNDS = 6
-"""Rounds of lags and everything else; they end where no lag moves any more."""
+_LAG_STARTS, _LAG_ROUNDS = 5, 6
+"""Lags that the first is chosen from; rounds of lags and everything else, which end where no lag
+moves any more."""
 
 
 @final
@@ -264,6 +273,8 @@ def fit_axis(
     design = design_of(axis, effects, data, options.drift, use)
     unheld, fit = _estimated(design, data, options, None, rough=bool(sensors))
     values = dict.fromkeys(sensors, 0.0)
+    for sensor in sensors if options.loss != "gauss" else ():
+        values, design, fit = _start(design, data, options, values, sensor, fit)
     for number in range(_LAG_ROUNDS if sensors else 0):
         before = values
         lags = find_lags(design, data, fit, _pseudo(design, data, fit), before)
@@ -276,6 +287,48 @@ def fit_axis(
         # Nothing to find, or no end to it.
         fit = dataclasses.replace(fit, converged=fit.converged and not sensors)
     return AxisFit(data, identified(design, unheld, data, options.drift), fit, lags)
+
+
+def _start(
+    design: Design,
+    data: JointData,
+    options: Options,
+    lags: Mapping[str, float],
+    sensor: str,
+    fit: Estimate,
+) -> tuple[dict[str, float], Design, Estimate]:
+    """Return lags with a rough one of a sensor, its columns and a rough fit of them.
+
+    Without its lag, what follows a quick change of temperature looks wild, so that the search
+    for the lag would not see it: a robust fit of each trial lag is needed to tell.
+
+    Args:
+        design: Columns of these lags.
+        data: All rows.
+        options: Of the fit.
+        lags: By sensor in s, 0 for this one.
+        sensor: Whose lag is looked for.
+        fit: By these columns.
+    """
+    trials = [(dict(lags), design, fit)]
+    for lag in np.exp(np.linspace(*lag_bounds(design.axis, data), _LAG_STARTS + 2))[
+        1:-1
+    ]:
+        trial = {**lags, sensor: float(lag)}
+        columns = lagging(design, data, trial)
+        try:
+            trials.append(
+                (trial, columns, _estimated(columns, data, options, fit, True)[1])
+            )
+        except FitError:
+            continue  # so long that nothing of a change is left
+    error = _error(design, data)
+    sizes = np.array([error - d.columns @ f.values for _, d, f in trials])
+    scale = max(float(np.median(np.abs(sizes), axis=1).min()), floor_of(error))
+    # Minus log likelihood of Student's t: wild readings count alike for all lags.
+    costs = 2.5 * np.log1p(np.square(sizes / (1.4826 * scale)) / 4.0).sum(axis=1)
+    best = int(np.argmin(costs))
+    return trials[best if costs[0] - costs[best] > WORTH else 0]
 
 
 def _error(design: Design, data: JointData) -> Float[np.ndarray, " r"]:

@@ -24,7 +24,7 @@ from ._effect import AbstractEffect
 
 _GRID, _SWEEPS, _FINE = 14, 3, 1e-4
 """Lags that are tried first; sweeps over several sensors; logarithm at which a search ends."""
-_WORTH = 4.0
+WORTH = 4.0
 """Gain in evidence below which there is no lag."""
 _SETTLED = 0.01
 """Gain below which lags stay where they were: a tenth of a deviation, for a single one."""
@@ -96,7 +96,7 @@ def find_lags(
         costs = [profile(trial)[0] for trial in trials]
         best = int(np.argmin(costs))
         without = {**lags, sensor: 0.0}
-        lags = trials[best] if profile(without)[0] - costs[best] > _WORTH else without
+        lags = trials[best] if profile(without)[0] - costs[best] > WORTH else without
     active = [sensor for sensor, lag in lags.items() if lag > 0.0]
     for sensor in active * (_SWEEPS if len(active) > 1 else 1):
         middle = float(np.log(lags[sensor]))

@@ -176,3 +176,28 @@ def test_lag_knows_of_the_noise_of_its_sensor() -> None:
     # Eight scatter by a quarter; some deviations were half as large.
     assert deviations.min() > 0.75 * scatter
     assert np.median(deviations) < 1.5 * scatter
+
+
+@pytest.mark.parametrize("lag", [300.0, 900.0, 2400.0])
+@pytest.mark.parametrize("wild", [0, 10])
+def test_what_follows_a_step_of_temperature_is_a_lag_and_not_wild(
+    lag: float, wild: int
+) -> None:
+    rng = np.random.default_rng(2)
+    time = 30.0 * np.arange(960.0)
+    heat = np.where((time > 7200.0) & (time < 10800.0), 25.0, 20.0)
+    heat = lagged(time, heat, 60.0)
+    place = 200.0 - 200.0 * np.cos(2.0 * np.pi * time / 700.0)
+    warm = lagged(time, heat, lag) - 20.0
+    error = (1.1e-5 * place + 2e-3) * warm + rng.normal(0.0, 5e-4, 960)
+    error[rng.choice(960, wild, replace=False)] += 0.5
+    shown = heat + rng.normal(0.0, 0.01, 960)
+    data = JointData({"X": place}, {"X": error}, temperature={"T": shown}, time=time)
+    sensors = {"offset": "T", "coefficient": "T"}
+    fit = fit_joint(data, [Temperature("X", sensors, lag="fit")])
+    value, deviation = fit.parts[0].lags["T"]
+    # A search that began without a lag came to 0 or 420 s, or to no end.
+    assert fit.fits["X"].estimate.converged
+    assert value == pytest.approx(lag, abs=4.0 * deviation)
+    assert deviation < 0.02 * lag
+    assert fit.wild["X"].sum() == wild
