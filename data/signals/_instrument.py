@@ -16,7 +16,7 @@ from ._errors import check_lengths
 from ._windows import Solution, Windows
 
 _LEAST_WINDOWS = 6
-_MOST_ROWS = 100_000
+_MOST_ROWS = 40_000
 _STEPS = 12
 _SURE = 3.0
 _INDEPENDENT = 0.01

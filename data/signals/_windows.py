@@ -11,6 +11,8 @@ from ._aligned import AlignedError, last_direction
 
 _WINDOW = 1.5
 """s: within it the true error is linear in the positions, as far as a delay goes."""
+_PIECES = 16
+"""Of the travel: over all of it the true error bends as a cubic spline, both ways alike."""
 _LEAST_ROWS = 8
 _HALF = 1.4826
 _HEAVY = 2.5
@@ -92,10 +94,11 @@ class Windows:
         span = max(float(np.ptp(place)), 1e-12) if rows.size else 1.0
         centred = (place - place.mean()) / span if rows.size else place
         elapsed = (at - middle) / half
+        table = _smooth(centred) if rows.size else centred[:, None]
         rates = [np.asarray(axis(at, 2)) for axis in axes]
         # The first two are what is asked for; e = −τ v.
         self.columns = np.stack(
-            [-speed, -speed * elapsed, sign, sign * centred, *rates], axis=1
+            [-speed, -speed * elapsed, sign, sign * centred, *rates, *table.T], axis=1
         )
 
     def solve(self, with_rate: bool) -> "Solution":
@@ -167,6 +170,15 @@ class Windows:
             tiny = square <= 1e-6 * mean(centred * centred) + 1e-12
             lines.append((np.where(tiny, 0.0, base), np.where(tiny, 1.0, square)))
         return flat(self.error), np.stack([flat(c) for c in columns.T], axis=1)
+
+
+def _smooth(place: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n k"]:
+    """Return functions of a place that bend: constant and slope are those of the windows."""
+    from scipy.interpolate import BSpline
+
+    inner = np.linspace(place.min(), place.max(), _PIECES + 1)
+    knots = np.pad(inner, 3, mode="edge")
+    return np.asarray(BSpline.design_matrix(place, knots, 3).toarray()[:, 1:-1])
 
 
 def _changing(
