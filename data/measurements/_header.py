@@ -233,7 +233,7 @@ def heading(text: str) -> Heading | None:
     words: set[int] = set()
     signs: set[int] = set()
     kind: str | None = None
-    named = axis = False
+    named = axis = linear = False
     for token in _TOKENS.findall(text):
         if token in DIRECTIONS and token not in _NO_HEADING:
             (signs if token in "+-−" else words).add(DIRECTIONS[token])
@@ -244,13 +244,14 @@ def heading(text: str) -> Heading | None:
         elif (said := kind_said(token)) in ("error", "actual"):
             kind = said
         elif re.fullmatch("[xyzabcuvw]", token):
-            axis = True
+            axis, linear = True, token in "xyz"
         elif said != "direction" and not says_nothing([token]):
             return None
     directions = words or signs  # "Lauf 1 - hin" holds a dash and no sign
     if len(directions) > 1 or (run is None and not directions):
         return None
-    if axis and not (named or words):
+    run_of_letter = not linear and run is not None and signs  # "V1+"
+    if axis and not (named or words or run_of_letter):
         return None  # "B 1" and "X+" are names of axes and of their ends
     return Heading(
         run, next(iter(directions), None), kind, named or bool(directions) or bool(kind)

@@ -14,11 +14,11 @@ from ._convert import as_direction, as_run, library_unit, runs_against, unit_of
 from ._dates import MOST_SECONDS, may_be_ms, seconds_of_dates
 from ._errors import MeasurementError, MissingRole
 from ._roles import ColumnSpec as ColumnSpec, Role, find_role, role as named_role
-from ._table import MESH_FORMATS, Column, Skipped, Table, TextForm
+from ._table import MESH_FORMATS, SCOPE_FORMAT, Column, Skipped, Table, TextForm
 from ._turns import unwound
 from ._units import find_unit
 from ._wide import unfolded
-from ._words import is_leg, kinds_in, says_correction, words_in
+from ._words import is_axis_column, is_leg, kinds_in, says_correction, words_in
 
 
 class RoleValues:
@@ -192,6 +192,7 @@ def measurement(
         MeasurementError: If there is nothing that could be used.
     """
     source = str(table.path)
+    _of_one_axis(table)
     mapping = dict(columns or {}) or own_roles(table, axis, masters)
     if not mapping:
         names = ", ".join(column.header or column.name for column in table.columns[:12])
@@ -252,6 +253,7 @@ def measurement(
         units[text] = library_unit(unit, angle=angle)
         told = column.role in ("position", "error", "actual")
         told |= role.kind == "temperature" and column.role is None
+        told |= table.format == SCOPE_FORMAT and role.kind not in ("time", "current")
         if column.unit is None and spec.unit is None and told:
             if role.axis in inches and unit.dimension == "length":
                 reason = (
@@ -310,6 +312,25 @@ def measurement(
         form=table.form,
         skipped=table.skipped,
     )
+
+
+def _of_one_axis(table: Table) -> None:
+    """Refuse rows of several axes below each other, of which nothing else tells the axis.
+
+    Raises:
+        MeasurementError: If a column of them says so.
+    """
+    for column in table.columns:
+        if is_axis_column(column.name):
+            cells = column.text or [f"{value:g}" for value in column.values]
+            names = sorted({cell.strip() for cell in cells} - {"", "nan"})
+            if len(names) > 1:
+                reason = (
+                    f"column '{column.name}': found readings of {', '.join(names[:6])} below each"
+                    " other, expected those of one axis: write a file per axis, or choose the"
+                    " lines of one with rows"
+                )
+                raise MeasurementError(str(table.path), reason)
 
 
 def _turned_legs(

@@ -62,15 +62,19 @@ def table_of_arrow(path: Path, table: Any, row: int = 0) -> Table:
         if stated is not None and (unit := find_unit(stated.decode())) is not None:
             name = dataclasses.replace(name, unit=unit.name, doubtful=False)
         cells: Any = table.column(field.name)
-        if pa.types.is_timestamp(field.type) or pa.types.is_duration(field.type):
+        kind: Any = field.type
+        if pa.types.is_dictionary(kind):  # categories, as pandas and polars write them
+            kind = kind.value_type
+            cells = cells.cast(kind)
+        if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
             ticks = cells.to_numpy().astype(
-                f"<{'M' if pa.types.is_timestamp(field.type) else 'm'}8[ns]"
+                f"<{'M' if pa.types.is_timestamp(kind) else 'm'}8[ns]"
             )
             values = (ticks - ticks[0]) / np.timedelta64(1, "s")
             name = dataclasses.replace(name, unit="s", doubtful=False)
-        elif _is_number(pa, field.type):
+        elif _is_number(pa, kind):
             values = np.asarray(cells.cast(pa.float64()).to_numpy(), dtype=np.float64)
-        elif pa.types.is_string(field.type) or pa.types.is_large_string(field.type):
+        elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
             text = tuple(cell or "" for cell in cells.to_pylist())
             nothing = np.full(len(text), np.nan)
             names.append(name)
@@ -79,7 +83,7 @@ def table_of_arrow(path: Path, table: Any, row: int = 0) -> Table:
             )
             continue
         else:
-            reason = f"column '{field.name}' holds {field.type}, which is no number"
+            reason = f"column '{field.name}' holds {kind}, which is no number"
             skipped.append(Skipped(0, reason))
             continue
         invalid = np.flatnonzero(~np.isfinite(values))

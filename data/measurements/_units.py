@@ -71,6 +71,11 @@ def _all_units() -> Iterable[Unit]:
         first, second = _RATES[unit.dimension]
         yield dataclasses.replace(unit, name=f"{unit.name}/s", dimension=first)
         yield dataclasses.replace(unit, name=f"{unit.name}/s2", dimension=second)
+    yield Unit("mm/min", "velocity", 1, 60)
+    yield Unit("m/min", "velocity", 50, 3)
+    yield Unit("in/min", "velocity", 127, 300)
+    yield Unit("deg/min", "angular velocity", 1, 60)
+    yield Unit("rpm", "angular velocity", 6)
     yield Unit("nm", "length", 1, 1_000_000)
     yield Unit("0.01mm", "length", 1, 100)
     yield Unit("thou", "length", 127, 5_000)
@@ -157,6 +162,8 @@ _ALIASES = {
         "inc": "increments",
         "Nm": "N.m",
         "mm/s": "mm/sec",
+        "in/min": "ipm",
+        "rpm": "1/min U/min rev/min",
     }.items()
     for alias in aliases.split()
 }

@@ -53,8 +53,9 @@ CLOCKS = {
 }
 """Names of columns of instants: the date, the time of day, and both together."""
 _COUNTERS = frozenset("nr no nummer number num id".split())
-_SAY_NOTHING = frozenset(
-    "axis achse of travel linear positioning in der horizontal vertical lateral"
+_AXIS = frozenset("axis achse axe asse eje".split())
+_SAY_NOTHING = _AXIS | frozenset(
+    "of travel linear positioning in der horizontal vertical lateral"
     " horizontale vertikal vertikale".split()
 )
 _COUNTED = frozenset(
@@ -168,6 +169,12 @@ def is_own_reading(name: str) -> bool:
     """Whether a controller calls so what it reads itself: ``ActPos``, ``X_EncPos``."""
     words = words_in([name])
     return "pos" in words and bool(words & {"act", "enc"})
+
+
+def is_axis_column(name: str) -> bool:
+    """Whether the cells of a column say which axis their row is of: ``Axis``, ``Achse Nr``."""
+    words = {piece.casefold() for piece in pieces(name)}
+    return bool(words & _AXIS) and words <= _AXIS | _COUNTERS
 
 
 def says_nothing(words: Iterable[str]) -> bool:

@@ -55,6 +55,14 @@ _TURNED = 3.0
 """Scatters of the runs of a kind from which every second run lies off by its direction."""
 _UNSTATED = {"error": ("um", "mm"), "current": ("A", "%", "raw"), "time": ("s", "ms")}
 """Units among which a column without one asks, by kind of role."""
+_HUGE = {
+    **dict.fromkeys(("position", "actual", "encoder"), ("0.1um", "um", "mm")),
+    "velocity": ("um/s", "0.1um/s", "mm/s"),
+}
+_LONGEST = 2e4
+"""Units that values of a drive which are no mm ask among, and mm from which on they are none."""
+_INCHES = ("thou", "in")
+"""Units among which the error asks beside positions in inches."""
 _UNSTATED_ANGLE = ("mdeg", "arcsec", "deg")
 """Units among which the error of a rotary axis asks."""
 
@@ -173,6 +181,10 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         )
         if each.column is drift:
             asks |= {"drift"}
+        if _is_huge(each) and table.format == SCOPE_FORMAT:
+            asks |= {"unit"}
+            name = options[0][0]
+            options = [(name, _spec(each.column, unit)) for unit in _HUGE[each.kind]]
         if each.column is probed:
             asks |= {"probed"}
             options += [(f"{each.axis}.position", _spec(each.column, each.column.unit))]
@@ -208,6 +220,13 @@ _READ = frozenset(("error", "actual", "encoder", "current"))
 """Kinds of role that were measured."""
 _PROBED = 0.02
 """Share of the smallest other travel over which a probed surface deviates at most."""
+_TARGETS = WORDS["position"] - {"pos", "position"}
+_STRAIGHT = frozenset(
+    word for word in WORDS["error"] if word.startswith(("straight", "gerad"))
+)
+"""Words of what an axis was told to go to, and of errors across the one that moved."""
+_FOLLOWING = 0.02
+"""Share of its travel by which an axis misses its targets at most."""
 _AT_REST = 0.1
 """Share of its position over which an axis at rest drifts at most."""
 
@@ -232,6 +251,7 @@ def _unnamed(
     place, error = not kinds & _WITH_PLACE, not kinds & _READ
     if len(free) < place + error:
         return []
+    places = _places(named) or free[:1]
     questions = []
     if place:
         choices = [(f"{home}.position", _spec(each, each.unit)) for each in free]
@@ -239,9 +259,14 @@ def _unnamed(
     if error:
         fine = sorted(reversed(free), key=lambda each: not says_correction(each.name))
         choices = [
+            (f"{owner}.actual", _spec(each, each.unit))
+            for each in fine
+            if owner == home and any(_follows(each, one) for one in places)
+        ]
+        choices += [
             (f"{owner}.error", _spec(each, unit, sign))
             for each in fine
-            for unit in _units(each, "error", turns=turns)
+            for unit in _units(each, "error", turns=turns, places=places)
             for sign in ((-1, 1) if says_correction(each.name) else (1,))
         ]
         asks = {"role"} if fine[0].unit else {"role", "unit"}
@@ -297,7 +322,7 @@ def _of_runs(
     """
     first = next(each for each in named if each.column.run is not None)
     runs = [each.column for each in named if each.column.run is not None]
-    units = _units(first.column, first.kind, turns=turns)
+    units = _units(first.column, first.kind, turns=turns, places=_places(named))
     ways = [[(column.run, column.direction) for column in runs]]
     asks, apart = {"unit"} if len(units) > 1 else set[str](), None
     if undirected:
@@ -351,7 +376,15 @@ def _is_length(column: Column) -> bool:
     fits = column.unit is None or (unit and unit.dimension in ("length", "angle"))
     if column.text is not None or column.role is not None or not fits:
         return False
+    if len(column.values) > 2 and (np.diff(column.values) == 1.0).all():
+        return False  # the numbers of the rows
     return not words_in([column.name]) & WORDS["lag"] and span(column.values) > 0.0
+
+
+def _follows(column: Column, place: Column) -> bool:
+    """Whether a column shows where an axis is that was sent to a place."""
+    apart = span(column.values - place.values)
+    return column is not place and apart < _FOLLOWING * span(place.values)
 
 
 def span(values: Float[np.ndarray, " t"]) -> float:
@@ -365,15 +398,16 @@ def _with_encoders(table: Table, named: Sequence[_Named]) -> tuple[list[_Named],
 
     Beside what an instrument showed, or the current of a drive, it is the encoder's.
     """
-    kinds = {each.kind for each in named}
-    if "error" in kinds and not kinds & {"position", "actual"}:
-        # There is no other place that the error could be of.
-        named = _as("position", named, lambda each: each.kind == "encoder")
     named = _as(
         "encoder",
         named,
         lambda each: each.kind == "actual" and is_own_reading(each.column.name),
     )
+    kinds = {each.kind for each in named}
+    if "error" in kinds and not kinds & {"position", "actual"}:
+        # There is no other place that the error could be of.
+        named = _as("position", named, lambda each: each.kind == "encoder")
+        kinds = {each.kind for each in named}
     drive = table.format == SCOPE_FORMAT or "current" in kinds
     seen = any(e.kind == "error" or (e.kind == "actual" and not e.own) for e in named)
     if table.format == LASER_FORMAT and not drive:
@@ -450,11 +484,17 @@ def _owner(
 ) -> tuple[str, bool]:
     """Return the axis of an error whose column names none, and whether anybody has.
 
-    Where other axes moved it is one that did not: what a straightedge or a probe shows.
+    Where other axes moved it is one that did not: what a straightedge or a probe shows. Of a
+    single axis that has targets it is the deviation from them.
     """
     known = [each.axis for each in named if each.axis is not None]
     if axes:
         return axes[0], True
+    targets = {each.axis for each in named if each.kind == "position"}
+    words = words_in(each.column.name for each in named)
+    straight = table.across or words & _STRAIGHT
+    if len(targets) == 1 and not straight and words & _TARGETS:
+        return home
     if table.across:
         known.append(home[0])
     elif not known or table.axis is not None:
@@ -570,6 +610,9 @@ def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
     complete = all(each.column.role is not None for each in named)
     if any(each.kind == "encoder" and each.own for each in named):
         return False
+    given = [(each, find_role(each.column.role or "")) for each in named]
+    if any(role is not None and role.kind != each.kind for each, role in given):
+        return False
     places = _places(named)
     stated = all(
         len(_units(e.column, e.kind, turns=False, places=places)) == 1 for e in named
@@ -608,6 +651,15 @@ def _options(
     return [(text, _spec(column, unit)) for text, unit in pairs], asks
 
 
+def _is_huge(each: _Named) -> bool:
+    """Whether a column without a unit holds values that no machine has in mm or mm/s."""
+    return (
+        each.kind in _HUGE
+        and each.column.unit is None
+        and span(each.column.values) > _LONGEST
+    )
+
+
 def _places(named: Sequence[_Named]) -> list[Column]:
     return [each.column for each in named if each.kind in _PLACES]
 
@@ -628,6 +680,8 @@ def _units(
     if kind == "time" and not may_be_ms(column, places):
         return [None]
     units = _UNSTATED_ANGLE if turns and kind == "error" else _UNSTATED[kind]
+    if kind == "error" and any(place.unit in _INCHES for place in places):
+        units = _INCHES
     fine = kind == "error" and _largest(column) < _FINE
     return units[::-1] if fine else units
 

@@ -227,8 +227,9 @@ def _unclear_words(each: Unclear) -> str:
     words = []
     if "role" in each.asks:
         axis, _, kind = each.choices[0][0].partition(".")
+        what = {"actual": "error or the actual position"}.get(kind, kind)
         words.append(
-            f"No column says that it is the {kind} of {axis}. Which one is it?"
+            f"No column says that it is the {what} of {axis}. Which one is it?"
         )
     if "drift" in each.asks:
         words.append(

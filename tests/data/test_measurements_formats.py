@@ -350,3 +350,15 @@ def test_a_matrix_of_a_surface_is_read_cell_by_cell_without_empty_ones(
     }
     assert [column.unit for column in table.columns] == ["mm", "mm", "um"]
     assert table.skipped[-1].reason == "not probed: X 100, Y -5"
+
+
+def test_categories_of_a_parquet_file_are_words_and_numbers(tmp_path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    pq = pytest.importorskip("pyarrow.parquet")
+    way = pa.array(["up", "down", "up"]).dictionary_encode()
+    run = pa.array([1, 2, 2]).dictionary_encode()
+    pq.write_table(pa.table({"direction": way, "run": run}), tmp_path / "a.parquet")
+    table = read_table(tmp_path / "a.parquet")
+    assert table.column("direction").text == ("up", "down", "up")
+    assert table.column("run").values.tolist() == [1.0, 2.0, 2.0]
+    assert not table.skipped

@@ -70,6 +70,20 @@ def test_micrometres_are_exact(value: int) -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "per_second"),
+    [
+        ("mm/min", 0.5),
+        ("m/min", 500.0),
+        ("in/min", 12.7),
+        ("deg/min", 0.5),
+        ("rpm", 180.0),
+    ],
+)
+def test_feeds_and_speeds_are_of_a_minute(name: str, per_second: float) -> None:
+    assert UNITS[name].to_library(np.array([30.0]))[0] == pytest.approx(per_second)
+
+
+@pytest.mark.parametrize(
     ("text", "name"),
     [
         ("µm", "um"),
@@ -79,6 +93,8 @@ def test_micrometres_are_exact(value: int) -> None:
         ("°C", "degC"),
         ("mm/s^2", "mm/s2"),
         ("mm/s²", "mm/s2"),
+        ("mm/min", "mm/min"),
+        ("1/min", "rpm"),
         ("N·m", "Nm"),
         ("nm", "nm"),
         ("NM", None),

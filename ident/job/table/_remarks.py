@@ -33,6 +33,9 @@ _STRETCHES, _CELLS, _FEW = 8, 20, 5
 _MOVED = 0.5
 """Share of the scatter within cells that stretches of a log may lie apart."""
 
+_TURNED = 3.0
+"""Scatters of the readings of a kind from which every second one is of the other direction."""
+
 SEEN, TINY = 5.0, 1e-3
 """Deviations of a reading, and mm or °, by which a table changes beyond its readings unsaid."""
 
@@ -67,6 +70,7 @@ def fit_remarks(
         )
     yield from _beyond_readings(draft)
     yield from _log_remarks(draft)
+    yield from _turn_remarks(draft)
     for name, nodes in zip(draft.fit.over, draft.plan.table.nodes, strict=True):
         limits, (low, high) = draft.job.spec.axes[name].limits, nodes.positions[[0, -1]]
         if limits is None or draft.plan.table.periodic:
@@ -244,6 +248,44 @@ def _log_remarks(draft: "TableDraft") -> Iterator[Remark]:
             " of the instrument moved, or something else that no list of this axis follows."
             " The standard deviations do not hold that. Cut the log where it jumps, state its"
             " parts as runs (run), or that the instrument drifts (drift, with a group)."
+        )
+
+
+def _turn_remarks(draft: "TableDraft") -> Iterator[Remark]:
+    """Return a doubt where a table of one direction is the mean of readings of both.
+
+    Where an axis went there and back, every second reading of a place lies to one side.
+    """
+    readings = draft.readings
+    way = readings.direction
+    if len(readings.error) >= LOG or (way is not None and len(np.unique(way)) > 1):
+        return
+    order = np.argsort(readings.order, kind="stable")
+    places, error = (
+        readings.positions[order].round(6),
+        np.asarray(readings.error)[order],
+    )
+    _, place = np.unique(places, axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    turn = np.empty(len(place), np.int64)
+    for k in range(int(place.max(initial=-1)) + 1):
+        at = np.flatnonzero(place == k)
+        turn[at] = np.arange(len(at)) % 2
+    cell = 2 * place + turn
+    counts = np.bincount(cell, minlength=2 * (int(place.max(initial=-1)) + 1))
+    if not counts.size or counts.min() < 2:
+        return
+    mean = np.bincount(cell, error) / counts
+    free = max(len(error) - len(counts), 1)
+    scatter = float(np.sqrt(np.sum((error - mean[cell]) ** 2) / free))
+    apart = abs(float(np.mean(mean[::2] - mean[1::2])))
+    if apart > max(_TURNED * scatter, TINY):
+        unit = draft.job.spec.axes[draft.axis].small_unit
+        yield Remark.warning(
+            f"Every second reading of a place lies {1e3 * apart:.2g} {unit} from the others"
+            f" (those of a kind scatter by {1e3 * scatter:.2g} {unit}), as where an axis goes"
+            " there and back: the table is the mean of both. State their direction"
+            f' ("{draft.axis}.direction") with bilateral = true, or fit a backlash beside it.'
         )
 
 

@@ -165,6 +165,18 @@ def test_another_axis_or_the_way_of_approach_is_no_drift(
     assert "wander in time" not in said
 
 
+@pytest.mark.parametrize("lost", [0.0, 0.008])
+def test_a_mean_of_readings_there_and_back_is_told(tmp_path: Path, lost: float) -> None:
+    place, run = np.tile(NODES, 6), np.repeat(np.arange(6.0), len(NODES))
+    seen = error(place) - lost * (run % 2)  # every second run came from the other side
+    seen += 3e-4 * np.random.default_rng(4).normal(size=len(place))
+    table(tmp_path / "a.csv", "position,error,run", place, seen, run)
+    path = job(tmp_path, {"a": "none"})
+    (screw,) = run_job(path, tmp_path / "out").fits
+    said = " ".join(remark.message for remark in screw.remarks)
+    assert ("Every second reading of a place lies 8 µm from" in said) == (lost > 0.0)
+
+
 def test_beside_a_drift_the_constant_is_known_as_well_as_the_drift(
     tmp_path: Path,
 ) -> None:

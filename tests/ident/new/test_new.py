@@ -14,6 +14,7 @@ from axcomp.ident.job import load_job
 from axcomp.ident.new import open_question
 
 from .conftest import answer
+from .instruments import write_scope
 
 Written = Callable[[str], Path]
 
@@ -661,3 +662,76 @@ def test_a_number_in_the_name_of_a_file_is_no_axis(
 
 def load_job_axes(job: Path) -> list[str]:
     return [line[6:-1] for line in job.read_text().splitlines() if line[:6] == "[axes."]
+
+
+def test_the_reading_of_a_drive_beside_an_error_is_its_place(tmp_path: Path) -> None:
+    rows = "".join(f"{k};{2 * k};{k % 7}\n" for k in range(60))
+    text = new(tmp_path, f"time [s];X ActPos [mm];X Error [um]\n{rows}").read_text()
+    # With X.encoder the fit of this very job found no X.position.
+    assert '"X.position" = { column = "X ActPos [mm]"' in text
+    assert 'compensation = "leadscrew"\naxis = "X"' in text
+
+
+def test_the_deviation_from_targets_of_one_axis_is_its_own(tmp_path: Path) -> None:
+    rows = "".join(f"{20 * k};{k % 5}\n" for k in range(20))
+    text = new(tmp_path, f"Soll X [mm];Abweichung [um]\n{rows}").read_text()
+    assert 'compensation = "leadscrew"\naxis = "X"' in text
+    assert "[axes.Y]" not in text
+
+
+def test_an_error_beside_places_in_inches_may_be_in_inches(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{k};{1e-5 * k}\n" for k in range(20))
+    new(tmp_path, f"Target [inch];Error\n{rows}")
+    answers = asked(tmp_path, capsys)[-1]["answers"]
+    assert isinstance(answers, list)
+    assert [line.split('unit = "')[1][:-3] for line in answers] == ["in", "thou"]
+
+
+def test_what_follows_the_targets_is_the_actual_position_and_rows_are_no_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{k + 1};{20 * k};{20 * k + 1e-3 * (k % 4)}\n" for k in range(20))
+    new(tmp_path, f"Nr;Sollwert;Messwert\n{rows}")
+    answers = asked(tmp_path, capsys)[-1]["answers"]
+    assert isinstance(answers, list)
+    assert answers[0] == '"X.actual" = "Messwert"'
+    assert not any("Nr" in line for line in answers)
+
+
+def test_runs_of_a_letter_a_number_and_a_sign_are_runs(tmp_path: Path) -> None:
+    names = "".join(f";V{run}+ [um];V{run}- [um]" for run in (1, 2, 3))
+    rows = "".join(f"{20 * k}" + ";1.5;-6.5" * 3 + "\n" for k in range(20))
+    text = new(tmp_path, f"Position [mm]{names}\n{rows}").read_text()
+    assert "[axes.V1]" not in text
+    assert "bilateral = true" in text
+
+
+@pytest.mark.parametrize("names", ["XY", "12"])
+def test_rows_of_several_axes_below_each_other_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], names: str
+) -> None:
+    rows = "".join(f"{name},{20 * k},{k}\n" for name in names for k in range(20))
+    (tmp_path / "both.csv").write_text(f"Axis,Target,Error_um\n{rows}")
+    assert main(["new", str(tmp_path / "both.csv")]) == 1
+    # One table of both passed its gate.
+    assert f"found readings of {names[0]}, {names[1]}" in capsys.readouterr().err
+
+
+def test_values_of_a_drive_that_no_machine_has_in_mm_ask_for_their_unit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_scope(tmp_path / "drive.csv")
+    lines = (tmp_path / "drive.csv").read_text().splitlines()
+    for k, line in enumerate(lines):
+        cells = line.split("\t")
+        if cells[0] == "Unit":
+            cells[1] = "(None)"
+        elif len(cells) == 4 and cells[0].isdecimal():
+            cells[1] = str(round(1e4 * float(cells[1].replace(",", "."))))
+        lines[k] = "\t".join(cells)
+    # Tenths of µm, as the controller counts.
+    new(tmp_path, "\n".join(lines) + "\n", name="drive.csv")
+    words = [each for each in asked(tmp_path, capsys) if "X.ActPos" in str(each)]
+    assert '"X.encoder" = { column = "X.ActPos", unit = "0.1um" }' in str(words)
