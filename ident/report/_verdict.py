@@ -150,8 +150,13 @@ def _no_gain(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
             explanation = (
                 f" Its runs lie up to {scale.figure(apart)} {scale.error} apart: where each had"
                 " a zero of its own, give it as a measurement of its own, with remove ="
-                ' "offset".'
+                ' "offset"'
             )
+            if fit.fit.layout.branches == 1:
+                explanation += (
+                    "; where they came from different sides, state their direction"
+                )
+            explanation += "."
     start = "Nothing shows yet that this list helps"
     if fit.judgement.verdict is Verdict.REJECTED:
         start = "This list would not help, do not load it"

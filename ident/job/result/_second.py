@@ -19,6 +19,8 @@ from ...proof import (
 
 LESS = 1.5
 """Ratio of the measured to the predicted error, from which on less came of a list."""
+_REST = 0.2
+"""Share of the error that a constant and slopes leave where they are nearly all of it."""
 SHOWN = 0.5
 """Share of what a list adds that may be left where the figures alone show its sign."""
 
@@ -223,7 +225,11 @@ class MeasuredAgain:
         trend = None if self.readings is None else self.readings.trend
         if trend is None or self.rms is None:
             return None
-        return trend if trend.rest <= LESS * self.predicted < self.rms else None
+        # A second instrument may be noisier than the first.
+        small = max(LESS * self.predicted, _REST * self.rms)
+        return (
+            trend if trend.rest <= small and self.rms > LESS * self.predicted else None
+        )
 
     @property
     def shown(self) -> bool:

@@ -174,7 +174,9 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
     if fit.meeting != "given":
         level = "warning" if fit.meeting in _UNSURE else "info"
         yield Remark(level, _meeting_words(fit))
-    yield from (Remark.info(_lag_words(lag)) for lag in fit.lags)
+    for lag in fit.lags:
+        if lag.applied or draft.fit.lag == "auto":
+            yield Remark.info(_lag_words(lag))
     if wild := int(fit.wild.sum()):
         yield Remark.warning(f"{wild} wild readings were left out.")
     if fit.missed:
@@ -238,9 +240,13 @@ def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
     if not draft.confounded:
         yield from _or_drift(fit)
     if fit.independent < _FEW and fit.noise.drift > 0:
+        clock = fit.data.time
+        span = np.inf if clock is None else float(np.nanmax(clock) - np.nanmin(clock))
+        over = "all the measurement"
+        if fit.noise.time_constant < span:
+            over = f"{fit.noise.time_constant / 60:.3g} minutes"
         yield Remark.warning(
-            f"The residuals drift over {fit.noise.time_constant / 60:.3g} minutes:"
-            f" the {len(fit.error)} readings tell no more than"
+            f"The residuals drift over {over}: the {len(fit.error)} readings tell no more than"
             f" {max(fit.independent, 1):.0f} independent ones would."
         )
 
