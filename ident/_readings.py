@@ -13,6 +13,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from ..data.measurements import (
+    KINDS,
     ColumnSpec,
     Lines,
     Measurement,
@@ -24,6 +25,7 @@ from ..data.measurements import (
     direction_of,
     find_role,
     measurement,
+    nearest,
     read_table,
     recorded_motion,
     without_motion,
@@ -138,9 +140,14 @@ def arrays_of(
     if isinstance(data, Measurement):
         axes = [one.axis for one in effects if isinstance(one, AbstractEffect)]
         data = without_motion(data, axes).with_gaps()
+    elif hasattr(data, "columns"):  # a table of pandas, polars or pyarrow
+        names = getattr(data, "column_names", data.columns)
+        data = {str(name): data[name] for name in names}
     elif not isinstance(data, Mapping):
-        msg = f"data: found {data!r}, expected a measurement or arrays by role"
+        msg = f"data: found {type(data).__name__}, expected a measurement or arrays by role"
         raise FitError(msg)
+    else:
+        _refuse_unknown(data)
     for one in effects:
         wanted += one.roles
         if isinstance(one, AbstractEffect):
@@ -161,6 +168,15 @@ def arrays_of(
             raise FitError(msg)
         found[role] = _row_of(values, role)
     return found
+
+
+def _refuse_unknown(data: Mapping[str, object]) -> None:
+    """Raise where a name looks like a role and is none: what it holds would be left out."""
+    for name in data:
+        if "." in str(name) and find_role(str(name)) is None:
+            axis, _, kind = str(name).partition(".")
+            msg = f"data: found {name!r}, expected '{axis}.{nearest(kind, KINDS)}' or others"
+            raise FitError(msg)
 
 
 def _filled(given: ArrayLike, role: str) -> np.ndarray:

@@ -105,6 +105,7 @@ from ._units import (
     UNITS as UNITS,
     Unit as Unit,
     find_unit as find_unit,
+    nearest as nearest,
     unit as unit,
 )
 from ._words import (

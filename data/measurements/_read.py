@@ -1,5 +1,6 @@
 """Read a measurement file of any known format, recognised by its content."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from ._parquet import read_parquet
 from ._run_table import is_run_table, read_run_table
 from ._scope import read_scope
 from ._scope_block import is_scope
-from ._table import Lines, Table
+from ._table import Lines, Skipped, Table
 from ._tdms import read_tdms
 from ._text import Text, decode, unpacked
 
@@ -43,21 +44,22 @@ def read_table(
     Args:
         path: The file.
         profile: Which profile of a Klipper file with several; see `Table.remarks`.
-        lines: What is known of the lines of a text table.
+        lines: What is known of the lines of a text table; of a file that counts its rows,
+            which of them.
 
     Raises:
         OSError: If the file cannot be read.
         MeasurementError: If it holds nothing usable; names the line and what was
-            expected. If a file that is no text table is given `lines`.
+            expected. If a file without lines is told of them.
     """
     with path.open("rb") as file:
         magic = file.read(8)
     if magic.startswith(b"PAR1"):
-        return _without_lines(read_parquet(path), lines)
+        return _chosen(read_parquet(path), lines)
     if is_hdf5(magic):
-        return _without_lines(read_hdf5(path), lines)
+        return _chosen(read_hdf5(path), lines)
     if magic.startswith(b"TDSm"):
-        return _without_lines(read_tdms(path), lines)
+        return _chosen(read_tdms(path), lines)
     if lines is None and path.stat().st_size >= _BULK:
         table = _bulk_table(path)
         if table is not None:
@@ -66,11 +68,35 @@ def read_table(
     return _any_table(path, raw, profile, lines)
 
 
-def _without_lines(table: Table, lines: Lines | None) -> Table:
+def _chosen(table: Table, lines: Lines | None) -> Table:
+    """Return the rows that are asked for of a file that has no lines but counts its rows.
+
+    Raises:
+        MeasurementError: If nothing is left, or lines are named that it cannot have.
+    """
     if lines is None:
         return table
-    reason = f"found {table.format}, which has no lines: skip, header and rows are keys"
-    raise MeasurementError(str(table.path), f"{reason} for text tables")
+    if not table.counts_rows or lines.header is not None:
+        keys = (
+            "header is a key" if table.counts_rows else "skip, header and rows are keys"
+        )
+        reason = f"found {table.format}, which has no lines: {keys} for text tables"
+        raise MeasurementError(str(table.path), reason)
+    first, last = lines.rows or (1, int(table.lines[-1]))
+    keep = (table.lines >= first) & (table.lines <= last)
+    keep &= ~np.isin(table.lines, lines.skip)
+    if not keep.any():
+        raise MeasurementError(
+            str(table.path), "found no rows but those left out (skip, rows)"
+        )
+    left_out = [Skipped(int(row), "left out by the job") for row in table.lines[~keep]]
+    return dataclasses.replace(
+        table,
+        columns=tuple(column.take(keep, table.lines) for column in table.columns),
+        rows=int(keep.sum()),
+        lines=table.lines[keep],
+        skipped=(*table.skipped, *left_out),
+    )
 
 
 def _bulk_table(path: Path) -> Table | None:
@@ -141,9 +167,9 @@ def _any_table(
 ) -> Table:
     """Return what a file holds, from its bytes."""
     if is_mat(raw):
-        return _without_lines(read_mat(path, raw), lines)
+        return _chosen(read_mat(path, raw), lines)
     if is_capture(raw):
-        return _without_lines(read_capture(path, raw), lines)
+        return _chosen(read_capture(path, raw), lines)
     decoded = decode(raw, path)
     text, words = decoded.text, decoded.words
     if lines is not None:

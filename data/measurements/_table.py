@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -159,6 +160,23 @@ class Column:
         value = float(values[row])
         return value if math.isfinite(value) else None
 
+    def take(
+        self, keep: Bool[np.ndarray, " t"], lines: Int[np.ndarray, " t"]
+    ) -> "Column":
+        """Return the column at some rows, of which each has a line."""
+        values, text, bad = self.values[keep], self.text, None
+        present = None if self.present is None else self.present[keep]
+        if text is None:
+            sampled = True if present is None else present
+            invalid = np.flatnonzero(~np.isfinite(values) & sampled)
+            if invalid.size:
+                bad = BadCell(int(lines[keep][invalid[0]]), f"{values[invalid[0]]}")
+        else:
+            text = tuple(itertools.compress(text, keep))
+        return dataclasses.replace(
+            self, values=values, text=text, bad=bad, present=present
+        )
+
 
 @dataclasses.dataclass(frozen=True)
 class Table:
@@ -227,9 +245,10 @@ class Table:
     ) -> CellError:
         """Return the error that a cell of this table is, ready to raise.
 
-        A line of a text table that is damaged can be left out by a key of the job.
+        A line or a row that is damaged can be left out by a key of the job.
         """
-        key = f"skip = [{cell.line}]" if damaged and self.form is not None else ""
+        numbered = self.form is not None or self.counts_rows
+        key = f"skip = [{cell.line}]" if damaged and numbered else ""
         return CellError(
             str(self.path),
             cell.line,

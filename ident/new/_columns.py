@@ -75,7 +75,8 @@ class Unclear:
         column: Its name.
         asks: What there is to say: ``unit``, ``instrument``, ``column`` (which of those that
             name the role), ``role`` (which of those that name none), ``sign``, ``drift``,
-            ``probed`` (an error, or a position), ``direction`` (of runs).
+            ``probed`` (an error, or a position), ``direction`` (of runs), ``positive`` (which
+            of two words or numbers is a direction towards +).
         choices: Role and column of each possible answer, the likeliest first.
         largest: Largest absolute value, in the unit of the file.
         apart: How far every second run lies from the others on the mean, and the scatter of
@@ -562,7 +563,8 @@ def _named(column: Column, letters: Set[str]) -> _Named | None:
         kind = "position"
     if kind is None or (column.text is not None and kind not in _TEXTS):
         return None
-    if kind == "direction" and not any(map(direction_of, column.text or "+")):
+    unknown = kind == "direction" and not any(map(direction_of, column.text or "+"))
+    if unknown and not _two_ways(column):
         return None
     if kind == "position" and axis is None and not all_position(pieces):
         return None  # the target of something else
@@ -610,6 +612,8 @@ def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
     complete = all(each.column.role is not None for each in named)
     if any(each.kind == "encoder" and each.own for each in named):
         return False
+    if any(each.kind == "direction" and _two_ways(each.column) for each in named):
+        return False
     given = [(each, find_role(each.column.role or "")) for each in named]
     if any(role is not None and role.kind != each.kind for each, role in given):
         return False
@@ -644,11 +648,23 @@ def _options(
         name = each.axis or axis
         texts = [f"{name}.actual", f"{name}.encoder"]
         asks.add("instrument")
+    if each.kind == "direction" and (ways := _two_ways(column)):
+        specs = [dataclasses.replace(_spec(column, None), positive=way) for way in ways]
+        return [(text, spec) for text in texts for spec in specs], {"positive"}
     units = _units(column, each.kind, turns=turns, places=places)
     if len(units) > 1:
         asks.add("unit")
     pairs = itertools.product(texts, units)
     return [(text, _spec(column, unit)) for text, unit in pairs], asks
+
+
+def _two_ways(column: Column) -> list[str]:
+    """Return the two words or numbers of directions that do not say which one is +."""
+    cells = column.text or [f"{value:g}" for value in column.values]
+    words = sorted({cell.strip() for cell in cells})
+    known = column.bad is not None or all(direction_of(word) for word in words)
+    known |= set(words) == {"-1", "1"}
+    return words[::-1] if len(words) == 2 and not known else []
 
 
 def _is_huge(each: _Named) -> bool:

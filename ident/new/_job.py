@@ -128,6 +128,10 @@ def _source(name: str, file: Path, axes: Sequence[str]) -> Source:
     meaning = _meaning_without(table, poor, axes)
     used = {spec.column for spec in meaning.likeliest.values()}
     left_out = {column.name for column in poor}
+    # Which of their two words is + is asked for.
+    left_out |= {
+        table.column(s.column).name for s in meaning.likeliest.values() if s.positive
+    }
     damaged: list[CellError] = []
     while bad := next(
         (

@@ -254,6 +254,10 @@ def _unclear_words(each: Unclear) -> str:
         )
     if each.apart is not None:
         words.append(_turned_words(each, *each.apart))
+    if "positive" in each.asks:
+        words.append(
+            f'Which of the two in "{each.column}" is motion towards larger positions?'
+        )
     if "column" in each.asks:
         words.append("Which of these columns counts?")
     if "unit" in each.asks:

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from axcomp.data.errors import AxcompError
-from axcomp.data.measurements import Lines, derive_error, measurement, read_table
+from axcomp.data.measurements import (
+    CellError,
+    Lines,
+    MeasurementError,
+    derive_error,
+    measurement,
+    read_table,
+)
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 
@@ -362,3 +369,19 @@ def test_categories_of_a_parquet_file_are_words_and_numbers(tmp_path: Path) -> N
     assert table.column("direction").text == ("up", "down", "up")
     assert table.column("run").values.tolist() == [1.0, 2.0, 2.0]
     assert not table.skipped
+
+
+def test_rows_of_a_file_without_lines_can_be_left_out(tmp_path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    pq = pytest.importorskip("pyarrow.parquet")
+    cells = pa.table({"x": [0.0, 1.0, 2.0, 3.0], "dz": [0.1, None, 0.3, 0.4]})
+    pq.write_table(cells, tmp_path / "a.parquet")
+    table = read_table(tmp_path / "a.parquet")
+    with pytest.raises(CellError, match=r"row 2, column 'dz'.*skip = \[2\]"):
+        table.numbers(table.column("dz"))
+    table = read_table(tmp_path / "a.parquet", lines=Lines((2,), None, (1, 3)))
+    assert table.numbers(table.column("dz")).tolist() == [0.1, 0.3]
+    assert table.lines.tolist() == [1, 3]
+    assert [each.line for each in table.skipped] == [2, 4]
+    with pytest.raises(MeasurementError, match="header is a key for text tables"):
+        read_table(tmp_path / "a.parquet", lines=Lines((), (1,)))

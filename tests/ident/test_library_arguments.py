@@ -292,3 +292,15 @@ def test_tables_of_a_linear_stack_have_the_names_of_the_docstring() -> None:
     ]
     # Two factors of one matrix: rounding.
     np.testing.assert_allclose(fits[0][0].pos, fits[1][0].pos, atol=1e-12)
+
+
+def test_a_table_is_as_good_as_its_columns() -> None:
+    pa = pytest.importorskip("pyarrow")
+    found = axcomp.fit([SCREW], pa.table({**along_x(), "remark": ["?"] * PLACES.size}))
+    assert np.array_equal(found["leadscrew"].model.pos, of()["leadscrew"].model.pos)
+
+
+def test_a_name_that_looks_like_a_role_and_is_none_is_refused() -> None:
+    message = r"found 'X\.directon', expected 'X\.direction'"
+    with pytest.raises(axcomp.AxcompError, match=message):
+        axcomp.fit([SCREW], {**along_x(), "X.directon": np.ones(PLACES.size)})

@@ -735,3 +735,19 @@ def test_values_of_a_drive_that_no_machine_has_in_mm_ask_for_their_unit(
     new(tmp_path, "\n".join(lines) + "\n", name="drive.csv")
     words = [each for each in asked(tmp_path, capsys) if "X.ActPos" in str(each)]
     assert '"X.encoder" = { column = "X.ActPos", unit = "0.1um" }' in str(words)
+
+
+@pytest.mark.parametrize("words", ["01", "12", ("left", "right")])
+def test_two_words_of_a_direction_ask_which_is_positive(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, str]
+) -> None:
+    rows = "".join(
+        f"{20 * k},{way},{k % 4}\n" for way in words for k in range(12) for _ in "ab"
+    )
+    job = new(tmp_path, f"Target,Dir,Error_um\n{rows}")
+    (question,) = [each for each in asked(tmp_path, capsys) if "positive" in str(each)]
+    assert question["answers"] == [
+        f'"X.direction" = {{ column = "Dir", positive = "{word}" }}'
+        for word in words[::-1]
+    ]
+    assert "bilateral = true" in job.read_text()
