@@ -55,7 +55,7 @@ CLOCKS = {
 _COUNTERS = frozenset("nr no nummer number num id".split())
 _AXIS = frozenset("axis achse axe asse eje".split())
 _SAY_NOTHING = _AXIS | frozenset(
-    "of travel linear positioning in der horizontal vertical lateral"
+    "of mean mittel mittelwert average travel linear positioning in der horizontal vertical lateral"
     " horizontale vertikal vertikale".split()
 )
 _COUNTED = frozenset(

@@ -751,3 +751,13 @@ def test_two_words_of_a_direction_ask_which_is_positive(
         for word in words[::-1]
     ]
     assert "bilateral = true" in job.read_text()
+
+
+def test_means_of_both_ways_are_its_runs_and_their_scatter_no_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{20 * k};{k % 5};{k % 5 - 8};0.3;0.2{k}\n" for k in range(12))
+    new(tmp_path, f"Position;Mittelwert auf;Mittelwert ab;s auf;s ab\n{rows}")
+    answers = str(asked(tmp_path, capsys)[-1]["answers"])
+    assert '"Mittelwert ab", unit = "um", run = 1, direction = -1' in answers
+    assert "s auf" not in answers
