@@ -200,8 +200,8 @@ class MeasurementSpec(JobPart, frozen=True):
     profile: str | None = None
     """Name of the mesh, where a Klipper file holds several. Example: `"default"`."""
     skip: Annotated[int, Field(ge=0)] | list[Line] = 0
-    """Lines that are left out (rows, of a file without lines): so many at the top, or which. Example:
-    `[17, 40]`."""
+    """Lines that are left out (rows, of a file without lines): so many at the top, or which.
+    Example: `[17, 40]`."""
     header: Line | list[Line] | None = None
     """Lines with the names of the columns; `[]`: there are none, and columns are called
     1, 2, 3 …; left out: found. Example: `[5, 6]`."""
