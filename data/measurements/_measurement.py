@@ -192,7 +192,7 @@ def measurement(
         MeasurementError: If there is nothing that could be used.
     """
     source = str(table.path)
-    _of_one_axis(table)
+    _of_one_kind(table)
     mapping = dict(columns or {}) or own_roles(table, axis, masters)
     if not mapping:
         names = ", ".join(column.header or column.name for column in table.columns[:12])
@@ -314,21 +314,25 @@ def measurement(
     )
 
 
-def _of_one_axis(table: Table) -> None:
-    """Refuse rows of several axes below each other, of which nothing else tells the axis.
+def _of_one_kind(table: Table) -> None:
+    """Refuse rows of several axes, or with compensations off and on, below each other.
 
     Raises:
-        MeasurementError: If a column of them says so.
+        MeasurementError: If a column says that there are.
     """
     for column in table.columns:
-        if is_axis_column(column.name):
+        on_or_off = column.text is not None and says_correction(column.name)
+        if on_or_off or is_axis_column(column.name):
             cells = column.text or [f"{value:g}" for value in column.values]
             names = sorted({cell.strip() for cell in cells} - {"", "nan"})
             if len(names) > 1:
+                expected = (
+                    "with the same compensations on" if on_or_off else "of one axis"
+                )
                 reason = (
-                    f"column '{column.name}': found readings of {', '.join(names[:6])} below each"
-                    " other, expected those of one axis: write a file per axis, or choose the"
-                    " lines of one with rows"
+                    f"column '{column.name}': found readings of {', '.join(names[:6])} below"
+                    f" each other, expected readings {expected}: write a file of each, or"
+                    " choose lines with rows"
                 )
                 raise MeasurementError(str(table.path), reason)
 

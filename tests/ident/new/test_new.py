@@ -708,12 +708,15 @@ def test_runs_of_a_letter_a_number_and_a_sign_are_runs(tmp_path: Path) -> None:
     assert "bilateral = true" in text
 
 
-@pytest.mark.parametrize("names", ["XY", "12"])
-def test_rows_of_several_axes_below_each_other_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], names: str
+@pytest.mark.parametrize(
+    ("column", "names"),
+    [("Axis", "XY"), ("Axis", "12"), ("Compensation", ("off", "on"))],
+)
+def test_rows_of_several_axes_or_states_below_each_other_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], column: str, names: str
 ) -> None:
     rows = "".join(f"{name},{20 * k},{k}\n" for name in names for k in range(20))
-    (tmp_path / "both.csv").write_text(f"Axis,Target,Error_um\n{rows}")
+    (tmp_path / "both.csv").write_text(f"{column},Target,Error_um\n{rows}")
     assert main(["new", str(tmp_path / "both.csv")]) == 1
     # One table of both passed its gate.
     assert f"found readings of {names[0]}, {names[1]}" in capsys.readouterr().err
