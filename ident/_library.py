@@ -44,7 +44,7 @@ from .fit.joint import (
     fit_joint,
     held_out_errors,
 )
-from .friction import Choice, DriveSamples, Known, choose_law
+from .friction import Choice, DriveSamples, choose_law
 from .kinds import kind
 
 if TYPE_CHECKING:
@@ -412,7 +412,7 @@ def _friction(effect: Friction, given: Mapping[str, np.ndarray]) -> Choice:
     velocity, acceleration, current = (given[role] for role in effect.roles[1:])
     current, _ = without_spikes(current)
     samples = DriveSamples(given["time"], velocity, current, acceleration)
-    return choose_law(samples, known=Known(inertia=inertia))
+    return choose_law(samples, inertia=inertia)
 
 
 def _constrained(

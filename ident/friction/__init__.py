@@ -20,7 +20,6 @@ Read in this order:
 """
 
 from ._choice import Candidate as Candidate, Choice as Choice, choose_law as choose_law
-from ._equation import Known as Known
 from ._inverse import fit_inverse as fit_inverse
 from ._knots import Knots as Knots, place_knots as place_knots
 from ._output_error import (

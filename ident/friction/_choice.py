@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from scipy.signal import find_peaks
 
 from ..core import FitError, one_blas_thread
-from ._equation import Known, Recording, record
+from ._equation import Recording, record
 from ._inverse import fit_competing
 from ._result import FrictionFit
 from ._samples import DriveSamples
@@ -172,7 +172,7 @@ def choose_law(
     samples: DriveSamples,
     structures: Sequence[AbstractStructure] | None = None,
     *,
-    known: Known | None = None,
+    inertia: float | None = None,
     loss: str = "trim",
     decimate: int | None = None,
     windows: int = WINDOWS,
@@ -188,7 +188,7 @@ def choose_law(
     Args:
         samples: The recording.
         structures: Kinds of law; `default_structures` where left out.
-        known: Gain, and what of inertia and offset need not be fitted.
+        inertia: In drive units per mm/s², where it is known.
         loss: As for `fit_inverse`.
         decimate: As for `fit_inverse`.
         windows: Stretches to hold out in turn.
@@ -198,7 +198,7 @@ def choose_law(
     Raises:
         FitError: If the recording is too short to hold out windows.
     """
-    recording = record(samples, known, decimate)
+    recording = record(samples, inertia, decimate)
     window = _windows(recording, windows)
     edges, reach = window.searchsorted(range(windows + 1)), recording.lowpass.reach
     # Rows beside a window share samples with it by the filter.
@@ -336,7 +336,6 @@ def _hold_out(
         error[mask] = rows.target[mask] - columns[mask] @ factors[number]
     names, linear, to_law = equation.reading
     named = dict(zip(names, linear @ factors.T, strict=True))
-    fixed = {"inertia": fit.known.inertia, "offset": fit.known.offset}
-    none = np.zeros(len(factors))
-    loads = [named.get(name, none + (value or 0.0)) for name, value in fixed.items()]
+    known = np.full(len(factors), equation.recording.inertia or 0.0)
+    loads = named.get("inertia", known), named["offset"]
     return Laws(equation.structure, factors @ to_law.T, shapes, *loads), error

@@ -30,21 +30,6 @@ _RATE = 100.0
 """Rows per s where nothing else is asked for."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Known:
-    """What need not be fitted.
-
-    Attributes:
-        gain: Load that one unit of current moves; parameters come in units of that load.
-        inertia: In load units per mm/s², or None to fit it.
-        offset: Constant load in load units, or None to fit it.
-    """
-
-    gain: float = 1.0
-    inertia: float | None = None
-    offset: float | None = None
-
-
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class Lowpass:
@@ -116,12 +101,12 @@ class Recording:
 
     Attributes:
         samples: What was recorded.
-        known: What need not be fitted.
+        inertia: In drive units per mm/s², or None to fit it.
         factor: Samples of the recording per row.
     """
 
     samples: DriveSamples
-    known: Known
+    inertia: float | None
     factor: int
 
     @cached_property
@@ -141,8 +126,8 @@ class Recording:
 
     @cached_property
     def load(self) -> Float[np.ndarray, " s"]:
-        """The whole load, filtered: what a relative error refers to."""
-        return self.lowpass(self.known.gain * self.samples.current[:, None])[:, 0]
+        """The current, filtered: what a relative error refers to."""
+        return self.lowpass(self.samples.current[:, None])[:, 0]
 
     @cached_property
     def load_size(self) -> float:
@@ -151,10 +136,10 @@ class Recording:
 
     @cached_property
     def target(self) -> Float[np.ndarray, " s"]:
-        """The load without its known parts, filtered."""
-        force = np.full_like(self.samples.current, self.known.offset or 0.0)
-        if self.known.inertia is not None and self.samples.acceleration is not None:
-            force += self.known.inertia * self.samples.acceleration
+        """The load without that of a known inertia, filtered."""
+        if self.inertia is None or self.samples.acceleration is None:
+            return self.load
+        force = self.inertia * self.samples.acceleration
         return np.asarray(self.load - self.lowpass(force[:, None])[:, 0])
 
     @cached_property
@@ -236,11 +221,9 @@ class Equation:
 
         Per direction the offset has none: it could not be told from a difference of levels.
         """
-        samples, known = self.recording.samples, self.recording.known
-        inertia = known.inertia is None and samples.acceleration is not None
-        offset = known.offset is None and not self.structure.directional
-        names = ("inertia",) * inertia + ("offset",) * offset
-        return names + tuple(samples.loads)
+        samples, known = self.recording.samples, self.recording.inertia is not None
+        names = ("inertia",) * (samples.acceleration is not None and not known)
+        return (*names, *("offset",) * (not self.structure.directional), *samples.loads)
 
     @cached_property
     def bounds(self) -> Float[np.ndarray, "2 h"]:
@@ -291,8 +274,7 @@ class Equation:
     @property
     def reading(self) -> "Reading":
         """How the linear factors as fitted are read."""
-        parted = self.recording.known.offset is None and self.structure.directional
-        return _reading(self.structure, self.fixed_names, parted)
+        return _reading(self.structure, self.fixed_names)
 
     @cached_property
     def penalty(self) -> Float[np.ndarray, "k k"]:
@@ -311,13 +293,11 @@ and that to the factors of the law."""
 
 
 @lru_cache
-def _reading(
-    structure: AbstractStructure, fixed_names: tuple[str, ...], parted: bool
-) -> Reading:
+def _reading(structure: AbstractStructure, fixed_names: tuple[str, ...]) -> Reading:
     """Return how factors are read, arrays to be read only.
 
-    Per direction, seen in motion are level⁺ + offset and level⁻ − offset only: where the offset
-    is to be parted from them, it is chosen so that the mean levels of both directions are equal.
+    Per direction, seen in motion are level⁺ + offset and level⁻ − offset only: the offset is
+    chosen so that the mean levels of both directions are equal.
     """
     fixed = len(fixed_names)
     unit = np.eye(fixed + len(structure.names))
@@ -325,7 +305,6 @@ def _reading(
     words, sums = structure.reported
     if structure.directional:
         words = tuple(name + suffix for suffix in SUFFIXES for name in words)
-    if parted:
         levels = structure.levels
         both = np.concatenate([levels, -levels])
         offset = 0.5 * both @ to_law / levels.sum()
@@ -341,7 +320,7 @@ def in_line(columns: Float[np.ndarray, "s w k"]) -> Float[np.ndarray, "s c"]:
 
 
 def record(
-    samples: DriveSamples, known: Known | None, decimate: int | None
+    samples: DriveSamples, inertia: float | None, decimate: int | None
 ) -> Recording:
     """Return the rows of a checked recording; arguments as of `fit_inverse`.
 
@@ -349,13 +328,9 @@ def record(
         FitError: If the samples cannot be used at all.
     """
     check_samples(samples)
-    known = Known() if known is None else known
-    if known.gain == 0 or not np.isfinite(known.gain):
-        msg = f"gain: found {known.gain!r}, expected a number other than 0."
-        raise FitError(msg)
     default = max(1, round(1.0 / (_RATE * samples.cycle)))
     factor = default if decimate is None else decimate
     if factor < 1:
         msg = f"decimate: found {factor}, expected 1 or more."
         raise FitError(msg)
-    return Recording(samples, known, factor)
+    return Recording(samples, inertia, factor)

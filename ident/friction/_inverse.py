@@ -1,4 +1,4 @@
-"""Friction from any motion: current = (inertia · a + friction(v) + offset) / gain."""
+"""Friction from any motion: current = inertia · a + friction(v) + offset."""
 
 import dataclasses
 
@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core import one_blas_thread
-from ._equation import Equation, Known, record
+from ._equation import Equation, record
 from ._result import OTHER, FrictionFit, score_covariance
 from ._samples import DriveSamples
 from ._separable import fit_equation
@@ -28,7 +28,7 @@ def fit_inverse(
     samples: DriveSamples,
     structure: AbstractStructure | None = None,
     *,
-    known: Known | None = None,
+    inertia: float | None = None,
     loss: str = "trim",
     decimate: int | None = None,
 ) -> FrictionFit:
@@ -43,7 +43,7 @@ def fit_inverse(
     Args:
         samples: The recording.
         structure: Kind of law; Stribeck with a free exponent where left out.
-        known: Gain, and what of inertia and offset need not be fitted.
+        inertia: In drive units per mm/s², where it is known.
         loss: ``"trim"`` (least squares, wild samples out), ``"student"``, ``"huber"`` or
             ``"gauss"``.
         decimate: Samples per row; about 100 rows per second where not stated.
@@ -52,7 +52,7 @@ def fit_inverse(
         FitError: If the samples cannot be used at all; what merely cannot be told apart is
             named in the result.
     """
-    recording = record(samples, known, decimate)
+    recording = record(samples, inertia, decimate)
     with one_blas_thread():
         weights = weigh(recording, loss)
         return fit_carried(Equation(recording, structure or Stribeck()), weights)

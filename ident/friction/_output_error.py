@@ -82,7 +82,7 @@ def fit_output_error(
     """Fit inertia, law and offset so that the simulated axis follows the measured positions.
 
     Args:
-        guess: The fit to start from; its kind of law and what it took as known are kept.
+        guess: The fit to start from; its kind of law and a known inertia are kept.
         samples: The recording, with positions; each piece is a free run.
         trust: Weight of what the guess knew: 1 as its covariance says, 0 = not at all. A free
             run sees some combinations of parameters much better than forces do, and others
@@ -148,7 +148,7 @@ def laws_held_out(
             guess = fit_inverse(
                 samples.take(rows),
                 whole.structure,
-                known=whole.known,
+                inertia=whole.inertia,
                 loss=loss,
                 decimate=whole.equation.recording.factor,
             )
@@ -229,12 +229,12 @@ class _Runs:
             )
         elif samples.position is None:
             msg = "output error: the recording holds no positions."
-        elif guess.known.inertia is None and samples.acceleration is None:
+        elif guess.inertia is None and samples.acceleration is None:
             msg = "output error: expected a known inertia, or accelerations to start from."
         if msg:
             raise FitError(msg)
         assert samples.position is not None
-        recording = record(samples, guess.known, guess.equation.recording.factor)
+        recording = record(samples, guess.inertia, guess.equation.recording.factor)
         equation = Equation(recording, structure)
         count, piece = len(samples.time) - 1, samples.piece
         use = np.ones(count + 1, bool) if rows is None else rows
@@ -247,8 +247,12 @@ class _Runs:
         first = np.flatnonzero(np.diff(piece, prepend=-1))
         slow = np.abs(velocity[first]) < _SLOW * np.abs(velocity).max()
         velocity[first[slow]] = 0.0
-        force = guess.known.gain * samples.current[:-1]
-        drive = padded(force), padded(begins), padded(velocity[:-1]), samples.cycle
+        drive = (
+            padded(samples.current[:-1]),
+            padded(begins),
+            padded(velocity[:-1]),
+            samples.cycle,
+        )
         excitation = Excitation(*map(jnp.asarray, drive))
         target = samples.position[1:] - samples.position[:-1][begins][run]
         compared = (piece[1:] == piece[:-1]) & use[1:] & use[:-1]
@@ -288,9 +292,9 @@ class _Task:
     @cached_property
     def problem(self) -> Problem:
         """The problem in arrays: the parameters as functions of what is fitted."""
-        structure, known, runs = self.guess.structure, self.guess.known, self.runs
+        structure, runs = self.guess.structure, self.runs
         constant, mixing = np.zeros(COUNT), np.zeros((COUNT, COUNT))
-        constant[0], constant[1] = known.inertia or 0.0, known.offset or 0.0
+        constant[0] = self.guess.inertia or 0.0
         if isinstance(structure, Stribeck) and structure.exponent is not None:
             constant[9] = np.log(structure.exponent)
         for place, name in enumerate(self.names):

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from ...data.signals import median
 from ...models import AbstractFriction
-from ._equation import Equation, Known
+from ._equation import Equation
 from ._structures import GAUSS, SUFFIXES, AbstractStructure, Stribeck
 from ._weights import Rows, rooted
 
@@ -39,8 +39,6 @@ OTHER = 3.0
 @dataclasses.dataclass(frozen=True, eq=False)
 class FrictionFit:
     """A fitted friction law with what is known about it.
-
-    Loads are in the unit that ``gain`` times the current has (drive units for gain 1).
 
     Attributes:
         equation: What was solved, by the kind of law that the data carry.
@@ -78,9 +76,9 @@ class FrictionFit:
         return self.equation.structure
 
     @property
-    def known(self) -> Known:
-        """What was not fitted."""
-        return self.equation.recording.known
+    def inertia(self) -> float | None:
+        """In drive units per mm/s², where it was known."""
+        return self.equation.recording.inertia
 
     @property
     def normal(self) -> Float[np.ndarray, "m m"]:
@@ -95,7 +93,7 @@ class FrictionFit:
 
     @property
     def residual(self) -> Float[np.ndarray, " t"]:
-        """Load − fit per row in motion, after filtering, in load units."""
+        """Load − fit per row in motion, after filtering, in drive units."""
         return np.asarray(self.error[self.equation.recording.usable])
 
     @cached_property
@@ -220,17 +218,17 @@ class FrictionFit:
 
     @cached_property
     def parameters(self) -> dict[str, float]:
-        """By the names of the result file, in load units over mm/s and mm/s².
+        """By the names of the result file, in drive units over mm/s and mm/s².
 
         Those that the data determine, or that were known.
         """
         values = [*self.equation.reading[1] @ self.state, *np.exp(self.shape)]
-        known = {"inertia": self.known.inertia, "offset": self.known.offset}
+        known = {} if self.inertia is None else {"inertia": self.inertia}
         return {
             name: float(value)
             for name, value in zip(self.names, values, strict=True)
             if name not in self.undetermined
-        } | {name: value for name, value in known.items() if value is not None}
+        } | known
 
     @cached_property
     def standard_deviations(self) -> dict[str, float]:
@@ -244,7 +242,7 @@ class FrictionFit:
     @property
     def parted(self) -> bool:
         """Whether the offset was parted from a difference of levels by a gauge."""
-        return "offset" in self.names and "offset" not in self.equation.fixed_names
+        return self.structure.directional
 
     @cached_property
     def undetermined(self) -> dict[str, str]:
@@ -293,7 +291,7 @@ class FrictionFit:
         """Sentences on what can only be told together."""
         fixed, structure = self.equation.fixed_names, self.structure
         recorded = self.equation.recording.samples.directions
-        if not self.parted and (all(recorded) or "offset" not in fixed):
+        if not self.parted and all(recorded):
             return ()
         mean = structure.levels / structure.levels.sum()
         levels = self.state[len(fixed) :].reshape(structure.ways, -1) @ mean
@@ -308,7 +306,7 @@ class FrictionFit:
 
     @cached_property
     def law(self) -> AbstractFriction | None:
-        """Current over velocity without the offset, in load units.
+        """Current over velocity without the offset, in drive units.
 
         None where the level of friction cannot be told from a constant load.
         """
@@ -318,7 +316,7 @@ class FrictionFit:
         return self.structure.law(factors, self.shape)
 
     def friction(self, velocity: Float[np.ndarray, " v"]) -> Float[np.ndarray, " v"]:
-        """Return the friction at velocities in mm/s, in load units."""
+        """Return the friction at velocities in mm/s, in drive units."""
         laws = self.factors[None], self.shape[None]
         return np.asarray(self.structure.friction(velocity, *laws)[:, 0])
 

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from ...data.signals import median
 from ..core import FitError, one_blas_thread
-from ._equation import Equation, Known, Recording, record
+from ._equation import Equation, Recording, record
 from ._samples import DriveSamples
 from ._simulate import LOOKAHEADS, share_of
 from ._structures import (
@@ -64,10 +64,10 @@ class ReversalFit:
         position_delay_sd: Standard deviation of the distance in mm.
         lookahead_probability: That `lookahead` is the right one of 0 to 4.
         delay_probability: That `delay_cycles` is the right one of those tried.
-        noise: Standard deviation of what is left around reversals, in load units.
+        noise: Standard deviation of what is left around reversals, in drive units.
         reversals: How many there are.
         missing: What look-ahead, distance and delay take from that friction per sample, in
-            load units. Added to the load, it leaves what steady friction gives.
+            drive units. Added to the load, it leaves what steady friction gives.
     """
 
     lookahead: int
@@ -118,7 +118,7 @@ def fit_reversal(
     position: Float[np.ndarray, " t"],
     velocity: Float[np.ndarray, " t"],
     *,
-    known: Known | None = None,
+    inertia: float | None = None,
 ) -> ReversalFit:
     """Find how the friction current changes over where the axis reverses, and the law with it.
 
@@ -132,12 +132,12 @@ def fit_reversal(
         samples: The recording, one sample per cycle of the controller.
         position: Commanded, in mm.
         velocity: Commanded, in mm/s.
-        known: Gain, and what of inertia and offset need not be fitted.
+        inertia: In drive units per mm/s², where it is known.
 
     Raises:
         FitError: If there is no reversal, or arrays differ in length or have gaps.
     """
-    recording = record(samples, known, 1)
+    recording = record(samples, inertia, 1)
     moving, msg = np.flatnonzero(velocity != 0), ""
     starts = moving[1:][np.diff(np.sign(velocity[moving])) != 0]
     if not len(position) == len(velocity) == len(samples.time):

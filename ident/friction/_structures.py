@@ -354,8 +354,8 @@ class Laws:
         structure: Kind of law.
         factors: Linear factors of each, in the order of `AbstractStructure.names`.
         shapes: Logarithms of its non-linear parameters.
-        inertia: In load units per mm/s².
-        offset: Constant load in load units.
+        inertia: In drive units per mm/s².
+        offset: Constant load in drive units.
     """
 
     structure: AbstractStructure
@@ -365,7 +365,7 @@ class Laws:
     offset: Float[np.ndarray, " n"]
 
     def friction(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t n"]:
-        """Return the friction of each at velocities in mm/s, in load units."""
+        """Return the friction of each at velocities in mm/s, in drive units."""
         return self.structure.friction(velocity, self.factors, self.shapes)
 
 

@@ -8,7 +8,6 @@ from ...core import FitError
 from ...friction import (
     Choice,
     FrictionFit,
-    Known,
     Laws,
     OutputErrorFit,
     ReversalFit,
@@ -60,16 +59,16 @@ def identify(recording: DriveRecording, spec: Spec, cycle_time: float) -> Identi
         FitError: If the recording does not carry any law.
     """
     samples = recording.samples
-    known = Known(inertia=spec.inertia if isinstance(spec.inertia, float) else None)
+    inertia = spec.inertia if isinstance(spec.inertia, float) else None
     loss = spec.loss if "loss" in spec.model_fields_set else "trim"
     reversal, remarks = None, list[Remark]()
     if spec.reversal:
-        reversal, remarks = _reversal(recording, known, cycle_time)
+        reversal, remarks = _reversal(recording, inertia, cycle_time)
     if reversal is not None:
         # What is missing around reversals is none of the law's.
-        current = samples.current + reversal.missing / known.gain
+        current = samples.current + reversal.missing
         samples = dataclasses.replace(samples, current=current)
-    choice = choose_law(samples, known=known, loss=loss)
+    choice = choose_law(samples, inertia=inertia, loss=loss)
     output, without = None, choice.without
     if spec.method == "output_error":
         # A table cannot be simulated sample by sample; the law in words can.
@@ -82,7 +81,7 @@ def identify(recording: DriveRecording, spec: Spec, cycle_time: float) -> Identi
 
 
 def _reversal(
-    recording: DriveRecording, known: Known, cycle_time: float
+    recording: DriveRecording, inertia: float | None, cycle_time: float
 ) -> tuple[ReversalFit | None, list[Remark]]:
     """Return what reversals show, or a remark that says why nothing does."""
     samples = recording.samples
@@ -100,7 +99,9 @@ def _reversal(
     step = np.diff(place, prepend=place[:1]) / samples.cycle
     central = np.gradient(place, samples.cycle)
     try:
-        fits = [fit_reversal(samples, place, v, known=known) for v in (step, central)]
+        fits = [
+            fit_reversal(samples, place, v, inertia=inertia) for v in (step, central)
+        ]
     except FitError as error:
         return None, [Remark.error(f"reversal: {error}")]
     reversal = min(fits, key=lambda fit: fit.noise)

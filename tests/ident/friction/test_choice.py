@@ -13,7 +13,6 @@ from axcomp.ident.friction import (
     CoulombViscous,
     DriveSamples,
     KnotTable,
-    Known,
     Stribeck,
     choose_law,
     default_knots,
@@ -208,7 +207,7 @@ def test_emps_inverse_fit_agrees_with_the_published_parameters() -> None:
     # Plain least squares: 4.12 % under the same evaluation with the filter's edges, 4.08 %
     # without.
     assert fit.relative_error < 0.0412
-    free = fit_inverse(samples, CoulombViscous(True), known=Known(offset=0.0))
+    free = fit_inverse(samples, CoulombViscous(True))
     # The authors' figure, to its last digit.
     assert free.relative_error < 0.03115
     drop = fit_inverse(samples, Stribeck())

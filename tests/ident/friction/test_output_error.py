@@ -16,7 +16,6 @@ from axcomp.ident.friction import (
     DriveSamples,
     FrictionFit,
     KnotTable,
-    Known,
     Stribeck,
     fit_inverse,
     fit_output_error,
@@ -274,10 +273,6 @@ def test_constant_load_is_named_as_a_gauge_of_levels_per_direction() -> None:
     guess = fit_inverse(samples, CoulombViscous(True), decimate=5)
     fit = fit_output_error(guess, samples).friction
     assert "level⁺ + offset" in fit.gauges[0]
-    known = fit_inverse(
-        samples, CoulombViscous(True), known=Known(offset=-3.0), decimate=5
-    )
-    assert not fit_output_error(known, samples).friction.gauges
 
 
 def emps() -> DriveSamples:

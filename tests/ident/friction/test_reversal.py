@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from axcomp.ident.core import FitError
-from axcomp.ident.friction import DriveSamples, Known, ReversalFit, fit_reversal
+from axcomp.ident.friction import DriveSamples, ReversalFit, fit_reversal
 from axcomp.models import (
     AbstractFriction,
     FrictionCompensation,
@@ -143,8 +143,7 @@ def test_what_the_noise_hides_is_called_undetermined() -> None:
 
 def test_standing_between_both_directions_hides_nothing() -> None:
     samples, position, velocity = recorded(LAW, (2, 0.0008, 4), rest=True)
-    known = Known(inertia=INERTIA, offset=OFFSET)
-    found = fit_reversal(samples, position, velocity, known=known)
+    found = fit_reversal(samples, position, velocity, inertia=INERTIA)
     assert (found.lookahead, found.delay_cycles) == (2, 4)
     assert found.position_delay == pytest.approx(0.0008, abs=1e-6)
 
