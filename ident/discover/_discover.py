@@ -142,8 +142,6 @@ def examine(
         rms, share = chosen.size_of(need.terms)
         if need.compensation is None and rms > _WORTH_WORDS * chosen.noise:
             text = f"{need.words.removesuffix('.')} ({amount(chosen, rms)} rms)."
-            if need.lead.kind is Kind.VISCOUS_WAY:
-                text += _steeper(chosen, need.lead)
             label = need.lead.words
             unexplained.append(stays(chosen, label, need.masters, rms, text, share))
     unexplained += [*wandering_runs(chosen), *ripples(chosen)]
@@ -265,20 +263,6 @@ def _rejected(
         reasons.setdefault((name, term.masters, term.sensor), reason)
     for (name, masters, sensor), reason in reasons.items():
         yield Rejected(name, axis, masters, sensor, reason)
-
-
-def _steeper(chosen: Selection, term: Term) -> str:
-    """Return by how much one direction is steeper, the laws of all velocities beside it."""
-    blocks = [chosen.columns.of(part) for part in chosen.terms if part is not term]
-    laws = [block for block in blocks if block.shape[1] == 1]
-    column, data = chosen.columns.of(term), chosen.view.data
-    columns = np.hstack([column, *laws, np.ones((len(column), 1))])
-    root = np.sqrt(chosen.columns.weight)
-    right = data.current[term.axis] * root
-    factors = np.linalg.lstsq(columns * root[:, None], right, rcond=None)[0]
-    slope = float(factors[0] / np.sqrt(np.mean(data.velocity[term.axis] ** 2)))
-    direction = "forwards" if slope > 0 else "backwards"
-    return f" It is steeper {direction} by {2.0 * abs(slope):.3g} per unit of velocity."
 
 
 def _moving_rows(observed: Observed, axis: str) -> Bool[np.ndarray, " t"] | str:

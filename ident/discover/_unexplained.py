@@ -1,7 +1,7 @@
 """What the data cannot tell apart: sensor and lag, a temperature or a drift, substitutes."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +12,7 @@ from ._data import Drift, Unexplained, Verdict
 from ._evidence import Groups, robust_groups, weights_about
 from ._select import BEYOND_CHANCE, Selection
 from ._terms import HEAT, PUSHES, Kind, Need, Term
-from ._view import Channel, some_of
+from ._view import some_of
 
 _INSTEAD = 0.95
 """Share of what a temperature explains, at which a drift in its place is as good."""
@@ -58,11 +58,8 @@ _PADDED = 16
 """Parts of a cycle per travel to which a period is told."""
 _CHANCE = 1e-4
 """Probability that noise alone shows a line as strong, over all periods."""
-_COARSE: Mapping[Channel, int] = {"error": 24, "current": 6}
+_COARSE = 24
 """Periods per travel up to which the features hold them."""
-_LEFT = 0.25
-"""Power of another period of a current beside one that was taken off, relative to it, from which on
-neither is told: what a law of friction misses after reversals is made of many."""
 _FINEST = 0.25
 """Cycles per bin up to which a period is looked for."""
 _MOST_NODES = 1000
@@ -362,59 +359,51 @@ def wandering_runs(chosen: Selection) -> Iterator[Unexplained]:
 
 
 def ripples(chosen: Selection) -> Iterator[Unexplained]:
-    """Yield the strongest period over each position that a table is too coarse for.
-
-    Of an error; of a current over the position of its own axis, which no list holds.
-    """
+    """Yield the strongest period of an error over each position that a table is too coarse for."""
     view = chosen.view
     for master, (low, high) in view.span.items():
         is_own, unit = master == view.axis, view.data.unit(master)
-        if view.channel == "current" and not is_own:
-            continue
         turns, amplitude = _ripple(chosen, master)
-        if not turns:
+        if view.channel != "error" or not turns:
             continue
         rms, period = amplitude / float(np.sqrt(2.0)), (high - low) / turns
         sentence = (
-            f"The {view.channel} of {view.axis} repeats every {period:.4g} {unit} of"
+            f"The error of {view.axis} repeats every {period:.4g} {unit} of"
             f" {master} ({amount(chosen, rms)} rms),"
         )
         # Six entries per period follow it.
         nodes = int(np.ceil(6.0 * turns)) + 1
         finer = f" finer than a table that follows the rest: it takes {nodes} nodes,"
-        if view.channel == "current":
-            sentence += " as cogging does: a friction list has no position."
-        elif nodes <= _MOST_NODES:
+        if nodes <= _MOST_NODES:
             kind = (Kind.OWN if is_own else Kind.LINE).value.compensation
             sentence += f"{finer} so a {kind} table of that many would hold it."
         else:
             most = f" more than the {_MOST_NODES} that a list has by default."
             sentence += finer + most
-        label = f"periodic {view.channel} of {view.axis} over {master}"
+        label = f"periodic error of {view.axis} over {master}"
         yield stays(chosen, label, () if is_own else (master,), rms, sentence)
 
 
 def _ripple(chosen: Selection, axis: str) -> tuple[float, float]:
     """Return periods per travel and amplitude in mm or ° of a fine period; 0 where none."""
-    view, absent = chosen.view, (0.0, 0.0)
-    u, coarse = view.scaled(axis), _COARSE[chosen.view.channel]
+    view, absent, u = chosen.view, (0.0, 0.0), chosen.view.scaled(axis)
     finite = np.isfinite(u)
     last = min(int(_FINEST * _BINS), view.places(axis) // 4)
-    if view.places(axis) < 8 * coarse or last <= coarse + 1:
+    if view.places(axis) < 8 * _COARSE:
         return absent
     u, block = u[finite], view.block[finite]
     residual = np.clip(chosen.residual[finite], -4.0 * chosen.noise, 4.0 * chosen.noise)
     # Where places lie in rows, what is slow over them would show as fine lines.
-    slow = np.stack([wave(u) for wave in smooth(2 * coarse)], axis=1)
+    slow = np.stack([wave(u) for wave in smooth(2 * _COARSE)], axis=1)
     residual = residual - slow @ np.linalg.lstsq(slow, residual)[0]
     bins = np.minimum((u * _BINS).astype(np.int64), _BINS - 1)
     # What is there is there in either half of the recording, with the same phase.
     halves = [block % 2 == k for k in (0, 1)]
     sums = [np.bincount(bins[half], residual[half], _BINS) for half in halves]
     lines = [np.fft.rfft(sum_of, _PADDED * _BINS) for sum_of in sums]
-    first, power = _PADDED * (coarse + 1), np.abs(lines[0] + lines[1]) ** 2
+    first, power = _PADDED * (_COARSE + 1), np.abs(lines[0] + lines[1]) ** 2
     peak = first + int(np.argmax(power[first : _PADDED * last]))
-    chance = float(residual @ residual) * np.log((last - coarse - 1) / _CHANCE)
+    chance = float(residual @ residual) * np.log((last - _COARSE - 1) / _CHANCE)
     if not power[peak] >= chance > 0:
         return absent
     counts = [max(int(half.sum()), 1) for half in halves]
@@ -423,11 +412,4 @@ def _ripple(chosen: Selection, axis: str) -> tuple[float, float]:
     agreement = float(np.real(phasors[0] * np.conj(phasors[1])))
     if amplitude / np.sqrt(2.0) < chosen.least or agreement < 0.25 * amplitude**2:
         return absent
-    if view.channel == "current":
-        turn = 2.0 * np.pi * peak / _PADDED * u
-        line = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        others = residual - line @ np.linalg.lstsq(line, residual)[0]
-        left = np.fft.rfft(np.bincount(bins, others, _BINS), _PADDED * _BINS)
-        if np.max(np.abs(left[first : _PADDED * last]) ** 2) > _LEFT * power[peak]:
-            return absent
     return peak / _PADDED, amplitude
