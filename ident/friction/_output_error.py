@@ -102,14 +102,13 @@ def fit_output_error(
             " solver 'ipopt', the only one that keeps inequalities."
         )
         raise FitError(msg)
-    runs = _Runs.of(guess, samples)
-    task = _Task(runs, guess, 0.0, trust, solver, tuple(constraints))
-    start = _approached(task, samples)
+    task = _Task(guess, samples, trust, solver, tuple(constraints))
+    start = _approached(task)
     # A fit without the guess shows how large errors are; as many as they keep their sign
     # for count as one.
     state, _ = solve(task.problem, start, ROUGHLY, rounds=1)
     residual = np.asarray(residual_of(jnp.asarray(state), task.problem))
-    error = residual[: len(runs.run)][runs.compared]
+    error = residual[: len(task.run)][task.compared]
     changes = int((np.diff(np.sign(error - error.mean())) != 0).sum())
     variance = float(error @ error) / (changes + 1)
     found = dataclasses.replace(task, variance=variance).fit(state)
@@ -152,8 +151,7 @@ def laws_held_out(
                 loss=loss,
                 decimate=whole.equation.recording.factor,
             )
-            runs = _Runs.of(guess, samples, rows)
-            task = dataclasses.replace(fit.task, runs=runs, guess=guess, solver=solver)
+            task = dataclasses.replace(fit.task, guess=guess, solver=solver, rows=rows)
             # Of many bottoms along the valley, one that is no worse than that of all.
             starts = task.guessed, dataclasses.replace(task, guess=whole).guessed
             other = task.fit(min(starts, key=task.misfit)).friction
@@ -180,50 +178,42 @@ def _as(
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Runs:
-    """A recording as free runs, step by step; a step leads from a sample to the next.
+class _Task:
+    """A recording as free runs, and the fit that is asked for.
+
+    A step leads from a sample to the next; each piece of the recording is a run.
 
     Attributes:
-        equation: That of its forces, under a law that can be simulated.
-        excitation: What drives the axis, padded.
-        target: Position at the end of each step, from that at the start of its run.
-        compared: Steps within one piece, of rows that count.
-        run: Number of the run of each step.
+        guess: A fit whose law can be simulated.
+        samples: The recording, with positions.
+        trust: See `fit_output_error`, as for solver and constraints.
+        variance: Of a position error that counts as independent, in mm².
+        rows: Samples that count, each stretch of them a run; all where left out.
+        windows: Stretches of equal length that begin anew as well.
+
+    Raises:
+        FitError: If the law cannot be simulated or the recording has no positions.
     """
 
-    equation: Equation
-    excitation: Excitation
-    target: Float[np.ndarray, " t"]
-    compared: Bool[np.ndarray, " t"]
-    run: Int[np.ndarray, " t"]
+    guess: FrictionFit
+    samples: DriveSamples
+    trust: float
+    solver: Solver
+    constraints: tuple[Constraint, ...]
+    variance: float = 0.0
+    rows: Bool[np.ndarray, " t"] | None = None
+    windows: int = 1
 
-    @classmethod
-    def of(
-        cls,
-        guess: FrictionFit,
-        samples: DriveSamples,
-        rows: Bool[np.ndarray, " t"] | None = None,
-        windows: int = 1,
-    ) -> "_Runs":
-        """Return the runs of a recording; each piece, and each stretch of rows, begins anew.
-
-        Args:
-            guess: A fit whose law can be simulated.
-            samples: The recording.
-            rows: Samples that count; all where left out.
-            windows: Stretches of equal length that begin anew as well.
-
-        Raises:
-            FitError: If the law cannot be simulated or the recording has no positions.
-        """
-        structure = guess.structure
-        msg = ""
+    def __post_init__(self) -> None:
+        guess, samples, msg = self.guess, self.samples, ""
         if not guess.has_law or "inertia" in guess.undetermined:
             names = ", ".join(guess.undetermined)
             msg = f"output error: the fit to start from does not know {names}."
-        elif not isinstance(structure, CoulombViscous | Stribeck) or samples.loads:
+        elif (
+            not isinstance(guess.structure, CoulombViscous | Stribeck) or samples.loads
+        ):
             msg = (
-                f"output error: found {structure.words}"
+                f"output error: found {guess.structure.words}"
                 + (" with further loads" if samples.loads else "")
                 + ", expected Coulomb + viscous or Stribeck friction without them."
             )
@@ -233,51 +223,44 @@ class _Runs:
             msg = "output error: expected a known inertia, or accelerations to start from."
         if msg:
             raise FitError(msg)
-        assert samples.position is not None
-        recording = record(samples, guess.inertia, guess.equation.recording.factor)
-        equation = Equation(recording, structure)
-        count, piece = len(samples.time) - 1, samples.piece
-        use = np.ones(count + 1, bool) if rows is None else rows
-        begins = np.diff(np.arange(count) * windows // count, prepend=-1) > 0
-        begins[1:] |= (np.diff(piece[:-1]) > 0) | (use[1:-1] > use[:-2])
-        run = np.cumsum(begins) - 1
-        # What begins slowly began at rest: what a filter makes of the very edge is less
-        # reliable than that, and an error of the first velocity moves the whole free run.
-        velocity = samples.velocity.copy()
-        first = np.flatnonzero(np.diff(piece, prepend=-1))
-        slow = np.abs(velocity[first]) < _SLOW * np.abs(velocity).max()
-        velocity[first[slow]] = 0.0
-        drive = (
-            padded(samples.current[:-1]),
-            padded(begins),
-            padded(velocity[:-1]),
-            samples.cycle,
-        )
-        excitation = Excitation(*map(jnp.asarray, drive))
-        target = samples.position[1:] - samples.position[:-1][begins][run]
-        compared = (piece[1:] == piece[:-1]) & use[1:] & use[:-1]
-        return cls(equation, excitation, target, compared, run)
 
+    @cached_property
+    def equation(self) -> Equation:
+        """That of the forces."""
+        factor = self.guess.equation.recording.factor
+        recording = record(self.samples, self.guess.inertia, factor)
+        return Equation(recording, self.guess.structure)
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Task:
-    """A fit that is asked for: runs, and arguments of `fit_output_error`.
+    @cached_property
+    def use(self) -> Bool[np.ndarray, " t"]:
+        """Samples that count."""
+        return np.ones(len(self.samples.time), bool) if self.rows is None else self.rows
 
-    The variance is of a position error that counts as independent, in mm².
-    """
+    @cached_property
+    def begins(self) -> Bool[np.ndarray, " s"]:
+        """Whether a run begins with a step."""
+        count = len(self.use) - 1
+        begins = np.diff(np.arange(count) * self.windows // count, prepend=-1) > 0
+        begins[1:] |= np.diff(self.samples.piece[:-1]) > 0
+        begins[1:] |= self.use[1:-1] > self.use[:-2]
+        return begins
 
-    runs: _Runs
-    guess: FrictionFit
-    variance: float
-    trust: float
-    solver: Solver
-    constraints: tuple[Constraint, ...]
+    @cached_property
+    def run(self) -> Int[np.ndarray, " s"]:
+        """Number of the run of each step."""
+        return np.cumsum(self.begins) - 1
+
+    @cached_property
+    def compared(self) -> Bool[np.ndarray, " s"]:
+        """Steps within one piece, of samples that count."""
+        same = np.diff(self.samples.piece) == 0
+        return np.asarray(same & self.use[1:] & self.use[:-1])
 
     @property
     def names(self) -> tuple[str, ...]:
         """What is fitted: factors, then shape."""
         structure = self.guess.structure
-        return (*self.runs.equation.fixed_names, *structure.names, *structure.shapes)
+        return (*self.equation.fixed_names, *structure.names, *structure.shapes)
 
     @property
     def guessed(self) -> Float[np.ndarray, " 10"]:
@@ -292,7 +275,7 @@ class _Task:
     @cached_property
     def problem(self) -> Problem:
         """The problem in arrays: the parameters as functions of what is fitted."""
-        structure, runs = self.guess.structure, self.runs
+        structure, samples, limits = self.guess.structure, self.samples, self._limits()
         constant, mixing = np.zeros(COUNT), np.zeros((COUNT, COUNT))
         constant[0] = self.guess.inertia or 0.0
         if isinstance(structure, Stribeck) and structure.exponent is not None:
@@ -300,12 +283,28 @@ class _Task:
         for place, name in enumerate(self.names):
             keys = [name] if name in PARAMETERS else [name + end for end in SUFFIXES]
             mixing[[PARAMETERS.index(key) for key in keys], place] = 1.0
-        arrays = (
-            *(padded(runs.target), padded(runs.compared)),
-            *(constant, mixing, self._limits(), self.guessed, self._root()),
-            np.abs(runs.equation.recording.samples.velocity).max(),
+        # What begins slowly began at rest: what a filter makes of the very edge is less
+        # reliable than that, and an error of the first velocity moves the whole free run.
+        velocity, fastest = samples.velocity.copy(), np.abs(samples.velocity).max()
+        first = np.flatnonzero(np.diff(samples.piece, prepend=-1))
+        velocity[first[np.abs(velocity[first]) < _SLOW * fastest]] = 0.0
+        steps = samples.current[:-1], self.begins, velocity[:-1]
+        excitation = Excitation(
+            *jax.tree.map(jnp.asarray, [*map(padded, steps), samples.cycle])
         )
-        return Problem(runs.excitation, *jax.tree.map(jnp.asarray, arrays))
+        assert samples.position is not None
+        target = samples.position[1:] - samples.position[:-1][self.begins][self.run]
+        compared = padded(target), padded(self.compared)
+        arrays = (
+            *compared,
+            constant,
+            mixing,
+            limits,
+            self.guessed,
+            self._root(),
+            fastest,
+        )
+        return Problem(excitation, *jax.tree.map(jnp.asarray, arrays))
 
     def _root(self) -> Float[np.ndarray, "10 10"]:
         """Return the root of the precision of the guess, in the unit of position errors."""
@@ -315,9 +314,9 @@ class _Task:
 
     def _limits(self) -> tuple[Float[np.ndarray, " 10"], Float[np.ndarray, " 10"]]:
         """Return limits: nothing but the offset may push, and nothing weighs nothing."""
-        equation, guess = self.runs.equation, self.guessed
+        equation, guess = self.equation, self.guessed
         low, high = np.full(COUNT, -1.0), np.ones(COUNT)
-        largest = _LEVEL * float(np.abs(self.runs.excitation.force).max())
+        largest = _LEVEL * float(np.abs(self.samples.current[:-1]).max())
         shapes = iter(equation.bounds.T)
         for place, name in enumerate(self.names):
             if name in equation.structure.shapes:
@@ -341,11 +340,11 @@ class _Task:
         values, converged = solve(self.problem, start, *task)
         arrays = linearised(jnp.asarray(values), self.problem)
         residual, slopes = (np.asarray(array) for array in arrays)
-        error, cost = residual[: len(self.runs.run)], 0.5 * float(residual @ residual)
+        error, cost = residual[: len(self.run)], 0.5 * float(residual @ residual)
         if not np.isfinite(cost):
             msg = f"output error: {self.solver} found no law that can be simulated."
             raise FitError(msg)
-        equation, size = self.runs.equation, len(self.names)
+        equation, size = self.equation, len(self.names)
         count = size - len(equation.structure.shapes)
         factors, shape = values[:count], values[count:size]
         used = equation.recording.usable
@@ -354,7 +353,7 @@ class _Task:
         rows = Rows(used[:, None] * right, right, equation.recording.target, cuts)
         thin = max(1, len(error) // _ROWS)
         scores = (slopes[: len(error), :size] * error[:, None])[::thin]
-        inner = score_covariance(scores, self.runs.run[::thin])
+        inner = score_covariance(scores, self.run[::thin])
         # The guess came from the same samples: it narrows nothing, and only keeps the
         # inverse finite.
         root, _ = rooted(slopes[:, :size].T @ slopes[:, :size])
@@ -376,20 +375,19 @@ class _Task:
             method=f"output error ({self.solver})",
             given=np.asarray(inverse @ inner @ inverse.T),
         )
-        free_run = float(np.sqrt(error @ error / self.runs.compared.sum()))
+        free_run = float(np.sqrt(error @ error / self.compared.sum()))
         return OutputErrorFit(law, free_run, cost, self)
 
 
-def _approached(task: _Task, samples: DriveSamples) -> Float[np.ndarray, " 10"]:
+def _approached(task: _Task) -> Float[np.ndarray, " 10"]:
     """Return a better start than the guess, where short windows show one.
 
     A long run is full of kinks, as the axis sticks sooner or later and never where it did;
     short windows from measured starts are nearly smooth, and lead close from far away.
     """
-    guess, count = task.guessed, min(_PIECES, len(task.runs.run) // _SHORTEST)
-    if count <= task.runs.run[-1] + 1:
+    guess, count = task.guessed, min(_PIECES, len(task.run) // _SHORTEST)
+    if count <= task.run[-1] + 1:
         return guess
-    runs = _Runs.of(task.guess, samples, windows=count)
-    short = dataclasses.replace(task, runs=runs, constraints=())
+    short = dataclasses.replace(task, windows=count, constraints=())
     near = solve(short.problem, guess, ROUGHLY)[0]
     return min((guess, near), key=task.misfit)

@@ -77,11 +77,6 @@ class AbstractStructure(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def words(self) -> str:
-        """Name for reports."""
-
-    @property
-    @abc.abstractmethod
     def factors(self) -> tuple[str, ...]:
         """Names of the linear factors of one direction."""
 
@@ -94,6 +89,16 @@ class AbstractStructure(abc.ABC):
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
         """Return the law for factors per direction (one row where both are alike)."""
+
+    @property
+    @abc.abstractmethod
+    def label(self) -> str:
+        """Name for reports where both directions are alike."""
+
+    @property
+    def words(self) -> str:
+        """Name for reports."""
+        return self.label + " per direction" * self.directional
 
     @property
     def parametric(self) -> bool:
@@ -163,20 +168,6 @@ class AbstractStructure(abc.ABC):
         signs = self.signs(velocity)
         return np.concatenate([sign[:, None] * profile for sign in signs], axis=2)
 
-    def friction(
-        self,
-        velocity: Float[np.ndarray, " t"],
-        factors: Float[np.ndarray, "n k"],
-        shapes: Float[np.ndarray, "n h"],
-    ) -> Float[np.ndarray, "t n"]:
-        """Return the friction at velocities in mm/s for each of some laws of the kind."""
-        speed, parts = np.abs(velocity), factors.reshape(len(factors), self.ways, -1)
-        steady, last = self.steady(speed), self.falling(speed, shapes)[:1]
-        level = parts[:, :, : steady.shape[1]] @ steady.T
-        for column in last:
-            level = level + parts[:, :, -1:] * column[:, None]
-        return np.asarray((level * self.signs(velocity)).sum(axis=1).T)
-
     def bent(
         self, velocity: Float[np.ndarray, " t"], factors: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, " t"]:
@@ -202,18 +193,12 @@ class AbstractStructure(abc.ABC):
 class CoulombViscous(AbstractStructure):
     """A constant level and a slope: 2 factors per direction."""
 
-    @property
-    def words(self) -> str:
-        return "Coulomb + viscous" + " per direction" * self.directional
-
-    @property
-    def factors(self) -> tuple[str, ...]:
-        return ("coulomb", "viscous")
+    label = "Coulomb + viscous"
+    factors = ("coulomb", "viscous")
 
     def law(
         self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
     ) -> AbstractFriction:
-        """See `AbstractStructure`: a Stribeck curve without an excess at break-away."""
         coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
         return StribeckFriction(coulomb, coulomb, 1.0, GAUSS, viscous)
 
@@ -228,15 +213,12 @@ class Stribeck(AbstractStructure):
     """
 
     exponent: float | None = None
+    factors = ("coulomb", "viscous", "drop")
 
     @property
-    def words(self) -> str:
+    def label(self) -> str:
         fixed = "" if self.exponent is None else f" with exponent {self.exponent:g}"
-        return "Stribeck" + fixed + " per direction" * self.directional
-
-    @property
-    def factors(self) -> tuple[str, ...]:
-        return ("coulomb", "viscous", "drop")
+        return "Stribeck" + fixed
 
     @property
     def shapes(self) -> tuple[str, ...]:
@@ -292,8 +274,8 @@ class KnotTable(AbstractStructure):
     knots: tuple[float, ...] = ()
 
     @property
-    def words(self) -> str:
-        return f"table of {len(self.knots)} knots" + " per direction" * self.directional
+    def label(self) -> str:
+        return f"table of {len(self.knots)} knots"
 
     @property
     def factors(self) -> tuple[str, ...]:
@@ -366,7 +348,8 @@ class Laws:
 
     def friction(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t n"]:
         """Return the friction of each at velocities in mm/s, in drive units."""
-        return self.structure.friction(velocity, self.factors, self.shapes)
+        columns = self.structure.columns(velocity, self.shapes)
+        return np.asarray(np.einsum("ntk,nk->tn", columns, self.factors))
 
 
 def range_of(speed: Float[np.ndarray, " t"]) -> tuple[float, float]:
