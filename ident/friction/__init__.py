@@ -2,21 +2,14 @@
 
 Read in this order:
 
-- `_samples`: `DriveSamples`, what a drive recorded.
-- `_structures`: the kinds of law, Coulomb + viscous, Stribeck, table, and their columns.
-- `_equation`: a recording as rows of a linear equation, filtered alike on both sides.
-- `_weights`: how much each row counts, as a free table sees it, and sums of the rows.
-- `_result`: `FrictionFit`, parameters and σ where neighbouring residuals resemble each other,
-  and what the data do not tell.
-- `_separable`: the fit of a law by variable projection, and how smooth a table is.
-- `_inverse`: `fit_inverse`, all of that in one call, and whether the data show a drop.
-- `_choice`: `choose_law`, which kind of law predicts windows held out, and the deviations of a
-  curve with the doubt of the law.
-- `_simulate`: a drive under a measured force, with its sensitivities, the problem of its
-  positions with both solvers, and what a controller gives around reversals; `_output_error`:
-  `fit_output_error`.
+- `_samples`: what a drive recorded; `_structures`: kinds of law and their columns.
+- `_equation`: a recording as rows of a linear equation; `_weights`: how much each counts.
+- `_result`: `FrictionFit`, parameters, their deviations, and what the data do not tell.
+- `_inverse`: `fit_inverse`, the fit of a law by variable projection, and what it carries.
+- `_choice`: `choose_law`, which kind of law predicts windows held out.
+- `_simulate`: a drive under a measured force; `_output_error`: `fit_output_error`.
 - `_reversal`: `fit_reversal`, how friction changes over where an axis reverses.
-- `_knots`: `place_knots`, the entries of a friction list, by dynamic programming.
+- `_knots`: `place_knots`, the entries of a friction list.
 """
 
 from ._choice import Candidate as Candidate, Choice as Choice, choose_law as choose_law

@@ -1,7 +1,7 @@
 """Which law to believe: the simplest that predicts windows held out as well as the best does."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -33,10 +33,9 @@ class Candidate:
 
     Attributes:
         structure: Kind of law.
-        fit: What it is by all rows; a simpler law stands there where they do not carry it.
+        fit: By all rows; of a simpler law where they do not carry it.
         without: What it is without each window.
-        window_error: RMS of the force error per window held out, relative to the load's RMS
-            over the whole recording.
+        window_error: RMS error per window held out, relative to the RMS of the load.
         fitted_error: As ``error``, on the rows fitted.
     """
 
@@ -77,16 +76,24 @@ class Choice:
     """The law chosen, and all that competed.
 
     Attributes:
-        chosen: Place of the chosen law among the candidates.
-        best: Place of the smallest error held out.
         candidates: From simple to rich.
         window: Of each sample of the recording.
     """
 
-    chosen: int
-    best: int
     candidates: tuple[Candidate, ...]
     window: Int[np.ndarray, " t"]
+
+    @cached_property
+    def best(self) -> int:
+        """Place of the smallest error held out."""
+        return int(np.argmin([rival.error for rival in self.candidates]))
+
+    @cached_property
+    def chosen(self) -> int:
+        """Place of the simplest that is as good as the best."""
+        best, places = self.candidates[self.best], range(len(self.candidates))
+        good = [k for k in places if self.candidates[k].worse(best) <= 1.0]
+        return min(good, key=lambda place: self.candidates[place].parameters)
 
     @property
     def fit(self) -> FrictionFit:
@@ -126,9 +133,8 @@ class Choice:
 
         A law is doubtful by the noise of its rows (`score_covariance`) or by how it changes
         without each window (jackknife, B. Efron, C. Stein, Ann. Statist. 9(3), 1981),
-        whichever is more, by the straight lines of a table, and by the other laws: the
-        mean over them counts each as likely as its windows held out are no worse than those
-        of the best, by Student's distribution for so few windows.
+        whichever is more; by the straight lines of a table; and by the other laws, each as
+        likely as its windows held out are no worse than the best (Student's distribution).
 
         Args:
             fit: The law, fitted to the whole recording.
@@ -187,13 +193,13 @@ def choose_law(
 
     Args:
         samples: The recording.
-        structures: Kinds of law; `default_structures` where left out.
+        structures: Kinds of law; Coulomb + viscous, Stribeck and a table, alike and per
+            direction, where left out. A table that rises and falls again and again does
+            not compete.
         inertia: In drive units per mm/s², where it is known.
         loss: As for `fit_inverse`.
         decimate: As for `fit_inverse`.
         windows: Stretches to hold out in turn.
-
-    A table that rises and falls again and again does not compete.
 
     Raises:
         FitError: If the recording is too short to hold out windows.
@@ -205,10 +211,10 @@ def choose_law(
     touched = np.stack([edges[:-1] - reach, edges[1:] + reach]).clip(0, len(window))
     cuts = np.unique(np.append(touched, [0, len(window)]))
     fits: dict[AbstractStructure, FrictionFit] = {}
-    held: dict[AbstractStructure, _Held] = {}
+    held: dict[AbstractStructure, tuple[Laws, np.ndarray]] = {}
     with one_blas_thread():
         weights, near = weigh(recording, loss, cuts), None
-        for kind in structures or default_structures(recording):
+        for kind in structures or _default_structures(recording):
             fit = fit_competing(weights.free.under(kind), weights, near)
             # Both directions apart have nearly the shape that they have together.
             near = fit.shape if len(fit.shape) else None
@@ -236,8 +242,7 @@ def choose_law(
     centres = recording.lowpass.centres
     between = 0.5 * (centres[1:] + centres[:-1])
     window = window[np.searchsorted(between, np.arange(len(samples.time)))]
-    chosen, best = _order(candidates)
-    return Choice(chosen, best, candidates, window)
+    return Choice(candidates, window)
 
 
 def _wavers(fit: FrictionFit) -> bool:
@@ -257,28 +262,18 @@ def _wavers(fit: FrictionFit) -> bool:
     return False
 
 
-def default_structures(recording: Recording) -> tuple[AbstractStructure, ...]:
-    """Return the kinds of law to compare: simple, Stribeck, table, alike and per direction."""
-    knots, both = recording.knots, (False, True)
-    laws: list[AbstractStructure] = [CoulombViscous(directed) for directed in both]
-    laws += [Stribeck(directed) for directed in both]
-    if len(knots) > 2:
-        laws += [KnotTable(directed, knots) for directed in both]
-    return tuple(laws)
+def _default_structures(recording: Recording) -> Iterator[AbstractStructure]:
+    """Yield the kinds of law to compare: from simple to rich, alike and per direction."""
+    yield from map(CoulombViscous, (False, True))
+    yield from map(Stribeck, (False, True))
+    if len(recording.knots) > 2:
+        yield from (KnotTable(directed, recording.knots) for directed in (False, True))
 
 
 def _mean_error(values: Float[np.ndarray, " w"]) -> float:
     """Return the standard error of a mean."""
     deviation, count = values - values.sum() / len(values), len(values)
     return float(np.sqrt(deviation @ deviation / (count * (count - 1.0))))
-
-
-def _order(candidates: Sequence[Candidate]) -> tuple[int, int]:
-    """Return the simplest that is as good as the best, and the best."""
-    best = int(np.argmin([rival.error for rival in candidates]))
-    worse = [rival.worse(candidates[best]) for rival in candidates]
-    good = [place for place, errors in enumerate(worse) if errors <= 1.0]
-    return min(good, key=lambda place: candidates[place].parameters), best
 
 
 def _windows(recording: Recording, windows: int) -> Int[np.ndarray, " s"]:
@@ -298,15 +293,12 @@ def _windows(recording: Recording, windows: int) -> Int[np.ndarray, " s"]:
     return np.minimum((share * windows).astype(np.int64), windows - 1)
 
 
-_Held = tuple[Laws, Float[np.ndarray, " s"]]
-
-
 def _hold_out(
     fit: FrictionFit,
     weights: Weights,
     window: Int[np.ndarray, " s"],
     touched: Int[np.ndarray, "2 w"],
-) -> _Held:
+) -> tuple[Laws, Float[np.ndarray, " s"]]:
     """Return what a law is without each window, and the error of each row when held out.
 
     Solved by the sums of all rows less those near the window.

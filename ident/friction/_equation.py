@@ -1,9 +1,8 @@
 """The linear equation behind an inverse fit: load = inertia · a + friction(v) + offset + loads.
 
 Both sides go through one low-pass and are thinned to about a hundred rows per second: what is
-filtered alike on both sides keeps a linear equation true, so the filter takes noise away
-without a shift or a smear that one side would see and the other not (the "parallel filter" of
-the robotics literature: Gautier, Janot and others).
+filtered alike on both sides keeps a linear equation true (the "parallel filter" of the robotics
+literature: Gautier, Janot and others).
 """
 
 import dataclasses
@@ -247,9 +246,8 @@ class Equation:
     @property
     def beside(self) -> Float[np.ndarray, "s f"]:
         """Columns that do not belong to friction."""
-        fitted = [name in self.fixed_names for name in ("inertia", "offset")]
-        further = [True] * len(self.recording.samples.loads)
-        return self.recording.beside[:, [*fitted, *further]]
+        names = "inertia", "offset", *self.recording.samples.loads
+        return self.recording.beside[:, [name in self.fixed_names for name in names]]
 
     @cached_property
     def unbent(self) -> Float[np.ndarray, "s f"]:

@@ -1,9 +1,8 @@
 """How much each row of an equation counts, how rows are seen, and the sums of them.
 
-The rows are weighed once, under a table that can bend anywhere: what is wild under it is wild
-under any law. Where a noise-free motion stands beside the measured one, rows are seen through
-its columns (two-stage least squares), which keeps a fit consistent under noise in velocity and
-acceleration.
+Rows are weighed once, under a table that can bend anywhere: what is wild under it is wild under
+any law. Where a noise-free motion stands beside the measured one, rows are seen through its
+columns (two-stage least squares).
 """
 
 import dataclasses
