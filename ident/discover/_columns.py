@@ -1,9 +1,8 @@
 """Columns of every term: products of functions that libraries of pysindy carry.
 
-A factor is a channel of the recording, scaled to about 1, and functions of it; the features
-of a term are all products of the functions of its factors. Their sizes are a prior: a smooth
-error of 1 mm has coefficients of about 1. Beside the terms stand the columns of what is no
-compensation's task: the zero of each measurement, offsets of runs, a drift.
+A factor is a channel of the recording, scaled to about 1, and functions of it. Their sizes are
+a prior: a smooth error of 1 mm has coefficients of about 1. Beside the terms stand columns of
+what is no compensation's task: the zero of each measurement, offsets of runs, a drift.
 """
 
 import dataclasses
@@ -41,7 +40,7 @@ _PLACED = 0.9
 _MOST_RUNS = 250
 """Runs of a measurement that have an offset each; a counter of readings is none of runs."""
 _MOST = 5_000
-"""Rows that show whether they do."""
+"""Rows that show whether positions explain a drift."""
 
 Function = Callable[[Float[np.ndarray, " t"]], Float[np.ndarray, " t"]]
 Factor = tuple[Float[np.ndarray, " t"], list[Function]]
@@ -74,10 +73,9 @@ def columns_of(view: AxisView, term: Term) -> Float[np.ndarray, "t k"]:
 
 
 def smooth(count: int, periodic: bool = False) -> list[Function]:
-    """Return functions of a position scaled to 0 … 1, the constant left out.
+    """Return functions of a position from 0 to 1: a line and cosines, or waves of a turn.
 
-    A straight line and cosines, or cosines and sines of a turn, scaled as smooth errors are:
-    large scale first.
+    They are scaled as smooth errors are, large scale first, and the constant is left out.
     """
     if not periodic:
         return [_STRAIGHT, *(_wave(k, 0.5 * k, 0.0) for k in range(1, count))]
@@ -112,10 +110,7 @@ def _time(view: AxisView) -> Float[np.ndarray, " t"]:
 
 
 def _push(view: AxisView, term: Term, axis: str, limit: int) -> Factor:
-    """Return laws over an acceleration: linear to a full or an early entry, then held.
-
-    Accelerations of either sign have entries of their own.
-    """
+    """Return laws over an acceleration, per sign: linear to a full or an early entry, then held."""
     values = view.data.acceleration[axis]
     finite = np.abs(values[np.isfinite(values)])
     busy = finite[finite > 0.05 * finite.max(initial=0.0)]
@@ -135,8 +130,7 @@ def _decay(share: float, power: int) -> Function:
 def _heat(view: AxisView, term: Term, sensor: str, limit: int) -> Factor:
     """Return laws over the temperature of the structure behind a sensor.
 
-    Laws of a coefficient are zero at the reference: what is there, is the leadscrew's;
-    others have no mean.
+    Laws of a coefficient are zero at the reference: what is there, is the leadscrew's.
     """
     heated = term.kind is Kind.HEAT_SLOPE
     data, body = view.data, view.data.temperature[sensor]
@@ -276,11 +270,7 @@ class Columns:
 
     @cached_property
     def drift(self) -> Float[np.ndarray, "t d"]:
-        """Drifts of instruments, of measurements in which positions do not explain them.
-
-        Where each place is visited once, a drift cannot be told from an error of position:
-        what there is, is taken for the latter.
-        """
+        """Drifts of instruments, of measurements in which positions do not explain them."""
         kinds = (Kind.OWN, Kind.LINE, Kind.REVERSAL)
         places = [block for term, block in self._blocks.items() if term.kind in kinds]
         result = [np.zeros((len(self.view.data), 0))]

@@ -56,8 +56,7 @@ class Observed(JointData):
 def stack(recordings: Iterable[Observed]) -> Observed:
     """Return the rows of several recordings one after the other.
 
-    What a recording does not have is NaN in its rows; runs and sources stay apart, and
-    each clock starts where the one before has ended.
+    Runs and sources stay apart, and each clock starts where the one before has ended.
     """
     parts = list(recordings)
     if not parts:

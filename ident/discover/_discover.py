@@ -1,5 +1,6 @@
 """Which compensations a machine asks for, axis by axis and drive by drive."""
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -36,8 +37,7 @@ _LEAST = 20
 _UNSURE = 0.3
 """Share of the resamples from which on a term is named though it is not taken."""
 _WORTH_WORDS = 0.5
-"""Standard deviations of a reading below which what stays is not spoken of: such as what is
-left of a delay that was taken off."""
+"""Standard deviations of a reading below which what stays is not spoken of."""
 _CANCELLED = 0.005
 """Share of the error below which an effect takes from others what it adds."""
 _ALIKE = 0.9
@@ -59,9 +59,8 @@ def discover(
 ) -> Discovery:
     """Return which compensations the measurements of a machine ask for.
 
-    Terms of every compensation and of what the controller has none for are fitted
-    together to the error of each axis; those that come back in resamples, are large
-    enough to be written and are not contained in others are named.
+    Terms of every compensation and of what the controller has none for are fitted together to
+    the error of each axis; those that come back in resamples and are large enough are named.
 
     Args:
         observed: All that was measured.
@@ -73,18 +72,11 @@ def discover(
         DiscoverError: If there is no error and no current of any axis, or too little.
     """
     channels: tuple[Channel, ...] = ("error", "current")
-    counts: dict[tuple[Channel, str], int] = {
-        (channel, axis): int(np.isfinite(getattr(observed, channel)[axis]).sum())
-        for channel in channels
-        for axis in axes
-        if axis in getattr(observed, channel)
-    }
-    if not any(counts.values()):
-        expected = "an error or a current of at least one axis"
-        raise DiscoverError(source, "no measured error and no current", expected)
     parts: list[Discovery] = []
     with one_blas_thread():
-        for (channel, axis), count in counts.items():
+        for channel, axis in itertools.product(channels, axes):
+            values = getattr(observed, channel).get(axis, np.zeros(0))
+            count = int(np.isfinite(values).sum())
             if channel == "error" and 0 < count < _LEAST:
                 words_of = f"{count} readings of the error of {axis}"
                 raise DiscoverError(source, words_of, f"at least {_LEAST}")
@@ -92,6 +84,9 @@ def discover(
                 progress(f"examining the {channel} of {axis}")
             if count:
                 parts.append(examine(observed, channel, axis, axes))
+    if not parts:
+        expected = "an error or a current of at least one axis"
+        raise DiscoverError(source, "no measured error and no current", expected)
     return Discovery.of(parts)
 
 

@@ -2,10 +2,8 @@ r"""How large each term is: variances of groups of coefficients by their evidenc
 
 $e = \sum_g \Phi_g \theta_g + \epsilon$ with $\theta_g \sim N(0, \tau_g^2 I)$; every
 $\tau_g$ and the noise maximise the marginal likelihood, by the fixed-point rule of D. J. C.
-MacKay, Neural Computation 4(3), 1992. What is not there gets a variance of 0, unlike the
-weights of tables in `axcomp.ident.core`, which smooth what is known to be there. Offsets of
-runs and drifts are groups like the others, so that they take what terms do not explain, and
-no more. All of it rests on weighted products of columns and readings, which add up.
+MacKay, Neural Computation 4(3), 1992. What is not there gets a variance of 0. Offsets of runs
+and drifts are groups like the others. All rests on weighted products, which add up.
 """
 
 import dataclasses
@@ -173,11 +171,7 @@ class Groups:
     def with_and_without(
         self, group: int, nuisance: int, least: float
     ) -> tuple["Groups", "Groups"]:
-        """Return the likeliest variances with a group, and without it.
-
-        What may stand in for it, the groups from that of the nuisance on, such as a drift,
-        are estimated anew with it and without.
-        """
+        """Return the likeliest variances with a group, and without it, those of nuisance anew."""
         variance = self.variance.copy()
         variance[nuisance:] = self.size**2
         full = dataclasses.replace(self, variance=variance)
@@ -190,10 +184,7 @@ def robust_groups(
     error: Float[np.ndarray, " t"],
     least: Callable[[float], float],
 ) -> Groups:
-    """Return groups whose variances no wild reading decides.
-
-    Contributions below the least, of the size of the readings, count as absent.
-    """
+    """Return groups whose variances no wild reading decides; ``least`` as of `estimated`."""
     # Before anything is known, no reading may decide alone.
     outer = float(np.quantile(np.abs(error), _OUTER)) or 1.0
     weight = 1.0 / (1.0 + (error / outer) ** 2)

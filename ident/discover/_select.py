@@ -1,14 +1,11 @@
 """Which terms the error (or current) of one axis is made of.
 
-Sparse selection of whole terms, on one half of the recording with shapes of the other: the
-shape of every term (the coefficients of its functions) is estimated on one half of the
-pieces; its course over the other half, scaled to an rms of one, is one normalised feature. So
-a term is one coefficient, in mm rms, and `pysindy` selects among them by sequentially
-thresholded least squares: a term that is not there has a shape by chance, which does not come
-back in the other half. Halves are drawn many times over, in complementary pairs: N.
-Meinshausen, P. Bühlmann, J. R. Stat. Soc. B 72(4), 2010; R. D. Shah, R. J. Samworth, same
-journal 75(1), 2013. Each reading counts by Student's distribution, so that none that is wild
-decides what is there.
+The shape of every term (the coefficients of its functions) is estimated on one half of the
+recording; its course over the other half, scaled to an rms of one, is one feature. So a term is
+one coefficient, in mm rms, and `pysindy` selects among them by sequentially thresholded least
+squares: a shape by chance does not come back in the other half. Halves are drawn many times, in
+complementary pairs: N. Meinshausen, P. Bühlmann, J. R. Stat. Soc. B 72(4), 2010; R. D. Shah,
+R. J. Samworth, same journal 75(1), 2013. Readings count by Student's distribution.
 """
 
 import dataclasses
@@ -50,9 +47,9 @@ gain in squares of the noise from which on that is plain."""
 def look_at(
     columns: Columns, terms: Sequence[Term]
 ) -> tuple[Design, Int[np.ndarray, " n"], Groups]:
-    """Return a first look at some rows: all columns, these rows, and variances of the groups.
+    """Return all columns, some rows, and the variances there, which show what is plainly absent.
 
-    It shows what is plainly absent; the weights of all readings about it go to the columns.
+    The weights of all readings about it go to the columns.
     """
     error, design = columns.view.error, columns.design(terms)
     rows = some_of(len(error), _MOST)
@@ -65,11 +62,7 @@ def look_at(
 def choose_heat(
     columns: Columns, terms: Sequence[Term], heat: Sequence[Term]
 ) -> tuple[Term, ...]:
-    """Return for offset and coefficient the sensor and lag, of some, that are likeliest.
-
-    All other terms are estimated first and taken out; what is left are a few slow terms and
-    the drift, which have their variances by evidence.
-    """
+    """Return for offset and coefficient the sensor and lag, of some, that are likeliest."""
     evidence, best = _evidence_of(columns, terms), tuple[Term, ...]()
     for kind in (*HEAT, *HEAT):
         others = tuple(term for term in best if term.kind is not kind)
@@ -89,7 +82,10 @@ def choose_heat(
 def _evidence_of(
     columns: Columns, terms: Sequence[Term]
 ) -> Callable[[tuple[Term, ...]], float]:
-    """Return a function for the log evidence of few terms beside everything else."""
+    """Return a function for the log evidence of few terms beside everything else.
+
+    All other terms are estimated first and taken out, but for the drift.
+    """
     design, rows, groups = look_at(columns, terms)
     slow = [len(design.slices) - 1] if columns.drift.shape[1] else []
     index, owner = groups.without(slow).present
@@ -287,8 +283,7 @@ def _without_needless(
 ) -> Bool[np.ndarray, " g"]:
     """Return the terms without those whose part the others take over, simplest first."""
     keep, nuisance = chosen.copy(), len(chosen)
-    # Terms that share one effect each have a part of its variance: set free, any of them can
-    # take the whole of it.
+    # Terms that share one effect have a part of its variance: any may take the whole of it.
     variance = groups.variance.copy()
     variance[:nuisance] *= np.where(keep, _FREE, 0.0)
     free = dataclasses.replace(groups, variance=variance)

@@ -1,7 +1,6 @@
 """What an error may depend on, and which compensations hold it.
 
-Terms are of compensations and of what the controller has none for; compensations are composed
-of the terms that were found.
+Compensations are composed of the terms that were found.
 """
 
 import dataclasses

@@ -25,11 +25,9 @@ _LEAST = 1e-3
 _SMOOTH = 3
 """Degree of the smoothest drifts, which a warm-up looks like."""
 _SLIGHT, _SLIGHT_SHARE = 2.0, 0.1
-"""A slow change of that many standard deviations, or of that share of the rms of the error,
-is a drift like that of any instrument."""
+"""Standard deviations, or share of the rms, up to which a drift is that of any instrument."""
 _MUCH = 0.3
-"""Share of the rms of the error from which on what runs differ by is said: each run has an
-offset of its own in a fit."""
+"""Share of the rms of the error from which on what runs differ by is said."""
 _AS_WELL = 0.95
 """Share of what a compensation explains, at which a substitute is as good."""
 _PARTLY = 0.3
@@ -112,8 +110,7 @@ def against_drift(
 
     Args:
         clock: Instant of each reading.
-        heat: What the temperature may do to the error: functions of it, or of it and a
-            position.
+        heat: Functions of the temperature, or of it and a position.
         error: Readings in any unit, all else that is known of it taken off.
         nuisance: Of what else the error may have a part: zeros, a line over the position.
         slow: What the drift may do, of each measurement for itself; None = one measurement.
@@ -305,10 +302,7 @@ def stays(
 
 
 def drifts(chosen: Selection) -> Iterator[Drift]:
-    """Yield the drift of each measurement of an axis in which there is one.
-
-    How large it is, the evidence says; its pieces are the fewest that follow it.
-    """
+    """Yield the drift of each measurement in which there is one, in the fewest pieces."""
     view, course, time = chosen.view, chosen.drift, chosen.view.data.time
     if time is None or not chosen.columns.drift.shape[1]:
         return

@@ -86,10 +86,7 @@ class AxisView:
         return float(np.mean(self.data.current[self.axis]))
 
     def least(self, size: float, noise: float = 0.0) -> float:
-        """Return the contribution below which a term does not count.
-
-        Half a unit of a list, a part of the noise, or of the rms of all readings.
-        """
+        """Return the contribution, by rms and noise of all readings, below which none counts."""
         if self.channel == "current":
             return max(_OF_CURRENT * size, 1e-12)
         return max(_LIST_UNIT, _OF_NOISE * noise, _OF_SIZE * size)
@@ -126,8 +123,7 @@ class AxisView:
     def centred(self, columns: Float[np.ndarray, "t k"]) -> Float[np.ndarray, "t k"]:
         """Return columns without their mean in each measurement; 0 where not known.
 
-        Each measurement has a zero of its own, so a mean says nothing; and a column that a
-        measurement lacks is the same as one that is constant in it.
+        Each measurement has a zero of its own; a column that it lacks is as one constant in it.
         """
         finite = np.asarray(np.isfinite(columns).all(axis=1))
         result = np.where(finite[:, None], columns, 0.0)
@@ -287,11 +283,7 @@ def _warm(view: AxisView) -> Iterator[Term]:
 def late_terms(
     view: AxisView, axes: Sequence[str], chosen: Sequence[Term]
 ) -> Iterator[Term]:
-    """Yield what makes sense only once other terms are there.
-
-    A crosstalk that two positions adapt, growth with time, and growth with a temperature
-    across the axis; friction that changes with time, where no temperature says why.
-    """
+    """Yield what makes sense only once other terms are there, such as growth with time."""
     axis, kinds = view.axis, {term.kind for term in chosen}
     if view.channel == "current":
         if Kind.COULOMB in kinds and Kind.COULOMB_HEAT not in kinds:
