@@ -143,10 +143,7 @@ class Recording:
 
     @cached_property
     def usable(self) -> Bool[np.ndarray, " s"]:
-        """Rows to fit: in motion and not saturated, for the most part of the filter.
-
-        At rest the current is anything, and the law has the sign of noise.
-        """
+        """Rows to fit: in motion and not saturated, for the most part of the filter."""
         good = self.samples.in_motion & ~self.samples.saturated
         return np.asarray(self.lowpass(good[:, None] * 1.0)[:, 0] > _MOSTLY)
 

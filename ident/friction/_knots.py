@@ -173,9 +173,8 @@ def _finer(
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """Return better whole places and whole heights of knots; the ends stay in place.
 
-    Candidates are whole heights around what least squares wants at places beside. Rounding a
-    height costs most where the curve is steep; there the place moves to where nothing needs
-    rounding.
+    Candidates are whole heights around what least squares wants at places beside; where the
+    curve is steep, the place moves to where no height needs rounding.
     """
     heights, count = np.round(curve.heights(places)), len(places)
     lines = places[:-1], places[1:], heights[:-1], heights[1:]

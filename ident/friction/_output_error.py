@@ -3,9 +3,6 @@
 The valley of the cost is flat and kinked, and bottoms within a tenth of the cost differ by a
 factor of two on another recording: the search starts from the inverse fit, holds on to it lightly
 (`trust`), and ends early.
-
-In motion only coulomb⁺ + offset and coulomb⁻ − offset are seen. Where both levels are fitted the
-offset is not; `FrictionFit.gauges` says so, and the offset is chosen that makes them equal.
 """
 
 import dataclasses
@@ -58,8 +55,7 @@ class OutputErrorFit:
     """A friction law by simulation, and how well it retraces the recording.
 
     Attributes:
-        friction: Law, parameters and standard deviations; its residual and relative error
-            are those of the force, for comparison with the inverse fit.
+        friction: Law, parameters and standard deviations; its residual is of the force.
         free_run: RMS of measured − simulated position in mm.
         cost: Half the sum of its squares in mm², and of the weighted distance to the guess.
         task: What was asked for.
@@ -84,10 +80,8 @@ def fit_output_error(
     Args:
         guess: The fit to start from; its kind of law and a known inertia are kept.
         samples: The recording, with positions; each piece is a free run.
-        trust: Weight of what the guess knew: 1 as its covariance says, 0 = not at all. A free
-            run sees some combinations of parameters much better than forces do, and others
-            hardly; at 0 the cost has many bottoms along one valley, as the axis sticks a
-            little sooner or later, and solvers end apart. At 0.01 and 1 they agree.
+        trust: Weight of what the guess knew: 1 as its covariance says, 0 = not at all: then
+            the cost has many bottoms along one valley, and solvers end apart.
         solver: ``"optimistix"`` (Levenberg-Marquardt) or ``"ipopt"``.
         constraints: ``"non-negative"``: friction falls nowhere below 0 up to the highest
             speed driven, while its parameters may have any sign; without it each of them is
@@ -128,9 +122,8 @@ def laws_held_out(
 ) -> Laws:
     """Return the drive found by output error without each window.
 
-    For each window the inverse fit and the output error are repeated on the rest of the
-    recording; the axis is set down anew, as measured, behind the window. Where the rest does
-    not carry a fit, that of the whole recording stands in.
+    For each window both fits are repeated on the rest of the recording; the axis is set down
+    anew behind it. Where the rest does not carry a fit, that of the whole recording stands in.
 
     Args:
         fit: The drive found in the whole recording.
@@ -382,8 +375,7 @@ class _Task:
 def _approached(task: _Task) -> Float[np.ndarray, " 10"]:
     """Return a better start than the guess, where short windows show one.
 
-    A long run is full of kinks, as the axis sticks sooner or later and never where it did;
-    short windows from measured starts are nearly smooth, and lead close from far away.
+    A long run is full of kinks, as the axis sticks sooner or later; short ones have few.
     """
     guess, count = task.guessed, min(_PIECES, len(task.run) // _SHORTEST)
     if count <= task.run[-1] + 1:

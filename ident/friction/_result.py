@@ -134,11 +134,9 @@ class FrictionFit:
     def state_covariance(self) -> Float[np.ndarray, "m m"]:
         """Of ``state`` and ``shape`` together, directions without information left out.
 
-        Neighbouring rows resemble each other (`score_covariance`). Residuals are divided by
-        1 − leverage (HC3), which makes few rows at the edge count as few. Source:
-        J. G. MacKinnon, H. White, J. Econometrics 29, 1985. A robust variance is itself
-        uncertain, and errs more often downwards: where it claims to know more than
-        independent noise would allow, it is not believed.
+        Neighbouring rows resemble each other (`score_covariance`); residuals are divided by
+        1 − leverage (HC3: J. G. MacKinnon, H. White, J. Econometrics 29, 1985). A robust
+        variance below that of independent noise is not believed.
         """
         if self.given is not None:
             return self.given
@@ -158,14 +156,6 @@ class FrictionFit:
         return np.asarray(robust * np.outer(factor, factor))
 
     @cached_property
-    def _law(self) -> Float[np.ndarray, "p m"]:
-        """Map from ``state`` and ``shape`` to the law's ``factors`` and ``shape``."""
-        count, fixed = len(self.state), len(self.equation.fixed_names)
-        result = np.eye(count + len(self.shape))[fixed:]
-        result[: count - fixed, :count] = self.equation.reading[2]
-        return result
-
-    @cached_property
     def factors(self) -> Float[np.ndarray, " k"]:
         """Linear factors of the law, in the order of `AbstractStructure.names`."""
         return np.asarray(self.equation.reading[2] @ self.state)
@@ -173,7 +163,10 @@ class FrictionFit:
     @property
     def law_covariance(self) -> Float[np.ndarray, "p p"]:
         """Of ``factors`` and ``shape``."""
-        return np.asarray(self._law @ self.state_covariance @ self._law.T)
+        count, fixed = len(self.state), len(self.equation.fixed_names)
+        law = np.eye(count + len(self.shape))[fixed:]
+        law[: count - fixed, :count] = self.equation.reading[2]
+        return np.asarray(law @ self.state_covariance @ law.T)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -218,10 +211,7 @@ class FrictionFit:
 
     @cached_property
     def parameters(self) -> dict[str, float]:
-        """By the names of the result file, in drive units over mm/s and mm/s².
-
-        Those that the data determine, or that were known.
-        """
+        """Those determined or known, by name, in drive units over mm/s and mm/s²."""
         values = [*self.equation.reading[1] @ self.state, *np.exp(self.shape)]
         known = {} if self.inertia is None else {"inertia": self.inertia}
         return {
@@ -306,10 +296,7 @@ class FrictionFit:
 
     @cached_property
     def law(self) -> AbstractFriction | None:
-        """Current over velocity without the offset, in drive units.
-
-        None where the level of friction cannot be told from a constant load.
-        """
+        """Current over velocity without the offset, in drive units; None without `has_law`."""
         if not self.has_law:
             return None
         factors = self.factors.reshape(self.structure.ways, -1)

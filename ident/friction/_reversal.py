@@ -2,9 +2,8 @@ r"""How friction changes over at a reversal: cycles before, distance after, dela
 
 The load of a drive is $J a + o + \sum_j c_j\, s\, x_j(v)$: the columns $x_j$ of its friction law,
 weighted around reversals by $s$ (`FrictionCompensation.shares`: look-ahead, distance) and both of
-them `delay_cycles` late. The level of friction at low speeds is seen beside reversals only, where
-the weights act, so law and weights are found together: each trial of the three, and of the shape
-of a Stribeck curve, leaves a linear problem in the $c_j$ (variable projection).
+them `delay_cycles` late. Friction at low speeds is seen where the weights act, so both are found
+together: each trial of the three, and of a shape, leaves a linear problem in the $c_j$.
 """
 
 import dataclasses
@@ -123,10 +122,9 @@ def fit_reversal(
     """Find how the friction current changes over where the axis reverses, and the law with it.
 
     A Stribeck curve and a table per direction are tried, and the one taken that leaves least
-    (Bayesian information criterion). Every look-ahead and delay is tried at some distances
-    with a rough table; delays beside the best one are tried with both, and distance and
-    shape searched for what comes near the best. Samples beyond 6 standard deviations are
-    left out; what successive residuals have in common counts in the uncertainty.
+    (Bayesian information criterion). A rough table shows where the delay is; distance and shape
+    are searched beside it. Samples beyond 6 standard deviations are left out; what successive
+    residuals have in common counts in the uncertainty.
 
     Args:
         samples: The recording, one sample per cycle of the controller.
@@ -199,9 +197,8 @@ class _Search:
     def beside(self) -> Float[np.ndarray, "t c"]:
         """Columns beside friction: constant load, accelerations, further loads.
 
-        Where an axis reverses hard, a smoothed acceleration leaves more than the friction
-        is: around reversals those of the command, cycle by cycle, stand beside it. Elsewhere
-        they would stand in for viscous friction, as jerk and velocity of a sine are alike.
+        Around hard reversals a smoothed acceleration leaves much: there those of the command
+        stand beside it. Elsewhere they would stand in for viscous friction of a sine.
         """
         step = self.recording.samples.cycle
         acceleration = np.diff(self.velocity, prepend=self.velocity[:1]) / step

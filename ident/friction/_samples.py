@@ -30,12 +30,11 @@ class DriveSamples:
         acceleration: In mm/s², from the same filter; None for motion without it.
         current: In drive units, positive where the drive pushes in positive direction.
         instrument_velocity: A velocity free of measurement noise that moves alike, such as the
-            commanded one, in mm/s: it makes the fit consistent where the measured one is noisy.
+            commanded one, in mm/s.
         instrument_acceleration: Likewise in mm/s².
         loads: Further loads that enter linearly, by name, such as the sine of an arm's angle
             for its weight; any unit.
-        moving: Whether the axis moves; samples at rest say nothing of kinetic friction. Left
-            out: faster than a thousandth of the highest speed.
+        moving: Whether the axis moves; left out: faster than a thousandth of the highest speed.
         position: Measured, in mm; only the output-error fit needs it.
         unit: ``"mm"``, or ``"°"`` for a rotary axis: all lengths are in it.
     """
@@ -98,8 +97,7 @@ def check_samples(samples: DriveSamples) -> None:
     """Refuse what no fit can use.
 
     Raises:
-        FitError: If arrays are empty, differ in length, hold NaN, the clock runs backwards,
-            or the axis never moves.
+        FitError: If arrays differ in length, hold NaN, or show no motion.
     """
     count, msg = len(samples.time), ""
     arrays = vars(samples) | dict(samples.loads)

@@ -1,13 +1,11 @@
 r"""An axis in motion: a mass with friction under a measured force, and its sensitivities.
 
 $m\,\dot v = f - o - \mathrm{sign}(v)\,F(|v|)$ in semi-implicit steps: viscous friction acts at
-the new velocity, dry friction against the old one, for as long as it takes to stop the axis. For
-what is left of the step the axis either sticks or sets off the other way. There is no smoothed
-sign, and the path is continuous in every parameter, wherever in a step a reversal falls.
+the new velocity, dry friction against the old one until the axis stops; for what is left of the
+step it sticks or sets off the other way. The path is continuous in every parameter.
 
-The derivative is written by hand (`jax.custom_jvp`): each step is linearised for itself, all steps
-at once, and the tangents then follow a linear recursion. Differentiation through the loop would
-cost 25 times that, and take half a minute to compile.
+The derivative is written by hand (`jax.custom_jvp`): all steps are linearised at once, and the
+tangents follow a linear recursion, 25 times faster than differentiation through the loop.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,10 +38,8 @@ PARAMETERS = (
 """What every drive is made of, the last two as logarithms; shared, known or fitted."""
 COUNT = len(PARAMETERS)
 TOLERANCE, ROUGHLY = 3e-3, 0.1
-"""Change of the residuals, relative to their size, at which a search ends.
-
-The relative gain of cost is its square: 1e-5, and 1e-2 where only a start is sought.
-"""
+"""Change of the residuals, relative to their size, at which a search ends; the gain of cost is
+its square. Roughly: where only a start is sought."""
 _IPOPT_TOLERANCE = 1e-3
 """IPOPT ends where the cost stands still by 1e-7 of itself, as kinks leave a gradient."""
 _STEPS, _IPOPT_STEPS = 80, 50
@@ -95,10 +91,7 @@ class Excitation(eqx.Module):
 
 
 def padded(values: np.ndarray) -> np.ndarray:
-    """Return values with zeros (or False) behind, up to a power of two and at least 16 384.
-
-    Recordings of all lengths up to one of these meet the same compiled functions.
-    """
+    """Return values with zeros (or False) behind, up to a power of two and at least 16 384."""
     length = max(_SHORTEST, 1 << (len(values) - 1).bit_length())
     return np.concatenate([values, np.zeros(length - len(values), values.dtype)])
 

@@ -133,10 +133,7 @@ class AbstractStructure(abc.ABC):
     def falling(
         self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
     ) -> Float[np.ndarray, "c n t"]:
-        """Return the last column of one direction and its derivatives by each of some shapes.
-
-        The only column that follows the shape; none where none does.
-        """
+        """Return the one column that follows the shape, if any, and its derivatives by each."""
         return np.zeros((0, len(shapes), len(speed)))
 
     @property
@@ -359,11 +356,7 @@ def range_of(speed: Float[np.ndarray, " t"]) -> tuple[float, float]:
 
 
 def default_knots(speed: Float[np.ndarray, " t"], count: int) -> tuple[float, ...]:
-    """Return at most ``count`` knots in mm/s where the samples are.
-
-    Half of the weight goes to where the axis spends its time, half to even steps of the
-    logarithm, so that the bend near rest is not missed.
-    """
+    """Return at most ``count`` knots in mm/s: half of them by time, half by even logarithms."""
     speeds = np.sort(speed[speed > 0])
     # The slowest few samples are mostly what a filter made of a standstill.
     level = np.linspace(np.log(speeds[len(speeds) // 200]), np.log(speeds[-1]), _LEVELS)
