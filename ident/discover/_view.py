@@ -236,20 +236,6 @@ def _changing(view: AxisView) -> list[str]:
     return [name for name, values in view.data.temperature.items() if moving(values)]
 
 
-_LACKING = {
-    "position": ("the position of {} was not recorded", "{} did not move"),
-    "direction": (
-        "the direction of {} is not known",
-        "{} was read from one direction only",
-    ),
-    "velocity": ("no velocity of {} was recorded", "{} went at one velocity only"),
-    "acceleration": (
-        "no acceleration of {} was recorded, nor time to derive it from",
-        "{} did not accelerate",
-    ),
-}
-
-
 def _lacking(view: AxisView, term: Term) -> str:
     """Return why a recording cannot show a term, or nothing."""
     turning = [name for name in term.masters if name in view.data.modulo]
@@ -265,8 +251,10 @@ def _lacking(view: AxisView, term: Term) -> str:
             continue
         values = getattr(view.data, channel).get(subject)
         present = subject in view.span if channel == "position" else moving(values)
+        if values is None:
+            return f"no {channel} of {subject} is known"
         if not present:
-            return _LACKING[channel][values is not None].format(subject)
+            return f"{subject} was read at one {channel} only"
     return ""
 
 

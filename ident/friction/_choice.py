@@ -210,8 +210,15 @@ def choose_law(
     # Rows beside a window share samples with it by the filter.
     touched = np.stack([edges[:-1] - reach, edges[1:] + reach]).clip(0, len(window))
     cuts = np.unique(np.append(touched, [0, len(window)]))
-    fits: dict[AbstractStructure, FrictionFit] = {}
+    candidates: list[Candidate] = []
     held: dict[AbstractStructure, tuple[Laws, np.ndarray]] = {}
+    counts = np.add.reduceat(recording.usable * 1.0, edges[:-1])
+
+    def squares(error: np.ndarray) -> np.ndarray:
+        """Return the sums of squares of errors over the windows, relative to the load."""
+        square = recording.usable * np.minimum(error**2, weights.limit**2)
+        return np.add.reduceat(square / recording.load_size**2, edges[:-1])
+
     with one_blas_thread():
         weights, near = weigh(recording, loss, cuts), None
         for kind in structures or _default_structures(recording):
@@ -223,26 +230,16 @@ def choose_law(
             # Where the data do not carry a law, the simpler one speaks for it.
             if fit.structure not in held:
                 held[fit.structure] = _hold_out(fit, weights, window, touched)
-            fits[kind] = fit
-    scores = [held[fit.structure] for fit in fits.values()]
-    held_out = [score[1] for score in scores]
-    residual = np.array([*held_out, *(fit.error for fit in fits.values())])
-    size = recording.load_size
-    square = recording.usable * np.minimum(residual**2, weights.limit**2) / size**2
-    counts = np.add.reduceat(recording.usable * 1.0, edges[:-1])
-    squares = np.add.reduceat(square, edges[:-1], axis=1)
-    errors = np.sqrt(squares[: len(fits)] / counts)
-    fitted = np.sqrt(squares[len(fits) :].sum(axis=1) / counts.sum())
-    results = zip(fits.items(), scores, errors, fitted, strict=True)
-    candidates = tuple(
-        Candidate(kind if fit.missing else fit.structure, fit, laws, error, float(rms))
-        for (kind, fit), (laws, _), error, rms in results
-    )
+            without, error = held[fit.structure]
+            errors = np.sqrt(squares(error) / counts)
+            fitted = float(np.sqrt(squares(fit.error).sum() / counts.sum()))
+            structure = kind if fit.missing else fit.structure
+            candidates.append(Candidate(structure, fit, without, errors, fitted))
     # Each sample belongs to the window of the nearest row.
     centres = recording.lowpass.centres
     between = 0.5 * (centres[1:] + centres[:-1])
     window = window[np.searchsorted(between, np.arange(len(samples.time)))]
-    return Choice(candidates, window)
+    return Choice(tuple(candidates), window)
 
 
 def _wavers(fit: FrictionFit) -> bool:

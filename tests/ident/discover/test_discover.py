@@ -328,7 +328,7 @@ def test_one_direction_only_leaves_backlash_unseen(virtual: ModuleType) -> None:
     found = discover(forth, ("X",))
     assert named(found) == {("leadscrew", "X", ())}
     why = {one.compensation: one.reason for one in found.rejected}["backlash"]
-    assert why == "could not be looked for: X was read from one direction only"
+    assert why == "could not be looked for: X was read at one direction only"
 
 
 @pytest.mark.parametrize("differ", [False, True])
