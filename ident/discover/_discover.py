@@ -34,14 +34,8 @@ from ._view import Channel, candidates_of, late_terms, view_of
 
 _LEAST = 20
 """Readings of an axis, below which nothing can be told from chance."""
-_UNSURE = 0.3
-"""Share of the resamples from which on a term is named though it is not taken."""
 _WORTH_WORDS = 0.5
 """Standard deviations of a reading below which what stays is not spoken of."""
-_CANCELLED = 0.005
-"""Share of the error below which an effect takes from others what it adds."""
-_ALIKE = 0.9
-"""Share of a drift that a temperature follows, from which on it is no sign of the latter."""
 _SLOW = 2e-3
 """Share of the fastest speed below which friction is not kinetic."""
 _MOVING = 200
@@ -155,10 +149,7 @@ def _found(chosen: Selection, need: Need, group: str | None) -> Found:
     if need.lead.kind in PUSHES:
         along = f" from {need.masters[0]}"
     sentence = f"{name} of {axis}{along}: {amount(chosen, rms)} rms,"
-    part = f"{share:.0%} of the {chosen.view.channel}"
-    if share < _CANCELLED:
-        part = "against what else was found"
-    sentence += f" {part}. {need.words}"
+    sentence += f" {share:.0%} of the {chosen.view.channel}. {need.words}"
     stability = float(min(chosen.frequency[chosen.index(need.terms)]))
     return Found(
         axis=axis, masters=need.masters, rms=rms, share=share, unit=chosen.view.unit,
@@ -234,8 +225,7 @@ def _rejected(
     used = {term for need in needs for term in need.terms}
     used |= {term for others in confusion.others.values() for term in others}
     frequency = dict(zip(chosen.design.terms, chosen.frequency.tolist(), strict=True))
-    drift = confusion.drift
-    likely = drift is not None and not drift.known and drift.alike >= _ALIKE
+    likely = confusion.drift is not None and confusion.drift.imitated
     reasons: dict[tuple[str, tuple[str, ...], str | None], str] = {}
     for term in chosen.looked:
         name, share = term.facts.compensation, frequency.get(term, 0.0)
@@ -251,10 +241,8 @@ def _rejected(
             reason = "cannot be seen beside what was found: they change together"
         elif share >= STABLE:
             reason = "no more of it than chance gives, or than others explain"
-        elif share >= _UNSURE:
-            reason = f"seen in {share:.0%} of the resamples only"
         elif share > 0:
-            reason = "smaller than what is worth a compensation"
+            reason = f"seen in {share:.0%} of the resamples only"
         reasons.setdefault((name, term.masters, term.sensor), reason)
     for (name, masters, sensor), reason in reasons.items():
         yield Rejected(name, axis, masters, sensor, reason)

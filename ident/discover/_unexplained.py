@@ -88,9 +88,14 @@ class AgainstDrift:
         return self.gain >= BEYOND_CHANCE and self.instead < _INSTEAD
 
     @property
+    def imitated(self) -> bool:
+        """Whether the drift may well be the temperature's."""
+        return not self.known and self.alike >= _ALIKE
+
+    @property
     def doubtful(self) -> bool:
         """Whether it may be the temperature as well as the drift, and is no small thing."""
-        likely = max(self.instead - _INSTEAD, self.alike - _ALIKE) >= 0.0
+        likely = self.imitated or self.instead >= _INSTEAD
         return likely and not self.known and not self.slight
 
     @property

@@ -245,8 +245,7 @@ def choose_law(
 def _wavers(fit: FrictionFit) -> bool:
     """Return whether a table rises and falls again and again over the speed.
 
-    Friction falls and rises once. Between speeds that were held a table follows what the
-    ramps show of a motion that is not quite the true one.
+    Friction falls and rises once; a table may follow errors of the motion between its speeds.
     """
     if not isinstance(fit.structure, KnotTable):
         return False

@@ -348,9 +348,9 @@ def _best(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit, 
     odds /= odds.sum()
     columns = search.columns(tuple(best.shape))
     law_factors = factors[: columns.shape[1]]
-    steady, place = columns @ law_factors, np.arange(len(keep)) - best.delay
-    acting = search.share(best.distance)[best.lookahead, np.maximum(place, 0)]
-    delayed = np.where(place >= 0, acting * steady[np.maximum(place, 0)], 0.0)
+    steady = columns @ law_factors
+    acting = search.share(best.distance)[best.lookahead] * steady
+    delayed = np.pad(acting, (best.delay, 0))[: len(acting)]
     result = ReversalFit(
         lookahead=best.lookahead,
         position_delay=best.distance,
