@@ -60,8 +60,8 @@ _COARSE = 24
 """Periods per travel up to which the features hold them."""
 _FINEST = 0.25
 """Cycles per bin up to which a period is looked for."""
-_MOST_NODES = 1000
-"""Entries of a table over one position that every build has."""
+_PER_PERIOD = 6.0
+"""Entries of a table that follow a period."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -360,25 +360,18 @@ def wandering_runs(chosen: Selection) -> Iterator[Unexplained]:
 def ripples(chosen: Selection) -> Iterator[Unexplained]:
     """Yield the strongest period of an error over each position that a table is too coarse for."""
     view = chosen.view
-    for master, (low, high) in view.span.items():
+    for master, (low, high) in view.span.items() if view.channel == "error" else ():
         is_own, unit = master == view.axis, view.data.unit(master)
         turns, amplitude = _ripple(chosen, master)
-        if view.channel != "error" or not turns:
+        if not turns:
             continue
         rms, period = amplitude / float(np.sqrt(2.0)), (high - low) / turns
+        nodes = int(np.ceil(_PER_PERIOD * turns)) + 1
         sentence = (
-            f"The error of {view.axis} repeats every {period:.4g} {unit} of"
-            f" {master} ({amount(chosen, rms)} rms),"
+            f"The error of {view.axis} repeats every {period:.4g} {unit} of {master}"
+            f" ({amount(chosen, rms)} rms), finer than a table that follows the rest:"
+            f" one of {nodes} nodes would hold it, where a list may have that many."
         )
-        # Six entries per period follow it.
-        nodes = int(np.ceil(6.0 * turns)) + 1
-        finer = f" finer than a table that follows the rest: it takes {nodes} nodes,"
-        if nodes <= _MOST_NODES:
-            kind = (Kind.OWN if is_own else Kind.LINE).value.compensation
-            sentence += f"{finer} so a {kind} table of that many would hold it."
-        else:
-            most = f" more than the {_MOST_NODES} that a list has by default."
-            sentence += finer + most
         label = f"periodic error of {view.axis} over {master}"
         yield stays(chosen, label, () if is_own else (master,), rms, sentence)
 

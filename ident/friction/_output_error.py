@@ -144,8 +144,9 @@ def laws_held_out(
                 loss=loss,
                 decimate=whole.equation.recording.factor,
             )
-            given = {"guess": guess, "samples": samples, "rows": rows, "solver": solver}
-            task = dataclasses.replace(fit.task, **given)
+            task = dataclasses.replace(
+                fit.task, guess=guess, samples=samples, rows=rows, solver=solver
+            )
             # Of many bottoms along the valley, one that is no worse than that of all.
             starts = task.guessed, dataclasses.replace(task, guess=whole).guessed
             other = task.fit(min(starts, key=task.misfit)).friction
