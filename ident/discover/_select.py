@@ -173,9 +173,9 @@ class Selection:
     @cached_property
     def runs(self) -> Float[np.ndarray, " t"]:
         """What offsets of runs and a drift contribute to each reading."""
-        columns, values = self.columns.runs, self.groups.values
-        end = len(values) - self.columns.drift.shape[1]
-        return np.asarray(columns @ values[end - columns.shape[1] : end] + self.drift)
+        columns = np.hstack([self.columns.runs, self.columns.drift])
+        values = self.groups.values
+        return np.asarray(columns @ values[len(values) - columns.shape[1] :])
 
     def part(self, term: Term) -> Float[np.ndarray, " t"]:
         """Return what a term contributes to each reading."""

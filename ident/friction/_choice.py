@@ -297,13 +297,8 @@ def _hold_out(
 ) -> tuple[Laws, Float[np.ndarray, " s"]]:
     """Return what a law is without each window, and the error of each row when held out.
 
-    Solved by the sums of all rows less those near the window.
-
-    Args:
-        fit: By all rows; the law is taken as linear in its shape about it.
-        weights: Of the rows.
-        window: Of each row.
-        touched: First row, and row behind the last, that share samples with each window.
+    Solved by the sums of all rows, linear in the shape, less those that share samples with the
+    window (``touched``: the first of them, and the row behind the last).
     """
     equation, shape, size, rows = fit.equation, fit.shape, len(fit.state), fit.rows
     begins, (first, end) = rows.cuts[:-1], touched[:, :, None]

@@ -126,13 +126,9 @@ def fit_competing(
 def _not_gauss(
     fit: FrictionFit, free: Equation, weights: Weights, shape: Float[np.ndarray, " h"]
 ) -> bool:
-    """Return whether the rows ask for another exponent than `GAUSS` (score test).
+    """Return whether the rows ask for another exponent than `GAUSS`, that of a fit (score test).
 
-    Args:
-        fit: With that exponent.
-        free: Equation of the law with any exponent.
-        weights: Of the rows.
-        shape: Of the law with any exponent that is that of the fit.
+    ``free`` is the equation of the law with any exponent, and ``shape`` that of the fit in it.
     """
     columns = np.hstack([fit.rows.right, free.slopes(shape, fit.state)[:, -1:]])
     rows = View(free, weights, shape).rows(columns)

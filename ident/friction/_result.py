@@ -14,7 +14,6 @@ from ._equation import Equation
 from ._structures import GAUSS, SUFFIXES, AbstractStructure, Stribeck
 from ._weights import Rows, rooted
 
-METHOD = "inverse dynamic fit"
 _ONE_WAY = "no motion in this direction was recorded"
 _LEVEL = "only its sum with a constant load is seen"
 _CONFUSED = "the motion does not tell it from the others"
@@ -66,7 +65,7 @@ class FrictionFit:
     converged: bool
     at_bound: Bool[np.ndarray, " h"]
     missing: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    method: str = METHOD
+    method: str = "inverse dynamic fit"
     given: Float[np.ndarray, "m m"] | None = None
     assumed: bool = False
 
@@ -229,11 +228,6 @@ class FrictionFit:
             if name not in self.undetermined
         }
 
-    @property
-    def parted(self) -> bool:
-        """Whether the offset was parted from a difference of levels by a gauge."""
-        return self.structure.directional
-
     @cached_property
     def undetermined(self) -> dict[str, str]:
         """What the data cannot say: name → reason."""
@@ -261,7 +255,9 @@ class FrictionFit:
                 continue
             if name.endswith(SUFFIXES) and not recorded[name.endswith(SUFFIXES[1])]:
                 reasons[name] = _ONE_WAY
-            elif not all(recorded) and (unknown or (self.parted and name == "offset")):
+            elif not all(recorded) and (
+                unknown or (self.structure.directional and name == "offset")
+            ):
                 reasons[name] = _LEVEL
             elif unknown:
                 reasons[name] = _CONFUSED
@@ -281,11 +277,12 @@ class FrictionFit:
         """Sentences on what can only be told together."""
         fixed, structure = self.equation.fixed_names, self.structure
         recorded = self.equation.recording.samples.directions
-        if not self.parted and all(recorded):
+        parted = structure.directional
+        if not parted and all(recorded):
             return ()
         mean = structure.levels / structure.levels.sum()
         levels = self.state[len(fixed) :].reshape(structure.ways, -1) @ mean
-        offset = 0.0 if self.parted else self.state[fixed.index("offset")]
+        offset = 0.0 if parted else self.state[fixed.index("offset")]
         parts = [f"level⁺ + offset = {levels[0] + offset:.4g}"] * recorded[0]
         parts += [f"level⁻ − offset = {levels[-1] - offset:.4g}"] * recorded[1]
         rule = "; the offset is chosen so that both levels are equal"

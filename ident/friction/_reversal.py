@@ -150,14 +150,13 @@ def fit_reversal(
     if msg:
         raise FitError(msg)
     rows, share = _rows(samples, position, starts), share_of(position, velocity)
-    recorded = position, velocity, *rows, share
+    recorded = velocity, *rows, share
     kinds = Stribeck(True), KnotTable(True, recording.knots)
     with one_blas_thread():
         # A rough table shows where the delay is, whatever the law.
         coarse = KnotTable(True, default_knots(recording.speed, _ROUGH))
         rough = _Search(recording, coarse, *recorded)
-        mask = np.isin(np.arange(len(position)), np.concatenate(rows))
-        table = rough.grid(np.zeros(0), mask, range(_MOST_DELAY + 1))
+        table = rough.grid(np.zeros(0), rows[0] | rows[1], range(_MOST_DELAY + 1))
         delays = _beside(int(np.argmin(table.min(axis=(0, 2)))))
         searches = (_Search(recording, kind, *recorded) for kind in kinds)
         passes = [_best(search, len(starts), delays) for search in searches]
@@ -187,10 +186,9 @@ class _Search:
 
     recording: Recording
     structure: AbstractStructure
-    position: Float[np.ndarray, " t"]
     velocity: Float[np.ndarray, " t"]
-    near: Int[np.ndarray, " n"]
-    far: Int[np.ndarray, " f"]
+    near: Bool[np.ndarray, " t"]
+    far: Bool[np.ndarray, " t"]
     share: Callable[[float], Float[np.ndarray, "l t"]]
 
     @cached_property
@@ -288,8 +286,8 @@ def _rows(
     samples: DriveSamples,
     position: Float[np.ndarray, " t"],
     starts: Int[np.ndarray, " r"],
-) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " f"]]:
-    """Return the samples around reversals, and the others in motion."""
+) -> tuple[Bool[np.ndarray, " t"], Bool[np.ndarray, " t"]]:
+    """Return which samples are around reversals, and which others in motion."""
     around, near = np.zeros((2, len(position)), bool)
     stride = -(-len(starts) // _REVERSALS)
     ends = np.append(starts[1:], len(position))
@@ -302,8 +300,7 @@ def _rows(
         near[span] |= number % stride == 0
     good = ~samples.saturated
     good[:_MOST_DELAY] = False
-    far = good & ~around & samples.in_motion
-    return np.flatnonzero(near & good), np.flatnonzero(far)
+    return near & good, good & ~around & samples.in_motion
 
 
 def _beside(delay: int) -> range:
@@ -313,8 +310,8 @@ def _beside(delay: int) -> range:
 
 def _best(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit, float]:
     """Return the best setting and what it says, wild samples left out, and its criterion."""
-    use = np.union1d(search.near, search.far)
-    keep = np.isin(np.arange(len(search.position)), use)
+    keep = search.near | search.far
+    use = np.flatnonzero(keep)
     shape = search.structure.bounds(range_of(np.abs(search.velocity[use]))).mean(axis=0)
     # A first pass finds the wild samples and the shape, the second does without them.
     table = search.grid(shape, keep, delays)
@@ -332,7 +329,7 @@ def _best(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit, 
     if best.distance < _NOTHING:
         best = dataclasses.replace(best, distance=0.0)
     factors, error = search.solve(best, use)
-    around = np.isin(use, search.near)
+    around = search.near[use]
     # Successive residuals have something in common: fewer of them count as independent.
     common = float(error[1:] @ error[:-1]) / max(float(error @ error), 1e-300)
     common = min(max(common, 0.0), 0.98)

@@ -334,13 +334,8 @@ def solve(
 ) -> tuple[Float[np.ndarray, " 10"], bool]:
     """Return where a solver ends, and whether it converged.
 
-    Args:
-        problem: What is to be solved.
-        start: Where the search begins.
-        tolerance: Of optimistix: `TOLERANCE` or `ROUGHLY`.
-        solver: Which one.
-        constraints: Inequalities to keep, by IPOPT.
-        rounds: How often optimistix begins anew at most, where much was gained.
+    Only IPOPT keeps constraints; optimistix has the tolerance `TOLERANCE` or `ROUGHLY` and
+    begins at most so many rounds, where much was gained.
     """
     if solver == "ipopt":
         low, high = (np.asarray(array) for array in problem.limits)

@@ -162,7 +162,7 @@ def law_curve(result: Identified, samples: DriveSamples) -> LawCurve | None:
     # table says nothing, that of a law is used while it is known better than both differ.
     common, sums = np.zeros(len(speed)), fit.friction(signed).reshape(2, -1).sum(axis=0)
     overlap = weight * share * (1.0 - share)
-    if fit.parted and overlap.any():
+    if fit.structure.directional and overlap.any():
         overlap /= overlap.sum()
         differing = 0.5 * np.sqrt(overlap @ (sums - overlap @ sums) ** 2)
         sd = fit.standard_deviations.get("offset", np.inf)
