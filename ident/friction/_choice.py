@@ -249,8 +249,7 @@ def _wavers(fit: FrictionFit) -> bool:
     """
     if not isinstance(fit.structure, KnotTable):
         return False
-    for way in (1.0, -1.0):
-        table = fit.friction(way * np.asarray(fit.structure.knots))
+    for table in fit.factors.reshape(fit.structure.ways, -1):
         least = _WAVE * float(np.sqrt(np.mean(table**2)))
         turns = (find_peaks(sign * table, prominence=least)[0] for sign in (1.0, -1.0))
         if sum(map(len, turns)) > _TURNS:

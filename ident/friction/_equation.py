@@ -81,15 +81,15 @@ class Lowpass:
         filtered, kernel = [np.zeros((0, columns.shape[1]))], self._kernel
         length, step = kernel.shape[1], _TOGETHER * self.factor
         for run in self._runs:
-            count = len(
-                range(run.start, run.stop - 2 * _REACH * self.factor, self.factor)
-            )
-            # Zeros behind the end fill up the last rows that are filtered together.
-            stretch = np.pad(columns[run], ((0, step), (0, 0)))
-            view = sliding_window_view(stretch, length, axis=0)[::step]
-            rows = kernel @ view.transpose(0, 2, 1)
-            rows = rows.reshape(len(rows) * _TOGETHER, columns.shape[1])
-            filtered.append(rows[:count])
+            stretch = columns[run]
+            count = len(range(0, len(stretch) - 2 * _REACH * self.factor, self.factor))
+            blocks, extra = divmod(count, _TOGETHER)
+            if blocks:
+                view = sliding_window_view(stretch, length, axis=0)[::step][:blocks]
+                rows = kernel @ view.transpose(0, 2, 1)
+                filtered.append(rows.reshape(blocks * _TOGETHER, stretch.shape[1]))
+            reach = length - (_TOGETHER - extra) * self.factor
+            filtered.append(kernel[:extra, :reach] @ stretch[blocks * step :][:reach])
         return np.concatenate(filtered)
 
 
