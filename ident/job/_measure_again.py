@@ -13,9 +13,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...data.errors import AxcompError
 from ...data.files import sha256, write_atomically
 from ...data.lists import ListFile
+from ..core import FitError, regress
 from ..exchange import ExchangeError, StoredConventions, read_conventions
 from ..kinds import kind
 from ..proof import Diagnosis, diagnose, not_judged
@@ -30,6 +33,7 @@ from .write._lists import AxisFiles
 _CONVENTIONS = "conventions.toml"
 """Name in the output folder, where the job names no file of its machine."""
 _FACTORS = {
+    1.0: ("right", "the list adds what it says", 1),
     -1.0: ("sign", "added with opposite sign", -1),
     0.0: (
         "wrong axis",
@@ -37,6 +41,10 @@ _FACTORS = {
         0,
     ),
     2.0: ("twice", "added twice", 1),
+    **{
+        times: ("unit", f"added {times:g} times as large as the list says", 1)
+        for times in (0.1, 10.0, 25.4, 100.0, 1000.0)
+    },
 }
 """What a list is, by how many times it acts, and the sign with which it does."""
 _NEAR = 0.1
@@ -147,9 +155,8 @@ def measure_again(
     measured = errors_in(tables)
     # A fit of a group is compared as the group as a whole.
     sums = {axis.axis: axis.error for group in result.groups for axis in group.axes}
-    fits = []
+    found: list[SecondMeasurement | None] = []
     for draft, fit in zip(drafts, result.fits, strict=True):
-        diagnosis = diagnoses.get((fit.axis_number, fit.compensation))
         readings = None
         names = [name for name, axes in measured.items() if fit.axis in axes]
         names = [name for name in draft.fit.sources if name in names] or names
@@ -170,9 +177,22 @@ def measure_again(
                 )
             except AxcompError as error:
                 remarks.append(Remark.warning(f"Not measured again: {error}"))
+        found.append(readings)
+    figures_of = [
+        fit.error if fit.group is None else sums.get(fit.axis, fit.error)
+        for fit in result.fits
+    ]
+    left = {
+        fit.axis: figures["predicted"].sound.rms
+        for fit, figures in zip(result.fits, figures_of, strict=True)
+        if "predicted" in figures
+    }
+    found = _with_factors(result.fits, found, left)
+    fits = []
+    for fit, readings, figures in zip(result.fits, found, figures_of, strict=True):
+        diagnosis = diagnoses.get((fit.axis_number, fit.compensation))
         again = None
         if readings is not None or diagnosis is not None:
-            figures = fit.error if fit.group is None else sums.get(fit.axis, fit.error)
             before, predicted = (figures[k].sound.rms for k in ("before", "predicted"))
             diagnosis = _turned(diagnosis, readings)
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
@@ -210,6 +230,47 @@ def _beside(fit: AbstractResult, fits: Sequence[AbstractResult]) -> AbstractResu
     return dataclasses.replace(fit, again=dataclasses.replace(again, beside=wrong))
 
 
+def _with_factors(
+    fits: Sequence[AbstractResult],
+    found: Sequence[SecondMeasurement | None],
+    predicted: Mapping[str, float],
+) -> list[SecondMeasurement | None]:
+    """Return readings with how many times each of several lists of an axis acts.
+
+    What all lists of an axis add is the negative of its error as it was fitted: what is left
+    of it in the second measurement is how much more or less each of them adds. That counts
+    where nothing else is left: a list that acts in a part only is no factor.
+
+    Args:
+        fits: As the first job has them.
+        found: Readings of each.
+        predicted: What the lists of each axis are to leave, rms in mm or °.
+    """
+    result = list(found)
+    for axis in dict.fromkeys(fit.axis for fit in fits):
+        own = {
+            k: (one, one.adds)
+            for k, (fit, one) in enumerate(zip(fits, found, strict=True))
+            if fit.axis == axis and one is not None and one.adds is not None
+        }
+        if len(own) < 2 or len({len(adds) for _, adds in own.values()}) > 1:
+            continue
+        error = next(iter(own.values()))[0].error
+        adds = [adds for _, adds in own.values()]
+        columns = np.stack([np.ones(len(error)), *adds], axis=1)
+        with contextlib.suppress(FitError):
+            fitted = regress(columns, error, loss="gauss")
+            rest = error - columns @ fitted.coefficients
+            if np.std(rest) > LESS * predicted[axis]:
+                continue
+            factors = 1.0 + fitted.coefficients[1:], fitted.standard_deviation[1:]
+            for k, value, deviation in zip(
+                own, *map(np.ndarray.tolist, factors), strict=True
+            ):
+                result[k] = dataclasses.replace(own[k][0], factor=(value, deviation))
+    return result
+
+
 def _turned(
     diagnosis: Diagnosis | None, readings: SecondMeasurement | None
 ) -> Diagnosis | None:
@@ -218,11 +279,13 @@ def _turned(
     if diagnosis is None or diagnosis.verdict != "cannot tell" or factor is None:
         return diagnosis
     value, deviation = factor
-    for times, (verdict, words, sign) in _FACTORS.items():
-        if abs(value - times) <= _NEAR and 3.0 * deviation <= _NEAR:
-            return dataclasses.replace(
-                diagnosis, verdict=verdict, value=value, sentence=words, sign=sign
-            )
+    times = min(_FACTORS, key=lambda each: abs(value - each))
+    near = _NEAR * (abs(times) or 1.0)
+    if abs(value - times) <= near and 3.0 * deviation <= near:
+        verdict, words, sign = _FACTORS[times]
+        return dataclasses.replace(
+            diagnosis, verdict=verdict, value=value, sentence=words, sign=sign
+        )
     # Readings at standstill see a temperature line as a constant.
     words = (
         f"cannot tell: what it does is {value:.2g} ± {deviation:.1g} times what it says"

@@ -142,6 +142,8 @@ class SecondMeasurement:
             None: they have all that it has.
         near: A place where its readings agree that far more is left, in words; empty: none.
         trend: Constant and slopes of these readings, where they are large; else None.
+        adds: What the list adds at each of these readings in mm or °, from which is told how
+            many times it acts; None: where only a diagnosis can tell that.
         factor: How many times it acts, and its standard deviation, where these readings
             show that by themselves; None likewise.
     """
@@ -157,6 +159,7 @@ class SecondMeasurement:
     way: int | None = None
     near: str = ""
     trend: LeftTrend | None = None
+    adds: Float[np.ndarray, " t"] | None = None
     factor: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:

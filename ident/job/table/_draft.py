@@ -201,6 +201,7 @@ class TableDraft(AbstractDraft):
             readings.direction if along else None,
             readings.run if run_table(readings, table) is not None else None,
             added=float(np.std(added)),
+            adds=added,
             near=near,
             trend=trend_left(again, plan, readings.positions, error),
             part=part_of(fit.over, self.readings.positions, readings.positions, turn),

@@ -182,6 +182,7 @@ class TemperatureDraft(AbstractDraft):
             place[finite, None],
             error - zero,
             added=float(np.std(predicted)),
+            adds=-predicted,
             factor=factor,
         )
 

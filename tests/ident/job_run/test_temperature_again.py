@@ -143,3 +143,43 @@ def test_a_copy_of_the_job_with_the_line_active_verifies_it(
     sentence = headline_of(found, Scale("mm", "µm")).sentence
     assert sentence.startswith(words)
     assert ("what it does is 0.1" in sentence) == (acts < 1.0)
+
+
+@pytest.mark.parametrize(
+    ("screw", "line", "said"),
+    [
+        (1.0, 1.0, ("verified", "verified")),
+        (-1.0, 1.0, ("sign", "beside")),
+        (1.0, 0.0, ("beside", "wrong axis")),
+        (10.0, 1.0, ("unit", "beside")),
+    ],
+)
+def test_of_a_table_beside_a_temperature_line_the_wrong_one_is_named(
+    screw: float, line: float, said: tuple[str, str], tmp_path: Path
+) -> None:
+    out, group = tmp_path / "out", 'group = "g"\n'
+    pitch = 0.006 * np.sin(PLACE / 60.0)
+    table = (
+        '[[fits]]\ncompensation = "leadscrew"\naxis = "X"\nmeasurement = "m"\n'
+        f"start = 0.0\ninterval = 100.0\npoints = 5\n{group}"
+    )
+    job = write(tmp_path, "job", GROWTH + pitch, "[]", f"{FIT}{group}{table}")
+    assert main(["fit", str(job), "--out", str(out)]) == 0
+    law = np.loadtxt(out / "temperature_X.csv", delimiter=",", skiprows=1)
+    offset, slope = (np.interp(WARM, law[:, 0], law[:, k]) for k in (1, 2))
+    fits = json.loads((out / "result.json").read_text())["fits"]
+    one, other = sorted(fits, key=lambda fit: str(fit["compensation"]))
+    warm = offset + 1e-6 * slope * (PLACE - other["parameters"]["position_0"])
+    entries = np.array(one["parameters"]["table"]["pos"], float)
+    left = GROWTH + pitch + line * warm
+    left -= screw * np.interp(
+        PLACE, np.arange(5) * 100.0, entries
+    )  # what it stands for
+    after = write(tmp_path, "after", left, '["leadscrew", "temperature"]', "")
+    main(["fit", str(job), "--out", str(out), "--after", str(after)])
+    found = json.loads((out / "result.json").read_text())["fits"]
+    reasons = [
+        fit["reasons"][0]
+        for fit in sorted(found, key=lambda fit: str(fit["compensation"]))
+    ]
+    assert tuple(each.get("verdict", each["code"]) for each in reasons) == said
