@@ -18,11 +18,17 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..core import FitError, Loss, Stack, Sums, leave_one_out, one_blas_thread, sums_of
-from ._checks import Extent, Smoothness, check_layout, check_smoothness
 from ._reconsider import crowded
 from ._result import NONE_LEFT_OUT, Judged, fold_of, result_of
 from ._table import TOO_MANY, estimate_table
-from ._types import Samples, TableFit, TableLayout
+from ._types import (
+    Extent,
+    Samples,
+    Smoothness,
+    TableFit,
+    TableLayout,
+    check_smoothness,
+)
 
 Part = Callable[[], Iterable[Samples]]
 """Yields the same readings, piece by piece, every time it is called."""
@@ -111,7 +117,7 @@ def fit_streamed(
         FitError: If the readings do not determine a table, an option is unknown, or all
             readings are of one group.
     """
-    check_layout(layout)
+    layout.check()
     check_smoothness(smoothness)
     pieces = (piece.error for part in parts for piece in part())
     first = next((error for error in pieces if len(error)), np.zeros(1))

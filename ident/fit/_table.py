@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, final
 
 import numpy as np
@@ -17,7 +18,6 @@ from ..core import (
     Loss,
     Pass,
     Problem,
-    Readings,
     Stack,
     TableEffect,
     estimate,
@@ -27,12 +27,18 @@ from ..core import (
     sums_of,
 )
 from ..core._posterior import FILL, Vector
-from ._checks import Extent, Smoothness, check_layout, check_smoothness
 from ._once import judge_once
 from ._reconsider import at_medians, crowded, reconsidered
 from ._result import NONE_LEFT_OUT, Judged, far_runs, residual_of, result_of
 from ._steps import Steps
-from ._types import Samples, TableFit, TableLayout
+from ._types import (
+    Extent,
+    Samples,
+    Smoothness,
+    TableFit,
+    TableLayout,
+    check_smoothness,
+)
 
 _THIN = 20_000
 """Readings that tell their spread."""
@@ -82,13 +88,11 @@ def fit_table(
     Raises:
         FitError: If the readings cannot determine the table or an option is unknown.
     """
-    check_layout(layout)
+    layout.check()
     extent = Extent.of(layout, samples)
     check_smoothness(smoothness)
-    labels, steps = _runs(samples, run_effects), _steps(samples)
-    drift, ignored = run_effects == "drift", tuple(floating)
     fit_to = _InMemory(
-        layout, samples.readings, labels, smoothness, drift, allow_gaps, steps, ignored
+        layout, samples, smoothness, run_effects, allow_gaps, tuple(floating)
     )
     extent.check(layout, fit_to.stack(()).free, allow_gaps)
     with one_blas_thread():
@@ -115,14 +119,8 @@ def fit_values(
 ) -> Float[np.ndarray, "..."]:
     """Return the node values that minimise the penalised squares, and nothing else.
 
-    The fast path for very many readings; `axcomp.fit_linear` gives derivatives.
-
-    Args:
-        layout: Where the nodes lie.
-        positions: In mm or °, columns in the order of `TableLayout.nodes`.
-        error: Readings in mm or °.
-        smoothness: As for `fit_table`, but not ``"auto"``.
-        branch: 0 or 1 per reading for a table with two directions.
+    The fast path for very many readings; `axcomp.fit_linear` gives derivatives. Readings as of
+    `Samples`, smoothness as for `fit_table`, but not ``"auto"``.
 
     Raises:
         FitError: If the readings do not determine the table.
@@ -144,7 +142,7 @@ def estimate_table(
     first: Float[np.ndarray, " t"],
     smoothness: Smoothness,
     loss: str,
-    start: Callable[[float], Float[np.ndarray, " r"]] | None = None,
+    start: Vector | None = None,
     near: Estimate | None = None,
     step: float = 0.0,
 ) -> Estimate:
@@ -153,28 +151,30 @@ def estimate_table(
     Args:
         stack: The table, and effects of runs beside it where there are any.
         over: Pass over the readings.
-        first: All readings, or the first piece of them: they tell where to begin, and the
-            smallest scatter to believe in.
+        first: All readings, or the first piece of them: they tell the smallest scatter to
+            believe in.
         smoothness: As for `fit_table`.
         loss: As for `fit_table`.
-        start: Effects of runs to begin with, for the level of the table.
+        start: Unknowns to begin with; None: a table at the level of the first readings.
         near: Where to begin, if not there.
         step: Of the instrument, in mm or °: a reading that is off by one is none that is wild.
 
     Raises:
         FitError: If the readings do not determine the unknowns or the loss is unknown.
     """
-    level = float(np.median(first[:_FIRST]))
-    values = np.full(stack.effects[0].size, level)
-    if start is not None:
-        values = np.concatenate([values, start(level)])
+    if start is None:
+        start = np.full(stack.size, _level(first))
     weights = None
     if not isinstance(smoothness, str):
         weights = fixed_weights(smoothness, stack.effects[0].prior.names)
     floor = max(floor_of(first), step)
     return estimate(
-        stack, over, loss=loss, weights=weights, floor=floor, start=values, near=near
+        stack, over, loss=loss, weights=weights, floor=floor, start=start, near=near
     )
+
+
+def _level(error: Float[np.ndarray, " t"]) -> float:
+    return float(np.median(error[:_FIRST]))
 
 
 def floor_of(error: Float[np.ndarray, " t"]) -> float:
@@ -191,10 +191,8 @@ def fixed_weights(
 ) -> Callable[[Problem], Float[np.ndarray, " k"]]:
     """Return the weights that were asked for, given the sums.
 
-    Args:
-        smoothness: Of each term by its name, or of all second differences, without fourth ones.
-            Second differences that are given none fill gaps.
-        names: Of the terms.
+    Of each term by its name, or of all second differences, without fourth ones. Second
+    differences that are given none fill gaps.
     """
 
     def weights(problem: Problem) -> Float[np.ndarray, " k"]:
@@ -211,21 +209,46 @@ def fixed_weights(
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class _InMemory:
-    """A fit of readings in memory; a call makes it by one loss."""
+    """A fit of readings in memory, by the arguments of `fit_table`; a call makes it by one loss."""
 
     layout: TableLayout
-    readings: Readings
-    labels: Int[np.ndarray, " r"]
+    samples: Samples
     smoothness: Smoothness
-    drift: bool
+    run_effects: str
     allow_gaps: bool
-    steps: Steps
     floating: tuple[int, ...]
+
+    @cached_property
+    def labels(self) -> Int[np.ndarray, " r"]:
+        """Runs that have effects of their own."""
+        effects, samples = self.run_effects, self.samples
+        if effects not in ("none", "offset", "drift"):
+            msg = (
+                f"run_effects: found {effects!r}, expected 'none', 'offset' or 'drift'."
+            )
+            raise FitError(msg)
+        if effects == "none":
+            return np.zeros(0, np.int64)
+        if samples.run is None:
+            msg = f"run_effects {effects!r} need the run of every reading, found none."
+            raise FitError(msg)
+        if effects == "drift" and samples.order is None:
+            msg = "run_effects 'drift' need the place of every reading within its run, found none."
+            raise FitError(msg)
+        labels = np.unique(samples.run)
+        return (labels if len(labels) > 1 else labels[:0]).astype(np.int64)
+
+    @cached_property
+    def steps(self) -> Steps:
+        """Steps in which the instrument reads; places differ by direction, too."""
+        branches = [] if self.samples.branch is None else [self.samples.branch]
+        return Steps.of(self.samples.error, [*self.samples.positions.T, *branches])
 
     def stack(self, far: Sequence[int]) -> Stack:
         """Return the table, and effects of the runs; some do not count in their mean."""
         counted = ~np.isin(self.labels, [*far, *self.floating])
-        return _stack(self.layout.effect, counted.tobytes(), self.drift)
+        drift = self.run_effects == "drift"
+        return _stack(self.layout.effect, counted.tobytes(), drift)
 
     def far(self, fit: TableFit) -> tuple[int, ...]:
         """Return the runs that contradict the others, of those that count in their mean."""
@@ -233,33 +256,30 @@ class _InMemory:
 
     def medians(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " r"]:
         """Return the median of each run."""
-        run = self.readings.inputs["run"]
+        run = self.samples.readings.inputs["run"]
         return np.asarray(median(values, run, np.arange(len(self.labels))))
 
     def __call__(self, loss: str, far: Sequence[int]) -> TableFit:
         """Return the fit by one loss, some runs left out of the mean of all."""
-        stack, readings = self.stack(far), self.readings
+        stack, readings = self.stack(far), self.samples.readings
         error, effect = readings.value, stack.effects[-1]
-
-        def offsets(level: float) -> Vector:
-            border = np.zeros(stack.size - self.layout.effect.size)
-            if isinstance(effect, GroupEffect):
-                offset = self.medians(error) - level
-                border[: effect.contrast.shape[1]] = effect.contrast.T @ offset
-            return border
-
-        over, step = memory(stack, readings), self.steps.size
-        fit_from = functools.partial(
-            estimate_table, stack, over, error, self.smoothness, loss, step=step
-        )
-        fitted = fit_from(offsets)
+        start = np.full(stack.size, _level(error))
+        if isinstance(effect, GroupEffect):
+            offset = self.medians(error) - start[0]
+            runs = start[stack.here(-1)]
+            runs[:] = 0.0
+            runs[: effect.contrast.shape[1]] = effect.contrast.T @ offset
+        fit_near = functools.partial(
+            estimate_table, stack, memory(stack, readings), error, self.smoothness, loss,
+            start, step=self.steps.size,
+        )  # fmt: skip
+        fitted = fit_near()
         if loss == "huber" and not fitted.converged:
             # Readings of a node that contradict all others pull evenly from any distance.
-            fitted = fit_from(near=at_medians(stack, readings, fitted))
+            fitted = fit_near(at_medians(stack, readings, fitted))
         judged = Judged.of(stack, readings, fitted.about, fitted.loss)
         if loss == "student" and crowded(judged.nodes).any():
-            refit = functools.partial(fit_from, None)  # near another estimate
-            fitted = reconsidered(stack, readings, fitted, refit)
+            fitted = reconsidered(stack, readings, fitted, fit_near)
             judged = Judged.of(stack, readings, fitted.about, fitted.loss)
         fit = result_of(
             self.layout,
@@ -299,29 +319,6 @@ def _stack(table: TableEffect, counted: bytes, drift: bool) -> Stack:
     counts = np.frombuffer(counted, bool)
     effect = GroupEffect(counts, np.ones_like(counts), "order" if drift else None)
     return Stack((table, effect), banded)
-
-
-def _steps(samples: Samples) -> Steps:
-    """Return the steps in which the instrument reads; places differ by direction, too."""
-    branches = [] if samples.branch is None else [samples.branch]
-    return Steps.of(samples.error, [*samples.positions.T, *branches])
-
-
-def _runs(samples: Samples, effects: str) -> Int[np.ndarray, " r"]:
-    """Return the runs that have effects of their own."""
-    if effects not in ("none", "offset", "drift"):
-        msg = f"run_effects: found {effects!r}, expected 'none', 'offset' or 'drift'."
-        raise FitError(msg)
-    if effects == "none":
-        return np.zeros(0, np.int64)
-    if samples.run is None:
-        msg = f"run_effects {effects!r} need the run of every reading, found none."
-        raise FitError(msg)
-    if effects == "drift" and samples.order is None:
-        msg = "run_effects 'drift' need the place of every reading within its run, found none."
-        raise FitError(msg)
-    labels = np.unique(samples.run)
-    return (labels if len(labels) > 1 else labels[:0]).astype(np.int64)
 
 
 def _too_many_wild(fit: TableFit, samples: Samples) -> bool:

@@ -1,15 +1,27 @@
-"""What goes into a table fit and what comes out: arrays and their meaning."""
+"""What goes into a table fit, what is refused of it, and what comes out."""
 
 import dataclasses
+import re
 from collections.abc import Callable, Mapping
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..core import CellCovariance, Estimate, Readings, TableEffect, shared_table
+from ..core import (
+    CellCovariance,
+    Estimate,
+    FitError,
+    Readings,
+    TableEffect,
+    shared_table,
+)
 
 Array = np.ndarray
+Smoothness = float | str | Mapping[str, float]
+"""``"auto"``, a weight, or the weights of an earlier fit by name."""
+
+_NAME = re.compile("order [24], axis [12]")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +56,13 @@ class TableLayout:
         names = tuple(f"position {k + 1}" for k in range(len(self.nodes)))
         way = "direction" if self.branches == 2 else None
         return shared_table(self.nodes, names, way, self.periodic)
+
+    def check(self) -> None:
+        """Refuse nodes that do not ascend."""
+        for axis, nodes in enumerate(self.nodes):
+            if len(nodes) > 1 and not (nodes[1:] > nodes[:-1]).all():
+                msg = f"nodes along axis {axis + 1} must ascend."
+                raise FitError(msg)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,6 +103,25 @@ class Samples:
         weight = None if self.weight is None else np.asarray(self.weight, float)
         return Readings(np.asarray(self.error, float), inputs, weight)
 
+    def check(self) -> None:
+        """Refuse what is no number or has no weight, and that there is no reading at all."""
+        count = len(self.error)
+        if not count:
+            msg = "found no readings, expected at least one per node."
+            raise FitError(msg)
+        for name in ("positions", "error", "weight", "order"):
+            values = getattr(self, name)
+            if values is None:
+                continue
+            finite = np.isfinite(values)
+            if not finite.all():
+                row = int(np.argmin(finite.reshape(count, -1).all(axis=1)))
+                msg = f"reading {row + 1}: {name} is not finite, expected numbers."
+                raise FitError(msg)
+        if self.weight is not None and not (self.weight > 0).all():
+            msg = "weights must be positive."
+            raise FitError(msg)
+
     def take(self, keep: Bool[Array, " t"] | Int[Array, " n"]) -> "Samples":
         """Return the readings for which ``keep`` is true, or those of these rows."""
         arrays = {
@@ -92,6 +130,74 @@ class Samples:
             if (value := getattr(self, field.name)) is not None
         }
         return Samples(**arrays)
+
+
+@dataclasses.dataclass(frozen=True)
+class Extent:
+    """How many readings there are and where they lie; extents of pieces add up.
+
+    Attributes:
+        counts: Readings per direction; all in the first where there is one table for both.
+        low: Least position per axis.
+        high: Largest one.
+    """
+
+    counts: Int[Array, " b"]
+    low: Float[Array, " d"]
+    high: Float[Array, " d"]
+
+    @classmethod
+    def of(cls, layout: TableLayout, samples: Samples) -> "Extent":
+        """Return the extent of readings; all of them must be finite numbers.
+
+        Raises:
+            FitError: If there are none, one is no number or has no weight, or there is no
+                direction where the table needs one.
+        """
+        samples.check()
+        counts = np.array([len(samples.error)])
+        if layout.branches == 2:
+            if samples.branch is None:
+                msg = (
+                    "a table with two directions needs the direction of every reading."
+                )
+                raise FitError(msg)
+            counts = np.bincount(samples.branch, minlength=2)
+        # Column by column: NumPy is slow along the short axis.
+        columns = samples.positions.T
+        low = np.array([float(column.min()) for column in columns])
+        return cls(counts, low, np.array([float(column.max()) for column in columns]))
+
+    def __add__(self, other: "Extent") -> "Extent":
+        low, high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
+        return Extent(self.counts + other.counts, low, high)
+
+    def check(self, layout: TableLayout, free: int, allow_gaps: bool) -> None:
+        """Refuse readings that stand at one place or are too few.
+
+        More than the free unknowns, which no prior holds, are needed; as many as nodes unless
+        gaps are allowed.
+        """
+        for axis, nodes in enumerate(layout.nodes):
+            if len(nodes) > 1 and self.low[axis] == self.high[axis]:
+                msg = (
+                    f"all readings stand at {float(self.low[axis]):g} along axis "
+                    f"{axis + 1}, expected positions spread over {len(nodes)} nodes."
+                )
+                raise FitError(msg)
+        needed = layout.effect.size // layout.branches
+        ways = (" in positive direction", " in negative direction")
+        where_of = ways if layout.branches == 2 else ("",)
+        for where, count in zip(where_of, self.counts, strict=True):
+            if count < needed and not allow_gaps:
+                msg = f"{count} readings{where} for {needed} nodes, expected at least {needed}."
+                raise FitError(msg)
+        if self.counts.sum() <= free:
+            msg = (
+                f"{self.counts.sum()} readings leave nothing to judge the noise by; "
+                f"expected more than {free}."
+            )
+            raise FitError(msg)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -168,3 +274,20 @@ class TableFit:
             standard_deviation=np.sqrt(np.square(self.standard_deviation) + variance),
             covariance=dataclasses.replace(self.covariance, columns=columns),
         )
+
+
+def check_smoothness(smoothness: Smoothness) -> None:
+    """Refuse a smoothness that is none."""
+    if isinstance(smoothness, Mapping):
+        for name, weight in smoothness.items():
+            if not _NAME.fullmatch(str(name)) or not 0 <= weight < np.inf:
+                msg = (
+                    f"smoothness: found {name!r} = {weight!r}, "
+                    "expected 'order 2, axis 1' and the like with weights >= 0."
+                )
+                raise FitError(msg)
+    elif smoothness != "auto" and (
+        isinstance(smoothness, str) or not 0 <= smoothness < np.inf
+    ):
+        msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0."
+        raise FitError(msg)

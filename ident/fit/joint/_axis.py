@@ -20,10 +20,9 @@ from ...core import (
     memory,
     one_blas_thread,
 )
-from .._checks import check_smoothness
 from .._steps import Steps
 from .._table import fixed_weights, floor_of
-from .._types import RunEffect
+from .._types import RunEffect, check_smoothness
 from ._design import Design, design_of
 from ._effect import TABLES, AbstractEffect, Rank
 from ._gauge import Unheld
