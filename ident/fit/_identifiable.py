@@ -43,6 +43,24 @@ def pivoted(
     return basis, np.abs(np.diag(upper)), order.astype(np.int64)
 
 
+def pins_of(
+    null: Float[np.ndarray, "n g"], diagonal: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Return precisions of single unknowns that, held, hold all of some directions.
+
+    Args:
+        null: One direction per column.
+        diagonal: Information on each unknown.
+    """
+    pins = np.zeros(len(null))
+    if null.shape[1]:
+        scale = np.where(diagonal > 0, np.sqrt(diagonal), 1.0)
+        pinned = pivoted((null * scale[:, None]).T)[2][: null.shape[1]]
+        typical = float(np.median(diagonal[diagonal > 0]))
+        pins[pinned] = np.where(diagonal[pinned] > 0, diagonal[pinned], typical)
+    return pins
+
+
 def _scaled_modes(
     matrix: Float[np.ndarray, "m m"],
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m m"], Float[np.ndarray, " m"]]:

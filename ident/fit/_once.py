@@ -1,25 +1,18 @@
 """A surface probed once: what its own readings cannot tell about their noise.
 
 Where every node has one reading, the scatter about a smooth table may be noise, or structure
-of the surface that comes back with the next probing. As long as the surface is smooth from
-line to line the difference does not matter much. Where its lines differ by far more than
-readings scatter, the surface has structure as fine as the nodes, and two assumptions of a
-table fit fail:
+of the surface that comes back with the next probing. Where lines of readings differ by far more
+than readings scatter, the surface has structure as fine as the nodes:
 
-* an offset of each scan line (the probe touches off anew, the guide settles) hides in the
-  structure between the lines. It is taken to be as large as the scatter of a reading. On three
-  probings of one printer bed, 13 × 13 nodes, it was 1.1 to 1.4 times that. On a surface that
-  is smooth across its lines fourth differences of their means show it, up to the same size.
-* the scatter within a line may be structure. Between "all of it" and "none" the table goes half
-  way to the reading, which is the choice with the least loss in the worse of the two cases.
+* an offset of each scan line (the probe touches off anew) hides in it. It is taken to be as
+  large as the scatter of a reading; on three probings of a printer bed it was 1.1 to 1.4 times
+  that. Where the surface is smooth across its lines, fourth differences of their means show it.
+* the scatter within a line may be structure. The table goes half way to the reading, which has
+  the least loss in the worse of the two cases.
 
-Where a surface bends from node to node the evidence may take the noise for structure as well:
-a prior that explains every reading leaves next to none. Fourth differences along both axes
-at once tell it better (on surfaces that bend over one to two nodes it is right to about 20 %,
-where the evidence takes it 2.5 times too small); the table is then that of the same prior for
-as large a noise. White structure from node to node stays noise in either.
-
-Two probings settle both; this file then has nothing to say.
+Where a surface bends from node to node the prior may explain every reading and leave next to no
+noise. Fourth differences along both axes tell it to about 20 %; the table is then that of the
+same prior for as large a noise.
 """
 
 import dataclasses
@@ -49,14 +42,11 @@ Place = tuple[Int[np.ndarray, " t"], Int[np.ndarray, " t"]]
 def judge_once(fit: TableFit, samples: Samples) -> TableFit:
     """Return the fit, with what a single probing cannot tell added to its uncertainty.
 
-    A fit whose lines differ by no more than readings scatter comes back as it is, and so does
-    one with repeated readings, with runs, or without a reading at nearly every node.
+    A fit with repeated readings, with runs, or without a reading at nearly every node comes back
+    as it is.
     """
-    if len(fit.layout.nodes) != 2 or samples.run is not None or fit.noise <= 0.0:
-        return fit
-    if len(samples.error) > fit.values.size:
-        return fit
-    place = _nodes_read(fit, samples)
+    plain = len(fit.layout.nodes) == 2 and samples.run is None and fit.noise > 0.0
+    place = _nodes_read(fit, samples) if plain else None
     if place is None:
         return fit
     readings = fit.values.copy()
@@ -77,11 +67,11 @@ def judge_once(fit: TableFit, samples: Samples) -> TableFit:
 
 def _nodes_read(fit: TableFit, samples: Samples) -> Place | None:
     """Return the node of every reading in the table's array; None unless each has its own."""
+    if len(samples.error) > fit.values.size:
+        return None
     place = []
-    for column, nodes in enumerate(fit.layout.nodes):
-        position = samples.positions[:, column]
-        middles = 0.5 * (nodes[1:] + nodes[:-1])
-        nearest = np.searchsorted(middles, position)
+    for position, nodes in zip(samples.positions.T, fit.layout.nodes, strict=True):
+        nearest = np.searchsorted(0.5 * (nodes[1:] + nodes[:-1]), position)
         distance = np.abs(position - nodes[nearest])
         if np.any(distance > _NEAR * np.diff(nodes).min()):
             return None
@@ -129,10 +119,9 @@ def _noisier(fit: TableFit, place: Place, noise: float) -> TableFit:
 
 
 def _roughness(readings: Float[np.ndarray, "n m"], axis: int) -> float:
-    """Return how much the mean of a line differs from those beside it along an array axis.
+    """Return the deviation of the mean of a line from those beside it along an array axis.
 
-    As a standard deviation per line, were it all independent from line to line: what is smooth
-    cancels in the second differences of the means.
+    By second differences, as if it were independent from line to line.
     """
     if readings.shape[axis] < _FEWEST:
         return 0.0
@@ -143,10 +132,9 @@ def _roughness(readings: Float[np.ndarray, "n m"], axis: int) -> float:
 def _offset_of_lines(
     readings: Float[np.ndarray, "n m"], axis: int, noise: float
 ) -> float:
-    """Return by how much lines of a surface that is smooth across them are off, at most the noise.
+    """Return the deviation of lines of a surface that is smooth across them, at most the noise.
 
-    As a standard deviation, by fourth differences of their means; 0 where the noise of their
-    readings alone may give as large ones.
+    By fourth differences of their means; 0 where the noise of their readings may give these.
     """
     count, length = readings.shape[axis], readings.shape[1 - axis]
     if count <= _ORDER:
@@ -173,11 +161,10 @@ def _half_way(
     """
     fraction = 0.5 * share
     fractions = np.where(fit.wild, 0.0, fraction)
-    change = np.zeros_like(fit.values)
+    change, weight = np.zeros((2, *fit.values.shape))
     change[place] = fractions * fit.residual
     # If all scatter is noise the table takes over a part of it; if all is structure, it misses
     # no more than that.
-    weight = np.zeros_like(fit.values)
     weight[place] = fractions
     before = np.square(fit.standard_deviation)
     gain = np.square(weight * fit.noise) - np.square(weight) * before
@@ -191,13 +178,12 @@ def _half_way(
     columns[:, 0] += table.to_values(gain)
     size = offset / fit.noise
     way = f", and the table goes {fraction:.0%} of the way from the smooth surface to each reading"
-    clause = way if share else ""
     message = (
         f"{fit.message} Every node was read once, and the lines of readings differ by more "
         "than readings scatter: an offset of every line and structure as fine as the nodes "
         "cannot be told from noise. The standard deviations allow for such an offset, as "
         f"large as {'the scatter' if size >= 1.0 else f'{size:.0%} of the scatter'} of a "
-        f"reading{clause}. A second probing would tell."
+        f"reading{way if share else ''}. A second probing would tell."
     )
     return dataclasses.replace(
         fit,

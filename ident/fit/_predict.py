@@ -12,11 +12,11 @@ from ..core import (
     FitError,
     GroupEffect,
     design_of,
+    filled,
     leave_one_out,
     one_blas_thread,
     sums_by_group,
 )
-from ..core._readings import padded
 from ._result import fold_of
 from ._types import Samples, TableFit, TableLayout
 
@@ -78,16 +78,8 @@ def zeroed(
 ) -> tuple[float, TableFit]:
     """Return the mean of what a table says at positions, and the table less that.
 
-    The standard deviations of its values are those of the differences: what the readings do
-    not tell of the zero is the same doubt everywhere but at these positions.
-
-    Args:
-        fit: By `fit_table` or `fit_streamed`, all its readings.
-        positions: As for `predict`.
-        branch: As for `predict`.
-
-    Raises:
-        FitError: As `predict`.
+    The standard deviations of its values are those of the differences. Arguments and errors
+    are those of `predict`; the fit is one of all its readings.
     """
     effect = fit.layout.effect
     row = mean_row(fit.layout, positions, branch)
@@ -129,14 +121,9 @@ def leave_out(
 ) -> Iterator[tuple[int, TableFit]]:
     """Yield for each group the table fitted to all readings but those of the group.
 
-    Smoothness and the weight that the loss leaves each reading are those of the fit; values,
-    noise and effects of runs are estimated anew, from the sums of the other groups. Arrays
-    over readings are empty.
-
-    Args:
-        fit: Of all readings, by `fit_table`.
-        samples: Its readings.
-        groups: What is left out together.
+    Smoothness and the weight that the loss leaves each reading are those of the fit of all
+    samples by `fit_table`; values, noise and effects of runs are estimated anew. Arrays over
+    readings are empty.
 
     Raises:
         FitError: If there are fewer than two groups.
@@ -167,8 +154,8 @@ def spatial_blocks(
     blocks, size = np.zeros(len(samples.error), np.int64), 1
     for column, nodes in enumerate(layout.effect.axes):
         cells = max(nodes.count - 1, 1)
-        place = padded({"place": np.asarray(samples.positions[:, column], float)})
-        cell = np.asarray(nodes.locate(jnp.asarray(place["place"]))[0])[: len(blocks)]
+        place = filled(np.asarray(samples.positions[:, column], float), 64)
+        cell = np.asarray(nodes.locate(jnp.asarray(place))[0])[: len(blocks)]
         per_axis = min(cells, 4 * count)
         blocks = blocks * per_axis + cell.astype(np.int64) * per_axis // cells
         size *= per_axis

@@ -26,11 +26,7 @@ _FEW, _SHARE = 3, 0.2
 
 
 def crowded(nodes: Float[np.ndarray, "3 n"]) -> Bool[np.ndarray, " n"]:
-    """Return the nodes with more wild readings than chance puts there.
-
-    Args:
-        nodes: Readings next to each unknown, the weight they keep, those that are wild.
-    """
+    """Return the nodes (`Judged.nodes`) with more wild readings than chance puts there."""
     count, _, wild = nodes
     several = (wild >= _FEW) & (wild > _SHARE * count)
     return np.asarray(_mostly(count, wild) | several)
@@ -58,7 +54,7 @@ def reconsidered(
     is where ``refit`` begins.
     """
     size, design = stack.effects[0].size, stack.matrix(readings)
-    node = nearest_nodes(stack, readings)
+    node, run = nearest_nodes(stack, readings), readings.inputs.get("run")
     count = np.bincount(node, minlength=size)
     root = 1.0 if readings.weight is None else np.sqrt(readings.weight)
     near = at_medians(stack, readings, estimate)
@@ -68,6 +64,15 @@ def reconsidered(
     rough = dataclasses.replace(post, weights=light)
     rival = refit(dataclasses.replace(near, posterior=rough))
 
+    def judged(candidate: Estimate) -> tuple[np.ndarray, ...]:
+        """Return residuals, nodes that lost most of theirs, what is wild, and about these nodes."""
+        residual = np.asarray(readings.value - design @ candidate.values)
+        limit = candidate.loss.limit * candidate.loss.scale
+        wild = np.abs(residual) * root > limit
+        faulty = _mostly(count, np.bincount(node[wild], minlength=size))
+        shift = np.where(faulty, _medians(node, residual, size), 0.0)
+        return residual, faulty, wild, np.abs(residual - shift[node]) * root > limit
+
     def cost(candidate: Estimate) -> float:
         """Return minus twice the log-likelihood with wild readings anywhere in their range.
 
@@ -75,18 +80,13 @@ def reconsidered(
         like good ones.
         """
         post = candidate.posterior
-        residuals = np.asarray(readings.value - design @ post.values)
-        limit = candidate.loss.limit * candidate.loss.scale
-        wild = np.abs(residuals) * root > limit
-        faulty = _mostly(count, np.bincount(node[wild], minlength=size))
-        shift = np.where(faulty, _medians(node, residuals, size), 0.0)
-        stray = np.abs(residuals - shift[node]) * root > limit
+        residual, faulty, wild, stray = judged(candidate)
         used = ~wild & ~faulty[node]
         free = max(int(used.sum()) - stack.free, 1)
-        square = float(np.square((residuals * root)[used]).sum())
+        square = float(np.square((residual * root)[used]).sum())
         square += post.total - post.residual_square
         good = float(np.log(2.0 * np.pi * max(square / free, 1e-300))) + 1.0
-        span = 2.0 * float(np.log(max(np.ptp(residuals), 1e-150)))
+        span = 2.0 * float(np.log(max(np.ptp(residual), 1e-150)))
         shifted, strays = int((~stray & ~used).sum()), int(stray.sum())
         faults = int(faulty.sum())
         result = (free + shifted - faults) * good + (strays + faults) * span
@@ -96,40 +96,20 @@ def reconsidered(
             result += post.evidence - post.problem.degrees * np.log(post.total)
         return float(result)
 
+    def unforeseen(candidate: Estimate) -> float:
+        """Return what a run held out leaves, about (generalised cross-validation)."""
+        left = np.square(judged(candidate)[0] * root).sum()
+        return float(left) / max(len(node) - candidate.posterior.used, 1.0) ** 2
+
     best = min((estimate, rival), key=cost)
-    if best is estimate and _repeats(stack, readings, estimate, node):
-
-        def unforeseen(candidate: Estimate) -> float:
-            """Return what a run held out leaves, about (generalised cross-validation)."""
-            post = candidate.posterior
-            left = np.square((readings.value - design @ post.values) * root).sum()
-            return float(left) / max(len(node) - post.used, 1.0) ** 2
-
+    if best is rival or run is None:
+        return best
+    # What a node lost and every run shows again is no fault of a run.
+    _, faulty, _, stray = judged(estimate)
+    lost = [node == one for one in np.flatnonzero(faulty)]
+    if any(len(np.unique(run[at])) > 1 and not stray[at].any() for at in lost):
         best = min((estimate, rival), key=unforeseen)
     return best
-
-
-def _repeats(
-    stack: Stack, readings: Readings, estimate: Estimate, node: Int[np.ndarray, " t"]
-) -> bool:
-    """Return whether what a node lost comes again in each run: no fault of a run does."""
-    run = readings.inputs.get("run")
-    if run is None:
-        return False
-    size = stack.effects[0].size
-    residual = readings.value - stack.matrix(readings) @ estimate.values
-    root = 1.0 if readings.weight is None else np.sqrt(readings.weight)
-    limit = estimate.loss.limit * estimate.loss.scale
-    wild = np.abs(residual) * root > limit
-    lost = _mostly(
-        np.bincount(node, minlength=size), np.bincount(node[wild], minlength=size)
-    )
-    about = np.abs(residual - _medians(node, residual, size)[node]) * root
-    for one in np.flatnonzero(lost):
-        here = node == one
-        if len(np.unique(run[here])) > 1 and np.all(about[here] <= limit):
-            return True
-    return False
 
 
 def _mostly(

@@ -46,14 +46,17 @@ class Judged:
     """What the loss leaves of some readings; ``nodes`` add up over pieces.
 
     Attributes:
-        wild: Readings without any influence.
-        share: Weight that each reading keeps, 0 to 1.
+        share: Weight that each reading keeps, 0 to 1; 0 for those that are wild.
         nodes: Readings next to each unknown, the weight they keep, those that are wild.
     """
 
-    wild: Bool[np.ndarray, " t"]
     share: Float[np.ndarray, " t"]
     nodes: Float[np.ndarray, "3 n"]
+
+    @property
+    def wild(self) -> Bool[np.ndarray, " t"]:
+        """Readings without any influence."""
+        return self.share == 0.0
 
     @classmethod
     def of(
@@ -62,10 +65,10 @@ class Judged:
         """Judge readings by their residuals about an estimate."""
         ratio = residual_of(stack, readings, about) / loss.scale
         table, nearest = stack.effects[0], nearest_nodes(stack, readings)
-        wild, share = loss.wild(ratio), loss.share(ratio)
-        weights = (None, share, wild.astype(float))
+        share = loss.share(ratio)
+        weights = (None, share, share == 0.0)
         sums = np.stack([np.bincount(nearest, row, table.size) for row in weights])
-        return cls(wild, share, sums)
+        return cls(share, sums)
 
 
 def nearest_nodes(stack: Stack, readings: Readings) -> Int[np.ndarray, " t"]:
@@ -91,16 +94,16 @@ def result_of(
     runs: Sequence[int] = (),
     nodes: Float[np.ndarray, "3 n"] | None = None,
 ) -> TableFit:
-    """Return what an estimate says of a table; arrays over readings are empty.
+    """Return what an estimate says of a table, its first effect; arrays over readings are empty.
 
     Args:
         layout: Where the nodes lie.
-        estimate: The estimate; its first effect is the table.
-        loss: Name of the loss.
+        estimate: The estimate.
+        loss: Its name.
         count: Number of readings.
         spread: Range of the readings in mm or °; infinite: any uncertainty is accepted.
         runs: Runs that have effects of their own.
-        nodes: What the loss leaves of the readings at each node (`Judged.nodes`).
+        nodes: As `Judged.nodes`; None: no node is suspect.
 
     Raises:
         FitError: If the readings do not determine the table.
@@ -183,10 +186,9 @@ def _run_effects(
 
 
 def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
-    """Return runs that lie further off the others than runs of one machine ever do.
+    """Return runs that lie further off the others than those of one machine in a thousand.
 
-    Each offset against mean and scatter of the others, by Student's t; a run counts as far
-    where not even one of a thousand machines would have any run like it.
+    Each offset against mean and scatter of the others, by Student's t.
     """
     count = len(runs)
     if count < 3:

@@ -1,8 +1,7 @@
 """Readings in pieces, and the table fit over those that do not fit into memory.
 
 All that a fit needs of its readings are sums, and sums add up: over pieces of a file, over
-files, over workers. The estimator is the one of `fit_table`; only the pass is another. A
-thread reads the pieces that come next.
+files, over workers. The estimator is the one of `fit_table`; only the pass is another.
 """
 
 import dataclasses
@@ -11,7 +10,6 @@ import itertools
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from typing import Any, final
 
 import numpy as np
@@ -45,8 +43,7 @@ class Ahead:
 
     Attributes:
         read: Reads the pieces one after the other, in the thread.
-        make: Makes readings of a piece. Not in the thread: when it ends it leaves what it
-            took of memory behind.
+        make: Makes readings of a piece; not in the thread, whose memory outlives it.
     """
 
     read: Callable[[], Iterable[Any]]
@@ -85,8 +82,8 @@ class StreamedFit:
         """Return which of some readings are wild, and the weight that the loss leaves each."""
         estimate, layout = self.fit.estimate, self.fit.layout
         assert estimate is not None
-        stack, readings = Stack((layout.effect,)), samples.readings
-        judged = Judged.of(stack, readings, estimate.about, estimate.loss)
+        stack = Stack((layout.effect,))
+        judged = Judged.of(stack, samples.readings, estimate.about, estimate.loss)
         return judged.wild, judged.share
 
 
@@ -121,7 +118,7 @@ def fit_streamed(
     check_smoothness(smoothness)
     pieces = (piece.error for part in parts for piece in part())
     first = next((error for error in pieces if len(error)), np.zeros(1))
-    passes = itertools.count()
+    stack, passes = Stack((layout.effect,)), itertools.count()
 
     def sum_up(work: _SumUp) -> _Summed:
         next(passes)
@@ -131,52 +128,40 @@ def fit_streamed(
             raise FitError(msg)
         return total
 
-    attempt, remark = partial(_attempt, layout, sum_up, first, grouping, smoothness), ""
+    def attempt(loss: str) -> StreamedFit:
+        firsts: list[_Summed] = []
+
+        def over(theta: Float[np.ndarray, " u"], by: Loss, former: Sums | None) -> Sums:
+            groups = None if firsts else grouping
+            sums = sum_up(_SumUp(layout, theta, by, former is None, not firsts, groups))
+            if sums.extent is not None:
+                sums.extent.check(layout, stack.free, allow_gaps=False)
+                firsts.append(sums)
+            return sums.total if former is None else sums.total.with_matrix(former)
+
+        fitted = estimate_table(stack, over, first, smoothness, loss)
+        last = firsts[0]
+        assert last.extent is not None
+        count = int(last.extent.counts.sum())
+        nodes, crowds = None, 0
+        if loss != "gauss":
+            about, by = fitted.about, fitted.loss
+            last = sum_up(_SumUp(layout, about, by, True, False, grouping, True))
+            nodes, crowds = last.nodes, int(crowded(last.nodes).sum())
+        spread = float(np.ptp(first))
+        fit = result_of(layout, fitted, loss, count=count, spread=spread, nodes=nodes)
+        posteriors = {} if not grouping else leave_one_out(fitted, last.groups, {}, {})
+        folds = {label: fold_of(fit, post) for label, post in posteriors.items()}
+        wild = count - int(fitted.posterior.problem.count)
+        return StreamedFit(fit, count, wild, crowds, folds)
+
     with one_blas_thread():
-        result = attempt(loss)
+        result, remark = attempt(loss), ""
         if loss == "student" and result.wild > TOO_MANY * result.count:
             result, remark = attempt("huber"), f"{NONE_LEFT_OUT} "
     message = f"{result.fit.message} {remark}Read in {next(passes)} passes."
     fit = dataclasses.replace(result.fit, message=message)
     return dataclasses.replace(result, fit=fit)
-
-
-def _attempt(
-    layout: TableLayout,
-    sum_up: "Callable[[_SumUp], _Summed]",
-    first: Float[np.ndarray, " t"],
-    grouping: Grouping | None,
-    smoothness: Smoothness,
-    loss: str,
-) -> StreamedFit:
-    """Return the fit by one loss, given passes over all readings and errors of a first piece."""
-    stack = Stack((layout.effect,))
-    firsts: list[_Summed] = []
-
-    def over(theta: Float[np.ndarray, " u"], loss: Loss, former: Sums | None) -> Sums:
-        groups = None if firsts else grouping
-        sums = sum_up(_SumUp(layout, theta, loss, former is None, not firsts, groups))
-        if sums.extent is not None:
-            sums.extent.check(layout, stack.free, allow_gaps=False)
-            firsts.append(sums)
-        return sums.total if former is None else sums.total.with_matrix(former)
-
-    fitted = estimate_table(stack, over, first, smoothness, loss)
-    last = firsts[0]
-    assert last.extent is not None
-    count = int(last.extent.counts.sum())
-    nodes, crowds = None, 0
-    if loss != "gauss":
-        work = _SumUp(layout, fitted.about, fitted.loss, True, False, grouping, True)
-        last = sum_up(work)
-        nodes = last.nodes
-        crowds = int(crowded(nodes).sum())
-    spread = float(np.ptp(first))
-    fit = result_of(layout, fitted, loss, count=count, spread=spread, nodes=nodes)
-    posteriors = {} if grouping is None else leave_one_out(fitted, last.groups, {}, {})
-    folds = {label: fold_of(fit, post) for label, post in posteriors.items()}
-    wild = count - int(fitted.posterior.problem.count)
-    return StreamedFit(fit, count, wild, crowds, folds)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -185,8 +170,8 @@ class _Summed:
 
     Attributes:
         groups: Sums by group; all in group 0 without a grouping.
-        extent: How many readings there are and where.
-        nodes: As `Judged.nodes`.
+        extent: How many readings there are and where; None if not asked for.
+        nodes: As `Judged.nodes`; 0 if not asked for.
     """
 
     groups: Mapping[int, Sums]
@@ -217,21 +202,14 @@ _NOTHING = _Summed({}, None, np.zeros((3, 1)))
 class _SumUp:
     """One pass: gives the sums of a part of the readings about an estimate.
 
-    Attributes:
-        layout: The table.
-        theta: Estimate.
-        loss: How much each reading counts.
-        full: Also the matrix.
-        look: Also how many readings there are and where.
-        grouping: Groups; None: all are of one.
-        nodes: Also what the loss leaves of the readings next to each node.
+    Their matrix where they are `full`, `_Summed.extent` and `_Summed.nodes` where asked for.
     """
 
     layout: TableLayout
     theta: Float[np.ndarray, " u"]
     loss: Loss
     full: bool
-    look: bool
+    extent: bool
     grouping: Grouping | None = None
     nodes: bool = False
 
@@ -240,7 +218,7 @@ class _SumUp:
         return functools.reduce(operator.add, pieces, _NOTHING)
 
     def _of(self, samples: Samples) -> _Summed:
-        extent = Extent.of(self.layout, samples) if self.look else None
+        extent = Extent.of(self.layout, samples) if self.extent else None
         stack, split = Stack((self.layout.effect,)), {0: samples}
         former = None if self.full else Sums.empty(stack)
         if self.grouping is not None:
@@ -248,9 +226,8 @@ class _SumUp:
             split = {int(g): samples.take(labels == g) for g in np.unique(labels)}
         groups, nodes = {}, np.zeros((3, 1))
         for label, group in split.items():
-            readings = group.readings
-            groups[label], _ = sums_of(stack, readings, self.theta, self.loss, former)
+            about = stack, group.readings, self.theta, self.loss
+            groups[label], _ = sums_of(*about, former)
             if self.nodes:
-                judged = Judged.of(stack, readings, self.theta, self.loss)
-                nodes = nodes + judged.nodes
+                nodes = nodes + Judged.of(*about).nodes
         return _Summed(groups, extent, nodes)

@@ -18,8 +18,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse.csgraph import connected_components
 
 from ..core import Readings, Stack
-from ..fit._identifiable import null_space, pivoted
-from ..fit.joint._gauge import Rules, pins_of
+from ..fit._identifiable import null_space, pins_of, pivoted
+from ..fit.joint._gauge import Rules
 from ._blocks import FRAME_NAME, ZEROS_NAME, Block
 from ._points import readings_at
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, final
 
 import numpy as np
@@ -25,7 +25,6 @@ from .._table import fixed_weights, floor_of
 from .._types import RunEffect, check_smoothness
 from ._design import Design, design_of
 from ._effect import TABLES, AbstractEffect, Rank
-from ._gauge import Unheld
 from ._identified import Identified, identified
 from ._lag import (
     WORTH,
@@ -37,8 +36,10 @@ from ._lag import (
     sensors_to_fit,
 )
 from ._memory import Memory, order_of, without_turns
-from ._result import Options, Part, Smoothness
+from ._result import Part
 
+Smoothness = str | float | Mapping[str, Mapping[str, float]]
+"""``"auto"``, a number, or weights by name of the table."""
 Vector = Float[np.ndarray, " _n"]
 
 _LAG_STARTS, _LAG_ROUNDS = 5, 6
@@ -259,18 +260,21 @@ def fit_axis(
     axis: str,
     effects: Sequence[AbstractEffect],
     data: JointData,
-    options: Options,
+    smoothness: Smoothness,
+    drift: int,
     use: Bool[np.ndarray, " t"] | None,
+    loss: str,
 ) -> AxisFit:
-    """Fit all effects of one axis, their nodes placed, to some rows (None: to all).
+    """Fit all effects of one axis, their nodes placed; other arguments as for `fit_joint`.
 
     Raises:
         FitError: If the readings do not determine them or an option is unknown.
     """
     sensors = sensors_to_fit(effects)
     lags: dict[str, FoundLag] = {}
-    design = design_of(axis, effects, data, options.drift, use)
-    unheld, fit = _estimated(design, data, options, None, rough=bool(sensors))
+    design = design_of(axis, effects, data, drift, use)
+    estimated = partial(_estimated, data, smoothness, loss)
+    fit = estimated(design, None, rough=bool(sensors))
     values = dict.fromkeys(sensors, 0.0)
     for sensor in sensors if options.loss != "gauss" else ():
         values, design, fit = _start(design, data, options, values, sensor, fit)
@@ -281,11 +285,11 @@ def fit_axis(
         if number and values == before:
             break
         design = lagging(design, data, values)
-        unheld, fit = _estimated(design, data, options, fit)
+        fit = estimated(design, fit)
     else:
         # Nothing to find, or no end to it.
         fit = dataclasses.replace(fit, converged=fit.converged and not sensors)
-    return AxisFit(data, identified(design, unheld, data, options.drift), fit, lags)
+    return AxisFit(data, identified(design, data, drift), fit, lags)
 
 
 def _start(
@@ -342,30 +346,31 @@ def _steps(design: Design, data: JointData) -> Steps:
 
 
 def _estimated(
-    design: Design,
     data: JointData,
-    options: Options,
+    smoothness: Smoothness,
+    loss: str,
+    design: Design,
     near: Estimate | None,
     rough: bool = False,
-) -> tuple[Unheld, Estimate]:
-    """Return what nothing holds, and the fit of the stack for given lags."""
-    unheld, error = Unheld.of(design), _error(design, data)
-    if len(error) - unheld.free < 1:
+) -> Estimate:
+    """Return the fit of the stack for given lags."""
+    error, pins = _error(design, data), design.pins
+    if len(error) <= design.free:
         msg = (
             f"axis {design.axis}: {len(error)} readings leave nothing to judge the "
-            f"noise by; expected more than {unheld.free}."
+            f"noise by; expected more than {design.free}."
         )
         raise FitError(msg)
     start = np.zeros(design.size)
     start[design.datum] = float(np.median(error))
-    return unheld, estimate(
+    return estimate(
         design.stack,
         memory(design.stack, Readings(error, {}), design.columns),
-        loss=options.loss,
-        weights=_weights(design, options.smoothness),
+        loss=loss,
+        weights=_weights(design, smoothness),
         floor=max(floor_of(error), _steps(design, data).size),
         start=start,
-        pins=unheld.pins if unheld.pins.any() else None,
+        pins=pins if pins.any() else None,
         near=near,
         rough=rough,
     )

@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
@@ -31,6 +32,7 @@ from ...core import (
     compact,
     sums_of,
 )
+from .._identifiable import null_space, pins_of
 from ._effect import AbstractEffect, Component, Rank
 
 _BANDED = 400
@@ -190,6 +192,34 @@ class Design:
         readings, zero = Readings(np.zeros(len(self.rows)), {}), np.zeros(self.size)
         columns = compact(self.columns)
         return sums_of(self.stack, readings, zero, Loss(), design=columns)[0].matrix
+
+    def over(self, shapes: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "m m"]:
+        """Return the information on mixtures of the unknowns."""
+        return np.asarray(shapes.T @ (self.information @ shapes))
+
+    def spread(self, basis: Sequence[np.ndarray]) -> Float[np.ndarray, "n m"]:
+        """Return shapes of the values of each stated component over all unknowns."""
+        shapes = scipy.linalg.block_diag(*basis)
+        result = np.zeros((self.size, shapes.shape[1]))
+        result[np.concatenate([part.places for part in self.stated])] = shapes
+        return result
+
+    @cached_property
+    def unheld(self) -> Float[np.ndarray, "n g"]:
+        """Directions that neither rows nor smoothness hold, one per column."""
+        priors = (prior.straight for prior, _, _ in self.stack.priors)
+        straight = scipy.linalg.block_diag(*priors)
+        return np.asarray(straight @ null_space(self.over(straight)))
+
+    @property
+    def pins(self) -> Float[np.ndarray, " n"]:
+        """Precisions of single unknowns that hold these directions."""
+        return pins_of(self.unheld, self.diagonal)
+
+    @property
+    def free(self) -> int:
+        """Number of directions that the prior leaves alone and the readings tell."""
+        return self.stack.free - self.unheld.shape[1]
 
     @cached_property
     def diagonal(self) -> Float[np.ndarray, " n"]:

@@ -1,8 +1,8 @@
 """The joint estimator: readings of several axes in, all effects with uncertainty out."""
 
-import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -18,12 +18,12 @@ from ...core import (
     sums_by_group,
 )
 from .._table import TOO_MANY
-from ._axis import AxisFit, fit_axis
+from ._axis import AxisFit, Smoothness, fit_axis
 from ._design import design_of
 from ._effect import AbstractEffect, Rank
-from ._gauge import Rules, Unheld
+from ._gauge import Rules
 from ._identified import Identified, identified
-from ._result import Identifiability, JointFit, Options, Smoothness
+from ._result import Identifiability, JointFit
 from ._words import Confusion, Gauge, confusions_of, gauges_of
 
 
@@ -61,15 +61,14 @@ def fit_joint(
         FitError: If an input is missing, or the readings do not determine the effects.
     """
     placed = [effect.placed(data) for effect in effects]
-    groups, options = _by_axis(placed), Options(loss, smoothness, drift)
+    groups = _by_axis(placed)
 
     def fitted(axis: str) -> AxisFit:
-        fit = fit_axis(axis, groups[axis], data, options, use)
-        wild = float((~fit.active).mean())
-        if options.loss == "student" and wild > TOO_MANY:
+        fit_by = partial(fit_axis, axis, groups[axis], data, smoothness, drift, use)
+        fit = fit_by(loss)
+        if loss == "student" and float((~fit.active).mean()) > TOO_MANY:
             # So many that agree with each other: not they are at fault.
-            mild = dataclasses.replace(options, loss="huber")
-            return fit_axis(axis, groups[axis], data, mild, use)
+            return fit_by("huber")
         return fit
 
     with one_blas_thread():
@@ -145,18 +144,17 @@ def _held_out(
     if len(sums) < 2:
         return residual  # without its only group nothing is known
     designs = {label: design.take(groups != label) for label in sums}
-    unheld = {label: Unheld.of(slim) for label, slim in designs.items()}
-    pins = {label: null.pins for label, null in unheld.items()}
+    pins = {label: slim.pins for label, slim in designs.items()}
     counted = np.ones(design.size, bool)
     if not runs:
         counted[design.places_of_rank(Rank.RUNS)] = False
         counted[design.places_of_rank(Rank.WANDER)] = False
     for label, post in leave_one_out(estimate, sums, {}, pins).items():
         mask, slim = groups == label, designs[label]
-        if len(slim.rows) <= unheld[label].free:
+        if len(slim.rows) <= slim.free:
             residual[mask] -= np.median(error[~mask])
             continue
-        rules = Rules.of(slim, fit.known.ideal).beside(slim, unheld[label].null)
+        rules = Rules.of(slim, fit.known.ideal).beside(slim)
         values = np.where(counted, rules.project(post.values), 0.0)
         residual[mask] -= columns[mask] @ values
     return residual
@@ -187,7 +185,7 @@ def examine_design(
     placed = [effect.placed(data) for effect in effects]
     with one_blas_thread():
         axes = [
-            identified(design, Unheld.of(design), data, drift)
+            identified(design, data, drift)
             for axis, group in _by_axis(placed).items()
             for design in [design_of(axis, group, data, drift, use, axis in data.error)]
         ]

@@ -24,7 +24,7 @@ from ..._recording import JointData
 from ...core import AbstractPrior
 from .._identifiable import Shapes, null_space, pivoted
 from ._design import Design, design_of
-from ._effect import Component, Rank
+from ._effect import Rank
 
 _NOTHING = 1e-7
 """Size of a direction, relative to all, below which a component has no part in it."""
@@ -55,25 +55,8 @@ def shapes_of(design: Design, smooth: bool) -> Shapes:
             else _plane_shapes(component.table.nodes, inside, smooth)
         )
     ranks = [component.rank for component in design.stated]
-    matrix = _over(design, _spread(design.stated, basis, design.size))
+    matrix = design.over(design.spread(basis))
     return Shapes(tuple(basis), matrix, ranks.index(Rank.DATUM))
-
-
-def _spread(
-    parts: Sequence[Component], basis: Sequence[np.ndarray], size: int
-) -> Float[np.ndarray, "n m"]:
-    """Return shapes of the values of each component over all unknowns."""
-    result = np.zeros((size, sum(block.shape[1] for block in basis)))
-    first = 0
-    for component, block in zip(parts, basis, strict=True):
-        result[component.places, first : first + block.shape[1]] = block
-        first += block.shape[1]
-    return result
-
-
-def _over(design: Design, shapes: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "m m"]:
-    """Return the information on mixtures of the unknowns."""
-    return np.asarray(shapes.T @ (design.information @ shapes))
 
 
 def _plane_shapes(
@@ -111,8 +94,7 @@ class Rules:
     @classmethod
     def of(cls, design: Design, ideal: Shapes) -> "Rules":
         """Return the freedoms of the sum in any data, and the rule that fixes them."""
-        null = _spread(design.stated, ideal.basis, design.size)
-        null = null @ null_space(ideal.matrix)
+        null = design.spread(ideal.basis) @ null_space(ideal.matrix)
         for component, basis in zip(design.stated, ideal.basis, strict=True):
             prior, places = component.prior, component.places
             if prior is not None and null.shape[1]:
@@ -130,8 +112,9 @@ class Rules:
         """Return values, or columns of them, under the rule; their sum stays what it is."""
         return np.asarray(theta - self.null @ (self.gain @ theta))
 
-    def beside(self, design: Design, unheld: Float[np.ndarray, "n g"]) -> "Rules":
-        """Return the rules with directions beside them that the actual rows leave open."""
+    def beside(self, design: Design) -> "Rules":
+        """Return the rules with directions beside them that rows of a design leave open."""
+        unheld = design.unheld
         if not unheld.shape[1]:
             return self
         excess = unheld - self.null @ np.linalg.lstsq(self.null, unheld, rcond=None)[0]
@@ -244,48 +227,3 @@ def _everything_varies(design: Design, data: JointData) -> JointData:
         clock_number=None,
         own_zero=None,
     )
-
-
-@final
-@dataclasses.dataclass(frozen=True, eq=False)
-class Unheld:
-    """Directions that neither rows nor smoothness hold, found before any fit.
-
-    Attributes:
-        null: One per column, shape ``(n, g)``.
-        pins: What is added to the diagonal to hold them, shape ``(n,)``.
-        free: Number of directions that the prior leaves alone and the readings tell.
-    """
-
-    null: Float[np.ndarray, "n g"]
-    pins: Float[np.ndarray, " n"]
-    free: int
-
-    @classmethod
-    def of(cls, design: Design) -> "Unheld":
-        """Return the directions that nothing holds, and pins on single unknowns that do."""
-        straight = [
-            np.eye(len(part.places)) if part.prior is None else part.prior.straight
-            for part in design.components
-        ]
-        basis = _spread(design.components, straight, design.size)
-        null = basis @ null_space(_over(design, basis))
-        return cls(null, pins_of(null, design.diagonal), basis.shape[1] - null.shape[1])
-
-
-def pins_of(
-    null: Float[np.ndarray, "n g"], diagonal: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
-    """Return precisions of single unknowns that, held, hold all of some directions.
-
-    Args:
-        null: One direction per column.
-        diagonal: Information on each unknown.
-    """
-    pins = np.zeros(len(null))
-    if null.shape[1]:
-        scale = np.where(diagonal > 0, np.sqrt(diagonal), 1.0)
-        pinned = pivoted((null * scale[:, None]).T)[2][: null.shape[1]]
-        typical = float(np.median(diagonal[diagonal > 0]))
-        pins[pinned] = np.where(diagonal[pinned] > 0, diagonal[pinned], typical)
-    return pins

@@ -16,7 +16,7 @@ from ...core import Posterior
 from .._identifiable import Correlations, Shapes, Shared
 from ._design import Design
 from ._effect import Rank
-from ._gauge import Rules, Unheld, ideal_shapes, shapes_of
+from ._gauge import Rules, ideal_shapes, shapes_of
 
 _SAME = 2e-7
 """Share of a shape left beside another below which they are one in any data."""
@@ -45,8 +45,7 @@ class Identified:
     Attributes:
         design: Columns.
         ideal: Shapes of the components where everything varies by itself.
-        structure: Freedoms of the sum with their rules.
-        rules: Those, and what the rows leave open besides.
+        rules: Freedoms of the sum with their rules, and what the rows leave open besides.
         share: Information left, relative to the effect alone, per stated component.
         hidden: Unknowns that no reading tells within their own component.
         confused: What these rows do not tell apart; members are stated components.
@@ -55,7 +54,6 @@ class Identified:
 
     design: Design
     ideal: Shapes
-    structure: Rules
     rules: Rules
     share: tuple[float, ...]
     hidden: Bool[np.ndarray, " n"]
@@ -143,9 +141,7 @@ class Identified:
         )
 
 
-def identified(
-    design: Design, unheld: Unheld, data: JointData, drift: int
-) -> Identified:
+def identified(design: Design, data: JointData, drift: int) -> Identified:
     """Return what the rows of an axis tell of its unknowns; arguments as of `ideal_shapes`."""
     ideal = ideal_shapes(design, data, drift)
     structure = Rules.of(design, ideal)
@@ -169,8 +165,7 @@ def identified(
     return Identified(
         design=design,
         ideal=ideal,
-        structure=structure,
-        rules=structure.beside(design, unheld.null),
+        rules=structure.beside(design),
         share=_shares(correlations, design),
         hidden=_hidden(correlations, design),
         confused=(*correlations.constants, *clear, *several),

@@ -15,18 +15,6 @@ from ._words import Confusion, Gauge
 if TYPE_CHECKING:
     from ._axis import AxisFit
 
-Smoothness = str | float | Mapping[str, Mapping[str, float]]
-"""``"auto"``, a number, or weights by name of the table."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """How to fit; see `fit_joint`."""
-
-    loss: str
-    smoothness: Smoothness
-    drift: int
-
 
 @dataclasses.dataclass(frozen=True)
 class Identifiability:
