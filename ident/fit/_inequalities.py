@@ -15,26 +15,6 @@ Constraint = Literal["monotone", "non-negative"]
 """The entries of the list turn back nowhere along a master; none of them is below zero."""
 
 
-def margins_of(
-    words: Sequence[str], entries: Array, nodes: Sequence[Float[np.ndarray, " _n"]]
-) -> sp.csr_array:
-    """Return rows whose products with entries that keep the words are at least zero.
-
-    Args:
-        words: Of `Constraint`.
-        entries: Entries of a list, shaped like its table: they tell which way it goes.
-        nodes: Positions along each master, master 1 first.
-    """
-    unit: Any = sp.eye_array(entries.size, format="csr")
-    number = np.arange(entries.size).reshape(entries.shape)
-    rows = [unit] if "non-negative" in words else []
-    for axis, sign in _signs(entries, nodes) if "monotone" in words else ():
-        later, earlier = (np.delete(number, end, axis) for end in (0, -1))
-        flips = sp.diags_array(np.broadcast_to(sign, later.shape).ravel())
-        rows.append(flips @ (unit[later.ravel()] - unit[earlier.ravel()]))
-    return sp.csr_array(sp.vstack(rows))
-
-
 def most_probable(
     words: Sequence[str],
     entries: Array,
@@ -46,8 +26,9 @@ def most_probable(
 
     Args:
         words: Of `Constraint`.
-        entries: As they are where nothing moves, shaped like the table.
-        nodes: As for `margins_of`.
+        entries: As they are where nothing moves, shaped like the table: they tell which way it
+            goes.
+        nodes: Positions along each master, master 1 first.
         moves: What each entry changes by with each unknown, sparse.
         precision: Of the unknowns, sparse: they move as little as possible in its metric.
 
@@ -56,7 +37,14 @@ def most_probable(
     """
     from .._ipopt import quadratic_ipopt  # takes long to load
 
-    rows = margins_of(words, entries, nodes)
+    unit: Any = sp.eye_array(entries.size, format="csr")
+    number = np.arange(entries.size).reshape(entries.shape)
+    kept_rows = [unit] if "non-negative" in words else []
+    for axis, sign in _signs(entries, nodes) if "monotone" in words else ():
+        later, earlier = (np.delete(number, end, axis) for end in (0, -1))
+        flips = sp.diags_array(np.broadcast_to(sign, later.shape).ravel())
+        kept_rows.append(flips @ (unit[later.ravel()] - unit[earlier.ravel()]))
+    rows = sp.csr_array(sp.vstack(kept_rows))
     solution = quadratic_ipopt(precision, rows @ moves, rows @ entries.ravel())
     if not solution.converged:
         msg = (
@@ -70,7 +58,7 @@ def most_probable(
 def kept(
     words: Sequence[str], entries: Array, nodes: Sequence[Float[np.ndarray, " _n"]]
 ) -> Array:
-    """Return entries exactly within the words, but for rounding; arguments as for `margins_of`."""
+    """Return entries exactly within words, but for rounding; see `most_probable`."""
     result = np.maximum(entries, 0) if "non-negative" in words else entries
     for axis, sign in _signs(entries, nodes) if "monotone" in words else ():
         rising = np.maximum.accumulate(result, axis)
@@ -108,13 +96,7 @@ class Inequalities:
     zero: Float[np.ndarray, " n"]
 
     def keep(self, fit: TableFit, samples: Samples) -> TableFit:
-        """Return the most probable table that keeps them; its folds will keep them as well.
-
-        The fit is one without, the samples are its readings.
-
-        Raises:
-            FitError: If nothing keeps them.
-        """
+        """Return `most_probable` with the residuals of its samples; its folds keep them as well."""
         best, table = self.most_probable(fit), fit.layout.effect
         nodes, shares = design_of(table, samples.readings)
         change = table.to_values(best.values - fit.values)[nodes] * shares
