@@ -21,10 +21,9 @@ from ..core import (
 )
 from ._types import RunEffect, TableFit, TableLayout
 
-_NOTHING = 1e-12
-"""Scatter in mm or ° that is none."""
-_HOPELESS = 1e3
-"""Uncertainty of a node, in ranges of the readings, that no extrapolation explains."""
+_NOTHING, _HOPELESS = 1e-12, 1e3
+"""Scatter in mm or ° that is none; uncertainty of a node, in ranges of the readings, that no
+extrapolation explains."""
 _TRUSTED = 0.5
 """A node whose nearest readings keep less than this share of their weight is named."""
 _CHANCE = 0.01
@@ -210,9 +209,8 @@ def far_runs(runs: Sequence[RunEffect]) -> tuple[int, ...]:
 def doubt_of_means(runs: Sequence[RunEffect]) -> tuple[float, float]:
     """Return the standard deviations of the means of offsets and of drifts of some runs.
 
-    What a table keeps of them; a few runs do not tell what the mean of many would be. Less
-    what the noise of their readings explains. The factor of Student's t makes two of them
-    hold as many cases as of a normal variable.
+    What a table keeps of them, less what the noise of their readings explains. The factor of
+    Student's t makes two of them hold as many cases as of a normal variable.
     """
     count = len(runs)
     if count < 2:

@@ -19,8 +19,8 @@ from jaxtyping import Bool, Float, Int, Shaped
 _MANY = 20_000
 """Readings up to which steps are looked for: longer recordings, in motion, repeat no place."""
 _NONE, _WHOLE, _FEWEST = 1e-9, 0.01, 3
-"""Difference of readings in mm or ° that is none; how near whole numbers of steps are; single
-steps that must be seen: one wild reading makes two large ones."""
+"""Difference in mm or ° that is none; how near whole numbers of steps are; single steps that must
+be seen: one wild reading makes two large ones."""
 _NOISE = np.linspace(0.0, 0.6, 61)
 _ORDER = np.arange(1, 500)
 _COMMON = np.exp(-np.square(2 * np.pi * np.outer(_NOISE, _ORDER))) @ (

@@ -68,20 +68,17 @@ def fit_table(
 
     The table is a Gaussian field: readings
     $e_t = \sum_k w_{tk}\theta_k + \text{run} + \varepsilon_t$ over the stencil of the
-    controller's own interpolation, prior by differences of neighbouring nodes. Nodes that no
-    reading reaches are filled by the prior and have support 0.
+    controller's own interpolation, prior by differences of neighbouring nodes.
 
     Args:
         layout: Where the nodes lie.
         samples: Readings in mm or °.
         smoothness: ``"auto"`` lets the evidence choose weights of second and fourth differences
             per axis, and the noise; a number ≥ 0 is the weight of the squared second
-            differences per node distance, relative to 1/noise²; the weights of an earlier fit
-            (`TableFit.smoothness`) are taken as they are.
+            differences per node distance, relative to 1/noise²; or as `TableFit.smoothness`.
         loss: ``"student"`` and ``"huber"`` resist wild readings, ``"gauss"`` is least squares.
         run_effects: ``"offset"`` or ``"drift"`` (offset and linear drift) lets every run have
-            its own, summing to zero over the runs. With a robust loss a run that lies far off
-            the others does not count in that mean; it is named in any case.
+            its own, summing to zero over the runs; with a robust loss not over those far off.
         allow_gaps: Accept fewer readings than nodes; the prior fills in.
         floating: Runs whose zero is arbitrary: they do not count in the mean.
 

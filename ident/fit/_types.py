@@ -29,12 +29,9 @@ class TableLayout:
     """Where the nodes of a table lie; a table is one array per branch over these nodes.
 
     Attributes:
-        nodes: Ascending node positions per input axis in mm or °. One entry for a 1-D table
-            (cross, leadscrew), two for the plane: master 1 first.
-        branches: 1, or 2 for a bilateral table (branch 0 = motion in positive direction,
-            branch 1 = negative).
-        periodic: The last node is the first one again (modulo axis, 1-D only); positions are
-            wrapped into the range of the nodes.
+        nodes: Ascending node positions per input axis in mm or °, master 1 of a plane first.
+        branches: 1, or 2 for a bilateral table (0 = motion in positive direction, 1 = negative).
+        periodic: The last node is the first one again (modulo axis, 1-D only).
     """
 
     nodes: tuple[Float[Array, " _n"], ...]
@@ -43,10 +40,7 @@ class TableLayout:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the value array: ``(n,)`` or ``(2, n)`` for 1-D, ``(n2, n1)`` for the plane.
-
-        A periodic table keeps its repeated end, with equal first and last value.
-        """
+        """Shape of the values: ``(n,)``, ``(2, n)`` or ``(n2, n1)``; a periodic end is repeated."""
         counts = tuple(len(nodes) for nodes in reversed(self.nodes))
         return counts if self.branches == 1 else (self.branches, *counts)
 
@@ -70,14 +64,12 @@ class Samples:
     """What was measured, ready to fit: one row per reading, no NaN.
 
     Attributes:
-        positions: Input position of the table per axis in mm or °, shape ``(t, d)``, columns in the
-            order of `TableLayout.nodes`.
-        error: Actual − commanded in mm or °, shape ``(t,)``.
+        positions: In mm or °, columns in the order of `TableLayout.nodes`.
+        error: Actual − commanded in mm or °.
         branch: 0 or 1 per reading for a table with two branches, else None.
         weight: Known relative weights (1/variance ratio) > 0, or None for equal ones.
-        run: Index of the repeated run per reading (any integers), or None where there are no runs.
-        order: Place of the reading within its run, 0 at the start and 1 at the end, for drift;
-            None where there is none.
+        run: Number of the repeated run of each reading; None where there are no runs.
+        order: Place of the reading within its run, 0 at the start and 1 at the end, for drift.
     """
 
     positions: Float[Array, "t d"]
@@ -219,8 +211,7 @@ class TableFit:
         layout: Where the nodes lie.
         values: Estimated error at each node in mm or °, shape `TableLayout.shape`.
         standard_deviation: Of each node value, same shape and unit.
-        support: Number of readings that touch each node, same shape; 0 = not measured, the value
-            is what the prior fills in.
+        support: Readings that touch each node; 0 = not measured, the prior fills in.
         noise: Standard deviation of one reading (weight 1) in mm or °, wild readings left out;
             the ``line_offset`` is part of it.
         smoothness: Weights of the prior by name (``"order 2, axis 1"`` …), relative to 1/noise².
@@ -229,18 +220,15 @@ class TableFit:
         share: Weight that the loss left each reading, 0 to 1.
         wild: Readings that the loss rejected outright.
         runs: Fitted offset and drift per run; empty where there are no runs.
-        suspect_nodes: Indices (into the flattened table) of nodes whose readings contradict their
-            surroundings.
+        suspect_nodes: Nodes of the flattened table whose readings contradict their surroundings.
         suspect_runs: Runs that contradict the others.
-        covariance: Between nodes of one cell, in the order of the effect, in mm²; `predict` uses
-            it.
+        covariance: Between nodes of one cell, in the order of the effect, in mm².
         converged: Whether the iterations reached their tolerance.
         message: One sentence on how the fit went, for the report.
-        estimate: The fit of the stack behind it, from which groups are left out.
         line_offset: Standard deviation in mm or ° of an offset of every line of readings that a
             single probing cannot show, and that is allowed for; else 0.
-        keeps: Makes a fit keep the inequalities that this one keeps, None where there are
-            none: folds keep them as well.
+        estimate: The fit of the stack behind it, from which groups are left out.
+        keeps: Makes a fold keep the inequalities that this one keeps; None without.
     """
 
     layout: TableLayout

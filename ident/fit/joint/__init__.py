@@ -1,14 +1,13 @@
 """Joint identification: any stack of effects fitted together, and what data can tell.
 
-Readings are those of `ident._recording`. Read `_effect` (what an effect is; `_motion`,
-`_tables`, `_crosstalk` and `_temperature` are some), `_design` (their columns side by side, datum
+Readings are those of `ident._recording`. Read `_effect` (what an effect is; `_tables`,
+`_temperature` and `_motion` have some), `_design` (their columns side by side, datum
 and runs), `_gauge` (what may be moved between effects, and the rules for it), `_identified`
 (what the rows cannot tell) with `_words`, `_axis` (one axis fitted on `ident.core`) with `_lag`
 and `_memory` (noise that remembers), and `_result` and `_fit` (what comes out).
 """
 
 from ..._recording import JointData as JointData
-from ._crosstalk import Crosstalk as Crosstalk
 from ._effect import (
     AbstractEffect as AbstractEffect,
     Block as Block,
@@ -21,7 +20,11 @@ from ._fit import (
     fit_joint as fit_joint,
     held_out_errors as held_out_errors,
 )
-from ._motion import Backlash as Backlash, Delay as Delay
+from ._motion import (
+    Backlash as Backlash,
+    Crosstalk as Crosstalk,
+    Delay as Delay,
+)
 from ._result import (
     Identifiability as Identifiability,
     JointFit as JointFit,

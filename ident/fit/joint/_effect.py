@@ -125,6 +125,12 @@ class AbstractEffect(abc.ABC):
     one_unit: ClassVar[bool] = True
     """Whether its values are of one unit."""
 
+    def expect(self, valid: object, found: str, expected: str) -> None:
+        """Raise `FitError` with what was found and what was expected, unless it is valid."""
+        if not valid:
+            msg = f"{self.name}: found {found}, expected {expected}"
+            raise FitError(msg)
+
     @cached_property
     def masters(self) -> tuple[str, ...]:
         """Axes on which it depends."""

@@ -22,9 +22,9 @@ from ._axis import AxisFit, Smoothness, fit_axis
 from ._design import design_of
 from ._effect import AbstractEffect, Rank
 from ._gauge import Rules
-from ._identified import Identified, identified
+from ._identified import identified
 from ._result import Identifiability, JointFit
-from ._words import Confusion, Gauge, confusions_of, gauges_of
+from ._words import words_of
 
 
 def fit_joint(
@@ -40,10 +40,9 @@ def fit_joint(
 
     Per compensated axis $e = d + \sum_k X_k \theta_k + \text{run} + \varepsilon$ with a
     constant $d$ (the datum): tables as Gaussian fields as in `fit_table`, all smoothness
-    weights by the evidence of all effects together, robust by pseudo-readings. What may be
-    moved between effects without changing the sum is fixed by rules that do not depend on the
-    errors (`JointFit.gauges`); what the data cannot tell is marked (`JointFit.confusions`), its
-    standard deviations are infinite, and the rest is as good as ever.
+    weights by the evidence of all effects together. What may be moved between effects without
+    changing the sum is fixed by rules that do not depend on the errors (`JointFit.gauges`); what
+    the data cannot tell is named (`JointFit.confusions`), its standard deviations are infinite.
 
     Args:
         data: Readings; rows that lack what an axis needs are left out for that axis.
@@ -53,8 +52,7 @@ def fit_joint(
             differences of all tables, relative to 1/noise²; or the weights of an earlier fit by
             name of the effect (`Part.smoothness`).
         drift: Pieces of the drift of each run; 0 = an offset per run only, and that only
-            where there are several runs. Between the knots of these pieces the reference
-            wanders as far as the readings say, by evidence: a walk of one variance per second.
+            where there are several runs. Between these pieces' knots the reference wanders.
         use: Rows to fit; None = all. The others serve as history of lags only.
 
     Raises:
@@ -81,8 +79,7 @@ def fit_joint(
         fits = {axis: by_size[axis] for axis in groups}
         parts = {part.name: part for fit in fits.values() for part in fit.parts()}
         runs = {axis: fit.runs() for axis, fit in fits.items()}
-        axes = [fit.known for fit in fits.values()]
-        gauges, confusions = _freedoms_and_confusions(axes)
+        gauges, confusions = words_of(fit.known for fit in fits.values())
     return JointFit(
         parts=tuple(parts[effect.name] for effect in placed),
         noise={axis: fit.estimate.noise for axis, fit in fits.items()},
@@ -96,24 +93,13 @@ def fit_joint(
     )
 
 
-def _freedoms_and_confusions(
-    axes: Sequence[Identified],
-) -> tuple[tuple[Gauge, ...], tuple[Confusion, ...]]:
-    """Return the freedoms of all axes, and what their rows cannot tell."""
-    return (
-        tuple(gauge for known in axes for gauge in gauges_of(known)),
-        tuple(confusion for known in axes for confusion in confusions_of(known)),
-    )
-
-
 def held_out_errors(
     fit: JointFit, data: JointData, groups: Int[np.ndarray, " t"], *, runs: bool = False
 ) -> dict[str, Float[np.ndarray, " t"]]:
     """Return each error less the sum that is fitted without its group, by axis in mm or °.
 
-    As `leave_one_out` has it: smoothness, lags and what the loss leaves of each reading are
-    those of the fit. Where the readings of the other groups do not determine the effects,
-    their median is all that they predict. NaN where a reading was not used.
+    Smoothness, lags and what the loss leaves of each reading are those of the fit. Groups that
+    do not determine the effects predict their median only. NaN where a reading was not used.
 
     Args:
         fit: Of all rows, by `fit_joint`.
@@ -169,9 +155,8 @@ def examine_design(
 ) -> Identifiability:
     """Return what these rows can tell of effects, whatever was or will be measured.
 
-    Looks at positions, directions, accelerations, temperatures, times and runs only. Of the
-    errors it uses where there are any (rows without are left out); with no error of an axis
-    recorded at all, every row counts: a planned measurement can be examined.
+    Rows without an error are left out; with no error of an axis recorded at all every row
+    counts: a planned measurement can be examined.
 
     Args:
         data: Rows, measured or planned.
@@ -189,7 +174,7 @@ def examine_design(
             for axis, group in _by_axis(placed).items()
             for design in [design_of(axis, group, data, drift, use, axis in data.error)]
         ]
-        gauges, confusions = _freedoms_and_confusions(axes)
+        gauges, confusions = words_of(axes)
     known = {axis.design.axis: axis for axis in axes}
     shares = tuple(known[effect.axis].share_of(effect.name) for effect in placed)
     return Identifiability(shares, gauges, confusions)

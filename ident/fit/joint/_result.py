@@ -44,13 +44,11 @@ class Part:
         effect: The effect, its nodes placed and its lag fitted: ``effect.block(data)`` works.
         values: In the order of the block, mm (coefficient of a temperature: mm/mm).
         support: Readings that touch each value.
-        determined: Whether the data tell the value: False where no reading reaches it and
-            where it is confused with another effect.
-        share: Information of the effect that is left after all other effects, the run effects
-            and the datum are projected out, relative to what it would have alone: mean over
-            its independent directions, 0 (nothing) to 1 (as if it were alone). Directions that a
-            gauge gives to another effect do not count; values that no reading touches count
-            as 0.
+        determined: Whether the data tell the value: some reading reaches it, and it is not
+            confused with another effect.
+        share: Information that all others (effects, runs, datum) leave of the effect, relative
+            to what it has alone: mean over its independent directions, 0 to 1. Directions that a
+            gauge gives to another effect do not count; values that no reading touches are 0.
         contribution: What it adds to each reading in mm or °; NaN where an input is missing.
         rms: Root mean square of that over the readings of its axis, in mm or °.
         fit: Of its axis.
@@ -76,8 +74,8 @@ class Part:
     def covariance(self) -> Float[np.ndarray, "p p"]:
         """Joint covariance of the values, under the gauge of the fit.
 
-        Scaled to the stated standard deviations, which know of lags and of noise that drifts
-        as well. A value that the readings do not tell has the variance inf, and NaN beside it.
+        It knows of lags and of noise that drifts, as the deviations do. A value that the
+        readings do not tell has the variance inf, and NaN beside it.
         """
         return self.fit.covariance(self.places)
 
@@ -203,16 +201,13 @@ class JointFit:
             data: Rows.
             runs: Add what was taken off the runs, drift included, by run and time.
         """
-        result = {
-            axis: np.full(len(data), fit.theta[fit.design.datum])
-            for axis, fit in self.fits.items()
-        }
-        for part in self.parts:
-            result[part.effect.axis] = result[part.effect.axis] + part.curve(data)
-        if not runs:
-            return result
-        rows = np.arange(len(data))
+        rows, result = np.arange(len(data)), {}
         for axis, fit in self.fits.items():
-            for rank, columns in fit.design.course.columns(data, axis, rows).items():
-                result[axis] += columns @ fit.theta[fit.design.places_of_rank(rank)]
+            total = np.full(len(data), fit.datum[0])
+            for part in (part for part in self.parts if part.effect.axis == axis):
+                total += part.curve(data)
+            course = fit.design.course.columns(data, axis, rows) if runs else {}
+            for rank, columns in course.items():
+                total += columns @ fit.theta[fit.design.places_of_rank(rank)]
+            result[axis] = total
         return result

@@ -139,17 +139,6 @@ def _grid(
     raise FitError(msg)
 
 
-def _check_different(table: AbstractTable, *axes: str) -> None:
-    """Check that two axes are different ones.
-
-    Raises:
-        FitError: If they are the same.
-    """
-    if len(set(axes)) < len(axes):
-        msg = f"{table.name}: found the axis {axes[0]} twice, expected another master"
-        raise FitError(msg)
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class AbstractLine(AbstractTable):
     """A table along one axis, its nodes one by one or equidistant.
@@ -267,7 +256,8 @@ class Cross(AbstractLine):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_different(self, self.axis, self.master)
+        found = f"the axis {self.axis} twice"
+        self.expect(self.axis != self.master, found, "another master")
 
     @cached_property
     def masters(self) -> tuple[str, ...]:
@@ -306,15 +296,16 @@ class Plane(AbstractTable):
 
     def __post_init__(self) -> None:
         for key in ("masters", "start", "interval", "points"):
-            if key != "masters" and getattr(self, key) is None:
-                continue
             value = getattr(self, key)
+            if value is None and key != "masters":
+                continue
             if np.shape(value) != (2,):
                 msg = f"plane of {self.axis}: found {key} {value!r}, expected two, one per master"
                 raise FitError(msg)
             object.__setattr__(self, key, tuple(value))  # lists do as well
         super().__post_init__()
-        _check_different(self, *self.masters)
+        first, second = self.masters
+        self.expect(first != second, f"the axis {first} twice", "another master")
 
     @cached_property
     def table_effect(self) -> TableEffect:

@@ -94,29 +94,20 @@ class Temperature(AbstractEffect):
         if sensor is not None:
             object.__setattr__(self, "sensors", dict.fromkeys(LAWS, sensor))
         wrong = [name for name in (*self.sensors, *self.law) if name not in LAWS]
-        if wrong or not self.sensors:
-            msg = (
-                f"temperature of {self.axis}: found {', '.join(wrong) or 'no sensor'}, "
-                "expected sensors of 'offset', 'coefficient' or both."
-            )
-            raise FitError(msg)
-        if isinstance(self.reference, str):
-            msg = f"{self.name}: found reference {self.reference!r}, expected a position in mm"
-            raise FitError(msg)
+        found, sensors = ", ".join(wrong), "sensors of 'offset', 'coefficient' or both."
+        self.expect(self.sensors and not wrong, found or "no sensor", sensors)
+        numeric = not isinstance(self.reference, str)
+        self.expect(numeric, f"reference {self.reference!r}", "a position in mm")
         ordered = {law: self.sensors[law] for law in LAWS if law in self.sensors}
         object.__setattr__(self, "sensors", ordered)
         by_sensor = self.lag if isinstance(self.lag, Mapping) else {}
         strange = {*by_sensor} - {*self.sensor_names}
-        if strange:
-            msg = f"{self.name}: found lag of {in_a_row([*strange])}, expected of its sensors"
-            raise FitError(msg)
+        self.expect(not strange, f"lag of {in_a_row([*strange])}", "of its sensors")
         for value in self.lags.values():
-            if value != "fit" and not is_number(value):
-                msg = (
-                    f"{self.name}: found lag {value!r}, expected 'fit' (or 'auto'), 'none'"
-                    " or seconds."
-                )
-                raise FitError(msg)
+            valid = value == "fit" or is_number(value)
+            self.expect(
+                valid, f"lag {value!r}", "'fit' (or 'auto'), 'none' or seconds."
+            )
         law: dict[str, Nodes] = {}
         for name, entry in self.law.items():
             nodes: str | int | Float[np.ndarray, " _n"]
@@ -126,12 +117,11 @@ class Temperature(AbstractEffect):
                 valid = bool(ascending and len(nodes))
             else:
                 valid = nodes in _COUNTS if isinstance(nodes, str) else nodes > 0
-            if not valid:
-                msg = (
-                    f"{self.name}: found law {entry!r}, expected 'constant', 'linear', "
-                    "a number of temperatures or temperatures in ascending order."
-                )
-                raise FitError(msg)
+            expected = (
+                "'constant', 'linear', a number of temperatures or temperatures in ascending"
+                " order."
+            )
+            self.expect(valid, f"law {entry!r}", expected)
             law[name] = nodes
         object.__setattr__(self, "law", law)
 

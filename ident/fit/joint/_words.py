@@ -5,7 +5,7 @@ the like); here these words become sentences.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import final
 
 import numpy as np
@@ -13,7 +13,7 @@ from jaxtyping import Bool
 
 from .._identifiable import Shared
 from ._design import Design
-from ._effect import TABLES, Component, Rank, in_a_row
+from ._effect import TABLES, AbstractEffect, Component, Rank, in_a_row
 from ._identified import PART, Identified
 
 _NAMED = 4
@@ -54,28 +54,39 @@ class Confusion:
     sentence: str
 
 
-def gauges_of(known: Identified) -> tuple[Gauge, ...]:
-    """Return the freedoms of the sum, and the rules that fix them."""
+def words_of(
+    axes: Iterable[Identified],
+) -> tuple[tuple[Gauge, ...], tuple[Confusion, ...]]:
+    """Return the freedoms of all axes, and what their rows cannot tell."""
+    gauges: list[Gauge] = []
+    confusions: list[Confusion] = []
+    for known in axes:
+        gauges += _gauges(known)
+        confusions += _confusions(known)
+    return tuple(gauges), tuple(confusions)
+
+
+def _gauges(known: Identified) -> Iterator[Gauge]:
+    """Yield the freedoms of the sum, and the rules that fix them."""
     level, freedoms = known.freedoms
-    parts, result = known.design.stated, []
+    parts = known.design.stated
     if level:
         members = [parts[k] for k in level]
         names = (*(part.owner for part in members), f"datum of {known.design.axis}")
         rules = "; ".join(dict.fromkeys(part.level for part in members))
         rule = f"The datum keeps the constant: {rules}."
-        result.append(_gauge("A constant may", names, rule))
+        yield _gauge("A constant may", names, rule)
     for freedom in freedoms:
         simple, other = (parts[k] for k in freedom.members)
         rule = f"The {simple.owner} carries it; {other.rule}."
         what = _exchanged(simple, other, freedom.count)
-        result.append(_gauge(f"{what} may", (simple.owner, other.owner), rule))
+        yield _gauge(f"{what} may", (simple.owner, other.owner), rule)
     for pair in known.nearly:
         first, second = (parts[k] for k in pair.members)
         rule = "Their smoothness shares it out; give both tables the same nodes for a rule."
         what = f"A curve{_over(first, second)} may almost"
         how = ": their nodes differ, and their sum changes a little only."
-        result.append(_gauge(what, (first.owner, second.owner), rule, how))
-    return tuple(result)
+        yield _gauge(what, (first.owner, second.owner), rule, how)
 
 
 def _gauge(
@@ -103,22 +114,20 @@ def _over(simple: Component, other: Component) -> str:
     return f" over {in_a_row(common)}" if common else ""
 
 
-def confusions_of(known: Identified) -> tuple[Confusion, ...]:
-    """Return what the rows cannot tell, and what to measure."""
+def _confusions(known: Identified) -> Iterator[Confusion]:
+    """Yield what the rows cannot tell, and what to measure."""
     paired = {k for pair in known.confused for k in pair.members}
-    unseen = [
-        _unseen(component, known)
-        for k, component in enumerate(known.design.stated)
-        if component.effect is not None and k not in paired
-    ]
-    pairs = [_pair(pair, known.design) for pair in known.confused]
-    return (*(confusion for confusion in unseen if confusion is not None), *pairs)
+    for k, component in enumerate(known.design.stated):
+        if component.effect is not None and k not in paired:
+            yield from _unseen(component, component.effect, known)
+    yield from (_pair(pair, known.design) for pair in known.confused)
 
 
-def _unseen(component: Component, known: Identified) -> Confusion | None:
-    """Return what no reading shows of one component; None where all is well."""
-    effect, missing = component.effect, ~known.design.reached[component.places]
-    assert effect is not None  # datum and runs are seen by every reading
+def _unseen(
+    component: Component, effect: AbstractEffect, known: Identified
+) -> Iterator[Confusion]:
+    """Yield what no reading shows of one component of an effect."""
+    missing = ~known.design.reached[component.places]
     what = f"a part of the {component.owner}"
     if effect.table_effect is not None:
         # Nodes here and there that were not measured are marked, and no confusion.
@@ -128,13 +137,12 @@ def _unseen(component: Component, known: Identified) -> Confusion | None:
         what = f"the {component.owner} in {'positive' if missing[0] else 'negative'} direction"
     elif not missing.any():
         missing = known.hidden[component.places]
-    if not missing.any():
-        return None
     if missing.all():
         what = f"the {component.owner}"
-    parameters = _parameters(component, known.design, missing)
-    sentence = f"No reading shows {what}: {effect.worded(effect.remedy)}"
-    return Confusion((component.owner,), parameters, 0.0, sentence)
+    if missing.any():
+        parameters = _parameters(component, known.design, missing)
+        sentence = f"No reading shows {what}: {effect.worded(effect.remedy)}"
+        yield Confusion((component.owner,), parameters, 0.0, sentence)
 
 
 def _pair(pair: Shared, design: Design) -> Confusion:
