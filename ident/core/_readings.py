@@ -58,3 +58,8 @@ def filled(
     length = max(least, 1 << max(len(rows) - 1, 0).bit_length())
     fill = np.repeat(rows[-1:], length - len(rows), axis=0)
     return np.concatenate([rows, fill]) if len(fill) else rows
+
+
+def padded(arrays: Mapping[str, np.ndarray], least: int = 64) -> dict[str, np.ndarray]:
+    """Return arrays as `filled`, by their names."""
+    return {name: filled(array, least) for name, array in arrays.items()}

@@ -221,11 +221,6 @@ class Correlations:
         full = white.shape[1] == basis.shape[1]
         return np.zeros(len(basis)) if full else np.linalg.norm(free, axis=1) / length
 
-    @property
-    def weakest(self) -> float:
-        """Least information on any mixture of the groups; 1 where they are independent."""
-        return float(self._modes[0].min(initial=1.0))
-
     def pairs(self, limit: float) -> dict[tuple[int, int], Shared]:
         """Return what two groups share but for a share of information below a limit."""
         result = {}

@@ -25,11 +25,7 @@ from ._motion import (
     Crosstalk as Crosstalk,
     Delay as Delay,
 )
-from ._result import (
-    Identifiability as Identifiability,
-    JointFit as JointFit,
-    Part as Part,
-)
+from ._result import JointFit as JointFit, Part as Part
 from ._tables import Cross as Cross, Leadscrew as Leadscrew, Plane as Plane
 from ._temperature import LAWS as LAWS, Temperature as Temperature
 from ._words import Confusion as Confusion, Gauge as Gauge

@@ -188,7 +188,7 @@ class AbstractEffect(abc.ABC):
     @property
     def grid(self) -> tuple[Float[np.ndarray, " _n"], ...]:
         """Nodes along each master of a table; empty for what is none."""
-        return ()
+        return () if self.table_effect is None else self.table_effect.nodes
 
     @property
     def ranges(self) -> Ranges:

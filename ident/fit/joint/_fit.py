@@ -23,8 +23,8 @@ from ._design import design_of
 from ._effect import AbstractEffect, Rank
 from ._gauge import Rules
 from ._identified import identified
-from ._result import Identifiability, JointFit
-from ._words import words_of
+from ._result import JointFit
+from ._words import Confusion, Gauge, words_of
 
 
 def fit_joint(
@@ -70,13 +70,9 @@ def fit_joint(
         return fit
 
     with one_blas_thread():
-        # Axes share no unknowns; their matrix products leave the interpreter free. The
-        # largest first, so that none is left alone at the end.
-        size = {axis: sum(effect.size for effect in groups[axis]) for axis in groups}
-        order = sorted(groups, key=lambda axis: -size[axis])
+        # Axes share no unknowns; their matrix products leave the interpreter free.
         with ThreadPoolExecutor(min(len(groups), cores())) as pool:
-            by_size = dict(zip(order, pool.map(fitted, order), strict=True))
-        fits = {axis: by_size[axis] for axis in groups}
+            fits = dict(zip(groups, pool.map(fitted, groups), strict=True))
         parts = {part.name: part for fit in fits.values() for part in fit.parts()}
         runs = {axis: fit.runs() for axis, fit in fits.items()}
         gauges, confusions = words_of(fit.known for fit in fits.values())
@@ -147,37 +143,26 @@ def _held_out(
 
 
 def examine_design(
-    data: JointData,
-    effects: Sequence[AbstractEffect],
-    *,
-    drift: int = 0,
-    use: Bool[np.ndarray, " t"] | None = None,
-) -> Identifiability:
-    """Return what these rows can tell of effects, whatever was or will be measured.
+    data: JointData, effects: Sequence[AbstractEffect]
+) -> tuple[tuple[Gauge, ...], tuple[Confusion, ...]]:
+    """Return what these rows cannot tell of effects, whatever was or will be measured.
 
     Rows without an error are left out; with no error of an axis recorded at all every row
     counts: a planned measurement can be examined.
 
-    Args:
-        data: Rows, measured or planned.
-        effects: What is to be fitted.
-        drift: Pieces of the drift of each run, as for `fit_joint`.
-        use: Rows that may be used; None = all.
+    Returns:
+        As `JointFit.gauges` and `JointFit.confusions`.
 
     Raises:
         FitError: If an input is missing or no row is complete.
     """
-    placed = [effect.placed(data) for effect in effects]
     with one_blas_thread():
-        axes = [
-            identified(design, data, drift)
-            for axis, group in _by_axis(placed).items()
-            for design in [design_of(axis, group, data, drift, use, axis in data.error)]
-        ]
-        gauges, confusions = words_of(axes)
-    known = {axis.design.axis: axis for axis in axes}
-    shares = tuple(known[effect.axis].share_of(effect.name) for effect in placed)
-    return Identifiability(shares, gauges, confusions)
+        return words_of(
+            identified(
+                design_of(axis, group, data, 0, None, axis in data.error), data, 0
+            )
+            for axis, group in _by_axis([e.placed(data) for e in effects]).items()
+        )
 
 
 def _by_axis(effects: Sequence[AbstractEffect]) -> dict[str, list[AbstractEffect]]:

@@ -150,7 +150,7 @@ def identified(design: Design, data: JointData, drift: int) -> Identified:
     matrix = shapes.matrix + _light(design, shapes)
     limit = min(max(_HOPELESS, _SURE / len(design.rows)), _ALIKE)
     correlations = Correlations.of(dataclasses.replace(shapes, matrix=matrix), limit)
-    pairs = correlations.pairs(limit) if correlations.weakest < limit else {}
+    pairs = correlations.pairs(limit)
     # Two tables that are as alike where everything varies differ by their nodes only.
     ideal_pairs = {}
     if pairs:
@@ -162,12 +162,16 @@ def identified(design: Design, data: JointData, drift: int) -> Identified:
     ]
     clear = [shared for pair, shared in pairs.items() if pair not in nearly]
     several = correlations.several(min(limit, _HOPELESS), tuple(pairs))
+    hidden = np.zeros(design.size, bool)
+    for k, component in enumerate(design.stated):
+        least = PART if component.prior is None else _MOSTLY
+        hidden[component.places] = correlations.hidden(k) > least
     return Identified(
         design=design,
         ideal=ideal,
         rules=structure.beside(design),
         share=_shares(correlations, design),
-        hidden=_hidden(correlations, design),
+        hidden=hidden,
         confused=(*correlations.constants, *clear, *several),
         nearly=tuple(pairs[pair] for pair in nearly),
     )
@@ -188,15 +192,6 @@ def _light(design: Design, shapes: Shapes) -> Float[np.ndarray, "m m"]:
         for rows in (prior.rows[k] for k in np.flatnonzero(~prior.optional)):
             bent = rows @ basis
             result[places, places] += amount * density * (bent.T @ bent)
-    return result
-
-
-def _hidden(correlations: Correlations, design: Design) -> Bool[np.ndarray, " n"]:
-    """Return the unknowns with a part in shapes of one component that no reading shows."""
-    result = np.zeros(design.size, bool)
-    for k, component in enumerate(design.stated):
-        limit = PART if component.prior is None else _MOSTLY
-        result[component.places] = correlations.hidden(k) > limit
     return result
 
 

@@ -17,26 +17,6 @@ if TYPE_CHECKING:
 
 
 @dataclasses.dataclass(frozen=True)
-class Identifiability:
-    """What data can tell of effects; never looks at the measured values.
-
-    Attributes:
-        share: `Part.share` of each effect, in the order given.
-        gauges: Freedoms of the sum, with the rules that fix them.
-        confusions: What these data cannot tell apart.
-    """
-
-    share: tuple[float, ...]
-    gauges: tuple[Gauge, ...]
-    confusions: tuple[Confusion, ...]
-
-    @property
-    def determined(self) -> bool:
-        """Whether nothing is confused."""
-        return not self.confusions
-
-
-@dataclasses.dataclass(frozen=True)
 class Part:
     """One fitted effect; signs are those of the *error*.
 
@@ -110,11 +90,6 @@ class Part:
         return self.effect.table(self.values)
 
     @property
-    def deviation_table(self) -> Float[np.ndarray, "..."]:
-        """Standard deviations in that shape."""
-        return self.effect.table(self.standard_deviation)
-
-    @property
     def known(self) -> bool:
         """Whether all values that any reading reaches are determined, and there are some."""
         reached = self.support > 0
@@ -171,16 +146,6 @@ class JointFit:
             return next(iter(self.fits.values())).message
         fits = self.fits.items()
         return " ".join(f"Axis {axis}: {fit.message}" for axis, fit in fits)
-
-    @property
-    def axes(self) -> tuple[str, ...]:
-        """Compensated axes."""
-        return tuple(self.noise)
-
-    @property
-    def determined(self) -> bool:
-        """Whether nothing is confused."""
-        return not self.confusions
 
     def part(self, name: str) -> Part:
         """Return the part with this name.

@@ -58,10 +58,6 @@ class AbstractTable(AbstractEffect):
         return self.table_effect.size
 
     @property
-    def grid(self) -> tuple[Float[np.ndarray, " _n"], ...]:
-        return self.table_effect.nodes
-
-    @property
     def inputs(self) -> Inputs:
         direction = (("direction", self.axis),) if self.table_effect.way else ()
         return (*(("position", master) for master in self.masters), *direction)

@@ -306,7 +306,7 @@ def _confused(
         effect = member.effect(recording, None) or member.effect(recording, whole)
         assert effect is not None  # all of the error is known
         effects[member.index] = at_once(effect)
-    for pair in examine_design(data, [*effects.values()]).confusions:
+    for pair in examine_design(data, [*effects.values()])[1]:
         pair_names = set(pair.effects)
         for index, effect in effects.items():
             if len(pair_names) > 1 and effect.name in pair_names:

@@ -155,7 +155,7 @@ def prove_group(
             dataclasses.replace(gauge, rule=_rule(group, gauge)) for gauge in fit.gauges
         ),
         confusions=fit.confusions,
-        axes=tuple(_sum(group, drafts, files[axis]) for axis in fit.axes),
+        axes=tuple(_sum(group, drafts, files[axis]) for axis in fit.fits),
         order=recording.data.order,
         timed=recording.data.time is not None,
         held_out=recording.held_out,

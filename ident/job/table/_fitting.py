@@ -237,7 +237,8 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
 def _fit_of_share(plan: Plan, share: "Share") -> TableFit:
     """Return a part of a joint fit as the fit of a single table."""
     part = share.part
-    deviation = np.hypot(part.deviation_table, share.constant_deviation)
+    deviation = part.effect.table(part.standard_deviation)
+    deviation = np.hypot(deviation, share.constant_deviation)
     support = np.asarray(part.effect.table(part.support.astype(float)))
     # What only neighbours of the same table hide is filled like any other gap.
     hidden = ~np.isfinite(deviation)

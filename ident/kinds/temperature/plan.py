@@ -180,8 +180,8 @@ class TemperaturePlan(AbstractPlan):
         from ...job.joint._group import at_once, few  # takes long to load
 
         screw = Leadscrew(self.axis, np.linspace(low, high, _NODES))
-        design = examine_design(few(data), [screw, at_once(line)])
-        mixed = [pair for pair in design.confusions if len(set(pair.effects)) > 1]
+        _, confusions = examine_design(few(data), [screw, at_once(line)])
+        mixed = [pair for pair in confusions if len(set(pair.effects)) > 1]
         return mixed[0].sentence if mixed else ""
 
     def effect(

@@ -17,7 +17,6 @@ from axcomp.ident.fit.joint import (
     Leadscrew,
     Plane,
     Temperature,
-    examine_design,
     fit_joint,
 )
 
@@ -231,9 +230,9 @@ def test_a_delay_beside_the_others_frees_them(mixed: Any, effects: Any) -> None:
 
 def test_everything_is_told_where_everything_varies(mixed: Any, effects: Any) -> None:
     case = mixed(14, count=3000)
-    found = examine_design(case.data, effects())
-    assert found.determined
-    assert all(0.1 < share <= 1.0 for share in found.share)
+    fit = fit_joint(case.data, effects())
+    assert not fit.confusions
+    assert all(0.1 < part.share <= 1.0 for part in fit.parts)
 
 
 def test_the_share_falls_as_two_effects_become_alike() -> None:
@@ -243,7 +242,7 @@ def test_the_share_falls_as_two_effects_become_alike() -> None:
     for jitter in (10.0, 2.0, 0.5):
         warm = 18.0 + 0.007 * data.position["X"] + rng.normal(0.0, jitter, len(data))
         trial = dataclasses.replace(data, temperature={"T": warm})
-        shares.append(examine_design(trial, [Leadscrew("X", X), WARM]).share[1])
+        shares.append(fit_joint(trial, [Leadscrew("X", X), WARM]).parts[1].share)
     # What the position explains: variance of 7 K / √12 against the jitter.
     expected = [j**2 / (j**2 + 7.0**2 / 12.0) for j in (10.0, 2.0, 0.5)]
     assert shares == pytest.approx(expected, rel=0.2)

@@ -149,9 +149,7 @@ def test_the_rule_does_not_depend_on_the_errors(mixed: Any, effects: Any) -> Non
 def test_gauges_are_known_before_any_error_is(mixed: Any, effects: Any) -> None:
     case = mixed(11, count=1500)
     plan = dataclasses.replace(case.data, error={})
-    assert (
-        examine_design(plan, effects()).gauges == fit_joint(case.data, effects()).gauges
-    )
+    assert examine_design(plan, effects())[0] == fit_joint(case.data, effects()).gauges
 
 
 def test_a_ring_shares_its_constant_alone() -> None:

@@ -117,6 +117,6 @@ def test_one_table_for_both_directions_takes_the_backlash_for_no_drift(
     (part,), (datum, doubt) = fit.parts, fit.datum["X"]
     # 2 µm about the mean, alternately: each of the 81 nodes has 4 or 10 readings, and the
     # smooth table shares them. As a drift that outlasts the log it made 12 to 18 µm.
-    assert float(np.hypot(part.deviation_table, doubt).max()) < 1e-3
+    assert float(np.hypot(part.standard_deviation, doubt).max()) < 1e-3
     # Three of the deviations that a node of independent readings would have.
     assert np.abs(part.table + datum - true).max() < 3e-4
