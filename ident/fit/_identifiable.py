@@ -3,8 +3,7 @@ r"""What readings cannot identify, whatever they measured: by the information of
 The information matrix $X^T X$ of columns that come in groups (one group per effect) shows two
 kinds of it: directions without any information (`null_space`), and directions that one group
 shares with another, which only their sum shows (`Correlations`: canonical correlations of the
-groups beside a constant, since every group may hold one). Numbers only: what a group is, and
-what to say of it, is the caller's.
+groups beside a constant, since every group may hold one).
 
 Source of the correlations: H. Hotelling, Relations between two sets of variates, Biometrika
 28, 1936.

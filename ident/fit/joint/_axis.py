@@ -1,7 +1,7 @@
 """The fit of one compensated axis: its stack, the lags of its sensors, and what is said of it."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any, final
 
@@ -10,7 +10,6 @@ from jaxtyping import Bool, Float, Int
 
 from ..._recording import JointData
 from ...core import (
-    DriftNoise,
     Estimate,
     FitError,
     Posterior,
@@ -33,7 +32,6 @@ from ._lag import (
     lag_bounds,
     lagging,
     sensed_variances,
-    sensors_to_fit,
 )
 from ._memory import Memory, order_of, without_turns
 from ._result import Part
@@ -91,14 +89,6 @@ class AxisFit:
         """Readings that the noise is judged by."""
         limit = self.estimate.loss.wild_from * self.estimate.loss.scale
         return np.asarray(self.active & (np.abs(self.residual) <= limit))
-
-    def smoothness(self) -> dict[str, dict[str, float]]:
-        """Return the weights of each table, and of the drift, by name."""
-        weights = iter(self.estimate.posterior.weights.tolist())
-        return {
-            component.name: {name: next(weights) for name in component.weights}
-            for component in self.design.named
-        }
 
     @cached_property
     def residual(self) -> Float[np.ndarray, " r"]:
@@ -158,11 +148,6 @@ class AxisFit:
         order = order_of(len(self.pseudo), clock)
         pseudo = without_turns(self.pseudo, places, order)
         return Memory(design, self.known.rules, self.estimate, pseudo, clock, changes)
-
-    @property
-    def drift(self) -> DriftNoise | None:
-        """Noise of a recording with few unknowns, where it drifts."""
-        return self.memory.drift
 
     @one_blas_thread()
     def covariance(self, places: Int[np.ndarray, " p"]) -> Float[np.ndarray, "p p"]:
@@ -227,26 +212,26 @@ class AxisFit:
         pairs = zip(design.course.runs, numbers.T.tolist(), strict=True)
         return tuple(RunEffect(run, *values) for run, values in pairs)
 
-    def parts(self) -> list[Part]:
-        """Return the fitted effects."""
-        return [self._part(effect) for effect in self.design.effects]
-
-    def _part(self, effect: AbstractEffect) -> Part:
-        design = self.design
-        places = design.places_of(effect.name)
-        block, values = effect.block(self.data), self.theta[places]
-        contribution = np.where(block.known, block.columns @ values, np.nan)
-        return Part(
-            effect=effect,
-            values=values,
-            support=self.estimate.posterior.problem.sums.support[places],
-            determined=~self.known.unknown[places],
-            share=self.known.share_of(effect.name),
-            contribution=contribution,
-            rms=float(np.sqrt(np.mean(np.square(contribution[design.rows])))),
-            fit=self,
-            smoothness=self.smoothness().get(effect.name, {}),
-        )
+    def parts(self) -> Iterator[Part]:
+        """Yield the fitted effects."""
+        known, post = self.known, self.estimate.posterior
+        weights = iter(post.weights.tolist())
+        smoothness = {
+            component.name: {name: next(weights) for name in component.weights}
+            for component in self.design.named
+        }
+        for effect in self.design.effects:
+            places = self.design.places_of(effect.name)
+            yield Part(
+                effect=effect,
+                values=self.theta[places],
+                support=post.problem.sums.support[places],
+                determined=~known.unknown[places],
+                share=known.share_of(effect.name),
+                contribution=effect.curve(self.theta[places], self.data),
+                fit=self,
+                smoothness=smoothness.get(effect.name, {}),
+            )
 
 
 def _pseudo(design: Design, data: JointData, fit: Estimate) -> Float[np.ndarray, " r"]:
@@ -270,7 +255,8 @@ def fit_axis(
     Raises:
         FitError: If the readings do not determine them or an option is unknown.
     """
-    sensors = sensors_to_fit(effects)
+    all_lags = [item for effect in effects for item in effect.lags.items()]
+    sensors = dict.fromkeys(sensor for sensor, lag in all_lags if lag == "fit")
     lags: dict[str, FoundLag] = {}
     design = design_of(axis, effects, data, drift, use)
     estimated = partial(_estimated, data, smoothness, loss)

@@ -1,11 +1,9 @@
 """All columns of one compensated axis side by side: effects, datum, runs.
 
-A reference may drift within its runs, and wander between the knots of that drift: it is where
-it was a moment ago, and a little further. Upon the straight line between two knots such a walk
-is a bridge that begins and ends at zero. Its variance per second is one weight beside those of
-the tables: by evidence, and next to nothing where the noise is white. Bridges are noise, not
-an effect: held by their own variance they cannot be confused with anything, and only make
-uncertain what is as slow as they are.
+A reference may drift within its runs, and wander between the knots of that drift. Upon the
+straight line between two knots such a walk is a bridge that begins and ends at zero. Its
+variance per second is one weight beside those of the tables, by evidence. Bridges are noise, not
+an effect: they cannot be confused with anything.
 """
 
 import dataclasses
@@ -17,6 +15,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
+from scipy.ndimage import maximum, minimum
 
 from ..._recording import JointData
 from ...core import (
@@ -40,8 +39,7 @@ _BANDED = 400
 _REACHED = 0.1
 """Sum of squared shares, in readings, from which on an unknown counts as measured."""
 _STEPS, _READINGS = 300, 50
-"""Steps of all bridges together, at most, and readings per step, at least: fewer tell nothing of
-a walk beside their noise."""
+"""Steps of all bridges together, at most, and readings per step, at least."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -261,8 +259,8 @@ def design_of(
         axis: Compensated axis.
         effects: Its effects, nodes placed.
         data: Readings.
-        drift: Pieces of the drift of each run; 0 = an offset only.
-        use: Rows that may be used; None = all.
+        drift: As for `fit_joint`.
+        use: As for `fit_joint`.
         measured: Only rows with an error count.
         wander: Whether a drift wanders between its knots.
 
@@ -278,10 +276,7 @@ def design_of(
     if measured:
         keep = keep & np.isfinite(data.column("error", axis, "the fit"))
     if drift:
-        if data.time is None:
-            msg = "a drift needs the time of every reading, found none."
-            raise FitError(msg)
-        keep = keep & np.isfinite(data.time)
+        keep = keep & np.isfinite(data.clock_for("a drift"))
     rows = np.flatnonzero(np.all([keep, *(block.known for block in blocks)], axis=0))
     if not len(rows):
         names = ", ".join(effect.name for effect in effects)
@@ -339,11 +334,7 @@ def _run_of(
 def _course(
     data: JointData, axis: str, rows: Int[np.ndarray, " r"], drift: int, wander: bool
 ) -> Course:
-    """Return what the reference does.
-
-    One run alone has no offset. A drift has bridges between its knots, as many as all rows of
-    the recording can tell.
-    """
+    """Return what the reference does; one run alone has no offset."""
     labels, index = np.unique(_run_of(data, axis, rows), return_inverse=True)
     runs = tuple(int(label) for label in labels)
     counted: tuple[bool, ...] = ()
@@ -352,9 +343,8 @@ def _course(
     counted = counted if any(counted) and not all(counted) else ()
     if not drift or data.time is None:
         return Course(runs if len(runs) > 1 else (), counted=counted)
-    low, high = np.full(len(runs), np.inf), np.full(len(runs), -np.inf)
-    np.minimum.at(low, index, data.time[rows])
-    np.maximum.at(high, index, data.time[rows])
+    time, numbers = data.time[rows], np.arange(len(runs))
+    low, high = (np.asarray(end(time, index, numbers)) for end in (minimum, maximum))
     # A clock may stand still within a run.
     high = np.maximum(high, np.nextafter(low, np.inf))
     spans = tuple(zip(low.tolist(), high.tolist(), strict=True))

@@ -242,6 +242,13 @@ class AbstractEffect(abc.ABC):
         matrix.eliminate_zeros()
         return Block(matrix, finite)
 
+    def curve(
+        self, values: Float[np.ndarray, " p"], data: JointData
+    ) -> Float[np.ndarray, " t"]:
+        """Return what it adds to each row in mm or °; NaN where an input is missing."""
+        block = self.block(data)
+        return np.where(block.known, block.columns @ values, np.nan)
+
     def columns_of(self, data: JointData) -> list[Float[np.ndarray, " t"]]:
         """Return its inputs over the rows of these data, NaN where one is not known."""
         return [data.column(*channel, self.name) for channel in self.inputs]

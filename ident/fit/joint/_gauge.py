@@ -1,12 +1,11 @@
 """Freedoms of the sum, and the rules that fix them.
 
 Freedoms are found from the information of rows in which everything varies by itself. The
-effects give way in the order of `Rank`; the datum keeps what is left. An effect gives way by
-having mean zero over the readings along every shape that a simpler one can carry; a temperature
-by correcting nothing at its reference temperature. Measured errors play no part.
+effects give way in the order of `Rank`: by having mean zero over the readings along every shape
+that a simpler one can carry; a temperature by correcting nothing at its reference temperature.
 
-A curve stands for itself. A large plane is represented by all curves over either master and by
-smooth surfaces: what it can share with another effect is a curve or smooth.
+A large plane is represented by all curves over either master and by smooth surfaces: what it
+can share with another effect is a curve or smooth.
 """
 
 import dataclasses
@@ -42,8 +41,8 @@ def shapes_of(design: Design, smooth: bool) -> Shapes:
 
     Args:
         design: Of these rows.
-        smooth: Smooth surfaces of large planes as well, and only what readings tell; without,
-            whole lines of their nodes count as reached, however few rows there are.
+        smooth: Smooth surfaces of large planes as well, and only what readings tell; else whole
+            lines of their nodes count as reached.
     """
     reached = design.reached if smooth else design.diagonal > 0
     basis = []
@@ -157,10 +156,7 @@ def _carried_on(
     reached: Bool[np.ndarray, " p"],
     null: Float[np.ndarray, "p g"],
 ) -> Float[np.ndarray, "p g"]:
-    """Return directions that go on beyond the values that rows reach, bent the least.
-
-    Else what is moved leaves a step between the last node that was read and the next one.
-    """
+    """Return directions that go on beyond the values that rows reach, bent the least."""
     rows = [prior.rows[k] for k in np.flatnonzero(~prior.optional)]
     bent, result = sp.vstack(rows).tocsc(), null.copy()
     beyond, fixed = bent[:, ~reached], bent[:, reached] @ null[reached]
@@ -173,24 +169,8 @@ def _carried_on(
 def ideal_shapes(design: Design, data: JointData, drift: int) -> Shapes:
     """Return the shapes with the information of rows in which everything varies by itself.
 
-    Args:
-        design: Columns of the actual rows.
-        data: The actual data, all rows.
-        drift: Pieces of the drift of each run.
-    """
-    effects = [
-        effect.lagging(dict.fromkeys(effect.sensor_names, 0.0))
-        for effect in design.effects
-    ]
-    varied = _everything_varies(design, data)
-    ideal = design_of(design.axis, effects, varied, drift, measured=False, wander=False)
-    return shapes_of(ideal, smooth=False)
-
-
-def _everything_varies(design: Design, data: JointData) -> JointData:
-    """Return rows at random places, directions, accelerations, temperatures and runs.
-
-    The axes move where they moved in the data: what is alike there may be exchanged there.
+    Places, directions, accelerations, temperatures and runs are random. The axes move where they
+    moved in the data: what is alike there may be exchanged there.
     """
     rng = np.random.default_rng(0)
     sizes = [
@@ -220,10 +200,12 @@ def _everything_varies(design: Design, data: JointData) -> JointData:
     clock = np.zeros(0) if data.time is None else data.time[np.isfinite(data.time)]
     began, ended = (clock.min(), clock.max()) if len(clock) else (0.0, 1.0)
     runs = design.course.runs
-    return JointData(
-        **channels,
-        time=rng.uniform(began, ended, count),
-        run=rng.choice(np.array(runs), count) if runs else None,
-        clock_number=None,
-        own_zero=None,
-    )
+    time = rng.uniform(began, ended, count)
+    run = rng.choice(np.array(runs), count) if runs else None
+    varied = JointData(**channels, time=time, run=run, clock_number=None, own_zero=None)
+    effects = [
+        effect.lagging(dict.fromkeys(effect.sensor_names, 0.0))
+        for effect in design.effects
+    ]
+    ideal = design_of(design.axis, effects, varied, drift, measured=False, wander=False)
+    return shapes_of(ideal, smooth=False)

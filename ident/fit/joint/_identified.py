@@ -1,7 +1,7 @@
 """What the rows of one axis identify: freedoms of the sum, and what they cannot tell apart.
 
-Freedoms are there in any data, and fixed by rules (`_gauge`). Beyond them the actual rows may
-confuse effects, or show one of them nowhere. All of it is numbers; `_words` says it.
+Beyond the freedoms (`_gauge`) the rows may confuse effects, or show one of them nowhere. All of
+it is numbers; `_words` says it.
 """
 
 import dataclasses
@@ -66,11 +66,7 @@ class Identified:
         return min(share for share, component in stated if component.owner == effect)
 
     def variances(self, post: Posterior) -> Float[np.ndarray, " n"]:
-        """Return the variance of each unknown under the rules, per variance of one reading.
-
-        Moving to the rule changes what is unknown: from the spread of the values as solved it
-        takes what may be moved between effects, which says nothing about either.
-        """
+        """Return the variance of each unknown under the rules, per variance of one reading."""
         plain, rules = post.inverse_diagonal, self.rules
         if not rules.null.shape[1]:
             return plain
@@ -117,8 +113,8 @@ class Identified:
     def freedoms(self) -> tuple[tuple[int, ...], tuple[Shared, ...]]:
         """Components that hold a constant, and what else pairs may exchange in any data.
 
-        The simpler one of a pair, that carries what they share, comes first. What a third,
-        still simpler one carries for both is stated with that one.
+        The simpler one of a pair, that carries what they share, comes first; pairs for which a
+        third, still simpler one carries it are left out.
         """
         correlations = Correlations.of(self.ideal, _SAME)
         pairs = correlations.pairs(_SAME)

@@ -8,7 +8,7 @@ Source: G. Golub, V. Pereyra, SIAM J. Numer. Anal. 10(2), 1973.
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, final
 
 import numpy as np
@@ -60,12 +60,6 @@ class FoundLag:
     direction: Float[np.ndarray, " r"]
 
 
-def sensors_to_fit(effects: Sequence[AbstractEffect]) -> tuple[str, ...]:
-    """Return the sensors whose lag is to be fitted."""
-    lags = [item for effect in effects for item in effect.lags.items()]
-    return tuple(dict.fromkeys(sensor for sensor, lag in lags if lag == "fit"))
-
-
 def find_lags(
     design: Design,
     data: JointData,
@@ -80,7 +74,7 @@ def find_lags(
         data: All rows: a lag remembers those that are not fitted.
         fit: By the same columns.
         pseudo: Its pseudo-readings about `Estimate.centre`, 0 where one is not believed.
-        near: Lags that are about right by sensor, so that no others are tried; 0 = unknown.
+        near: Lags that are about right in s, by sensor; 0 = unknown.
 
     Raises:
         FitError: If there is no clock.
@@ -117,8 +111,7 @@ def _posterior(
 ) -> Posterior:
     """Return the posterior of exactly those readings that are believed.
 
-    The passes of a fit keep their matrix as long as hardly a reading changes sides. Beside
-    readings of many noises those few are more than what a lag explains.
+    The matrix of a fit may hold a few others, whose errors are more than a lag explains.
     """
     target = pseudo + design.columns @ fit.centre
     readings = Readings(target, {}, (pseudo != 0.0).astype(float))
@@ -180,9 +173,8 @@ def sensed_variances(
 ) -> dict[str, float]:
     """Return the variance in s² of each lag that shows, by the noise of its sensor.
 
-    The structure remembers that noise for the whole lag, so that it is none of a reading:
-    drawing it anew tells how far it moves the lag. Columns are those of the fitted lags, data
-    have all rows, the values are of all unknowns, active readings are believed.
+    The structure remembers that noise for the whole lag: drawing it anew tells how far it moves
+    the lag. Columns are those of the fitted lags, ``theta`` all unknowns.
     """
     lags = {sensor: lag.value for sensor, lag in fitted.items() if lag.value > 0.0}
     if not lags:
@@ -217,8 +209,8 @@ def lag_variances(
 ) -> Float[np.ndarray, " k"]:
     """Return the variances of lags for noise of variance 1.
 
-    Where tables of little smoothness do all that a lag does, next to nothing is left of it,
-    of either sign once wild readings are gone: such a lag counts as hardly seen.
+    Where tables do all that a lag does, next to nothing is left of it, of either sign: such a
+    lag counts as hardly seen.
 
     Args:
         moves: Change of the readings that are believed, per s of each lag.
@@ -254,9 +246,8 @@ def _profile(
 ) -> Profile:
     """Return the evidence of lags, everything but the temperatures eliminated once.
 
-    The factor of the fit has the temperatures in it. Where they are held, the others solve as
-    with them, less what the temperatures did. All is taken about the fit, where the pull of
-    the readings on the others is that of their prior: digits of the tables are not lost.
+    The factor of the fit has the temperatures in it: what they do is taken off its solutions.
+    All is taken about the fit, so that digits of the tables are not lost.
     """
     heated, factor, active = _heated_places(design), post.factor, pseudo != 0.0
     unit = np.zeros((design.size, len(heated)))
@@ -307,10 +298,8 @@ def _profile(
 
 def lag_bounds(axis: str, data: JointData) -> tuple[float, float]:
     """Return the logarithms of the shortest and the longest lag that a clock could show."""
-    if data.time is None:
-        msg = f"axis {axis}: a lag needs the time of every reading, found none."
-        raise FitError(msg)
-    clock = np.unique(data.time[np.isfinite(data.time)])
+    clock = data.clock_for(f"axis {axis}: a lag")
+    clock = np.unique(clock[np.isfinite(clock)])
     if len(clock) < 3:
         msg = "all readings have the same time, expected a clock that runs."
         raise FitError(msg)

@@ -1,13 +1,11 @@
 """Noise that remembers: how much more uncertain it leaves the values than white noise.
 
-The model has white noise beside a drift that wanders (where one is stated at all). What a
-reference does that is no such walk stays in the residual, and looks to a slow effect (a
-temperature, above all) like its own. The scores of stretches of the recording show how much:
-their scatter, through the solution, is the variance that the values really have (the
-"sandwich" of robust statistics, clustered in time). It is compared per effect with that of the
-same residual in another order, so that values which few stretches touch are judged together.
-Stretches of a short recording are no longer than what the noise remembers: where a drift shows
-and the unknowns are few enough, the variance is that under the drift (`DriftNoise`).
+What a reference does that is no stated drift stays in the residual, and looks to a slow effect
+(a temperature, above all) like its own. The scatter of the scores of stretches of the recording,
+through the solution, is the variance that the values really have (the "sandwich" of robust
+statistics, clustered in time). It is compared per effect with that of the same residual in
+another order. Where a drift shows and the unknowns are few enough, the variance is that under
+the drift (`DriftNoise`): stretches of a short recording may be as short as its memory.
 """
 
 import dataclasses
@@ -31,8 +29,7 @@ from ._design import Design
 from ._gauge import Rules
 
 _STRETCHES, _FEWEST = 24, 20
-"""Of the recording: long against the memory of the noise, and enough to scatter; and readings
-of a stretch below which nothing is judged."""
+"""Of the recording, and readings of each below which nothing is judged."""
 _LARGE = 1 << 18
 """Readings × unknowns up to which the drift itself is estimated."""
 _ROUNDING = 1e-12
@@ -58,8 +55,8 @@ class Memory:
         pseudo: Pseudo-readings of its last pass, 0 where a reading is not believed; without
             what the direction of motion explains.
         time: Of the readings in s; None without a clock.
-        directions: Change of the readings per unit of each parameter beside the columns, what
-            all unknowns do of it taken off.
+        directions: Change of the readings per unit of each parameter beside the columns, less
+            what all unknowns do of it.
     """
 
     design: Design
@@ -125,10 +122,7 @@ class Memory:
     def _stretches(
         self,
     ) -> list[tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s d"]]]:
-        """Rows of stretches in order of time, and the residual as it is and in other orders.
-
-        None where the stretches are short.
-        """
+        """Rows of stretches in order of time, their residual as it is and in other orders."""
         order = order_of(len(self.pseudo), self.time)
         active = order[self.pseudo[order] != 0.0]
         if len(active) < _FEWEST * _STRETCHES:
@@ -209,9 +203,8 @@ def without_turns(
 ) -> Float[np.ndarray, " r"]:
     """Return residuals less what the direction of motion explains at every turn alike.
 
-    A table for both directions leaves the backlash in the residual. That is no memory: means
-    over both directions do not wander with it. Residuals are 0 where a reading is not believed;
-    the order is that in which they were taken, at positions of each moving axis.
+    A table for both directions leaves the backlash in the residual: that is no memory. Residuals
+    are 0 where a reading is not believed; positions are those of each moving axis.
     """
     believed, columns = pseudo != 0.0, [np.ones(len(pseudo))]
     for position in positions:

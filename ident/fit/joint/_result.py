@@ -30,7 +30,6 @@ class Part:
             to what it has alone: mean over its independent directions, 0 to 1. Directions that a
             gauge gives to another effect do not count; values that no reading touches are 0.
         contribution: What it adds to each reading in mm or °; NaN where an input is missing.
-        rms: Root mean square of that over the readings of its axis, in mm or °.
         fit: Of its axis.
         smoothness: Weights of the prior by name, relative to 1/noise².
     """
@@ -41,7 +40,6 @@ class Part:
     determined: Bool[np.ndarray, " p"]
     share: float
     contribution: Float[np.ndarray, " t"]
-    rms: float
     fit: "AxisFit" = dataclasses.field(repr=False)
     smoothness: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
@@ -94,11 +92,6 @@ class Part:
         """Whether all values that any reading reaches are determined, and there are some."""
         reached = self.support > 0
         return bool(reached.any() and self.determined[reached].all())
-
-    def curve(self, data: JointData) -> Float[np.ndarray, " t"]:
-        """Return what the effect adds in mm or ° in other rows; NaN where an input is missing."""
-        block = self.effect.block(data)
-        return np.where(block.known, block.columns @ self.values, np.nan)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,7 +163,7 @@ class JointFit:
         for axis, fit in self.fits.items():
             total = np.full(len(data), fit.datum[0])
             for part in (part for part in self.parts if part.effect.axis == axis):
-                total += part.curve(data)
+                total += part.effect.curve(part.values, data)
             course = fit.design.course.columns(data, axis, rows) if runs else {}
             for rank, columns in course.items():
                 total += columns @ fit.theta[fit.design.places_of_rank(rank)]

@@ -240,7 +240,7 @@ class TemperaturePlan(AbstractPlan):
                 Lag(s, float(lag), part.lags.get(s, (0.0, 0.0))[1])
                 for s, lag in line.lags.items()
             ),
-            noise=share.fit.fits[self.axis].drift or DriftNoise(share.noise),
+            noise=share.fit.fits[self.axis].memory.drift or DriftNoise(share.noise),
             wild=share.wild,
             predicted=share.predicted[rows],
             support=tuple(part.support.tolist()),
