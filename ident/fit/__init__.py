@@ -35,7 +35,11 @@ from ._stream import (
     StreamedFit as StreamedFit,
     fit_streamed as fit_streamed,
 )
-from ._table import fit_table as fit_table, fit_values as fit_values
+from ._table import (
+    RunEffects as RunEffects,
+    fit_table as fit_table,
+    fit_values as fit_values,
+)
 from ._types import (
     RunEffect as RunEffect,
     Samples as Samples,

@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..core import (
-    CellCovariance,
     FitError,
     GroupEffect,
     design_of,
@@ -108,12 +107,11 @@ def deviations(
     They are of one layout and smoothness; ``which`` says the table of each reading.
     """
     nodes, shares = design_of(fits[0].layout.effect, samples.readings)
-    covariances = [fit.covariance for fit in fits]
-    # The tables one after the other, as if they were one.
-    columns = np.concatenate([covariance.columns for covariance in covariances])
-    joined = CellCovariance(covariances[0].offsets, columns)
-    first = which * len(covariances[0].columns)
-    return np.asarray(np.sqrt(joined.variance(nodes + first[:, None], shares)))
+    variance = np.zeros(len(which))
+    for number, fit in enumerate(fits):
+        here = which == number
+        variance[here] = fit.covariance.variance(nodes[here], shares[here])
+    return np.sqrt(variance)
 
 
 def leave_out(

@@ -56,7 +56,6 @@ def reconsidered(
     size, design = stack.effects[0].size, stack.matrix(readings)
     node, run = nearest_nodes(stack, readings), readings.inputs.get("run")
     count = np.bincount(node, minlength=size)
-    root = 1.0 if readings.weight is None else np.sqrt(readings.weight)
     near = at_medians(stack, readings, estimate)
     post = near.posterior
     light = post.weights if estimate.stated else _LIGHT * post.problem.density
@@ -68,10 +67,10 @@ def reconsidered(
         """Return residuals, nodes that lost most of theirs, what is wild, and about these nodes."""
         residual = np.asarray(readings.value - design @ candidate.values)
         limit = candidate.loss.limit * candidate.loss.scale
-        wild = np.abs(residual) * root > limit
+        wild = np.abs(residual) > limit
         faulty = _mostly(count, np.bincount(node[wild], minlength=size))
         shift = np.where(faulty, _medians(node, residual, size), 0.0)
-        return residual, faulty, wild, np.abs(residual - shift[node]) * root > limit
+        return residual, faulty, wild, np.abs(residual - shift[node]) > limit
 
     def cost(candidate: Estimate) -> float:
         """Return minus twice the log-likelihood with wild readings anywhere in their range.
@@ -83,7 +82,7 @@ def reconsidered(
         residual, faulty, wild, stray = judged(candidate)
         used = ~wild & ~faulty[node]
         free = max(int(used.sum()) - stack.free, 1)
-        square = float(np.square((residual * root)[used]).sum())
+        square = float(np.square(residual[used]).sum())
         square += post.total - post.residual_square
         good = float(np.log(2.0 * np.pi * max(square / free, 1e-300))) + 1.0
         span = 2.0 * float(np.log(max(np.ptp(residual), 1e-150)))
@@ -98,7 +97,7 @@ def reconsidered(
 
     def unforeseen(candidate: Estimate) -> float:
         """Return what a run held out leaves, about (generalised cross-validation)."""
-        left = np.square(judged(candidate)[0] * root).sum()
+        left = np.square(judged(candidate)[0]).sum()
         return float(left) / max(len(node) - candidate.posterior.used, 1.0) ** 2
 
     best = min((estimate, rival), key=cost)

@@ -79,7 +79,7 @@ def nearest_nodes(stack: Stack, readings: Readings) -> Int[np.ndarray, " t"]:
 def residual_of(
     stack: Stack, readings: Readings, values: Vector
 ) -> Float[np.ndarray, " t"]:
-    """Return (reading − fit) × √weight."""
+    """Return reading − fit."""
     return sums_of(stack, readings, values, Loss(), Sums.empty(stack))[1]
 
 

@@ -4,7 +4,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, final
+from typing import Any, Literal, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -40,6 +40,9 @@ from ._types import (
     check_smoothness,
 )
 
+RunEffects = Literal["none", "offset", "drift"]
+"""What every run has of its own; they need runs, and a drift needs places within them."""
+
 _THIN = 20_000
 """Readings that tell their spread."""
 _DENSE = 60
@@ -60,7 +63,7 @@ def fit_table(
     *,
     smoothness: Smoothness = "auto",
     loss: str = "student",
-    run_effects: str = "none",
+    run_effects: RunEffects = "none",
     allow_gaps: bool = False,
     floating: Sequence[int] = (),
 ) -> TableFit:
@@ -75,7 +78,7 @@ def fit_table(
         samples: Readings in mm or °.
         smoothness: ``"auto"`` lets the evidence choose weights of second and fourth differences
             per axis, and the noise; a number ≥ 0 is the weight of the squared second
-            differences per node distance, relative to 1/noise²; or as `TableFit.smoothness`.
+            differences per node distance, relative to 1/noise².
         loss: ``"student"`` and ``"huber"`` resist wild readings, ``"gauss"`` is least squares.
         run_effects: ``"offset"`` or ``"drift"`` (offset and linear drift) lets every run have
             its own, summing to zero over the runs; with a robust loss not over those far off.
@@ -111,7 +114,7 @@ def fit_values(
     positions: Float[np.ndarray, "t d"],
     error: Float[np.ndarray, " t"],
     *,
-    smoothness: float | Mapping[str, float],
+    smoothness: float,
     branch: Int[np.ndarray, " t"] | None = None,
 ) -> Float[np.ndarray, "..."]:
     """Return the node values that minimise the penalised squares, and nothing else.
@@ -211,28 +214,15 @@ class _InMemory:
     layout: TableLayout
     samples: Samples
     smoothness: Smoothness
-    run_effects: str
+    run_effects: RunEffects
     allow_gaps: bool
     floating: tuple[int, ...]
 
     @cached_property
     def labels(self) -> Int[np.ndarray, " r"]:
         """Runs that have effects of their own."""
-        effects, samples = self.run_effects, self.samples
-        if effects not in ("none", "offset", "drift"):
-            msg = (
-                f"run_effects: found {effects!r}, expected 'none', 'offset' or 'drift'."
-            )
-            raise FitError(msg)
-        if effects == "none":
-            return np.zeros(0, np.int64)
-        if samples.run is None:
-            msg = f"run_effects {effects!r} need the run of every reading, found none."
-            raise FitError(msg)
-        if effects == "drift" and samples.order is None:
-            msg = "run_effects 'drift' need the place of every reading within its run, found none."
-            raise FitError(msg)
-        labels = np.unique(samples.run)
+        run = self.samples.run
+        labels = np.unique([] if run is None or self.run_effects == "none" else run)
         return (labels if len(labels) > 1 else labels[:0]).astype(np.int64)
 
     @cached_property
@@ -288,8 +278,6 @@ class _InMemory:
             nodes=judged.nodes,
         )
         residual = residual_of(stack, readings, fitted.values)
-        if readings.weight is not None:
-            residual = residual / np.sqrt(readings.weight)
         suspects: tuple[int, ...] = ()
         if len(self.labels) > 2:
             scatter = self.medians(np.abs(residual))

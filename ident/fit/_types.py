@@ -1,7 +1,6 @@
 """What goes into a table fit, what is refused of it, and what comes out."""
 
 import dataclasses
-import re
 from collections.abc import Callable, Mapping
 from functools import cached_property
 
@@ -18,10 +17,8 @@ from ..core import (
 )
 
 Array = np.ndarray
-Smoothness = float | str | Mapping[str, float]
-"""``"auto"``, a weight, or the weights of an earlier fit by name."""
-
-_NAME = re.compile("order [24], axis [12]")
+Smoothness = float | str
+"""``"auto"``, or a weight."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,7 +64,6 @@ class Samples:
         positions: In mm or °, columns in the order of `TableLayout.nodes`.
         error: Actual − commanded in mm or °.
         branch: 0 or 1 per reading for a table with two branches, else None.
-        weight: Known relative weights (1/variance ratio) > 0, or None for equal ones.
         run: Number of the repeated run of each reading; None where there are no runs.
         order: Place of the reading within its run, 0 at the start and 1 at the end, for drift.
     """
@@ -75,7 +71,6 @@ class Samples:
     positions: Float[Array, "t d"]
     error: Float[Array, " t"]
     branch: Int[Array, " t"] | None = None
-    weight: Float[Array, " t"] | None = None
     run: Int[Array, " t"] | None = None
     order: Float[Array, " t"] | None = None
 
@@ -92,16 +87,15 @@ class Samples:
             inputs["run"] = np.unique(self.run, return_inverse=True)[1].reshape(-1)
         if self.order is not None:
             inputs["order"] = self.order - 0.5
-        weight = None if self.weight is None else np.asarray(self.weight, float)
-        return Readings(np.asarray(self.error, float), inputs, weight)
+        return Readings(np.asarray(self.error, float), inputs)
 
     def check(self) -> None:
-        """Refuse what is no number or has no weight, and that there is no reading at all."""
+        """Refuse what is no number, and that there is no reading at all."""
         count = len(self.error)
         if not count:
             msg = "found no readings, expected at least one per node."
             raise FitError(msg)
-        for name in ("positions", "error", "weight", "order"):
+        for name in ("positions", "error", "order"):
             values = getattr(self, name)
             if values is None:
                 continue
@@ -110,9 +104,6 @@ class Samples:
                 row = int(np.argmin(finite.reshape(count, -1).all(axis=1)))
                 msg = f"reading {row + 1}: {name} is not finite, expected numbers."
                 raise FitError(msg)
-        if self.weight is not None and not (self.weight > 0).all():
-            msg = "weights must be positive."
-            raise FitError(msg)
 
     def take(self, keep: Bool[Array, " t"] | Int[Array, " n"]) -> "Samples":
         """Return the readings for which ``keep`` is true, or those of these rows."""
@@ -143,8 +134,8 @@ class Extent:
         """Return the extent of readings; all of them must be finite numbers.
 
         Raises:
-            FitError: If there are none, one is no number or has no weight, or there is no
-                direction where the table needs one.
+            FitError: If there are none, one is no number, or there is no direction where the
+                table needs one.
         """
         samples.check()
         counts = np.array([len(samples.error)])
@@ -212,8 +203,8 @@ class TableFit:
         values: Estimated error at each node in mm or °, shape `TableLayout.shape`.
         standard_deviation: Of each node value, same shape and unit.
         support: Readings that touch each node; 0 = not measured, the prior fills in.
-        noise: Standard deviation of one reading (weight 1) in mm or °, wild readings left out;
-            the ``line_offset`` is part of it.
+        noise: Standard deviation of one reading in mm or °, wild readings left out; the
+            ``line_offset`` is part of it.
         smoothness: Weights of the prior by name (``"order 2, axis 1"`` …), relative to 1/noise².
         loss: ``"student"``, ``"huber"`` or ``"gauss"``.
         residual: Reading − table − run effects per sample in mm or °, shape ``(t,)``.
@@ -266,15 +257,7 @@ class TableFit:
 
 def check_smoothness(smoothness: Smoothness) -> None:
     """Refuse a smoothness that is none."""
-    if isinstance(smoothness, Mapping):
-        for name, weight in smoothness.items():
-            if not _NAME.fullmatch(str(name)) or not 0 <= weight < np.inf:
-                msg = (
-                    f"smoothness: found {name!r} = {weight!r}, "
-                    "expected 'order 2, axis 1' and the like with weights >= 0."
-                )
-                raise FitError(msg)
-    elif smoothness != "auto" and (
+    if smoothness != "auto" and (
         isinstance(smoothness, str) or not 0 <= smoothness < np.inf
     ):
         msg = f"smoothness: found {smoothness!r}, expected 'auto' or a number >= 0."

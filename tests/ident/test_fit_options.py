@@ -78,69 +78,6 @@ def test_noise_and_deviation_are_those_of_the_readings() -> None:
     assert np.mean(noise) == pytest.approx(NOISE, rel=0.03)
 
 
-def test_known_weights_count_as_repetitions() -> None:
-    samples = readings(LINE, 400)
-    weight = np.random.default_rng(1).integers(1, 4, 400)
-    weighted = dataclasses.replace(samples, weight=weight.astype(float))
-    times = np.repeat(np.arange(400), weight)
-    repeated = Samples(samples.positions[times], samples.error[times])
-    fits = [
-        fit_table(LINE, one, smoothness=2.0, loss="gauss")
-        for one in (weighted, repeated)
-    ]
-    # The same sums; the start is another median.
-    np.testing.assert_allclose(fits[0].values, fits[1].values, atol=1e-12)
-
-
-def test_uneven_noise_is_told_by_the_weights() -> None:
-    rng = np.random.default_rng(2)
-    position = np.sort(rng.uniform(0.0, 300.0, 3000))
-    scatter = np.where(position < 150.0, 0.001, 0.01)
-    truth = 0.02 * np.sin(NODES / 40)
-    error = np.interp(position, NODES, truth) + scatter * rng.normal(size=3000)
-    weight = (0.001 / scatter) ** 2
-    fit = fit_table(LINE, Samples(position[:, None], error, weight=weight))
-    # The scale is that of weight 1, told to 2 %.
-    assert fit.noise == pytest.approx(0.001, rel=0.06)
-    low, high = fit.standard_deviation[:14].mean(), fit.standard_deviation[17:].mean()
-    assert high > 3 * low
-    assert not fit.wild.any()
-
-
-@pytest.mark.parametrize(
-    ("layout", "loss"),
-    [(LINE, "gauss"), (LINE, "student"), (PLANE, "student")],
-    ids=["line, gauss", "line, student", "plane, student"],
-)
-def test_weights_of_a_fit_make_the_same_fit(layout: TableLayout, loss: str) -> None:
-    samples = readings(layout, 1000)
-    fit = fit_table(layout, samples, loss=loss)
-    again = fit_table(layout, samples, loss=loss, smoothness=dict(fit.smoothness))
-    assert again.smoothness == pytest.approx(fit.smoothness, rel=1e-12)
-    # The iterations of a robust loss end at a hundredth of a standard deviation.
-    spread = fit.standard_deviation.max()
-    tolerance = 1e-6 if loss == "gauss" else 0.03
-    np.testing.assert_allclose(again.values, fit.values, atol=tolerance * spread)
-    # Variance from the residuals here, from the likelihood there.
-    np.testing.assert_allclose(
-        again.standard_deviation, fit.standard_deviation, rtol=0.05
-    )
-
-
-@pytest.mark.parametrize(
-    "layout", [PLANE, TableLayout(PLANE.nodes[::-1])], ids=["longer 1", "longer 2"]
-)
-def test_names_of_weights_say_which_axis_is_meant(layout: TableLayout) -> None:
-    # Stiff along the first axis only: hardly any bend is left along it.
-    samples = readings(layout, 2000)
-    stiff = fit_table(
-        layout, samples, smoothness={"order 2, axis 1": 1e9, "order 2, axis 2": 1.0}
-    )
-    bend1 = np.abs(np.diff(stiff.values, 2, axis=1)).max()
-    bend2 = np.abs(np.diff(stiff.values, 2, axis=0)).max()
-    assert bend1 < 1e-5 * bend2
-
-
 def test_smoothness_zero_is_the_plain_mean_at_the_nodes() -> None:
     rng = np.random.default_rng(3)
     error = rng.normal(size=(5, 31))

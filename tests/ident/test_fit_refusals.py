@@ -40,7 +40,7 @@ def test_refusal_is_an_error_of_the_library_and_of_the_value() -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("name", ["positions", "error", "weight", "order"])
+@pytest.mark.parametrize("name", ["positions", "error", "order"])
 def test_numbers_that_are_not_finite(name: str, value: float) -> None:
     samples = readings()
     column = getattr(samples, name).copy()
@@ -48,15 +48,6 @@ def test_numbers_that_are_not_finite(name: str, value: float) -> None:
     broken: Any = dataclasses.replace(samples, **{name: column})
     with pytest.raises(FitError, match=f"reading 18: {name} is not finite"):
         fit_table(LINE, broken)
-
-
-@pytest.mark.parametrize("weight", [0.0, -1.0])
-def test_weights_that_are_not_positive(weight: float) -> None:
-    samples = readings()
-    assert samples.weight is not None
-    samples.weight[3] = weight
-    with pytest.raises(FitError, match="weights must be positive"):
-        fit_table(LINE, samples)
 
 
 def test_nodes_that_do_not_ascend() -> None:
@@ -147,35 +138,3 @@ def test_unknown_smoothness(smoothness: float | str) -> None:
         FitError, match=r"smoothness: found .*expected 'auto' or a number"
     ):
         fit_table(LINE, readings(), smoothness=smoothness)
-
-
-@pytest.mark.parametrize(
-    "smoothness",
-    [{"order 3, axis 1": 1.0}, {"axis 1": 1.0}, {"order 2, axis 1": -1.0}],
-)
-def test_unknown_names_of_smoothness(smoothness: dict[str, float]) -> None:
-    with pytest.raises(
-        FitError, match=r"smoothness: found .*expected 'order 2, axis 1'"
-    ):
-        fit_table(LINE, readings(), smoothness=smoothness)
-
-
-def test_unknown_run_effects() -> None:
-    with pytest.raises(
-        FitError,
-        match="run_effects: found 'trend', expected 'none', 'offset' or 'drift'",
-    ):
-        fit_table(LINE, readings(), run_effects="trend")
-
-
-@pytest.mark.parametrize("effects", ["offset", "drift"])
-def test_runs_missing(effects: str) -> None:
-    samples = dataclasses.replace(readings(), run=None)
-    with pytest.raises(FitError, match=f"'{effects}' need the run of every reading"):
-        fit_table(LINE, samples, run_effects=effects)
-
-
-def test_order_within_the_run_missing() -> None:
-    samples = dataclasses.replace(readings(), order=None)
-    with pytest.raises(FitError, match="'drift' need the place of every reading"):
-        fit_table(LINE, samples, run_effects="drift")

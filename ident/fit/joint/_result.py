@@ -161,7 +161,7 @@ class JointFit:
         """
         rows, result = np.arange(len(data)), {}
         for axis, fit in self.fits.items():
-            total = np.full(len(data), fit.datum[0])
+            total = np.full(len(data), fit.theta[fit.design.datum])
             for part in (part for part in self.parts if part.effect.axis == axis):
                 total += part.effect.curve(part.values, data)
             course = fit.design.course.columns(data, axis, rows) if runs else {}

@@ -32,10 +32,7 @@ _DIGITS = 10
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class AbstractTable(AbstractEffect):
-    """A table over one or two masters; its values are in the order of the list.
-
-    The end of a ring has no value of its own, it is the start again.
-    """
+    """A table over one or two masters; its values are in the order of the list, a ring cut open."""
 
     def __post_init__(self) -> None:
         for nodes in self.grid:
@@ -82,8 +79,8 @@ class AbstractTable(AbstractEffect):
 
     def rows(self, columns: Sequence[Float[np.ndarray, " t"]]) -> Rows:
         table = self.table_effect
-        names = table.inputs if table.way is None else (*table.inputs, table.way)
-        inputs = dict(zip(names, columns, strict=True))
+        names = (*table.inputs, table.way or "direction")
+        inputs = dict(zip(names, columns, strict=False))
         nodes, shares = table.design(Readings(np.zeros(len(columns[0])), inputs))
         return self._place[nodes], shares
 
@@ -91,14 +88,11 @@ class AbstractTable(AbstractEffect):
     def labels(self) -> tuple[str, ...]:
         table = self.table_effect
         motions = (", moving positive", ", moving negative") if table.way else ("",)
-        grid = [nodes[: len(nodes) - table.ring] for nodes in reversed(table.nodes)]
-        places = [
-            ", ".join(
-                f"{master} = {value:g}"
-                for master, value in zip(self.masters, reversed(place), strict=True)
-            )
-            for place in itertools.product(*grid)
+        grid = [
+            [f"{master} = {value:g}" for value in nodes[: len(nodes) - table.ring]]
+            for master, nodes in zip(self.masters, table.nodes, strict=True)
         ]
+        places = [", ".join(reversed(at)) for at in itertools.product(*grid[::-1])]
         return tuple(place + motion for motion in motions for place in places)
 
     def table(self, values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "..."]:
@@ -110,15 +104,14 @@ class AbstractTable(AbstractEffect):
     def offsets(
         self, model: Any, *places: Float[np.ndarray, " _n"]
     ) -> Float[np.ndarray, "..."]:
-        mesh = list(np.meshgrid(*(places or self.grid)))
-        rows = np.column_stack([axis.ravel() for axis in mesh])
+        mesh = np.stack(np.meshgrid(*(places or self.grid)), axis=-1)
+        rows = mesh.reshape(-1, mesh.shape[-1])
         signs = (1, -1) if self.table_effect.way else (1,)
         offsets = [
             np.asarray(model.offset(*model.looked_up(rows, np.full(len(rows), sign))))
             for sign in signs
         ]
-        shape = mesh[0].shape
-        return np.reshape(offsets, (2, *shape) if len(signs) > 1 else shape)
+        return np.reshape(offsets, ((2,) if len(signs) > 1 else ()) + mesh.shape[:-1])
 
 
 def _grid(
@@ -194,8 +187,7 @@ class AbstractLine(AbstractTable):
 class Leadscrew(AbstractLine):
     """Leadscrew error table of an axis over its own position, mm or °.
 
-    Nodes are ``start``, ``interval`` and ``points``, or ``setpoints``. Values: one per node;
-    bilateral: all for positive direction, then all for negative.
+    Values: one per node; bilateral: all for positive direction, then all for negative.
 
     Attributes:
         bilateral: One table per direction of motion.
@@ -235,9 +227,7 @@ class Leadscrew(AbstractLine):
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class Cross(AbstractLine):
-    """Cross (sag) table of an axis over the position of another, mm or °.
-
-    Nodes are ``start``, ``interval`` and ``points``, or ``setpoints``; one value per node.
+    """Cross (sag) table of an axis over the position of another, mm or °; one value per node.
 
     Attributes:
         master: Axis over whose position the table runs.
@@ -316,11 +306,9 @@ class Plane(AbstractTable):
         return shared_table(nodes, self.masters)
 
     def components(self, places: Int[np.ndarray, " p"]) -> list[Component]:
-        rule = (
-            f"the {self.name} has mean zero over the readings along every line that the "
-            "other can follow"
-        )
         (component,) = super().components(places)
+        along = "the readings along every line that the other can follow"
+        rule = f"the {self.name} has mean zero over {along}"
         return [dataclasses.replace(component, rule=rule)]
 
     def to_model(self, table: Any, sign: float) -> Any:

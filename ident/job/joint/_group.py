@@ -203,7 +203,7 @@ def _effects(
     if None in effects and others:
         first = _fit(members, recording, others)
         fitted = first.predict(recording.data)
-        errors |= {axis: errors[axis] - fitted[axis] for axis in first.axes}
+        errors |= {axis: errors[axis] - fitted[axis] for axis in first.fits}
     every = list[AbstractEffect]()
     for member, effect in zip(members, effects, strict=True):
         try:

@@ -10,7 +10,14 @@ from jaxtyping import Float, Int
 
 from ...core import CellCovariance, FitError
 from ...exchange import LIST_UNITS
-from ...fit import Samples, TableFit, doubt_of_means, fit_table, leave_out
+from ...fit import (
+    RunEffects,
+    Samples,
+    TableFit,
+    doubt_of_means,
+    fit_table,
+    leave_out,
+)
 from ...proof import HeldOut, blocks_of, groups_of_runs, held_out
 from ...readings import Readings, Tables, place_in_run, runs_overlap, without_zero
 from .._draft import AbstractDraft, Leftovers
@@ -142,7 +149,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         if run is not None and repeated
         else None,
     )
-    effects = "offset" if floating else "none"
+    effects: RunEffects = "offset" if floating else "none"
     if run is not None and repeated:
         effects = _run_effects(run)
     fewest = len(samples.error)  # readings of a direction
@@ -325,8 +332,8 @@ def _doubt(
     return values - plan.zero_of(dataclasses.replace(estimate, values=values))
 
 
-def _run_effects(run: Int[np.ndarray, " t"]) -> str:
-    """Return what each run may have of its own: ``none``, ``offset`` or ``drift``."""
+def _run_effects(run: Int[np.ndarray, " t"]) -> RunEffects:
+    """Return what each run may have of its own."""
     _, counts = np.unique(run, return_counts=True)
     if len(counts) < 2:
         return "none"
