@@ -33,7 +33,7 @@ from ._lag import (
     lagging,
     sensed_variances,
 )
-from ._memory import Memory, order_of, without_turns
+from ._memory import Memory
 from ._result import Part
 
 Smoothness = str | float | Mapping[str, Mapping[str, float]]
@@ -139,15 +139,7 @@ class AxisFit:
     @cached_property
     def memory(self) -> Memory:
         """What the noise remembers."""
-        design, time = self.design, self.data.time
-        clock = None if time is None else np.asarray(time)[design.rows]
-        changes = tuple(lag.direction for lag in self.lags.values())
-        masters = {name for effect in design.effects for name in effect.masters}
-        names = [name for name in sorted(masters) if name in self.data.position]
-        places = [self.data.position[name][design.rows] for name in names]
-        order = order_of(len(self.pseudo), clock)
-        pseudo = without_turns(self.pseudo, places, order)
-        return Memory(design, self.known.rules, self.estimate, pseudo, clock, changes)
+        return Memory(self)
 
     @one_blas_thread()
     def covariance(self, places: Int[np.ndarray, " p"]) -> Float[np.ndarray, "p p"]:

@@ -11,7 +11,7 @@ the drift (`DriftNoise`): stretches of a short recording may be as short as its 
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,14 +19,14 @@ from jaxtyping import Float, Int
 from ...core import (
     LEAST_FREE,
     DriftNoise,
-    Estimate,
     find_drift,
     scatter_of_sums,
     variances_of_sums,
 )
 from .._identifiable import SINGULAR, pivoted
-from ._design import Design
-from ._gauge import Rules
+
+if TYPE_CHECKING:
+    from ._axis import AxisFit
 
 _STRETCHES, _FEWEST = 24, 20
 """Of the recording, and readings of each below which nothing is judged."""
@@ -46,32 +46,37 @@ a drift does not show by chance."""
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class Memory:
-    """Residuals of a fit in the order in which they were taken.
+    """Residuals of the fit of an axis in the order in which they were taken."""
 
-    Attributes:
-        design: Columns.
-        rules: Of the gauge: the values are those under them.
-        estimate: Of the stack.
-        pseudo: Pseudo-readings of its last pass, 0 where a reading is not believed; without
-            what the direction of motion explains.
-        time: Of the readings in s; None without a clock.
-        directions: Change of the readings per unit of each parameter beside the columns, less
-            what all unknowns do of it.
-    """
+    fit: "AxisFit"
 
-    design: Design
-    rules: Rules
-    estimate: Estimate
-    pseudo: Float[np.ndarray, " r"]
-    time: Float[np.ndarray, " r"] | None
-    directions: tuple[Float[np.ndarray, " r"], ...]
+    @cached_property
+    def time(self) -> Float[np.ndarray, " r"] | None:
+        """Instant of each reading in s; None without a clock."""
+        time = self.fit.data.time
+        return None if time is None else np.asarray(time)[self.fit.design.rows]
+
+    @cached_property
+    def order(self) -> Int[np.ndarray, " r"]:
+        """Order in which readings were taken: that of their instants, if known."""
+        count = np.arange(len(self.fit.pseudo))
+        return count if self.time is None else np.argsort(self.time, kind="stable")
+
+    @cached_property
+    def pseudo(self) -> Float[np.ndarray, " r"]:
+        """Pseudo-readings without what the direction explains, 0 where one is not believed."""
+        design, position = self.fit.design, self.fit.data.position
+        masters = {name for effect in design.effects for name in effect.masters}
+        names = sorted(masters & position.keys())
+        places = [position[name][design.rows] for name in names]
+        return without_turns(self.fit.pseudo, places, self.order)
 
     def variances(self, white: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the variances of the values, given those under white noise."""
         if self.drift is None:
             return np.asarray(white * self._swell)
         sums = variances_of_sums(self.drift, self._clock, self._moves)
-        scatter = self.estimate.scatter[0] * np.square(self._moves).sum(axis=0)
+        scatter = self.fit.estimate.scatter[0] * np.square(self._moves).sum(axis=0)
         return np.asarray(white + self._heavy * sums - scatter)
 
     def covariance(
@@ -83,7 +88,7 @@ class Memory:
             return np.asarray(white * np.outer(swell, swell))
         moves, heavy = self._moves[:, places], np.sqrt(self._heavy[places])
         sums = scatter_of_sums(self.drift, self._clock, moves, np.ones(len(moves)))
-        scatter = self.estimate.scatter[0] * (moves.T @ moves)
+        scatter = self.fit.estimate.scatter[0] * (moves.T @ moves)
         return np.asarray(white + np.outer(heavy, heavy) * sums - scatter)
 
     def swell_along(self, direction: Float[np.ndarray, " r"]) -> float:
@@ -96,7 +101,7 @@ class Memory:
             swell = _excess(float(np.var(sums)), float(white) / _STRETCHES)
         if self.drift is not None and direction.any():
             column = direction[self._believed, None]
-            white = self.estimate.scatter[0] * np.square(column).sum()
+            white = self.fit.estimate.scatter[0] * np.square(column).sum()
             drifting = variances_of_sums(self.drift, self._clock, column)[0]
             swell = max(swell, float(drifting / white))
         return swell
@@ -105,12 +110,12 @@ class Memory:
     def drift(self) -> DriftNoise | None:
         """Noise of a recording with few unknowns, where it drifts."""
         count = len(self._believed)
-        if not count or count * self.design.size > _LARGE:
+        if not count or count * self.fit.design.size > _LARGE:
             return None
-        columns = [self.design.columns[self._believed].toarray()]
-        for direction in self.directions:
+        columns = [self.fit.design.columns[self._believed].toarray()]
+        for lag in self.fit.lags.values():
             # What is left of a lag beside the columns, as large as they are.
-            column = direction[self._believed, None]
+            column = lag.direction[self._believed, None]
             columns.append(column / max(float(np.abs(column).max()), 1e-300))
         basis, size, _ = pivoted(np.hstack(columns))
         independent = basis[:, size > SINGULAR * size.max(initial=0.0)]
@@ -123,8 +128,7 @@ class Memory:
         self,
     ) -> list[tuple[Int[np.ndarray, " s"], Float[np.ndarray, "s d"]]]:
         """Rows of stretches in order of time, their residual as it is and in other orders."""
-        order = order_of(len(self.pseudo), self.time)
-        active = order[self.pseudo[order] != 0.0]
+        active = self.order[self.pseudo[self.order] != 0.0]
         if len(active) < _FEWEST * _STRETCHES:
             return []
         rng = np.random.default_rng(0)
@@ -137,13 +141,15 @@ class Memory:
     @cached_property
     def _swell(self) -> Float[np.ndarray, " n"]:
         """Factor of each unknown's variance that the stretches ask for, ≥ 1."""
-        design = self.design
+        design = self.fit.design
         swell = np.ones(design.size)
         if not self._stretches:
             return swell
         scores = [design.columns[at].T @ pseudo for at, pseudo in self._stretches]
-        changes = self.estimate.posterior.factor.solve(np.hstack(scores))
-        changes = self.rules.project(changes).reshape(design.size, len(scores), -1)
+        changes = self.fit.estimate.posterior.factor.solve(np.hstack(scores))
+        changes = self.fit.known.rules.project(changes).reshape(
+            design.size, len(scores), -1
+        )
         # The prior holds the sum of the scores away from zero: that is no scatter.
         spread = changes.var(axis=1)
         for part in design.components:
@@ -161,14 +167,16 @@ class Memory:
         """Their instants in s; their order where one of these was not recorded."""
         if self.time is not None and np.isfinite(self.time[self._believed]).all():
             return np.asarray(self.time[self._believed], float)
-        return np.asarray(self.design.rows[self._believed], float)
+        return np.asarray(self.fit.design.rows[self._believed], float)
 
     @cached_property
     def _moves(self) -> Float[np.ndarray, "s n"]:
         """How each of them moves the values under the rules."""
-        columns = self.design.columns[self._believed].toarray()
-        moves = self.estimate.posterior.factor.solve(np.ascontiguousarray(columns.T))
-        return np.asarray(self.rules.project(moves).T)
+        columns = self.fit.design.columns[self._believed].toarray()
+        moves = self.fit.estimate.posterior.factor.solve(
+            np.ascontiguousarray(columns.T)
+        )
+        return np.asarray(self.fit.known.rules.project(moves).T)
 
     @cached_property
     def _heavy(self) -> Float[np.ndarray, " n"]:
@@ -181,7 +189,7 @@ class Memory:
         total = self.drift.white**2 + self.drift.drift**2
         plain = total * np.square(self._moves).sum(axis=0)
         heavy = np.ones(len(drifting))
-        for part in self.design.components:
+        for part in self.fit.design.components:
             places = part.places
             # What a rule holds at zero moves by rounding alone.
             places = places[plain[places] > _ROUNDING * plain[places].max()]
@@ -189,11 +197,6 @@ class Memory:
             free = max(len(self._moves) / swell, LEAST_FREE)
             heavy[part.places] = free / (free - 2.0)
         return heavy
-
-
-def order_of(count: int, time: Float[np.ndarray, " r"] | None) -> Int[np.ndarray, " r"]:
-    """Return the order in which readings were taken: that of their instants, if known."""
-    return np.arange(count) if time is None else np.argsort(time, kind="stable")
 
 
 def without_turns(
