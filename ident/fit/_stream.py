@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from ..core import FitError, Loss, Stack, Sums, leave_one_out, one_blas_thread, sums_of
 from ._reconsider import crowded
@@ -76,15 +76,11 @@ class StreamedFit:
     crowded: int
     folds: Mapping[int, TableFit]
 
-    def judged(
-        self, samples: Samples
-    ) -> tuple[Bool[np.ndarray, " t"], Float[np.ndarray, " t"]]:
-        """Return which of some readings are wild, and the weight that the loss leaves each."""
-        estimate, layout = self.fit.estimate, self.fit.layout
+    def judged(self, samples: Samples) -> Judged:
+        """Return what the loss leaves of some readings."""
+        estimate, stack = self.fit.estimate, Stack((self.fit.layout.effect,))
         assert estimate is not None
-        stack = Stack((layout.effect,))
-        judged = Judged.of(stack, samples.readings, estimate.about, estimate.loss)
-        return judged.wild, judged.share
+        return Judged.of(stack, samples.readings, estimate.about, estimate.loss)
 
 
 def fit_streamed(

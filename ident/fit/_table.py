@@ -2,9 +2,9 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, Literal, final
+from typing import Literal, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -128,9 +128,11 @@ def fit_values(
     readings = Samples(positions, error, branch).readings
     stack = Stack((layout.effect,))
     with one_blas_thread():
-        zero, names = np.zeros(stack.size), layout.effect.prior.names
+        zero = np.zeros(stack.size)
         problem = Problem.of(sums_of(stack, readings, zero, Loss())[0], zero)
-        values = problem.values_at(fixed_weights(smoothness, names)(problem))
+        weights = fixed_weights(smoothness)
+        assert weights is not None  # a number
+        values = problem.values_at(weights(problem))
     if values is None:
         raise FitError(NOT_DETERMINED)
     return layout.effect.to_table(values)
@@ -164,12 +166,14 @@ def estimate_table(
     """
     if start is None:
         start = np.full(stack.size, _level(first))
-    weights = None
-    if not isinstance(smoothness, str):
-        weights = fixed_weights(smoothness, stack.effects[0].prior.names)
-    floor = max(floor_of(first), step)
     return estimate(
-        stack, over, loss=loss, weights=weights, floor=floor, start=start, near=near
+        stack,
+        over,
+        loss=loss,
+        weights=fixed_weights(smoothness),
+        floor=max(floor_of(first), step),
+        start=start,
+        near=near,
     )
 
 
@@ -187,21 +191,21 @@ def floor_of(error: Float[np.ndarray, " t"]) -> float:
 
 
 def fixed_weights(
-    smoothness: float | Mapping[Any, float], names: Sequence[Any]
-) -> Callable[[Problem], Float[np.ndarray, " k"]]:
-    """Return the weights that were asked for, given the sums.
+    smoothness: str | float | Vector,
+) -> Callable[[Problem], Vector] | None:
+    """Return the weights that were asked for, given the sums; None for ``"auto"``.
 
-    Of each term by its name, or of all second differences, without fourth ones. Second
-    differences that are given none fill gaps.
+    Of each term, or of all second differences, without fourth ones. Second differences that are
+    given none fill gaps.
     """
+    if isinstance(smoothness, str):
+        return None
+    stated = smoothness
 
-    def weights(problem: Problem) -> Float[np.ndarray, " k"]:
+    def weights(problem: Problem) -> Vector:
         second = np.where(problem.optional, 0.0, 1.0)
-        if isinstance(smoothness, Mapping):
-            stated = np.array([float(smoothness.get(name, 0.0)) for name in names])
-        else:
-            stated = second * smoothness
-        return np.asarray(np.maximum(stated, second * FILL * problem.density))
+        asked = stated if isinstance(stated, np.ndarray) else second * stated
+        return np.asarray(np.maximum(asked, second * FILL * problem.density))
 
     return weights
 

@@ -64,7 +64,6 @@ def held_out(
         active: Offset that was active while measuring, per reading.
         by_run: Whether the groups are runs.
     """
-    weight = np.ones(len(before)) if samples.weight is None else samples.weight
     folds = [fits[label] for label in sorted(fits)]
     fold_of_reading = np.array(sorted(fits)).searchsorted(groups)
     offsets = table.offsets(to_integers(folds), samples.positions, samples.branch)
@@ -73,7 +72,7 @@ def held_out(
     noise = np.array([fold.noise**2 for fold in folds])
     deviation = np.sqrt(
         spread**2
-        + noise[fold_of_reading] / weight
+        + noise[fold_of_reading]
         + _run_variance(folds, fold_of_reading, samples)
         + 1 / (12 * LIST_UNITS**2)
     )

@@ -1,9 +1,9 @@
 """The fit of one compensated axis: its stack, the lags of its sensors, and what is said of it."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, partial
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -13,7 +13,6 @@ from ...core import (
     Estimate,
     FitError,
     Posterior,
-    Problem,
     Readings,
     estimate,
     memory,
@@ -190,12 +189,11 @@ class AxisFit:
         design = self.design
         if not design.course.runs:
             return ()
-        knots_of = design.places_of_rank(Rank.RUNS).reshape(len(design.course.runs), -1)
-        rows = np.zeros((2, len(knots_of), design.size))
-        for number, knots in enumerate(knots_of):
-            rows[0, number, knots] = 1.0 / len(knots)
-            rows[1, number, knots[-1]] += 1.0
-            rows[1, number, knots[0]] -= 1.0
+        places, count = design.places_of_rank(Rank.RUNS), len(design.course.runs)
+        knots = np.eye(len(places) // count)
+        shares = np.stack([knots.mean(axis=0), knots[-1] - knots[0]])
+        rows = np.zeros((2, count, design.size))
+        rows[:, :, places] = [np.kron(np.eye(count), share) for share in shares]
         post, functionals = self.estimate.posterior, rows.reshape(-1, design.size).T
         spread = np.diag(self.known.covariance(post, functionals))
         spread = spread * self.estimate.scatter[0]
@@ -333,6 +331,15 @@ def _estimated(
 ) -> Estimate:
     """Return the fit of the stack for given lags."""
     error, pins = _error(design, data), design.pins
+    if isinstance(smoothness, Mapping):
+        tables = [(smoothness.get(part.name, {}), part) for part in design.named]
+        stated = [
+            table.get(name, 0.0) for table, part in tables for name in part.weights
+        ]
+        weights = fixed_weights(np.array(stated, float))
+    else:
+        check_smoothness(smoothness)
+        weights = fixed_weights(smoothness)
     if len(error) <= design.free:
         msg = (
             f"axis {design.axis}: {len(error)} readings leave nothing to judge the "
@@ -345,27 +352,10 @@ def _estimated(
         design.stack,
         memory(design.stack, Readings(error, {}), design.columns),
         loss=loss,
-        weights=_weights(design, smoothness),
+        weights=weights,
         floor=max(floor_of(error), _steps(design, data).size),
         start=start,
         pins=pins if pins.any() else None,
         near=near,
         rough=rough,
     )
-
-
-def _weights(
-    design: Design, smoothness: Smoothness
-) -> Callable[[Problem], Float[np.ndarray, " k"]] | None:
-    """Return the weights that were asked for, given the sums; None: by evidence."""
-    stated: float | Mapping[Any, float]
-    if isinstance(smoothness, Mapping):
-        tables = smoothness.items()
-        stated = {(key, name): w for key, table in tables for name, w in table.items()}
-    else:
-        check_smoothness(smoothness)
-        if isinstance(smoothness, str):
-            return None
-        stated = smoothness
-    names = [(part.name, name) for part in design.named for name in part.weights]
-    return fixed_weights(stated, names)

@@ -79,9 +79,15 @@ def find_lags(
     Raises:
         FitError: If there is no clock.
     """
+    clock = data.clock_for(f"axis {design.axis}: a lag")
+    clock = np.unique(clock[np.isfinite(clock)])
+    if len(clock) < 3:
+        msg = "all readings have the same time, expected a clock that runs."
+        raise FitError(msg)
+    span, gap = float(clock[-1] - clock[0]), float(np.median(np.diff(clock)))
+    low, high = float(np.log(max(gap, 1e-4 * span))), float(np.log(span))
     post = _posterior(design, fit, pseudo)
     profile = _profile(design, data, post, pseudo)
-    low, high = lag_bounds(design.axis, data)
     lags, width = dict(near), (high - low) / (_GRID - 1)
     for sensor, start in near.items():
         # One after the other roughly; then each between its neighbours on the grid.
@@ -294,15 +300,3 @@ def _profile(
         return post.problem.degrees * float(np.log(square)) + float(logdet), theta
 
     return profile
-
-
-def lag_bounds(axis: str, data: JointData) -> tuple[float, float]:
-    """Return the logarithms of the shortest and the longest lag that a clock could show."""
-    clock = data.clock_for(f"axis {axis}: a lag")
-    clock = np.unique(clock[np.isfinite(clock)])
-    if len(clock) < 3:
-        msg = "all readings have the same time, expected a clock that runs."
-        raise FitError(msg)
-    span = float(clock[-1] - clock[0])
-    gap = float(np.median(np.diff(clock)))
-    return float(np.log(max(gap, 1e-4 * span))), float(np.log(span))

@@ -64,7 +64,7 @@ class FittedLog:
                 row = groups == label
                 part = samples.take(row)
                 held_out[row] += table.offset(folds[label], part.positions, part.branch)
-            wild, _ = self.streamed.judged(samples)
+            wild = self.streamed.judged(samples).wild
             for name, error in zip(STAGES, (before, held_out, residual), strict=True):
                 errors = ErrorTally.of(error, wild=wild)
                 tally[name] = tally[name] + errors if name in tally else errors
@@ -93,7 +93,9 @@ class FittedLog:
     def _largest_wild(self, samples: Samples) -> Int[np.ndarray, " n"]:
         if not self.streamed.wild:
             return np.zeros(0, dtype=np.int64)
-        return largest_wild(samples.error - self.zero, self.streamed.judged(samples)[0])
+        return largest_wild(
+            samples.error - self.zero, self.streamed.judged(samples).wild
+        )
 
 
 def fit_log(readings: LogReadings) -> TableDraft:
@@ -118,7 +120,7 @@ def fit_log(readings: LogReadings) -> TableDraft:
     log = FittedLog(readings, streamed, grouping, zero)
     samples, row = log.shown()
     at, before = (samples.positions, samples.branch), samples.error - zero
-    wild, share = streamed.judged(samples)
+    judged = streamed.judged(samples)
     residual = samples.error - predict(streamed.fit, *at)[0]
     heldout = held_out(
         table, samples, streamed.folds, grouping(samples), plan.integers, before,
@@ -129,7 +131,9 @@ def fit_log(readings: LogReadings) -> TableDraft:
         plan.index,
         spec,
         plan,
-        dataclasses.replace(estimate, residual=residual, share=share, wild=wild),
+        dataclasses.replace(
+            estimate, residual=residual, share=judged.share, wild=judged.wild
+        ),
         "none",
         Readings(
             positions=samples.positions,
