@@ -4,7 +4,7 @@ Readings are those of `ident._recording`. Read `_effect` (what an effect is; `_t
 `_temperature` and `_motion` have some), `_design` (their columns side by side, datum
 and runs), `_gauge` (what may be moved between effects, and the rules for it), `_identified`
 (what the rows cannot tell) with `_words`, `_axis` (one axis fitted on `ident.core`) with `_lag`
-and `_memory` (noise that remembers), and `_result` and `_fit` (what comes out).
+and `_memory` (noise that remembers), and `_fit` (what goes in and comes out).
 """
 
 from ..._recording import JointData as JointData
@@ -16,6 +16,8 @@ from ._effect import (
     numbers_of as numbers_of,
 )
 from ._fit import (
+    JointFit as JointFit,
+    Part as Part,
     examine_design as examine_design,
     fit_joint as fit_joint,
     held_out_errors as held_out_errors,
@@ -25,7 +27,6 @@ from ._motion import (
     Crosstalk as Crosstalk,
     Delay as Delay,
 )
-from ._result import JointFit as JointFit, Part as Part
 from ._tables import Cross as Cross, Leadscrew as Leadscrew, Plane as Plane
 from ._temperature import LAWS as LAWS, Temperature as Temperature
 from ._words import Confusion as Confusion, Gauge as Gauge

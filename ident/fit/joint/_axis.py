@@ -1,7 +1,7 @@
 """The fit of one compensated axis: its stack, the lags of its sensors, and what is said of it."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 from typing import final
 
@@ -33,7 +33,6 @@ from ._lag import (
     sensed_variances,
 )
 from ._memory import Memory
-from ._result import Part
 
 Smoothness = str | float | Mapping[str, Mapping[str, float]]
 """``"auto"``, a number, or weights by name of the table."""
@@ -201,27 +200,6 @@ class AxisFit:
         numbers = np.stack([rows @ self.theta, deviation], axis=1).reshape(4, -1)
         pairs = zip(design.course.runs, numbers.T.tolist(), strict=True)
         return tuple(RunEffect(run, *values) for run, values in pairs)
-
-    def parts(self) -> Iterator[Part]:
-        """Yield the fitted effects."""
-        known, post = self.known, self.estimate.posterior
-        weights = iter(post.weights.tolist())
-        smoothness = {
-            component.name: {name: next(weights) for name in component.weights}
-            for component in self.design.named
-        }
-        for effect in self.design.effects:
-            places = self.design.places_of(effect.name)
-            yield Part(
-                effect=effect,
-                values=self.theta[places],
-                support=post.problem.sums.support[places],
-                determined=~known.unknown[places],
-                share=known.share_of(effect.name),
-                contribution=effect.curve(self.theta[places], self.data),
-                fit=self,
-                smoothness=smoothness.get(effect.name, {}),
-            )
 
 
 def _pseudo(design: Design, data: JointData, fit: Estimate) -> Float[np.ndarray, " r"]:
