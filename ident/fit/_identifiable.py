@@ -45,12 +45,7 @@ def pivoted(
 def pins_of(
     null: Float[np.ndarray, "n g"], diagonal: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Return precisions of single unknowns that, held, hold all of some directions.
-
-    Args:
-        null: One direction per column.
-        diagonal: Information on each unknown.
-    """
+    """Return precisions of unknowns that hold directions (columns), by information on each."""
     pins = np.zeros(len(null))
     if null.shape[1]:
         scale = np.where(diagonal > 0, np.sqrt(diagonal), 1.0)
@@ -165,9 +160,7 @@ class Correlations:
     def of(cls, shapes: Shapes, limit: float) -> "Correlations":
         """Return the correlations of groups.
 
-        Args:
-            shapes: Of the groups.
-            limit: Share left beside the constant below which a shape is the constant.
+        A shape with a smaller share left beside the constant than a limit is the constant.
         """
         slices, number = shapes.slices, shapes.constant
         along = shapes.matrix[:, slices[number]][:, 0]
@@ -237,9 +230,8 @@ class Correlations:
     def several(self, limit: float, paired: Sequence[tuple[int, int]]) -> list[Shared]:
         """Return what three or more groups share and no two of them explain.
 
-        Args:
-            limit: Information below which a mixture of all groups is shared.
-            paired: Pairs that share something themselves: looked at no more.
+        Mixtures of all groups of less information than a limit count; pairs that share something
+        themselves are looked at no more.
         """
         covered = set(itertools.chain.from_iterable(paired))
         values, vectors = self._modes

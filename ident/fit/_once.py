@@ -42,8 +42,7 @@ Place = tuple[Int[np.ndarray, " t"], Int[np.ndarray, " t"]]
 def judge_once(fit: TableFit, samples: Samples) -> TableFit:
     """Return the fit, with what a single probing cannot tell added to its uncertainty.
 
-    A fit with repeated readings, with runs, or without a reading at nearly every node comes back
-    as it is.
+    With repeated readings, runs, or many nodes without a reading it comes back as it is.
     """
     plain = len(fit.layout.nodes) == 2 and samples.run is None and fit.noise > 0.0
     place = _nodes_read(fit, samples) if plain else None
@@ -86,8 +85,7 @@ def _nodes_read(fit: TableFit, samples: Samples) -> Place | None:
 def _least_noise(readings: Float[np.ndarray, "n m"]) -> float:
     """Return the least noise of a reading that fourth differences along both axes allow.
 
-    They take away all that is smooth over five nodes along either axis, and every structure
-    along a line. Less one standard deviation of it; 0 for a mesh too small to tell.
+    Less one standard deviation of it; 0 for a mesh too small to tell.
     """
     bends = np.diff(np.diff(readings, _ORDER, axis=0), _ORDER, axis=1)
     if not bends.size:

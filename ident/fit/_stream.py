@@ -196,10 +196,7 @@ _NOTHING = _Summed({}, None, np.zeros((3, 1)))
 @final
 @dataclasses.dataclass(frozen=True)
 class _SumUp:
-    """One pass: gives the sums of a part of the readings about an estimate.
-
-    Their matrix where they are `full`, `_Summed.extent` and `_Summed.nodes` where asked for.
-    """
+    """One pass: gives the sums of a part of the readings about an estimate, as it is asked for."""
 
     layout: TableLayout
     theta: Float[np.ndarray, " u"]

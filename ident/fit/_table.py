@@ -150,16 +150,10 @@ def estimate_table(
 ) -> Estimate:
     """Return the estimate of a stack whose first effect is a table.
 
-    Args:
-        stack: The table, and effects of runs beside it where there are any.
-        over: Pass over the readings.
-        first: All readings, or the first piece of them: they tell the smallest scatter to
-            believe in.
-        smoothness: As for `fit_table`.
-        loss: As for `fit_table`.
-        start: Unknowns to begin with; None: a table at the level of the first readings.
-        near: Where to begin, if not there.
-        step: Of the instrument, in mm or °: a reading that is off by one is none that is wild.
+    It begins ``near`` another estimate, at unknowns to ``start`` with, or else at the level of
+    the first readings. These tell the smallest scatter to believe in, and so does a ``step`` of the
+    instrument in mm or °: a reading that is off by one is none that is wild. Other arguments are
+    those of `estimate` and `fit_table`.
 
     Raises:
         FitError: If the readings do not determine the unknowns or the loss is unknown.
@@ -182,11 +176,7 @@ def _level(error: Float[np.ndarray, " t"]) -> float:
 
 
 def floor_of(error: Float[np.ndarray, " t"]) -> float:
-    """Return the smallest scatter of readings to believe in, in mm or °.
-
-    Without any noise the prior's own pull would make readings wild, and so would a step of
-    a coarse instrument.
-    """
+    """Return the smallest scatter of readings to believe in, in mm or °."""
     return least_scale(error[:: max(1, len(error) // _THIN)])
 
 
@@ -298,10 +288,7 @@ class _InMemory:
 
 @functools.lru_cache(maxsize=8)
 def _stack(table: TableEffect, counted: bytes, drift: bool) -> Stack:
-    """Return a table, and effects of its runs; jobs on the same nodes share it.
-
-    Truth values say which runs count in the mean of all.
-    """
+    """Return a table, and effects of its runs, of which some count in the mean of all."""
     banded = table.size > _DENSE
     if not counted:
         return Stack((table,), banded)

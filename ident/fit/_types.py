@@ -131,11 +131,10 @@ class Extent:
 
     @classmethod
     def of(cls, layout: TableLayout, samples: Samples) -> "Extent":
-        """Return the extent of readings; all of them must be finite numbers.
+        """Return the extent of readings, after their check.
 
         Raises:
-            FitError: If there are none, one is no number, or there is no direction where the
-                table needs one.
+            FitError: If the check fails, or there is no direction where the table needs one.
         """
         samples.check()
         counts = np.array([len(samples.error)])

@@ -172,7 +172,7 @@ def _left_out_body(fit: "LeftOutResult") -> Body:
     ]
     unknown = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
     if unknown.size:
-        names = some_of([part.labels[int(k)] for k in unknown], _MOST)
+        names = some_of([part.effect.labels[int(k)] for k in unknown], _MOST)
         facts.append(("Not determined", f"{names}."))
     facts.append(nothing)
     return Body(plots=[], facts=facts)

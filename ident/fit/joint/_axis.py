@@ -218,11 +218,7 @@ def fit_axis(
     use: Bool[np.ndarray, " t"] | None,
     loss: str,
 ) -> AxisFit:
-    """Fit all effects of one axis, their nodes placed; other arguments as for `fit_joint`.
-
-    Raises:
-        FitError: If the readings do not determine them or an option is unknown.
-    """
+    """Fit all effects of one axis, their nodes placed; errors and arguments of `fit_joint`."""
     all_lags = [item for effect in effects for item in effect.lags.items()]
     sensors = dict.fromkeys(sensor for sensor, lag in all_lags if lag == "fit")
     lags: dict[str, FoundLag] = {}

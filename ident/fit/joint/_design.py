@@ -253,16 +253,10 @@ def design_of(
     measured: bool = True,
     wander: bool = True,
 ) -> Design:
-    """Return the columns of one axis.
+    """Return the columns of one axis, the nodes of its effects placed.
 
-    Args:
-        axis: Compensated axis.
-        effects: Its effects, nodes placed.
-        data: Readings.
-        drift: As for `fit_joint`.
-        use: As for `fit_joint`.
-        measured: Only rows with an error count.
-        wander: Whether a drift wanders between its knots.
+    Arguments are as for `fit_joint`; rows without an error count unless ``measured``, and a drift
+    wanders between its knots with ``wander``.
 
     Raises:
         FitError: If no row is complete.

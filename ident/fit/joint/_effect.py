@@ -264,9 +264,7 @@ class AbstractEffect(abc.ABC):
     def to_model(self, table: Any, sign: float) -> Any:
         """Return the controller's model of values in the shape of the list, None without one.
 
-        Args:
-            table: As the error has them.
-            sign: −1 for values (the controller takes the error off), +1 for deviations.
+        The sign is −1 for values (the controller takes the error off), +1 for deviations.
         """
         del table, sign
         return None
@@ -276,9 +274,7 @@ class AbstractEffect(abc.ABC):
     ) -> Float[np.ndarray, "..."]:
         """Return what a model of the controller adds in mm or °, shaped like the list.
 
-        Args:
-            model: Of this compensation.
-            places: Along each master; left out: at the nodes.
+        At places along each master, or else at the nodes.
 
         Raises:
             FitError: If the effect is no table and no backlash.

@@ -90,11 +90,6 @@ class Part:
         return self.effect.name
 
     @property
-    def labels(self) -> tuple[str, ...]:
-        """What each value is, in words."""
-        return self.effect.labels
-
-    @property
     def table(self) -> Float[np.ndarray, "..."]:
         """Values in the shape in which lists hold them."""
         return self.effect.table(self.values)

@@ -37,12 +37,10 @@ _MOVED = 0.1
 
 
 def shapes_of(design: Design, smooth: bool) -> Shapes:
-    """Return the shapes of the stated components on the values that rows reach.
+    """Return the shapes of the stated components on the values that rows of a design reach.
 
-    Args:
-        design: Of these rows.
-        smooth: Smooth surfaces of large planes as well, and only what readings tell; else whole
-            lines of their nodes count as reached.
+    ``smooth`` adds smooth surfaces of large planes, and takes only what readings tell; else whole
+    lines of nodes count as reached.
     """
     reached = design.reached if smooth else design.diagonal > 0
     basis = []

@@ -215,8 +215,7 @@ def lag_variances(
 ) -> Float[np.ndarray, " k"]:
     """Return the variances of lags for noise of variance 1.
 
-    Where tables do all that a lag does, next to nothing is left of it, of either sign: such a
-    lag counts as hardly seen.
+    Where tables do all that a lag does, it counts as hardly seen.
 
     Args:
         moves: Change of the readings that are believed, per s of each lag.

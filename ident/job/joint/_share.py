@@ -210,7 +210,7 @@ def undetermined_values(part: Part, fit: JointFit) -> tuple[str, ...]:
     if part.effect.table_effect is not None and not named:
         return ()
     missing = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
-    return tuple(part.labels[int(k)] for k in missing)
+    return tuple(part.effect.labels[int(k)] for k in missing)
 
 
 @final
@@ -244,7 +244,7 @@ class LeftOutResult(AbstractResult):
             parameters: dict[str, Any] = {"labels": [], "error": []}
         else:
             values = np.where(part.determined, part.values, np.nan)
-            parameters = {"labels": list(part.labels), "error": values}
+            parameters = {"labels": list(part.effect.labels), "error": values}
         return {
             "masters": [] if part is None else list(part.effect.masters),
             "sensors": [] if part is None else list(part.effect.sensor_names),
