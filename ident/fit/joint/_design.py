@@ -228,8 +228,7 @@ class Design:
     def reached(self) -> Bool[np.ndarray, " n"]:
         """Unknowns that readings tell anything of: more than the noise of a position does."""
         # Columns may be lengths and speeds: judged by the largest of one unit.
-        largest = np.zeros(self.size)
-        np.maximum.at(largest, self.columns.indices, np.abs(self.columns.data))
+        largest = abs(self.columns).max(axis=0).toarray().reshape(-1)
         least = np.zeros(self.size)
         for component in self.components:
             places, effect = component.places, component.effect
