@@ -1,7 +1,7 @@
 """One huge log instead of many small jobs: its sums spread over workers just as well."""
 
 import contextlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -43,7 +43,7 @@ def fit_log(
     error: str,
     *,
     factor: float = 1.0,
-    smoothness: float | str | Mapping[str, float] = "auto",
+    smoothness: float | str = "auto",
     loss: str = "student",
     scheduler: str | None = None,
     workers: int = 1,

@@ -55,7 +55,7 @@ class Judged:
     @property
     def wild(self) -> Bool[np.ndarray, " t"]:
         """Readings without any influence."""
-        return self.share == 0.0
+        return np.asarray(self.share == 0.0)
 
     @classmethod
     def of(

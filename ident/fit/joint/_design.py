@@ -217,7 +217,7 @@ class Design:
     @property
     def free(self) -> int:
         """Number of directions that the prior leaves alone and the readings tell."""
-        return self.stack.free - self.unheld.shape[1]
+        return self.stack.free - int(self.unheld.shape[1])
 
     @cached_property
     def diagonal(self) -> Float[np.ndarray, " n"]:
