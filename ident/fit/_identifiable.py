@@ -96,7 +96,7 @@ class Shapes:
         """Return the shapes that functionals of each group's values map to zero."""
         kernels, scale = [], []
         for at, basis, rows in zip(self.slices, self.basis, functionals, strict=True):
-            kernels.append(_kernel(rows @ basis))
+            kernels.append(scipy.linalg.null_space(rows @ basis, rcond=SINGULAR))
             most = np.diag(self.matrix)[at].max(initial=0.0)
             scale += [most] * kernels[-1].shape[1]
         mixing = scipy.linalg.block_diag(*kernels)
@@ -111,14 +111,6 @@ class Shapes:
 def _slices(blocks: Sequence[np.ndarray]) -> list[slice]:
     ends = np.cumsum([0, *(block.shape[1] for block in blocks)]).tolist()
     return [slice(*pair) for pair in itertools.pairwise(ends)]
-
-
-def _kernel(matrix: Float[np.ndarray, "q m"]) -> Float[np.ndarray, "m z"]:
-    """Return orthonormal columns that a matrix maps to zero."""
-    size = float(np.abs(matrix).max(initial=0.0))
-    if size == 0.0:
-        return np.eye(matrix.shape[1])
-    return np.asarray(scipy.linalg.null_space(matrix / size, rcond=SINGULAR))
 
 
 @final
@@ -171,18 +163,15 @@ class Correlations:
             mixing = _whitener(shapes.matrix[at, at])
             shadow = mixing.T @ along[at] / np.sqrt(total)
             length = float(shadow @ shadow)
-            if k == number:
-                mixing = mixing[:, :0]
-            elif 1.0 - length < limit:
-                unit = (shadow / np.sqrt(length))[:, None]
-                sizes = (_sizes(shapes.basis[k] @ mixing @ unit), np.zeros(1))
+            if k != number and 1.0 - length < limit:
+                held = shapes.basis[k] @ mixing @ shadow[:, None]
                 correlation = float(np.sqrt(min(length, 1.0)))
+                sizes = (_sizes(held), np.zeros(1))
                 constants.append(Shared((k, number), correlation, 1, sizes))
-                mixing = mixing @ scipy.linalg.null_space(unit.T)
-            elif length > 0.0:
-                stretch = (1.0 / np.sqrt(1.0 - length) - 1.0) / length
-                mixing = mixing + mixing @ (stretch * np.outer(shadow, shadow))
-            white.append(mixing)
+            # What is left beside the constant: nothing of the constant itself.
+            left, modes = np.linalg.eigh(np.eye(len(shadow)) - np.outer(shadow, shadow))
+            good = left >= limit
+            white.append(mixing @ modes[:, good] / np.sqrt(left[good]))
         overall = scipy.linalg.block_diag(*white)
         projected = shapes.matrix - np.outer(along, along) / total
         matrix = np.asarray(overall.T @ projected @ overall)
