@@ -306,10 +306,8 @@ def _estimated(
     """Return the fit of the stack for given lags."""
     error, pins = _error(design, data), design.pins
     if isinstance(smoothness, Mapping):
-        tables = [(smoothness.get(part.name, {}), part) for part in design.named]
-        stated = [
-            table.get(name, 0.0) for table, part in tables for name in part.weights
-        ]
+        names = design.weights
+        stated = [smoothness.get(part, {}).get(name, 0.0) for part, name in names]
         weights = fixed_weights(np.array(stated, float))
     else:
         check_smoothness(smoothness)

@@ -170,9 +170,10 @@ class Design:
         return places[0] if places else np.zeros(0, np.int64)
 
     @cached_property
-    def named(self) -> tuple[Component, ...]:
-        """Components with weights, in the order of the weights."""
-        return tuple(part for part in self.components if part.prior is not None)
+    def weights(self) -> list[tuple[str, str]]:
+        """Component, and name in its prior, of each weight."""
+        priors = [(part.name, part.prior) for part in self.components if part.prior]
+        return [(part, name) for part, prior in priors for name in prior.names]
 
     @cached_property
     def stack(self) -> Stack:

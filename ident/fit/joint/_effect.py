@@ -91,11 +91,6 @@ class Component:
         return self.name if self.effect is None else self.effect.name
 
     @property
-    def weights(self) -> tuple[str, ...]:
-        """Names of its weights."""
-        return () if self.prior is None else self.prior.names
-
-    @property
     def masters(self) -> tuple[str, ...]:
         """Axes on which it depends."""
         return () if self.effect is None else self.effect.masters

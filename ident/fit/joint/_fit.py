@@ -243,11 +243,10 @@ def fit_joint(
 def _parts(fit: AxisFit) -> Iterator[Part]:
     """Yield the fitted effects of an axis."""
     known, post = fit.known, fit.estimate.posterior
-    weights = iter(post.weights.tolist())
-    smoothness = {
-        component.name: {name: next(weights) for name in component.weights}
-        for component in fit.design.named
-    }
+    smoothness: dict[str, dict[str, float]] = {}
+    weights = zip(fit.design.weights, post.weights.tolist(), strict=True)
+    for (part, name), weight in weights:
+        smoothness.setdefault(part, {})[name] = weight
     for effect in fit.design.effects:
         places = fit.design.places_of(effect.name)
         yield Part(
