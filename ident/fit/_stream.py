@@ -130,14 +130,13 @@ def fit_streamed(
         def over(theta: Float[np.ndarray, " u"], by: Loss, former: Sums | None) -> Sums:
             groups = None if firsts else grouping
             sums = sum_up(_SumUp(layout, theta, by, former is None, not firsts, groups))
-            if sums.extent is not None:
+            if not firsts:
                 sums.extent.check(layout, stack.free, allow_gaps=False)
                 firsts.append(sums)
             return sums.total if former is None else sums.total.with_matrix(former)
 
         fitted = estimate_table(stack, over, first, smoothness, loss)
         last = firsts[0]
-        assert last.extent is not None
         count = int(last.extent.counts.sum())
         nodes, crowds = None, 0
         if loss != "gauss":
@@ -166,22 +165,20 @@ class _Summed:
 
     Attributes:
         groups: Sums by group; all in group 0 without a grouping.
-        extent: How many readings there are and where; None if not asked for.
-        nodes: As `Judged.nodes`; 0 if not asked for.
+        extent: How many readings there are and where, if asked for.
+        nodes: As `Judged.nodes`, if asked for.
     """
 
     groups: Mapping[int, Sums]
-    extent: Extent | None
+    extent: Extent
     nodes: Float[np.ndarray, "3 n"]
 
     def __add__(self, other: "_Summed") -> "_Summed":
         groups = dict(self.groups)
         for label, sums in other.groups.items():
             groups[label] = groups[label] + sums if label in groups else sums
-        extent = self.extent or other.extent
-        if self.extent is not None and other.extent is not None:
-            extent = self.extent + other.extent
-        return _Summed(groups, extent, self.nodes + other.nodes)
+        extent, nodes = self.extent + other.extent, self.nodes + other.nodes
+        return _Summed(groups, extent, nodes)
 
     @property
     def total(self) -> Sums:
@@ -190,7 +187,8 @@ class _Summed:
         return functools.reduce(operator.add, groups)
 
 
-_NOTHING = _Summed({}, None, np.zeros((3, 1)))
+_NOWHERE = Extent(np.zeros(1, np.int64), np.full(1, np.inf), np.full(1, -np.inf))
+_NOTHING = _Summed({}, _NOWHERE, np.zeros((3, 1)))
 
 
 @final
@@ -211,7 +209,7 @@ class _SumUp:
         return functools.reduce(operator.add, pieces, _NOTHING)
 
     def _of(self, samples: Samples) -> _Summed:
-        extent = Extent.of(self.layout, samples) if self.extent else None
+        extent = Extent.of(self.layout, samples) if self.extent else _NOWHERE
         stack, split = Stack((self.layout.effect,)), {0: samples}
         former = None if self.full else Sums.empty(stack)
         if self.grouping is not None:
