@@ -21,7 +21,6 @@ def readings(count: int = 60, axes: int = 1) -> Samples:
         rng.uniform(0.0, span, (count, axes)),
         rng.normal(size=count),
         rng.integers(0, 2, count),
-        rng.uniform(0.5, 2.0, count),
         np.arange(count) % 3,
         rng.uniform(size=count),
     )

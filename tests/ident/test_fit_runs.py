@@ -51,7 +51,7 @@ def runs(
     order = np.tile(np.linspace(0.0, 1.0, count), RUNS)
     error = truth(position, branch) + offset[run] + drift[run] * (order - 0.5)
     error = error + rng.normal(0.0, NOISE, len(error))
-    return Samples(position[:, None], error, branch, None, run, order)
+    return Samples(position[:, None], error, branch, run, order)
 
 
 def changed(samples: Samples, keep: np.ndarray, by: float | np.ndarray) -> Samples:
@@ -320,7 +320,7 @@ def test_runs_that_differ_by_little_all_count(seeds: range) -> None:
         place = np.tile(np.concatenate([np.arange(81)] * 2), 5)
         offset = rng.normal(0.0, 0.0008, 5)
         error = rough[branch, place] + offset[run] + rng.normal(0.0, 0.0004, 810)
-        samples = Samples(nodes[place][:, None], error, branch, None, run)
+        samples = Samples(nodes[place][:, None], error, branch, run)
         fit = fit_table(layout, samples, run_effects="offset")
         assert fit.suspect_runs == ()
         # The table keeps the mean of the runs.
