@@ -132,7 +132,7 @@ def test_axes_are_fitted_as_if_alone(case: Any, effects: Any) -> None:
     alone = fit_joint(data, [own])
     assert np.array_equal(both.parts[-1].values, alone.parts[0].values)
     assert np.isnan(both.residual["Y"][::3]).all()
-    assert both.axes == ("X", "Y")
+    assert tuple(both.fits) == ("X", "Y")
 
 
 def test_runs_and_their_drift_are_taken_off(case: Any) -> None:
