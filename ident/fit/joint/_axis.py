@@ -1,7 +1,8 @@
 """The fit of one compensated axis: its stack, the lags of its sensors, and what is said of it."""
 
+import contextlib
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
 from typing import final
 
@@ -226,8 +227,8 @@ def fit_axis(
     estimated = partial(_estimated, data, smoothness, loss)
     fit = estimated(design, None, rough=bool(sensors))
     values = dict.fromkeys(sensors, 0.0)
-    for sensor in sensors if options.loss != "gauss" else ():
-        values, design, fit = _start(design, data, options, values, sensor, fit)
+    for sensor in sensors if loss != "gauss" else ():
+        values, design, fit = _start(design, data, values, sensor, fit, estimated)
     for number in range(_LAG_ROUNDS if sensors else 0):
         before = values
         lags = find_lags(design, data, fit, _pseudo(design, data, fit), before)
@@ -245,12 +246,12 @@ def fit_axis(
 def _start(
     design: Design,
     data: JointData,
-    options: Options,
     lags: Mapping[str, float],
     sensor: str,
     fit: Estimate,
+    estimated: Callable[..., Estimate],
 ) -> tuple[dict[str, float], Design, Estimate]:
-    """Return lags with a rough one of a sensor, its columns and a rough fit of them.
+    """Return lags with a rough one of a sensor, their columns and a rough fit by these.
 
     Without its lag, what follows a quick change of temperature looks wild, so that the search
     for the lag would not see it: a robust fit of each trial lag is needed to tell.
@@ -258,23 +259,19 @@ def _start(
     Args:
         design: Columns of these lags.
         data: All rows.
-        options: Of the fit.
         lags: By sensor in s, 0 for this one.
         sensor: Whose lag is looked for.
         fit: By these columns.
+        estimated: Fits a design, given the fit of one that is near.
     """
     trials = [(dict(lags), design, fit)]
-    for lag in np.exp(np.linspace(*lag_bounds(design.axis, data), _LAG_STARTS + 2))[
-        1:-1
-    ]:
+    low, high = lag_bounds(design.axis, data)
+    for lag in np.exp(np.linspace(low, high, _LAG_STARTS + 2))[1:-1]:
         trial = {**lags, sensor: float(lag)}
         columns = lagging(design, data, trial)
-        try:
-            trials.append(
-                (trial, columns, _estimated(columns, data, options, fit, True)[1])
-            )
-        except FitError:
-            continue  # so long that nothing of a change is left
+        # One that is so long leaves nothing of a change.
+        with contextlib.suppress(FitError):
+            trials.append((trial, columns, estimated(columns, fit, rough=True)))
     error = _error(design, data)
     sizes = np.array([error - d.columns @ f.values for _, d, f in trials])
     scale = max(float(np.median(np.abs(sizes), axis=1).min()), floor_of(error))

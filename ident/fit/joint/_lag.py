@@ -60,6 +60,21 @@ class FoundLag:
     direction: Float[np.ndarray, " r"]
 
 
+def lag_bounds(axis: str, data: JointData) -> tuple[float, float]:
+    """Return the logarithms of the shortest and the longest lag that a clock could show.
+
+    Raises:
+        FitError: If there is no clock.
+    """
+    clock = data.clock_for(f"axis {axis}: a lag")
+    clock = np.unique(clock[np.isfinite(clock)])
+    if len(clock) < 3:
+        msg = "all readings have the same time, expected a clock that runs."
+        raise FitError(msg)
+    span, gap = float(clock[-1] - clock[0]), float(np.median(np.diff(clock)))
+    return float(np.log(max(gap, 1e-4 * span))), float(np.log(span))
+
+
 def find_lags(
     design: Design,
     data: JointData,
@@ -79,13 +94,7 @@ def find_lags(
     Raises:
         FitError: If there is no clock.
     """
-    clock = data.clock_for(f"axis {design.axis}: a lag")
-    clock = np.unique(clock[np.isfinite(clock)])
-    if len(clock) < 3:
-        msg = "all readings have the same time, expected a clock that runs."
-        raise FitError(msg)
-    span, gap = float(clock[-1] - clock[0]), float(np.median(np.diff(clock)))
-    low, high = float(np.log(max(gap, 1e-4 * span))), float(np.log(span))
+    low, high = lag_bounds(design.axis, data)
     post = _posterior(design, fit, pseudo)
     profile = _profile(design, data, post, pseudo)
     lags, width = dict(near), (high - low) / (_GRID - 1)
