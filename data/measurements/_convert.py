@@ -1,7 +1,7 @@
 """A column in the unit of the file becomes values of its role in the library's unit."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ._errors import UnitError
 from ._roles import Role
@@ -116,34 +116,40 @@ def runs_against(
     direction: Int[np.ndarray, " t"],
     run: Int[np.ndarray, " t"] | None = None,
     time: Float[np.ndarray, " t"] | None = None,
-) -> bool:
-    """Return whether positions, as they follow each other, go against both directions.
+) -> tuple[int, ...]:
+    """Return the runs in which positions, as they follow each other, go against both directions.
 
     Args:
         place: Positions in the order of the file.
         direction: ±1 of each.
         run: Of each; between runs nothing is compared. Where their numbers only fall, the
-            newest reading comes first.
+            newest reading comes first. None: all are of run 0.
         time: Of each: their order.
     """
+    order = np.arange(len(place))
     if time is not None:
         order = np.argsort(time, kind="stable")
     elif run is not None and run[0] > run[-1] and np.all(np.diff(run) <= 0):
-        order = np.arange(len(place))[::-1]
-    else:
-        order = np.arange(len(place))
-    place, direction = place[order], direction[order]
-    run = None if run is None else run[order]
+        order = order[::-1]
+    numbers = np.zeros(len(place), np.int64) if run is None else run
+    place, direction, numbers = place[order], direction[order], numbers[order]
     step = np.sign(np.diff(place))
     kept = (direction[1:] == direction[:-1]) & np.isfinite(step) & (step != 0)
-    if run is not None:
-        kept &= run[1:] == run[:-1]
-    ways = direction[1:][kept], step[kept]
-    return all(
-        np.sum(ways[0] == way) >= _FEWEST
-        and np.mean(way * ways[1][ways[0] == way]) <= -_SURE
-        for way in (1, -1)
+    kept &= numbers[1:] == numbers[:-1]
+    along, ways, numbers = (
+        (direction[1:] * step)[kept],
+        direction[1:][kept],
+        numbers[1:][kept],
     )
+
+    def is_against(rows: Bool[np.ndarray, " n"]) -> bool:
+        own = [rows & (ways == way) for way in (1, -1)]
+        return all(np.sum(o) >= _FEWEST and np.mean(along[o]) <= -_SURE for o in own)
+
+    runs = np.unique(numbers)
+    if not is_against(np.ones(len(along), bool)):
+        runs = np.array([each for each in runs if is_against(numbers == each)], int)
+    return tuple(runs.tolist())
 
 
 def _is_all_minus(column: Column) -> bool:

@@ -91,10 +91,12 @@ def _refuse_contradiction(
 ) -> None:
     position = measurement.get(f"{axis}.position")
     run, time = measurement.get("run"), measurement.get("time")
-    if position is None or not runs_against(position, stated, run, time):
+    if position is None or not (wrong := runs_against(position, stated, run, time)):
         return
+    whole = run is None or len(wrong) == len(np.unique(run))
+    runs = "" if whole else f"in run {', '.join(map(str, wrong))} "
     reason = (
-        f"found '{axis}.direction' + where '{axis}.position' goes down from row to row and −"
+        f"found {runs}'{axis}.direction' + where '{axis}.position' goes down from row to row and −"
         " where it goes up, expected one way of counting: state sign = -1 of the column"
         " that counts the other way than the axis (columns), or give the time of the rows"
         " where the newest one comes first"

@@ -359,7 +359,9 @@ def _turned_legs(
         cells = table.column(spec.column).text if spec.column else None
         if spec.positive is not None or not cells or not all(map(is_leg, {*cells})):
             continue
-        if runs_against(place, good[text], good.get("run"), good.get("time")):
+        run = good.get("run", np.zeros(len(place), np.int64))
+        wrong = runs_against(place, good[text], run, good.get("time"))
+        if len(wrong) == len(np.unique(run)):
             good[text] = -good[text]
             plus = cells[int(np.argmax(good[text]))].strip()
             remarks.append(

@@ -15,9 +15,9 @@ from ..signals import (
     estimate_instrument,
     filtered_motion,
     first_motion,
-    last_direction,
     noise_of,
     standing,
+    travel_direction,
 )
 from ._errors import MeasurementError
 from ._measurement import Measurement, RoleValues
@@ -262,8 +262,9 @@ def _at(
         place, speed, rate = _motion(time, np.asarray(encoder, dtype=float), instants)
         columns[f"{axis}.encoder"] = columns[f"{axis}.position"] = place
         columns[f"{axis}.velocity"], columns[f"{axis}.acceleration"] = speed, rate
-        slow = 1e-3 * float(np.abs(speed).max(initial=0.0))
-        columns[f"{axis}.direction"] = last_direction(speed, slow).astype(np.int64)
+        before = np.searchsorted(time, instants, side="right") - 1
+        way = travel_direction(np.asarray(encoder, dtype=float))
+        columns[f"{axis}.direction"] = np.where(way == 0, 1, way)[np.maximum(before, 0)]
     return columns
 
 

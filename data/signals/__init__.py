@@ -23,6 +23,7 @@ from ._aligned import (
     first_motion as first_motion,
     last_direction as last_direction,
     standing as standing,
+    travel_direction as travel_direction,
 )
 from ._clock import Clock as Clock, Jump as Jump, read_clock as read_clock
 from ._current import (

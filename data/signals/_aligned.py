@@ -4,13 +4,18 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
+
+from ._noise import resolution
 
 _FOURTH = 0.05
 """Error of a cubic spline between samples, per fourth difference, at a jump of jerk."""
 _SHARE = 0.5
 """Of the noise that this error may be."""
 _HALF = 1.4826
+_FLICKER, _DIGITS, _SHORT, _FINE = 10.0, 2.5, 1e-6, 1e-3
+"""Deviations of an encoder, its digits, and share of its whole way, that are no travel; share of
+it that a digit is less than."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -162,6 +167,42 @@ def last_direction(
         return np.ones(len(speed))
     last = np.searchsorted(moving, np.arange(len(speed)), side="right") - 1
     return np.asarray(np.sign(speed[moving[np.maximum(last, 0)]]))
+
+
+def travel_direction(place: Float[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
+    """Return the direction of the last travel, ±1, at each sample of a position.
+
+    Travel goes further back from where the axis turned than its encoder flickers: neither its
+    noise nor its last digit at a standstill is one. Before the first travel its direction
+    counts; 0 where there is none.
+    """
+    if place.size < 2:
+        return np.zeros(place.size, np.int64)
+    fastest, whole = (float(np.ptp(each)) for each in (np.diff(place), place))
+    digit = resolution(place)
+    # Targets, and what moves on by the same from sample to sample, show no digit of an encoder.
+    digit = digit if digit < min(0.25 * fastest, _FINE * whole) else 0.0
+    third = np.abs(np.diff(place, 3)) / 20.0**0.5
+    noise = _HALF * float(np.median(third)) if third.size else 0.0
+    least = max(_FLICKER * noise, _DIGITS * digit, _SHORT * whole)
+    low = high = float(place[0])
+    turns, ways, way = [0], [0], 0
+    for row, here in enumerate(place.tolist()):
+        if here > high:
+            high = here
+            low = here if way > 0 else low
+        elif here < low:
+            low = here
+            high = here if way < 0 else high
+        if way <= 0 and here - low > least:
+            way, high = 1, here
+        elif way >= 0 and high - here > least:
+            way, low = -1, here
+        if way != ways[-1]:
+            turns.append(row)
+            ways.append(way)
+    ways[0] = ways[min(1, len(ways) - 1)]
+    return np.repeat(ways, np.diff([*turns, place.size]))
 
 
 def first_motion(

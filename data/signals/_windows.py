@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ._aligned import AlignedError, last_direction
+from ._aligned import AlignedError, travel_direction
 
 _WINDOW = 1.5
 """s: within it the true error is linear in the positions, as far as a delay goes."""
@@ -79,7 +79,9 @@ class Windows:
         rows = np.flatnonzero(valid)
         at = aligned.instants[rows]
         speed = np.asarray(spline(at, 1))
-        sign = last_direction(speed, 1e-3 * float(np.abs(speed).max(initial=0.0)))
+        # By the samples: after a stop the spline through them swings.
+        before = np.searchsorted(spline.x, at, side="right") - 1
+        sign = travel_direction(spline(spline.x))[np.maximum(before, 0)].astype(float)
         number = np.floor((at - at[:1]) / _WINDOW).astype(np.int64)
         number = np.unique(number, return_inverse=True)[1].reshape(-1)
         keep = _changing(number, speed)

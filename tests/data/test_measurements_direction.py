@@ -260,3 +260,18 @@ def test_signs_alone_are_directions(
     path.write_text("X.position,X.error,X.direction\n" + body)
     found = measurement(read_table(path)).require("X.direction")
     assert found.tolist() == [1 if sign == "+" else -1 for sign in signs]
+
+
+def test_signs_against_the_motion_in_some_runs_are_refused(tmp_path: Path) -> None:
+    targets = [0, 20, 40, 60, 80, 80, 60, 40, 20, 0]
+    lines = ["run,X.position,X.error,X.direction"]
+    for run in range(5):
+        sign = -1 if run in (2, 4) else 1
+        ways = [sign] * 5 + [-sign] * 5
+        lines += [
+            f"{run},{x},0.001,{way}" for x, way in zip(targets, ways, strict=True)
+        ]
+    (tmp_path / "m.csv").write_text("\n".join(lines) + "\n")
+    mixed = measurement(read_table(tmp_path / "m.csv"))
+    with pytest.raises(MeasurementError, match=r"found in run 2, 4 'X\.direction'"):
+        derive_direction(mixed, "X")

@@ -17,6 +17,7 @@ from axcomp.data.signals import (
     estimate_instrument,
     last_direction,
     standing,
+    travel_direction,
 )
 
 STEP = 0.002
@@ -227,3 +228,56 @@ def test_a_pitch_error_that_bends_within_a_stroke_is_no_delay(size: float) -> No
     # Taken for a line within 1.5 s, it made 7 µs per 6 µm, with a fourth of that as deviation.
     assert abs(found.delay) < 4.0 * found.standard_deviation
     assert found.standard_deviation < 5e-7
+
+
+@pytest.mark.parametrize(("noise", "digit"), [(0.0, 0.0), (1e-3, 0.0), (3e-3, 0.01)])
+def test_what_an_encoder_flickers_while_it_stands_is_no_travel(
+    noise: float, digit: float
+) -> None:
+    time = 0.004 * np.arange(5000)
+    true = np.clip(
+        100.0 * np.sin(time), -80.0, 80.0
+    )  # stands for a second at both ends
+    place = true + noise * np.random.default_rng(0).standard_normal(time.size)
+    place = np.round(place / digit) * digit if digit else place
+    found = travel_direction(place)
+    speed = np.diff(true, prepend=true[0]) / 0.004
+    moving = np.abs(speed) > 10.0
+    wrong = found[moving] != np.sign(speed[moving])
+    assert np.sum(wrong) == 0
+    assert np.sum(np.diff(found) != 0) == 6
+
+
+def test_after_a_stop_an_axis_stands_on_the_side_from_which_it_came() -> None:
+    time, rate, top = 0.004 * np.arange(20_000), 2000.0, 100.0
+    phase = np.mod(time, 9.0)  # to 400 mm, a rest, back, a rest
+    ramp = np.minimum(
+        np.minimum(np.mod(phase, 4.5), 4.05 - np.mod(phase, 4.5)), top / rate
+    )
+    speed = rate * np.maximum(ramp, 0.0) * np.where(phase < 4.5, 1.0, -1.0)
+    place = np.concatenate([[0.0], np.cumsum(speed[:-1]) * 0.004])
+    last = np.maximum.accumulate(np.where(speed != 0.0, np.arange(time.size), 0))
+    way = np.sign(speed[last])
+    noise = 3e-4 * np.random.default_rng(0).standard_normal(time.size)
+    found = estimate_instrument(time, place, place + 0.003 * way + noise)
+    # A spline through the samples swings after each stop; by its sign the play of 6 µm became
+    # a delay of 35 µs, and a table had half of it with the other sign.
+    assert abs(found.delay) < 4.0 * found.standard_deviation
+    assert found.standard_deviation < 1e-6
+
+
+def test_readings_at_a_stop_are_of_the_direction_in_which_the_axis_came(
+    tmp_path,
+) -> None:  # type: ignore[no-untyped-def]
+    time = 0.005 * np.arange(40_000)
+    stop, there = np.mod(time, 1.25), np.mod(time, 50.0) < 25.0
+    # Every 1.25 s by 20 mm at 100 mm/s and 2000 mm/s², there and back, and a stop of 1 s.
+    speed = 2000.0 * np.clip(np.minimum(stop, 0.25 - stop), 0.0, 0.05)
+    way = np.where(there, 1.0, -1.0)
+    place = np.concatenate([[0.0], np.cumsum((way * speed)[:-1]) * 0.005])
+    error = 3e-3 * way + 3e-4 * np.random.default_rng(0).standard_normal(time.size)
+    columns = {"time": time, "X.encoder": place, "X.actual": place + error}
+    found = with_error(without_motion(written(tmp_path, columns), ["X"]), "X")
+    lost = found.values["X.direction"] * found.values["X.error"]
+    # Most of the readings stood, where a spline through the samples swings.
+    assert np.mean(lost > 0.0) > 0.99
