@@ -16,10 +16,10 @@ from ._errors import check_lengths
 from ._windows import Solution, Windows
 
 _LEAST_WINDOWS = 6
-_MOST_ROWS = 40_000
+_MOST_ROWS = 20_000
 _STEPS = 12
 _SURE = 3.0
-_INDEPENDENT = 0.01
+_INDEPENDENT = 0.003
 _DOUBT = 2.0
 """Scatters of the error that the doubt about the delay may make at speed."""
 

@@ -11,7 +11,7 @@ from ._aligned import AlignedError, travel_direction
 
 _WINDOW = 1.5
 """s: within it the true error is linear in the positions, as far as a delay goes."""
-_PIECES = 16
+_PIECES = 40
 """Of the travel: over all of it the true error bends as a cubic spline, both ways alike."""
 _LEAST_ROWS = 8
 _HALF = 1.4826

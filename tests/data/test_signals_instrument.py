@@ -214,15 +214,17 @@ def test_readings_at_standstill_stay_as_they_are(tmp_path) -> None:  # type: ign
     assert without_motion(log, ["X"]) is log
 
 
-@pytest.mark.parametrize("size", [1.0, 3.0])
-def test_a_pitch_error_that_bends_within_a_stroke_is_no_delay(size: float) -> None:
+@pytest.mark.parametrize(("size", "period"), [(1.0, 440.0), (3.0, 440.0), (1.0, 60.0)])
+def test_a_pitch_error_that_bends_within_a_stroke_is_no_delay(
+    size: float, period: float
+) -> None:
     time = STEP * np.arange(12_000)
     # 100 mm/s there and back over 400 mm, turning at 500 mm/s².
     turn = np.convolve(
         np.where(time % 8.0 < 4.0, 100.0, -100.0), np.ones(100) / 100, "same"
     )
     place = np.cumsum(turn) * STEP
-    error = size * (3e-5 * place + 0.006 * np.sin(place / 70.0))
+    error = size * (3e-5 * place + 0.006 * np.sin(2.0 * np.pi * place / period))
     noise = 3e-4 * np.random.default_rng(0).standard_normal(time.size)
     found = estimate_instrument(time, place, place + error + noise)
     # Taken for a line within 1.5 s, it made 7 µs per 6 µm, with a fourth of that as deviation.
