@@ -151,13 +151,15 @@ class Windows:
         self, columns: Float[np.ndarray, "n k"], weight: Float[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n k"]]:
         """Return error and columns less each window's line over the positions."""
-        total = np.maximum(np.bincount(self.number, weight, self.count), 1e-12)
+        # Windows follow each other: the rows of each are one piece.
+        starts = np.searchsorted(self.number, np.arange(self.count))
+        total = np.maximum(np.add.reduceat(weight, starts), 1e-12)
 
-        def mean(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-            sums = np.bincount(self.number, weight * values, self.count)
-            return np.asarray((sums / total)[self.number])
+        def mean(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
+            sums = np.add.reduceat(weight[:, None] * values, starts, axis=0)
+            return np.asarray((sums / total[:, None])[self.number])
 
-        def flat(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        def flat(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
             residual = values - mean(values)
             for base, power in lines:
                 residual = residual - base * mean(base * residual) / power
@@ -165,13 +167,13 @@ class Windows:
 
         lines: list[tuple[np.ndarray, np.ndarray]] = []
         for place in self.places:
-            centred = place - mean(place)
-            base = flat(place)
+            column = place[:, None]
+            centred, base = column - mean(column), flat(column)
             # What moves along with another axis has no line of its own.
             square = mean(base * base)
             tiny = square <= 1e-6 * mean(centred * centred) + 1e-12
             lines.append((np.where(tiny, 0.0, base), np.where(tiny, 1.0, square)))
-        return flat(self.error), np.stack([flat(c) for c in columns.T], axis=1)
+        return flat(self.error[:, None])[:, 0], flat(columns)
 
 
 def _smooth(place: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n k"]:
