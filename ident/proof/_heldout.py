@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...data.signals import travel_direction
 from ..exchange import LIST_UNITS, AbstractTable
 from ..fit import (
     Samples,
@@ -17,6 +18,9 @@ from ..fit import (
 
 _BLOCKS = 5
 """Groups of spatial blocks where there are no runs."""
+
+_WHOLE, _FEWEST = 0.8, 2
+"""Share of the travel that a pass goes over at least, and passes there and back that tell."""
 
 _MOST_RUNS = 20
 """Up to here each run is left out on its own."""
@@ -82,6 +86,36 @@ def held_out(
 def blocks_of(layout: TableLayout, samples: Samples) -> Int[np.ndarray, " t"]:
     """Return the spatial block of each reading, of which one at a time is left out."""
     return spatial_blocks(layout, samples, count=_BLOCKS)
+
+
+def groups_of_passes(
+    place: Float[np.ndarray, " t"], order: Float[np.ndarray, " t"]
+) -> Int[np.ndarray, " t"] | None:
+    """Return the pass, there and back, of each reading of an axis that went to and fro.
+
+    Args:
+        place: Of the axis.
+        order: When each was read.
+
+    Returns:
+        None where fewer than two such passes go over all of the travel: blocks are left out.
+    """
+    when = np.argsort(order, kind="stable")
+    along = place[when]
+    number = np.cumsum(np.diff(travel_direction(along), prepend=0) != 0) - 1
+    if number[-1] < 0:
+        return None
+    ends = np.stack(
+        [np.full(number[-1] + 1, -np.inf), np.full(number[-1] + 1, -np.inf)]
+    )
+    np.maximum.at(ends[0], number, along)
+    np.maximum.at(ends[1], number, -along)
+    whole = ends.sum(axis=0) > _WHOLE * np.ptp(along)
+    if np.sum(whole) < 2 * _FEWEST or not whole[1:-1].all():
+        return None
+    passes = np.empty(len(place), np.int64)
+    passes[when] = number // 2
+    return groups_of_runs(passes)
 
 
 def groups_of_runs(run: Int[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:

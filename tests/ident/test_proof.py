@@ -9,6 +9,7 @@ from axcomp.ident.proof import (
     RunTable,
     choose_cycles,
     error_figures,
+    groups_of_passes,
     judge,
     reversal_dynamics,
 )
@@ -186,3 +187,23 @@ def test_figures_name_iso_230_only_for_run_tables() -> None:
     # All readings of a direction are equal: 3 µm of reversal, no scatter.
     assert full.iso230["B"] == pytest.approx(3e-3)
     assert full.iso230["A"] == pytest.approx(3e-3)
+
+
+def test_passes_there_and_back_are_left_out_together_where_a_log_has_several() -> None:
+    time = np.arange(6000.0)
+    place = 200.0 - 200.0 * np.cos(np.pi * time / 1000.0)  # three times there and back
+    found = groups_of_passes(place, time)
+    assert found is not None
+    # The row at which the axis turned belongs to the pass that it ends.
+    assert np.sum(found != time // 2000) <= 4
+    shuffled = np.random.default_rng(0).permutation(6000)
+    again = groups_of_passes(place[shuffled], time[shuffled])
+    assert again is not None
+    assert np.array_equal(again, found[shuffled])
+
+
+@pytest.mark.parametrize("reach", [0.0, 0.3])
+def test_of_a_log_that_hardly_comes_back_blocks_are_left_out(reach: float) -> None:
+    time = np.arange(6000.0)
+    place = reach * 200.0 * np.sin(np.pi * time / 1000.0) + 200.0 * time / 6000.0
+    assert groups_of_passes(place, time) is None

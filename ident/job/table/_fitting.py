@@ -18,7 +18,13 @@ from ...fit import (
     fit_table,
     leave_out,
 )
-from ...proof import HeldOut, blocks_of, groups_of_runs, held_out
+from ...proof import (
+    HeldOut,
+    blocks_of,
+    groups_of_passes,
+    groups_of_runs,
+    held_out,
+)
 from ...readings import Readings, Tables, place_in_run, runs_overlap, without_zero
 from .._draft import AbstractDraft, Leftovers
 from ..result._result import Remark
@@ -28,7 +34,7 @@ from ._log_draft import fit_log
 from ._log_readings import in_pieces
 from ._plan import Plan
 from ._readings import read_fit
-from ._remarks import SEEN, TINY, doubt_of_places, limit_remarks, outside
+from ._remarks import LOG, SEEN, TINY, doubt_of_places, limit_remarks, outside
 from ._trend import refuse_unowned_trend
 
 if TYPE_CHECKING:
@@ -196,7 +202,10 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     if run is not None and repeated:
         groups = groups_of_runs(run)
     else:
-        groups = blocks_of(fit.layout, samples)
+        passes, along = None, readings.positions
+        if along.shape[1] == 1 and len(along) >= LOG:
+            passes = groups_of_passes(along[:, 0], readings.order)
+        groups = blocks_of(fit.layout, samples) if passes is None else passes
     folds = dict(leave_out(fit, samples, groups))
     heldout = held_out(
         table, samples, folds, groups, plan.integers, before, acted, by_run=repeated
