@@ -17,6 +17,9 @@ from ._words import WORDS, direction_of, kinds_in, words_in
 _PAIR = re.compile(
     r"\W*(?P<key>[^:=;,\t|]+?)\s*[:=;,\t|]+\s*(?P<value>[^;,\t|]+?)[\s;,|]*"
 )
+_SEVERAL = re.compile(
+    r"(?i)\W*(?:units|einheiten)\s*[:=]\s*(?P<value>[^\W\d_]+\W*[,;/]\W*\S.*)"
+)
 _UNIT_WORDS = frozenset(
     ("unit", "units", "einheit", "einheiten", "error unit", "messeinheit")
 )
@@ -49,8 +52,11 @@ def with_titles(table: Table, titles: Mapping[int, str]) -> Table:
             table = _noted(table, table.columns, remark, axis)
         pair = _PAIR.fullmatch(text)
         key = pair["key"].strip().casefold() if pair is not None else ""
+        several = _SEVERAL.fullmatch(text)  # "Units: inch, tenths"
         if pair is not None and key in _UNIT_WORDS:
             table = _in_unit(table, line, pair["value"])
+        elif several is not None:
+            table = _in_unit(table, line, several["value"])
         elif pair is not None and key in WORDS["direction"]:
             table = _in_direction(table, line, pair["value"])
         elif _WORD.search(text) and (title := heading(text)) and title.direction:

@@ -691,8 +691,12 @@ def _units(
         turns: The positions of its axis are angles.
         places: Positions beside an instant.
     """
-    if column.unit is not None or kind not in _UNSTATED or column.text is not None:
+    if column.unit is not None or column.text is not None:
         return [column.unit]
+    if kind in _PLACES | {"error"} and _may_be_inches(column):
+        return ("in", "mm")
+    if kind not in _UNSTATED:
+        return [None]
     if kind == "time" and not may_be_ms(column, places):
         return [None]
     units = _UNSTATED_ANGLE if turns and kind == "error" else _UNSTATED[kind]
@@ -700,6 +704,11 @@ def _units(
         units = _INCHES
     fine = kind == "error" and _largest(column) < _FINE
     return units[::-1] if fine else units
+
+
+def _may_be_inches(column: Column) -> bool:
+    """Whether a name ends as one in inches does, ``x_in``, or as that of an input."""
+    return column.unit is None and column.name.casefold().endswith("_in")
 
 
 def _spec(column: Column, unit: str | None, sign: int = 1) -> ColumnSpec:

@@ -66,10 +66,11 @@ def fit_planned(plan: Plan, tables: Tables, left: Leftovers) -> AbstractDraft:
         except FitError as error:
             count = len(readings.error)
             beyond = int(outside(plan.table, readings.positions).sum())
+            said = [note.message for note in notes]
             if doubt := doubt_of_places(beyond, count):
-                msg = f"{error} {beyond} of {count} readings lie outside the table.{doubt}"
-                raise FitError(msg) from None
-            raise
+                said = [f"{beyond} of {count} readings lie outside the table.{doubt}"]
+            msg = " ".join([str(error), *said])
+            raise FitError(msg) from None
     refuse_unowned_trend(plan, draft.estimate)
     return held_beyond(draft)
 

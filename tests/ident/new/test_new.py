@@ -764,3 +764,26 @@ def test_means_of_both_ways_are_its_runs_and_their_scatter_no_error(
     answers = str(asked(tmp_path, capsys)[-1]["answers"])
     assert '"Mittelwert ab", unit = "um", run = 1, direction = -1' in answers
     assert "s auf" not in answers
+
+
+def test_names_that_end_as_inches_do_are_asked_for_their_unit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{x},{y},{1e-4 * (x % 3)}\n" for x in range(12) for y in range(8))
+    new(tmp_path, f"x_in,y_in,z_in\n{rows}")
+    answers = [each["answers"] for each in asked(tmp_path, capsys)]
+    for axis in "XY":
+        units = [f'"{axis}.position" = {{ column = "{axis.lower()}_in", unit = "{unit}" }}'
+                 for unit in ("in", "mm")]  # fmt: skip
+        assert units in answers
+    assert '"Z.error" = { column = "z_in", unit = "in" }' in str(answers)
+
+
+def test_several_units_above_a_table_are_no_default(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{k},{1e-4 * (k % 3)}\n" for k in range(12))
+    (tmp_path / "a.csv").write_text(f"Units: inch, tenths\nTarget,Error\n{rows}")
+    # Taken in mm and µm, the list was 25 times too small.
+    assert main(["new", str(tmp_path / "a.csv")]) == 1
+    assert "found unit 'inch, tenths'" in capsys.readouterr().err
