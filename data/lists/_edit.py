@@ -4,10 +4,15 @@ import bisect
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from ._format import EntryValueError, UnknownEntryError, comment_lines, value_texts
+from ._format import (
+    EntryValueError,
+    UnknownEntryError,
+    comment_lines,
+    known_place,
+    value_texts,
+)
 from ._grammar import Line, read_line
 from ._names import BLANKS, full_name, locate, meaning
-from ._registry import registry
 from ._scan import PLAIN, Scan
 from ._values import parse_boolean, parse_integer
 
@@ -37,13 +42,12 @@ def changes(
     lines: dict[str, list[int]] = {}
     names: dict[str, list[str]] = {}
     for name in values:
-        place = locate(name)
-        rows = None if place is None else scan.columns.get(place[0])
-        row = None if place is None or rows is None else rows.last.get(place[1])
-        if place is None or rows is None or row is None:
+        place = scan.place(name)
+        if place is None:
             raise UnknownEntryError(source, name, "the name of an entry of this list")
-        lines.setdefault(place[0], []).append(rows.lines[row])
-        names.setdefault(place[0], []).append(name)
+        rows, row = place
+        lines.setdefault(rows.key, []).append(rows.lines[row])
+        names.setdefault(rows.key, []).append(name)
     changed: dict[int, tuple[str, bool]] = {}
     for key, numbers in lines.items():
         inputs = [values[name] for name in names[key]]
@@ -120,12 +124,8 @@ def additions(
     """
     columns: dict[str, list[tuple[tuple[int, ...], str]]] = {}
     for name in values:
-        place = locate(name)
-        row = None if place is None else registry().by_key.get(place[0])
-        if place is None or row is None or place[0].count("[]") != len(place[1]):
-            expected = "the name of a parameter in the manuals, with its indices"
-            raise UnknownEntryError(source, name, expected)
-        columns.setdefault(place[0], []).append((place[1], name))
+        key, indices = known_place(name, source)
+        columns.setdefault(key, []).append((indices, name))
     added: list[Addition] = []
     for key, places in columns.items():
         names = [name for _, name in places]

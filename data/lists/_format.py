@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from ..errors import AxcompError
 from ._grammar import QUOTES
+from ._names import locate
 from ._parameter import Parameter
 from ._registry import registry
 from ._values import (
@@ -53,6 +54,20 @@ class UnknownEntryError(AxcompError, KeyError):
 
     def __str__(self) -> str:
         return f"{self.source}: {self.name}: expected {self.expected}"
+
+
+def known_place(name: str, source: str) -> tuple[str, tuple[int, ...]]:
+    """Return the canonical key and the indices of a parameter by its name.
+
+    Raises:
+        UnknownEntryError: If no manual knows the name, or its indices do not fit.
+    """
+    place = locate(name)
+    known = place is not None and place[0] in registry().by_key
+    if place is None or not known or place[0].count("[]") != len(place[1]):
+        expected = "the name of a parameter in the manuals, with its indices"
+        raise UnknownEntryError(source, name, expected)
+    return place
 
 
 def value_texts(

@@ -13,7 +13,6 @@ from ..html import table_html
 from . import _edit
 from ._entry import Entry, Rows, TextRemark
 from ._grammar import read_line
-from ._names import locate
 from ._registry import registry
 from ._remarks import RemarkCode
 from ._scan import Scan, scan, split_lines
@@ -142,27 +141,18 @@ class ListFile:
 
         Of several the last one, which counts (semantics S-08).
         """
-        place = locate(name)
-        if place is None or (rows := self._scan.columns.get(place[0])) is None:
-            return None
-        row = rows.last.get(place[1])
-        return None if row is None else self.entry_at(rows.lines[row])
+        place = self._scan.place(name)
+        return None if place is None else self.entry_at(place[0].lines[place[1]])
 
     def integer(self, name: str) -> int | None:
         """Return the value of an entry that is a decimal integer, else None."""
-        place = locate(name)
-        if place is None or (rows := self._scan.columns.get(place[0])) is None:
-            return None
-        row = rows.last.get(place[1])
-        return None if row is None else rows.integers[row]
+        place = self._scan.place(name)
+        return None if place is None else place[0].integers[place[1]]
 
     def boolean(self, name: str) -> bool | None:
         """Return the value of an entry that is 0, 1, TRUE or FALSE, else None."""
-        place = locate(name)
-        if place is None or (rows := self._scan.columns.get(place[0])) is None:
-            return None
-        row = rows.last.get(place[1])
-        return None if row is None else parse_boolean(rows.texts[row])
+        place = self._scan.place(name)
+        return None if place is None else parse_boolean(place[0].texts[place[1]])
 
     def text(self, name: str) -> str | None:
         """Return the text of an entry without quotes, or None where it has none."""
@@ -255,7 +245,7 @@ class ListFile:
             UnknownEntryError: If a name to add is none that the manuals know.
             EntryValueError: If a value does not fit its parameter or the encoding.
         """
-        existing = {name: value for name, value in values.items() if self._has(name)}
+        existing = {name: v for name, v in values.items() if self._scan.place(name)}
         added = {name: value for name, value in values.items() if name not in existing}
         changed = self.replace(existing)
         if not added:
@@ -276,11 +266,6 @@ class ListFile:
         All lines of a repeated entry go. A name that is not there is gone already.
         """
         return self._with(_edit.without(self.lines, self._scan, names))
-
-    def _has(self, name: str) -> bool:
-        place = locate(name)
-        rows = None if place is None else self._scan.columns.get(place[0])
-        return place is not None and rows is not None and place[1] in rows.last
 
     def _with(self, lines: tuple[str, ...]) -> "ListFile":
         return dataclasses.replace(self, lines=lines)

@@ -21,8 +21,6 @@ NAME = re.compile(rf"{_PART}(?:[{BLANKS}]*\.[{BLANKS}]*{_PART})*")
 """A name as it may stand in a file; an index has at most nine digits."""
 INDEX = re.compile(rf"\[[{BLANKS}]*([0-9]{{1,9}})[{BLANKS}]*\]")
 
-_TABLE_NAME = re.compile(r"([a-z_][a-z0-9_.]*+)\[([0-9\]\[]++)\](\.[a-z0-9_.]++)?+")
-_INNER = re.compile(r"[0-9]{1,9}+(?:\]\[[0-9]{1,9}+)*+")
 _SPACES = re.compile(rf"[{BLANKS}]+")
 
 
@@ -64,31 +62,11 @@ def split_name(written: str) -> tuple[str, tuple[int, ...]] | None:
     return _SPACES.sub("", INDEX.sub("[]", written)).lower(), indices
 
 
+@functools.lru_cache(maxsize=4096)
 def locate(name: str) -> tuple[str, tuple[int, ...]] | None:
     """Return the canonical key and the indices of a name, or None for no name."""
-    if "[" not in name:
-        return _scalar(name)
-    match = _TABLE_NAME.fullmatch(name)
-    if match is not None and _INNER.fullmatch(match[2]):
-        digits = match[2].split("][")  # the usual name in a table: no need to search it
-        key = _table_key(match[1], len(digits), match[3] or "")
-        return None if key is None else (key, tuple(map(int, digits)))
-    return _searched(name)
-
-
-def _searched(name: str) -> tuple[str, tuple[int, ...]] | None:
     parts = split_name(name.strip())
     return None if parts is None else (meaning(parts[0]).key, parts[1])
-
-
-_scalar = functools.lru_cache(maxsize=4096)(_searched)
-"""The same of a name without index, which is one of few."""
-
-
-@functools.lru_cache(maxsize=4096)
-def _table_key(head: str, count: int, tail: str) -> str | None:
-    parts = split_name(f"{head}{'[0]' * count}{tail}")
-    return None if parts is None else meaning(parts[0]).key
 
 
 def full_name(key: str, indices: tuple[int, ...]) -> str:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from ._entry import Rows, TextRemark
 from ._grammar import Line, read_line
-from ._names import full_name, meaning, split_name
+from ._names import full_name, locate, meaning, split_name
 from ._remarks import RemarkCode
 
 PLAIN = re.compile(
@@ -41,6 +41,18 @@ class Scan(NamedTuple):
     def entry_lines(self) -> list[int]:
         """1-based numbers of the lines that hold an entry, ascending."""
         return sorted(line for rows in self.columns.values() for line in rows.lines)
+
+    def place(self, name: str) -> tuple[Rows, int] | None:
+        """Return the column of a name, and the row in it that counts; None: no entry.
+
+        The name may be in any case and generation; of several rows the last one counts
+        (semantics S-08).
+        """
+        place = locate(name)
+        rows = None if place is None else self.columns.get(place[0])
+        if place is None or rows is None or place[1] not in rows.last:
+            return None
+        return rows, rows.last[place[1]]
 
 
 class _Column:

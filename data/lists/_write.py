@@ -6,10 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 from ._edit import check_encoding
-from ._format import UnknownEntryError, comment_lines, value_texts
+from ._format import UnknownEntryError, comment_lines, known_place, value_texts
 from ._listfile import ListFile, Value
-from ._names import full_name, locate
-from ._registry import registry
+from ._names import full_name
 
 _SOURCE = "new list"
 _CLOSING = "# Ende"
@@ -113,11 +112,7 @@ def _refuse_repeated(columns: Mapping[str, Mapping[str, str]]) -> None:
 @functools.lru_cache(maxsize=4096)
 def _canonical(name: str) -> tuple[str, str]:
     """Return the canonical key and name, or refuse what no manual names."""
-    place = locate(name)
-    row = None if place is None else registry().by_key.get(place[0])
-    if place is None or row is None or place[0].count("[]") != len(place[1]):
-        expected = "the name of a parameter in the manuals, with its indices"
-        raise UnknownEntryError(_SOURCE, name, expected)
+    place = known_place(name, _SOURCE)
     return place[0], full_name(*place)
 
 
