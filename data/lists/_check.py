@@ -58,7 +58,6 @@ def _check_alone(view: ListView) -> None:
         view.add(
             "error",
             "the file is UTF-16: no line of it can be read",
-            (1, 1),
             found="UTF-16",
             expected="ASCII, Latin-1 or UTF-8",
         )
@@ -68,7 +67,6 @@ def _check_alone(view: ListView) -> None:
         view.add(
             "error",
             "the list holds no entry",
-            (1, 1),
             found="no entry" if view.file.lines else "an empty file",
             expected="entries such as kopf.achs_nr",
         )
@@ -77,7 +75,6 @@ def _check_alone(view: ListView) -> None:
         view.add(
             "warning",
             "none of the entries belongs to a compensation, axis or start-up list",
-            (1, 1),
             found=next(iter(view.columns)),
             expected="entries kopf.*, kw.*, frict_comp.*, lr_param.*, zahl_kw",
         )
@@ -109,8 +106,7 @@ def _report_increments(view: ListView) -> None:
                 "info",
                 f"the {function.name} counts in encoder increments: their length must "
                 "be given (--increment) to read it in mm",
-                view.place(unit),
-                parameter=registry().by_key[unit],
+                unit,
                 found="0",
                 expected="1, metric, or a known increment",
             )
@@ -123,7 +119,6 @@ def _report_missing_number(view: ListView) -> None:
         view.add(
             "info",
             f"{row.key} is missing: the axis is taken from the name of the file",
-            (1, 1),
             found="no entry",
             expected=row.text,
         )

@@ -36,8 +36,7 @@ def _check_demands(lists: Sequence[ListView]) -> None:
             "warning",
             f"{demand.key} demands {row.demanded}, but {row.key} does not switch it on:"
             " the axis moves without it, and nothing is reported",
-            axis.place(demand.key),
-            parameter=demand,
+            demand.key,
             found=f"{row.key} = {switch.text(row.key) or 'no entry'}",
             expected=f"{row.key} 1, or no {row.demanded}",
         )
@@ -45,23 +44,23 @@ def _check_demands(lists: Sequence[ListView]) -> None:
 
 def _check_abrupt(lists: Sequence[ListView]) -> None:
     """Report a large backlash that comes within one cycle."""
-    row = registry().by_key["lr_param.n_backlash_cyc"]
+    cycles_key = "lr_param.n_backlash_cyc"
     gear, selected, spread = (
         in_force(lists, key)
-        for key in ("getriebe[].lose", "lr_param.anwahl_losekomp", row.key)
+        for key in ("getriebe[].lose", "lr_param.anwahl_losekomp", cycles_key)
     )
-    size, cycles = largest_backlash(gear), spread.integer(row.key)
+    size, cycles = largest_backlash(gear), spread.integer(cycles_key)
     if abs(size) <= _ABRUPT or not selected.integer("lr_param.anwahl_losekomp"):
         return
-    if cycles in (0, 1) and not _may_stand_elsewhere(spread, row.key):
+    if cycles in (0, 1) and not _may_stand_elsewhere(spread, cycles_key):
         gear.add(
             "warning",
             f"a backlash of {abs(size)} (0.1 µm or 0.0001°) comes within one cycle:"
-            f" {row.key} is {cycles}",
-            gear.place("getriebe[].lose"),
-            parameter=row,
-            found=f"{row.key} = {spread.text(row.key) or 'no entry'}",
-            expected=f"{row.key} from 2 to 19",
+            f" {cycles_key} is {cycles}",
+            cycles_key,
+            place=gear.place("getriebe[].lose"),
+            found=f"{cycles_key} = {spread.text(cycles_key) or 'no entry'}",
+            expected=f"{cycles_key} from 2 to 19",
         )
 
 
@@ -72,15 +71,13 @@ def _may_stand_elsewhere(view: ListView, key: str) -> bool:
 
 def check_axis_list(view: ListView) -> None:
     """Judge what only the entries of one axis list together can show."""
-    parameters = registry().by_key
     selected = view.integer("lr_param.anwahl_losekomp")
     if selected and not largest_backlash(view):
-        row = parameters["getriebe[].lose"]
         view.add(
             "warning",
             "backlash compensation is on, but the backlash is 0",
-            view.place("lr_param.anwahl_losekomp"),
-            parameter=row,
+            "getriebe[].lose",
+            place=view.place("lr_param.anwahl_losekomp"),
             found="0",
             expected="the size of the backlash",
         )
@@ -89,15 +86,15 @@ def check_axis_list(view: ListView) -> None:
         for key in ("lr_param.temp_comp_offset_0", "lr_param.temp_comp_coefficient")
         if view.given(key)
     ]
-    if heated and view.integer("lr_param.temp_comp") == 0:
-        row = parameters["lr_param.temp_comp"]
+    switch = "lr_param.temp_comp"
+    if heated and view.integer(switch) == 0:
         view.add(
             "warning",
-            f"{heated[0]} is set, but {row.key} does not switch the temperature "
+            f"{heated[0]} is set, but {switch} does not switch the temperature "
             "compensation on",
-            view.place(row.key if row.key in view.columns else heated[0]),
-            parameter=row,
-            found=view.text(row.key) or "no entry",
+            switch,
+            place=view.place(switch if switch in view.columns else heated[0]),
+            found=view.text(switch) or "no entry",
             expected="1",
         )
 

@@ -21,7 +21,7 @@ def check_ascending(
     nearly always breaks the order; where it does not, it is reported all the same. A
     value that cannot be read has a finding of its own and is passed over.
     """
-    row = registry().by_key[key]
+    number = registry().by_key[key].number if number is None else number
     rows = view.rows(key)
     absent = absent_indices(rows, count)
     if rows is None or len(absent) > 1:
@@ -29,9 +29,9 @@ def check_ascending(
             "error",
             f"{title} do not ascend: {absent.describe()} of {count} are missing and "
             "count as 0",
-            view.place(key) if rows is None else view.value_place(rows, 0),
-            parameter=row,
-            number=row.number if number is None else number,
+            key,
+            place=view.place(key) if rows is None else view.value_place(rows, 0),
+            number=number,
             found=f"{len(absent)} missing",
             expected=f"{count} ascending values",
         )
@@ -52,9 +52,9 @@ def check_ascending(
         f"{title} do not ascend: [{at[k - 1]}] = {values[k - 1]}, "
         f"[{at[k]}] = {values[k]}"
         + (f" ({absent.describe()} is missing and counts as 0)" if len(absent) else ""),
-        view.value_place(rows, place),
-        parameter=row,
-        number=row.number if number is None else number,
+        key,
+        place=view.value_place(rows, place),
+        number=number,
         found=f"{values[k - 1]}, {values[k]}",
         expected="ascending values",
     )
@@ -115,7 +115,6 @@ def check_size(
     rows = view.rows(key)
     if rows is None or not rows.indices or max(rows.last)[0] < count:
         return
-    row = registry().by_key[key]
     limit = count + 1 if tolerated and count else count
     beyond = [at for at, (index,) in enumerate(rows.indices) if index >= limit]
     edge = [at for at, (index,) in enumerate(rows.indices) if count <= index < limit]
@@ -126,8 +125,8 @@ def check_size(
         view.add(
             "error",
             f"{key} goes beyond the table's end: index {listed}, but {size}{note}",
-            view.name_place(rows, beyond[0]),
-            parameter=row,
+            key,
+            place=view.name_place(rows, beyond[0]),
             found=f"index {listed}",
             expected=f"indices 0 to {count - 1}" if count else "no entry",
         )
@@ -136,8 +135,8 @@ def check_size(
             "warning",
             f"{key} has index {count}, which only one of two statements of the manuals "
             f"allows where {size}{note}",
-            view.name_place(rows, edge[0]),
-            parameter=row,
+            key,
+            place=view.name_place(rows, edge[0]),
             found=f"index {count}",
             expected=f"indices 0 to {count - 1}",
         )
@@ -170,8 +169,8 @@ def check_complete(
         "error" if refused or strict else "warning",
         f"{key} lacks {len(missing)} of {count} entries, which count as 0: index "
         f"{missing.describe()}",
-        view.place(key) if rows is None else view.name_place(rows, 0),
-        parameter=registry().by_key[key],
+        key,
+        place=view.place(key) if rows is None else view.name_place(rows, 0),
         number=number,
         found=f"{count - len(missing)} entries",
         expected=f"{count} entries",

@@ -32,31 +32,27 @@ def check_crosstalk(view: ListView) -> None:
 
 def _report_old(view: ListView, *, mixed: bool) -> None:
     rows = [
-        (view.columns[row.key], row)
-        for row in registry().rows
-        if row.generation == "old"
-        and row.structure == _STEM
-        and row.key in view.columns
-        and row.id != "P-COMP-00073"
+        view.columns[key]
+        for key, row in registry().by_key.items()
+        if row.generation == "old" and row.structure == _STEM and key in view.columns
     ]
-    first, row = min(rows, key=lambda pair: pair[0].lines[0])
-    place = view.name_place(first, 0)
+    first = min(rows, key=lambda column: column.lines[0])
     if mixed:
         view.add(
             "error",
             "the list mixes the older and the present form of crosstalk compensation",
-            place,
-            parameter=row,
-            found=f"{row.key} beside entries of the present form",
+            first.key,
+            place=view.name_place(first, 0),
+            found=f"{first.key} beside entries of the present form",
             expected="one form",
         )
     else:
         view.add(
             "info",
             "crosstalk compensation in the form of an older manual generation",
-            place,
-            parameter=row,
-            found=row.key,
+            first.key,
+            place=view.name_place(first, 0),
+            found=first.key,
             expected="kw.crosstalk.mode, acceleration, position[i]",
         )
 
@@ -103,8 +99,8 @@ def _check_tests(view: ListView) -> None:
             view.add(
                 "info",
                 f"{key} is not used without velocity_dependent",
-                view.name_place(rows, 0),
-                parameter=registry().by_key[key],
+                key,
+                place=view.name_place(rows, 0),
                 found=f"{len(rows.lines)} entries",
                 expected="velocity_dependent 1, or no entry",
             )
@@ -124,8 +120,8 @@ def _report_further_tests(view: ListView, values: list[str]) -> None:
             view.add(
                 "info",
                 f"{key} has more than one test, mode 1 uses the first",
-                view.name_place(rows, 0),
-                parameter=registry().by_key[key],
+                key,
+                place=view.name_place(rows, 0),
                 found=f"index {max(rows.last)[0]}",
                 expected="index 0",
             )
@@ -147,15 +143,14 @@ def _check_places(view: ListView, positions: list[str], count: int) -> None:
     pairs = list(
         zip(column_values(first, count), column_values(second, count), strict=True)
     )
-    row = registry().by_key[positions[0]]
     if len(set(pairs)) < count:
         at = next(i for i in range(count) if pairs[i] in pairs[:i])
         place = f"{pairs[at][0]}, {pairs[at][1]}"
         view.add(
             "error",
             f"two tests at one place: position[{at}] is {place} again",
-            view.value_place(first, first.last[(at,)]),
-            parameter=row,
+            positions[0],
+            place=view.value_place(first, first.last[(at,)]),
             number=_ORDER,
             found=place,
             expected="each place once",
@@ -166,8 +161,8 @@ def _check_places(view: ListView, positions: list[str], count: int) -> None:
         view.add(
             "warning",
             "the places of the tests are not ordered along either adaptation axis",
-            view.value_place(first, 0),
-            parameter=row,
+            positions[0],
+            place=view.value_place(first, 0),
             number=_ORDER,
             found="no order",
             expected="ax_1 or ax_2 ascending, the other ascending within each",

@@ -18,7 +18,6 @@ def check_remarks(view: ListView) -> None:
         return
     counts: Counter[str] = Counter()
     totals = Counter(remark.code for remark in view.file.remarks)
-    manual = registry()
     for remark in view.file.remarks:
         counts[remark.code] += 1
         if counts[remark.code] > _REMARK_LIMIT + 1:
@@ -26,8 +25,7 @@ def check_remarks(view: ListView) -> None:
         rule = REMARKS[remark.code]
         level: Level = rule.level
         line = view.line(remark.line)
-        row = manual.by_key.get(line.key)
-        if remark.code == RemarkCode.NO_VALUE and row is not None:
+        if remark.code == RemarkCode.NO_VALUE and line.key in registry().by_key:
             level = "error"
         message = f"{rule.message}: {remark.text}" if remark.text else rule.message
         if counts[remark.code] > _REMARK_LIMIT:
@@ -36,8 +34,8 @@ def check_remarks(view: ListView) -> None:
         view.add(
             level,
             message,
-            (remark.line, remark.column),
-            parameter=row,
+            line.key,
+            place=(remark.line, remark.column),
             found=remark.text,
             expected=rule.expected,
         )
@@ -62,7 +60,7 @@ def check_names(view: ListView) -> None:
         view.add(
             "info",
             f"{len(further)} further unknown names from here on",
-            view.name_place(view.columns[further[0]], 0),
+            place=view.name_place(view.columns[further[0]], 0),
             found=further[0],
             expected="parameters of the manuals",
         )
@@ -78,7 +76,7 @@ def check_names(view: ListView) -> None:
         view.add(
             level,
             f"unknown entry {key}{amount}, which the kernel does not take over{hint}",
-            view.name_place(rows, 0),
+            place=view.name_place(rows, 0),
             found=key,
             expected=nearest or "a parameter of the manuals",
         )

@@ -131,20 +131,14 @@ def _check_sizes(
     values: Values,
     unit: float,
 ) -> None:
-    view.add_rows(
-        "warning",
-        rows,
-        sorted(
-            at
-            for at, value in values.values()
-            if value != row.default and not plausible.holds(value * unit, value * unit)
-        ),
-        lambda text: (
-            f"{row.key} = {text} is allowed, and beyond what a sound machine needs"
-        ),
-        parameter=row,
-        expected=f"{plausible} {_unit_text(row)}".rstrip(),
+    beyond = sorted(
+        at
+        for at, value in values.values()
+        if value != row.default and not plausible.holds(value * unit, value * unit)
     )
+    words = "{name} = {text} is allowed, and beyond what a sound machine needs"
+    expected = f"{plausible} {_unit_text(row)}".rstrip()
+    view.add_rows("warning", rows, beyond, words, expected)
 
 
 def _check_steps(
@@ -212,8 +206,8 @@ def _report(
         "warning",
         f"{words}: {abs(values[1] - values[0])} apart,"
         f" {'less' if change.least else 'more'} than a sound machine needs",
-        view.value_place(rows, at),
-        parameter=row,
+        row.key,
+        place=view.value_place(rows, at),
         number=None if change.least else change.number,
         found=words,
         expected=(

@@ -53,7 +53,6 @@ def check_set(
 
 def _check_doubles(views: list[ListView], title: str) -> None:
     """Report a second list for an axis that has one already."""
-    row = registry().by_key["kopf.achs_nr"]
     first: dict[int, ListView] = {}
     for view in views:
         number = axis_number(view)
@@ -64,8 +63,7 @@ def _check_doubles(views: list[ListView], title: str) -> None:
             view.add(
                 "error",
                 f"two {title} for axis {number}: the other is {other.file.source}",
-                view.place("kopf.achs_nr"),
-                parameter=row,
+                "kopf.achs_nr",
                 found=str(number),
                 expected="a number of its own for each list",
             )
@@ -77,14 +75,12 @@ def _check_two_masters(view: ListView, other: ListView) -> None:
     key = "kw.crosscomp.master_ax_nr"
     masters = view.integer(key), other.integer(key)
     if key in view.columns and key in other.columns and masters[0] != masters[1]:
-        row = registry().by_key[key]
         view.add(
             "error",
             f"two masters for one cross table: axis {masters[0]}, and axis "
             f"{masters[1]} in {other.file.source}",
-            view.place(key),
-            parameter=row,
-            number=row.number,
+            key,
+            number=registry().by_key[key].number,
             found=str(masters[0]),
             expected=str(masters[1]),
         )
@@ -97,15 +93,13 @@ def _check_numbers(view: ListView, lists: ListSet) -> None:
     is_numbered = base_name(view.file.source).startswith("achskw")
     if number is None or file_axis is None or not is_numbered:
         return
-    row = registry().by_key["kopf.achs_nr"]
     for other in lists.compensation if number != file_axis else ():
         if (axis_number(other), file_number(other)) == (file_axis, number):
             view.add(
                 "warning",
                 f"the list says axis {number}, and {other.file.source} axis {file_axis}: are"
                 " the files, or the numbers in them, exchanged?",
-                view.place("kopf.achs_nr"),
-                parameter=row,
+                "kopf.achs_nr",
                 found=str(number),
                 expected=str(file_axis),
             )
@@ -116,8 +110,7 @@ def _check_numbers(view: ListView, lists: ListSet) -> None:
             "error",
             f"the list says axis {number}, {other.file.source} says axis "
             f"{axis_number(other)}",
-            view.place("kopf.achs_nr"),
-            parameter=row,
+            "kopf.achs_nr",
             number=AXIS_DIFFERS,
             found=str(number),
             expected=str(axis_number(other)),
@@ -131,35 +124,33 @@ def _check_against_axis(view: ListView, lists: ListSet) -> None:
     if not partners:
         return
     for function in registry().functions:
-        axis = in_force(partners, function.activation)
+        key = function.activation
+        axis = in_force(partners, key)
         if function.structure in view.in_use and _is_active(view, function):
-            if axis.integer(function.activation) == 0:
-                row = registry().by_key[function.activation]
-                if is_fragment(axis) and row.key not in axis.columns:
+            if axis.integer(key) == 0:
+                if is_fragment(axis) and key not in axis.columns:
                     continue  # The list that it adds to may well switch it on.
                 axis.add(
                     "warning",
-                    f"{view.file.source} holds a {function.name}, but {row.key} does "
+                    f"{view.file.source} holds a {function.name}, but {key} does "
                     "not switch it on",
-                    axis.place(row.key),
-                    parameter=row,
-                    found=axis.text(row.key) or "no entry",
+                    key,
+                    found=axis.text(key) or "no entry",
                     expected="1",
                 )
     if "kw.ssfk" in view.in_use and view.integer("kw.ssfk.bilateral"):
-        row = registry().by_key["lr_param.anwahl_losekomp"]
-        axis = in_force(partners, row.key)
+        key = "lr_param.anwahl_losekomp"
+        axis = in_force(partners, key)
         gear = in_force(partners, "getriebe[].lose")
         size = largest_backlash(gear)
         has_size = gear.rows("getriebe[].lose") is not None
-        if axis.integer(row.key) and (size or not has_size):
+        if axis.integer(key) and (size or not has_size):
             axis.add(
                 "warning",
-                f"backlash is compensated twice: by {row.key} and by the bilateral "
+                f"backlash is compensated twice: by {key} and by the bilateral "
                 f"leadscrew table of {view.file.source}",
-                axis.place(row.key),
-                parameter=row,
-                found=f"{axis.text(row.key)}, "
+                key,
+                found=f"{axis.text(key)}, "
                 + (f"lose = {size}" if has_size else "lose not in the list"),
                 expected="0 beside a bilateral table",
             )
@@ -188,14 +179,12 @@ def _check_known_masters(view: ListView, lists: ListSet) -> None:
             key = f"{function.structure}.{name}"
             master = view.integer(key)
             if key in view.columns and master and master not in numbers:
-                row = registry().by_key[key]
                 view.add(
                     "info",
                     f"none of the lists belongs to axis {master}, a master of the "
                     f"{function.name}",
-                    view.place(key),
-                    parameter=row,
-                    number=row.number,
+                    key,
+                    number=registry().by_key[key].number,
                     found=str(master),
                     expected="the number of an axis of the machine",
                 )
@@ -208,17 +197,16 @@ def _check_activated(axis: ListView, lists: ListSet) -> None:
         return
     members = lists.compensation_of(number)
     for function in registry().functions:
-        if not axis.integer(function.activation):
+        key = function.activation
+        if not axis.integer(key):
             continue
-        row = registry().by_key[function.activation]
         if not members:
             axis.add(
                 "warning",
-                f"{row.key} switches the {function.name} of axis {number} on, but no "
+                f"{key} switches the {function.name} of axis {number} on, but no "
                 "compensation list of this axis is there (a gantry partner needs its "
                 "own)",
-                axis.place(row.key),
-                parameter=row,
+                key,
                 number=function.absent,
                 found="no list",
                 expected=f"a compensation list with kopf.achs_nr {number}",
@@ -226,10 +214,9 @@ def _check_activated(axis: ListView, lists: ListSet) -> None:
         elif not any(function.structure in view.in_use for view in members):
             axis.add(
                 "error",
-                f"{row.key} switches the {function.name} on, but "
+                f"{key} switches the {function.name} on, but "
                 f"{members[0].file.source} has no table for it",
-                axis.place(row.key),
-                parameter=row,
+                key,
                 number=function.absent,
                 found="no table",
                 expected=f"entries {function.structure}.*",
@@ -248,8 +235,7 @@ def _check_gantry(axis: int, partner: int, lists: ListSet) -> None:
                     "warning",
                     f"axis {partner}, gantry partner of axis {axis}, has no list with "
                     f"a {function.name}",
-                    view.place("kopf.achs_nr"),
-                    parameter=registry().by_key["kopf.achs_nr"],
+                    "kopf.achs_nr",
                     number=function.absent,
                     found="no list" if not members else "no table",
                     expected="a table for each axis of the gantry",

@@ -4,13 +4,10 @@ from ._check_lists import AXIS_DIFFERS, ListSet, axis_number, base_name, is_frag
 from ._check_view import ListView
 from ._entry import Rows
 from ._names import full_name
-from ._registry import registry
 
 
 def check_startup(view: ListView, lists: ListSet) -> None:
     """Judge a start-up list: complete, each axis once, numbers as in the lists."""
-    parameters = registry().by_key
-    count_row = parameters["zahl_kw"]
     names, numbers = view.rows("achs_kw[]"), view.rows("achs_kw_log_ax_nr[]")
     count = view.integer("zahl_kw")
     by_index: dict[int, int | None] = {}
@@ -26,8 +23,8 @@ def check_startup(view: ListView, lists: ListSet) -> None:
                 view.add(
                     "error",
                     f"{names.texts[at]} is named for two axes",
-                    view.value_place(names, at),
-                    parameter=parameters["achs_kw[]"],
+                    "achs_kw[]",
+                    place=view.value_place(names, at),
                     number=AXIS_DIFFERS,
                     found=names.texts[at],
                     expected="a list for each axis",
@@ -39,8 +36,7 @@ def check_startup(view: ListView, lists: ListSet) -> None:
             "warning",
             f"zahl_kw is {count if count is not None else 'missing'}, but {total} "
             "compensation lists are named",
-            view.place("zahl_kw"),
-            parameter=count_row,
+            "zahl_kw",
             found=str(count) if count is not None else "no entry",
             expected=str(total),
         )
@@ -53,8 +49,8 @@ def check_startup(view: ListView, lists: ListSet) -> None:
                 view.add(
                     "error",
                     f"two compensation lists for axis {number}",
-                    view.value_place(numbers, at),
-                    parameter=parameters["achs_kw_log_ax_nr[]"],
+                    "achs_kw_log_ax_nr[]",
+                    place=view.value_place(numbers, at),
                     number=AXIS_DIFFERS,
                     found=str(number),
                     expected="each axis once",
@@ -69,7 +65,7 @@ def check_startup(view: ListView, lists: ListSet) -> None:
             view.add(
                 "warning",
                 f"{other.file.source} is not named: the controller does not load it",
-                view.place("zahl_kw"),
+                place=view.place("zahl_kw"),
                 found=", ".join(sorted(files)) or "no compensation list",
                 expected=name,
             )
@@ -78,8 +74,7 @@ def check_startup(view: ListView, lists: ListSet) -> None:
                 "error",
                 f"the list says axis {axis_number(other)}, {view.file.source} says "
                 f"axis {files[name]}",
-                other.place("kopf.achs_nr"),
-                parameter=parameters["kopf.achs_nr"],
+                "kopf.achs_nr",
                 number=AXIS_DIFFERS,
                 found=str(axis_number(other)),
                 expected=str(files[name]),
@@ -93,33 +88,35 @@ def _check_pairs(
     """Report a file without axis number or the reverse, and indices beyond the count."""
     columns = [("achs_kw[]", names), ("achs_kw_log_ax_nr[]", numbers)]
     for (key, rows), (other, partner) in (columns, columns[::-1]):
-        for (index,), at in ({} if rows is None else rows.last).items():
+        if rows is None:
+            continue
+        for (index,), at in rows.last.items():
             name = full_name(key, (index,))
             if partner is None or (index,) not in partner.last:
                 missing = full_name(other, (index,))
                 view.add(
                     "warning",
                     f"{name} stands without {missing}",
-                    view.name_place(rows, at) if rows is not None else (1, 1),
+                    place=view.name_place(rows, at),
                     found=name,
                     expected=missing,
                 )
-            elif rows is not None and count is not None and index >= count:
+            elif count is not None and index >= count:
                 view.add(
                     "warning",
                     f"{name} is beyond the {count} compensation lists of zahl_kw",
-                    view.name_place(rows, at),
+                    place=view.name_place(rows, at),
                     found=f"index {index}",
                     expected=f"indices 0 to {count - 1}",
                 )
 
 
+_LIMIT, _FASTEST = "lr_param.ext_comp.err_limit", "lr_param.ext_comp.max_a"
 _INTERFACE = "configuration.position_controller.enable_external_compensation_ifc"
 
 
 def _check_external(view: ListView, lists: ListSet) -> None:
     """Report an external compensation without limits, and limits without its interface."""
-    row = registry().by_key["lr_param.ext_comp.err_limit"]
     taking_part = [
         axis for axis in lists.axis if "lr_param.ext_comp" in axis.structures
     ]
@@ -129,26 +126,23 @@ def _check_external(view: ListView, lists: ListSet) -> None:
                 "warning",
                 f"{taking_part[0].file.source} has limits of an external compensation,"
                 " whose interface is closed",
-                view.place(_INTERFACE),
-                parameter=registry().by_key[_INTERFACE],
+                _INTERFACE,
                 number=70587,
                 found=view.text(_INTERFACE) or "no entry",
                 expected=f"{_INTERFACE} 1",
             )
         return
-    fastest = registry().by_key["lr_param.ext_comp.max_a"]
     for axis in taking_part:
         # An acceleration that is left out is that of the axis.
-        absent = [] if axis.integer(row.key) else [row]
-        absent += [fastest] if axis.integer(fastest.key) == 0 else []
+        absent = [] if axis.integer(_LIMIT) else [_LIMIT]
+        absent += [_FASTEST] if axis.integer(_FASTEST) == 0 else []
         for limit in absent:
             axis.add(
                 "warning",
-                f"external compensation is open, but {limit.key} is 0",
-                axis.place(limit.key),
-                parameter=limit,
+                f"external compensation is open, but {limit} is 0",
+                limit,
                 number=70585,
-                found=axis.text(limit.key) or "no entry",
+                found=axis.text(limit) or "no entry",
                 expected="a limit above 0",
             )
     if not taking_part:
@@ -156,9 +150,9 @@ def _check_external(view: ListView, lists: ListSet) -> None:
         view.add(
             "warning" if lists.axis else "info",
             "external compensation is open, but no axis list here has limits for it",
-            view.place(_INTERFACE),
-            parameter=row,
+            _LIMIT,
+            place=view.place(_INTERFACE),
             number=70585,
             found="no entry",
-            expected=f"{row.key} of each axis that takes part",
+            expected=f"{_LIMIT} of each axis that takes part",
         )

@@ -71,8 +71,8 @@ def _missing(view: ListView, row: Parameter) -> None:
     view.add(
         "error",
         f"{row.key} is missing: {row.text.split(';')[0]}",
-        (line, 1),
-        parameter=row,
+        row.key,
+        place=(line, 1),
         number=row.missing,
         found="no entry",
         expected=expected,
@@ -106,8 +106,8 @@ def _judge(view: ListView, row: Parameter, condition: Condition) -> None:
     view.add(
         level,
         f"{row.structure}: {stated}; expected {condition.expected}{caveat}",
-        view.place(anchor),
-        parameter=row,
+        row.key,
+        place=view.place(anchor),
         number=condition.number,
         found=stated,
         expected=condition.expected,
@@ -124,8 +124,7 @@ def _check_unit(view: ListView, function: Function) -> None:
             "warning",
             f"{row.key} is missing: all lengths of the {function.name} count in "
             "encoder increments",
-            (view.first_line(row.structure), 1),
-            parameter=row,
+            row.key,
             found="no entry",
             expected="1, metric in 0.1 µm or 0.0001°",
         )
@@ -134,8 +133,7 @@ def _check_unit(view: ListView, function: Function) -> None:
         view.add(
             "info",
             f"{row.key} is discontinued in one manual, in use in the others",
-            view.place(row.key),
-            parameter=row,
+            row.key,
             found=view.text(row.key) or "",
             expected="the entry, as long as its default is increments",
         )
@@ -148,16 +146,14 @@ def _check_masters(view: ListView, function: Function) -> None:
     present = [key for key in keys if key in view.columns]
     for key in present:
         rows = view.columns[key]
-        row = registry().by_key[key]
         masters = dict.fromkeys(value for value in rows.integers if value is not None)
         if len(masters) > 1:
             numbers = " and ".join(str(master) for master in masters)
             view.add(
                 "error",
                 f"two masters for one table of the {function.name}: axes {numbers}",
-                view.place(key),
-                parameter=row,
-                number=row.number,
+                key,
+                number=registry().by_key[key].number,
                 found=numbers,
                 expected="one master axis",
             )
@@ -165,8 +161,7 @@ def _check_masters(view: ListView, function: Function) -> None:
         view.add(
             "warning",
             f"axis {axis} is its own master in the {function.name}",
-            view.place(equal[0]),
-            parameter=registry().by_key[equal[0]],
+            equal[0],
             found=str(axis),
             expected="another axis",
         )

@@ -46,8 +46,7 @@ def _check_cross(view: ListView) -> None:
         view.add(
             "warning",
             "the cross table has a single point: one constant offset everywhere",
-            view.place(sizer.key),
-            parameter=sizer,
+            sizer.key,
             found=f"last_index = 0{'' if sizer.key in view.columns else ' (left out)'}",
             expected="two points or more",
         )
@@ -56,8 +55,7 @@ def _check_cross(view: ListView) -> None:
 
 
 def _check_leadscrew(view: ListView) -> None:
-    parameters = registry().by_key
-    sizer = parameters["kw.ssfk.kw_nr_max"]
+    sizer = registry().by_key["kw.ssfk.kw_nr_max"]
     count = view.integer(sizer.key)
     if count is None or not usable(count) or sizer.key not in view.columns:
         return
@@ -84,14 +82,13 @@ def _check_leadscrew(view: ListView) -> None:
     _check_reached(view, count)
     if sides == 0 and (rows := view.rows(neg)) is not None:
         _unused(view, rows, "the table is unilateral (bilateral 0)")
-    option = parameters["kw.ssfk.set_pos_without_comp"]
-    if bilateral and not view.integer(option.key):
+    option = "kw.ssfk.set_pos_without_comp"
+    if bilateral and not view.integer(option):
         view.add(
             "info",
             "other compensations enter the bilateral table and may turn its direction",
-            view.place(option.key),
-            parameter=option,
-            found=view.text(option.key) or "no entry",
+            option,
+            found=view.text(option) or "no entry",
             expected="set_pos_without_comp 1",
         )
 
@@ -100,8 +97,8 @@ def _unused(view: ListView, rows: Rows, reason: str) -> None:
     view.add(
         "info",
         f"{rows.key} is not used: {reason}",
-        view.name_place(rows, 0),
-        parameter=registry().by_key[rows.key],
+        rows.key,
+        place=view.name_place(rows, 0),
         found=f"{len(rows.lines)} entries",
         expected="no entry",
     )
@@ -115,14 +112,14 @@ def _check_closed(view: ListView, key: str, count: int) -> None:
     first, last = (rows.last.get((index,)) for index in (0, count - 1))
     if first is None or last is None or rows.integers[first] == rows.integers[last]:
         return
-    (level, title), flag = turn, registry().by_key["kw.ssfk.modulo"]
+    (level, title), flag = turn, "kw.ssfk.modulo"
     ends = f"[0] = {rows.texts[first]}, [{count - 1}] = {rows.texts[last]}"
-    also = "" if view.integer(flag.key) else f", and {flag.key} 1"
+    also = "" if view.integer(flag) else f", and {flag} 1"
     view.add(
         level,
         f"the ends of the {title} differ: {key} {ends}",
-        view.value_place(rows, last),
-        parameter=flag,
+        flag,
+        place=view.value_place(rows, last),
         found=ends,
         expected=f"the same value at both ends{also}",
     )
@@ -176,22 +173,20 @@ def _check_reached(view: ListView, count: int) -> None:
     ends, (low, high) = _ends(view, count), _range(view)
     if ends is None or low == high or low <= ends[0] <= ends[1] <= high:
         return
-    flag = registry().by_key["kw.ssfk.modulo"]
+    flag = "kw.ssfk.modulo"
     first, last, start, end = (at / _PER_DEGREE for at in (*ends, low, high))
     view.add(
         "warning",
         f"the leadscrew nodes from {first:g} to {last:g} lie in part outside the modulo range"
         " of their axis: no position reaches those, and the value of an end is held instead",
-        view.place(flag.key),
-        parameter=flag,
+        flag,
         found=f"nodes from {first:g} to {last:g}",
         expected=f"nodes within {start:g} to {end:g}",
     )
 
 
 def _check_friction(view: ListView) -> None:
-    parameters = registry().by_key
-    sizer = parameters["frict_comp.table_entries"]
+    sizer = registry().by_key["frict_comp.table_entries"]
     count = view.integer(sizer.key)
     if count is None or not usable(count):
         return
@@ -203,23 +198,21 @@ def _check_friction(view: ListView) -> None:
     if count:
         check_ascending(view, velocity, count, "friction velocities")
         check_complete(view, current, count)
-    scale = parameters["frict_comp.scaling_factor"]
-    share = view.integer(scale.key)
+    scale = "frict_comp.scaling_factor"
+    share = view.integer(scale)
     if share is not None and abs(share) < _LOW_SCALE:
         view.add(
             "info",
             f"only {share / 10:g} % of the table's current is added",
-            view.place(scale.key),
-            parameter=scale,
+            scale,
             found=str(share),
             expected="1000 for the values as they stand",
         )
 
 
 def _check_plane(view: ListView) -> None:
-    parameters = registry().by_key
-    row = parameters["kw.crosscomp2.table[][].correction"]
-    rows = view.rows(row.key)
+    key = "kw.crosscomp2.table[][].correction"
+    rows = view.rows(key)
     first, second = (2, 1) if view.plane_index == "ji" else (1, 2)
     ends = [
         view.integer(f"kw.crosscomp2.last_index_master{k}") for k in (first, second)
@@ -256,11 +249,11 @@ def _check_plane(view: ListView) -> None:
             listed = shorten((_cell(*rows.indices[at]) for at in beyond), len(beyond))
             view.add(
                 "error",
-                f"{row.key} goes beyond the table's end: {listed}, but "
+                f"{key} goes beyond the table's end: {listed}, but "
                 f"last_index_master{first} = {last_j}, last_index_master{second} ="
                 f" {last_i}{hint}",
-                view.name_place(rows, beyond[0]),
-                parameter=row,
+                key,
+                place=view.name_place(rows, beyond[0]),
                 found=listed,
                 expected=f"indices up to [{last_j}][{last_i}]",
             )
@@ -273,10 +266,10 @@ def _check_plane(view: ListView) -> None:
         )
         view.add(
             "warning" if inside else "error",
-            f"{row.key} lacks {count - inside} of {count} entries, which count as 0: "
+            f"{key} lacks {count - inside} of {count} entries, which count as 0: "
             f"{shorten(cells, count - inside)}",
-            view.place(row.key) if rows is None else view.name_place(rows, 0),
-            parameter=row,
+            key,
+            place=view.place(key) if rows is None else view.name_place(rows, 0),
             number=None if inside else 70183,
             found=f"{inside} entries",
             expected=f"{count} entries",
@@ -300,8 +293,7 @@ def _check_plane_order(view: ListView, rows: Rows | None) -> None:
                 "warning",
                 f"{key} stands behind entries of the table, which the kernel must then "
                 "read again",
-                view.place(key),
-                parameter=registry().by_key[key],
+                key,
                 found=f"table from line {min(rows.lines)}",
                 expected="the size above the table",
             )

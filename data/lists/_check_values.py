@@ -52,8 +52,8 @@ def _misplaced(view: ListView, rows: Rows, row: Parameter) -> None:
     view.add(
         "warning",
         f"{row.key} belongs into {place}",
-        view.name_place(rows, 0),
-        parameter=row,
+        row.key,
+        place=view.name_place(rows, 0),
         found=names.get(view.file.kind, "a start-up list"),
         expected=place,
     )
@@ -63,8 +63,8 @@ def _too_new(view: ListView, rows: Rows, row: Parameter) -> None:
     view.add(
         "error",
         f"{row.key} exists as of build {row.since}; {view.build} does not take it over",
-        view.name_place(rows, 0),
-        parameter=row,
+        row.key,
+        place=view.name_place(rows, 0),
         found=view.build or "",
         expected=f"build {row.since}",
     )
@@ -99,18 +99,12 @@ def _check_integers(
                 for at, text in enumerate(rows.texts)
                 if not narrow[0] <= (parse_integer(text) or 0) <= narrow[1]
             ]
-            view.add_rows(
-                "warning",
-                rows,
-                invalid,
-                lambda text: (
-                    f"{row.key} = {text} does not fit {row.narrow_type}, "
-                    "which one of the manuals gives as its type"
-                ),
-                parameter=row,
-                number=row.number,
-                expected=f"{narrow[0]} to {narrow[1]}",
+            words = (
+                f"{{name}} = {{text}} does not fit {row.narrow_type}, which one of the"
+                " manuals gives as its type"
             )
+            expected = f"{narrow[0]} to {narrow[1]}"
+            view.add_rows("warning", rows, invalid, words, expected, row.number)
 
 
 def _in_range(row: Parameter, low: int | float, high: int | float) -> bool:
@@ -149,48 +143,19 @@ def _sort_out(view: ListView, rows: Rows, row: Parameter) -> None:
             doubtful.append(at)
         else:
             outside.append(at)
-    key = row.key
+    number, expected = row.number, _bounds(row)
     typed = f"{bottom} to {top}"
-    expected = _bounds(row)
-    view.add_rows(
-        "error",
-        rows,
-        untyped,
-        lambda text: f"{key} = {text} does not fit {row.type}",
-        parameter=row,
-        number=row.number,
-        expected=typed,
+    words = f"{{name}} = {{text}} does not fit {row.type}"
+    view.add_rows("error", rows, untyped, words, typed, number)
+    words = "{name} = {text} is negative"
+    view.add_rows("error", rows, negative, words, expected, row.negative)
+    words = f"{{name}} = {{text}} is not allowed, expected {expected}"
+    view.add_rows("error", rows, outside, words, expected, number)
+    words = (
+        "{name} = {text} is allowed by one of two statements of the manuals only,"
+        f" expected {expected}"
     )
-    view.add_rows(
-        "error",
-        rows,
-        negative,
-        lambda text: f"{key} = {text} is negative",
-        parameter=row,
-        number=row.negative,
-        expected=expected,
-    )
-    view.add_rows(
-        "error",
-        rows,
-        outside,
-        lambda text: f"{key} = {text} is not allowed, expected {expected}",
-        parameter=row,
-        number=row.number,
-        expected=expected,
-    )
-    view.add_rows(
-        "warning",
-        rows,
-        doubtful,
-        lambda text: (
-            f"{key} = {text} is allowed by one of two statements of the "
-            f"manuals only, expected {expected}"
-        ),
-        parameter=row,
-        number=row.number,
-        expected=expected,
-    )
+    view.add_rows("warning", rows, doubtful, words, expected, number)
 
 
 def _is_idle_default(view: ListView, row: Parameter, value: int) -> bool:
@@ -216,15 +181,9 @@ def _bounds(row: Parameter) -> str:
 
 
 def _unreadable(view: ListView, rows: Rows, row: Parameter, invalid: list[int]) -> None:
-    view.add_rows(
-        "error",
-        rows,
-        invalid,
-        lambda text: f"{row.key} cannot be read: {text!r}",
-        parameter=row,
-        number=row.number,
-        expected=_READABLE.get(row.type, f"a decimal {row.type}"),
-    )
+    words = "{name} cannot be read: {text!r}"
+    expected = _READABLE.get(row.type, f"a decimal {row.type}")
+    view.add_rows("error", rows, invalid, words, expected, row.number)
 
 
 def _check_others(
@@ -244,53 +203,26 @@ def _check_others(
             for at, value in enumerate(values)
             if isinstance(value, int | float) and not row.range.holds(value, value)
         ]
-        view.add_rows(
-            "error",
-            rows,
-            invalid,
-            lambda text: f"{row.key} = {text} is not allowed, expected {_bounds(row)}",
-            parameter=row,
-            number=row.number,
-            expected=_bounds(row),
-        )
+        words = f"{{name}} = {{text}} is not allowed, expected {_bounds(row)}"
+        view.add_rows("error", rows, invalid, words, _bounds(row), row.number)
     if row.words:
         invalid = [at for at, value in enumerate(values) if value not in row.words]
-        view.add_rows(
-            "error",
-            rows,
-            invalid,
-            lambda text: f"{row.key} = {text!r} is not allowed",
-            parameter=row,
-            number=row.number,
-            expected=" or ".join(row.words),
-        )
+        words, expected = "{name} = {text!r} is not allowed", " or ".join(row.words)
+        view.add_rows("error", rows, invalid, words, expected, row.number)
     if row.type == "STRING" and view.build is not None:
-        _check_quotes(view, rows, row, view.build)
+        _check_quotes(view, rows, view.build)
     if row.length is not None:
         longest = row.length
         invalid = [at for at, text in enumerate(rows.texts) if len(text) > longest]
-        view.add_rows(
-            "warning",
-            rows,
-            invalid,
-            lambda text: f"{row.key} is longer than {longest} characters: {text!r}",
-            parameter=row,
-            expected=f"at most {longest} characters",
-        )
+        words = f"{{name}} is longer than {longest} characters: {{text!r}}"
+        expected = f"at most {longest} characters"
+        view.add_rows("warning", rows, invalid, words, expected)
 
 
-def _check_quotes(view: ListView, rows: Rows, row: Parameter, build: str) -> None:
+def _check_quotes(view: ListView, rows: Rows, build: str) -> None:
     """Report a text in quotes that a build before they existed takes literally."""
     if parse_build(build) >= parse_build(_QUOTES_SINCE):
         return
     quoted = [at for at, line in enumerate(rows.lines) if view.line(line).quoted]
-    view.add_rows(
-        "warning",
-        rows,
-        quoted,
-        lambda text: (
-            f"quotes exist as of build {_QUOTES_SINCE}, not in {build}: {text!r}"
-        ),
-        parameter=row,
-        expected="a text without quotes",
-    )
+    words = f"quotes exist as of build {_QUOTES_SINCE}, not in {build}: {{text!r}}"
+    view.add_rows("warning", rows, quoted, words, "a text without quotes")

@@ -1,7 +1,7 @@
 """One list as the checker sees it: typed values, places, and the findings so far."""
 
 import functools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeAlias
 
 from ._entry import Rows
@@ -155,7 +155,7 @@ class ListView:
         return number, self.line(number).start + 1
 
     def place(self, key: str) -> Place:
-        """Return where a scalar's value stands, else the start of its structure."""
+        """Return where a scalar's value stands, else the start of its structure, or list."""
         rows = self.columns.get(key)
         if rows is not None:
             return self.value_place(rows, len(rows.lines) - 1)
@@ -168,15 +168,27 @@ class ListView:
         self,
         level: Level,
         message: str,
-        place: Place,
+        key: str = "",
         *,
-        parameter: Parameter | None = None,
+        place: Place | None = None,
         number: int | None = None,
         found: str = "",
         expected: str = "",
     ) -> None:
-        """Note a finding."""
-        identity = None if parameter is None else parameter.id
+        """Note a finding.
+
+        Args:
+            level: How much it matters.
+            message: What it says.
+            key: Parameter that it is about; empty: none.
+            place: Where; left out: at the parameter, see `place`.
+            number: What the controller reports.
+            found: What the list holds.
+            expected: What the manuals ask for.
+        """
+        row = registry().by_key.get(key)
+        place = self.place(key) if place is None else place
+        identity = None if row is None else row.id
         finding = Finding(
             self.file.source, *place, level, identity, number, message, found, expected
         )
@@ -187,47 +199,36 @@ class ListView:
         level: Level,
         rows: Rows,
         positions: Sequence[int],
-        message: Callable[[str], str],
-        *,
-        parameter: Parameter | None = None,
+        message: str,
+        expected: str,
         number: int | None = None,
-        expected: str = "",
-        limit: int = LIMIT,
     ) -> None:
-        """Note a finding for each row; behind ``limit`` of them, one for the rest.
+        """Note a finding for each row; behind `LIMIT` of them, one for the rest.
 
         Args:
             level: Level of the findings.
             rows: Column of the list.
             positions: In it, ascending.
-            message: Sentence for a value's text.
-            parameter: Row of the registry.
-            number: What the controller reports.
+            message: Sentence with ``{name}`` and ``{text}`` of an entry.
             expected: What the manuals ask for.
-            limit: Findings that are named one by one.
+            number: What the controller reports.
         """
-        for row in positions[:limit]:
+        further = len(positions) - LIMIT
+        for count, row in enumerate(positions[: LIMIT + 1]):
             text = rows.texts[row]
-            name = full_name(rows.key, rows.indices[row])
+            found, name = text, full_name(rows.key, rows.indices[row])
+            words = message.format(name=name, text=text)
+            if count == LIMIT:
+                words = message.format(name=rows.key, text=text)
+                words += f"; {further} such values from here on"
+                found = f"{further} values"
             self.add(
                 level,
-                message(text).replace(rows.key, name, 1),
-                self.value_place(rows, row),
-                parameter=parameter,
+                words,
+                rows.key,
+                place=self.value_place(rows, row),
                 number=number,
-                found=text,
-                expected=expected,
-            )
-        if len(positions) > limit:
-            count = len(positions) - limit
-            text = rows.texts[positions[limit]]
-            self.add(
-                level,
-                f"{message(text)}; {count} such values from here on",
-                self.value_place(rows, positions[limit]),
-                parameter=parameter,
-                number=number,
-                found=f"{count} values",
+                found=found,
                 expected=expected,
             )
 
