@@ -4,7 +4,6 @@ A fit that compares signals must filter them alike; what is done to the velocity
 be done to the current. These functions are linear and shift nothing in time.
 """
 
-import functools
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,6 @@ from jaxtyping import Float
 
 from ._errors import SignalError, check_lengths
 
-_PAD = 3
-"""Length of the reflected ends in orders of the filter, as MATLAB's filtfilt has it."""
 SETTLING = 4.0
 """Periods of the cutoff within which an end of the record shows, by more than 1e-4."""
 
@@ -40,39 +37,17 @@ def zero_phase(
         SignalError: If the cutoff is not below half the sample rate, or there are too
             few samples.
     """
-    from scipy.signal import lfilter
+    from scipy.signal import butter, filtfilt
 
     nyquist = 0.5 / sample_time
     if not 0.0 < cutoff < nyquist:
         expected = f"more than 0 and less than {nyquist:g} Hz (half the sample rate)"
         what = "zero-phase filter"
         raise SignalError(what, f"a cutoff of {cutoff:g} Hz", expected)
-    check_lengths("zero-phase filter", len(values), least=_PAD * (order + 1) + 1)
-    numerator, denominator, state = _low_pass(order, cutoff / nyquist)
-    state = state.reshape(-1, *(1,) * (values.ndim - 1))
-    pad = _PAD * (order + 1)
-    before = 2.0 * values[:1] - values[pad:0:-1]
-    behind = 2.0 * values[-1:] - values[-2 : -pad - 2 : -1]
-    smooth: np.ndarray = np.concatenate([before, values, behind])
-    for _ in ("forwards", "backwards"):
-        start = state * smooth[:1]
-        smooth = lfilter(numerator, denominator, smooth, axis=0, zi=start)[0][::-1]
-    return smooth[pad:-pad]
-
-
-@functools.lru_cache(maxsize=64)
-def _low_pass(
-    order: int, cutoff: float
-) -> tuple[Float[np.ndarray, " c"], Float[np.ndarray, " c"], Float[np.ndarray, " s"]]:
-    """Return both polynomials of a Butterworth filter and its state at a constant of 1.
-
-    The cutoff is in half sample rates. All this takes longer than its use on a short
-    recording, so that `scipy.signal.filtfilt`, which has the state anew, is not used.
-    """
-    from scipy.signal import butter, lfilter_zi
-
-    polynomials: Any = butter(order, cutoff)
-    return polynomials[0], polynomials[1], lfilter_zi(*polynomials)
+    check_lengths("zero-phase filter", len(values), least=3 * (order + 1) + 1)
+    polynomials: Any = butter(order, cutoff / nyquist)
+    smooth: np.ndarray = filtfilt(*polynomials, values, axis=0)
+    return smooth
 
 
 def bandwidth(cutoff: float, order: int = 4) -> float:
@@ -85,10 +60,7 @@ def central_differences(
 ) -> Float[np.ndarray, "t *k"]:
     """Return rates per s from the neighbours on both sides; one-sided at the ends."""
     check_lengths("central differences", len(values), least=2)
-    rates = np.empty_like(values)  # as `np.gradient` has them
-    rates[1:-1] = (values[2:] - values[:-2]) / (2.0 * sample_time)
-    rates[0] = (values[1] - values[0]) / sample_time
-    rates[-1] = (values[-1] - values[-2]) / sample_time
+    rates: np.ndarray = np.gradient(values, sample_time, axis=0)
     return rates
 
 

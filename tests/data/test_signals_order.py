@@ -1,12 +1,9 @@
-"""Shorter ways to NumPy's and SciPy's numbers: the same to the bit."""
-
-from typing import Any
+"""Shorter ways to NumPy's numbers: the same to the bit."""
 
 import numpy as np
 import pytest
-from scipy.signal import butter, filtfilt
 
-from axcomp.data.signals import find_polarity, median, quantile, zero_phase
+from axcomp.data.signals import find_polarity, median, quantile
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -21,17 +18,6 @@ def test_median_and_quantiles_are_those_of_numpy(seed: int) -> None:
     for share in (0.0, 0.001, 0.3, 0.5, 0.99, 1.0, rng.uniform()):
         found, wanted = quantile(values, share), np.quantile(values, share)
         assert np.array_equal(found, wanted, equal_nan=True)
-
-
-@pytest.mark.parametrize("shape", [(16,), (300,), (300, 3)])
-@pytest.mark.parametrize("order", [1, 4])
-def test_the_zero_phase_filter_is_that_of_scipy(
-    shape: tuple[int, ...], order: int
-) -> None:
-    values = np.random.default_rng(order).normal(size=shape)
-    polynomials: Any = butter(order, 0.2)
-    wanted = filtfilt(polynomials[0], polynomials[1], values, axis=0)
-    assert np.array_equal(zero_phase(values, 1e-3, cutoff=100.0, order=order), wanted)
 
 
 def test_the_sign_is_as_sure_as_a_correlated_remainder_lets_it_be() -> None:
