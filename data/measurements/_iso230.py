@@ -5,10 +5,8 @@ compute.
 """
 
 import dataclasses
-import functools
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -20,8 +18,6 @@ EDITION = "ISO 230-2:2014"
 _Approach = tuple[float, int, int, float]  # target, run, side, deviation
 _Sided = tuple[float | None, float | None, float | None, float | None]
 """Mean and deviation from below, then from above."""
-_Key = tuple[tuple[bytes, np.dtype[Any]], ...]
-"""Target, run and side of all readings, each with the kind of its numbers."""
 _SAME_TARGET = 6  # decimals: targets closer than 1 nm are one
 
 
@@ -34,9 +30,8 @@ def iso230(
     """Return the figures of ISO 230-2 from deviations in mm (or °), rows in any order.
 
     Several readings of one run at one target from one side are one approach: their mean
-        counts,
-    since they say nothing about repeatability. Targets may have different numbers of
-    runs.
+    counts, since they say nothing about repeatability. Targets may have different numbers
+    of runs.
 
     Args:
         target: Commanded position per reading.
@@ -48,9 +43,13 @@ def iso230(
     Raises:
         MeasurementError: If there are no readings.
     """
-    rows = _approaches(error, _key(target, run, direction))
-    positions = _positions(rows)
-    sided = [(p.mean_up, p.s_up, p.mean_down, p.s_down) for p in positions]
+    rows = _approaches(target, error, run, direction)
+    sides = _by_target(rows)
+    sided = [_sided(up, down) for up, down in sides.values()]
+    positions = tuple(
+        _position(place, up, down, values)
+        for (place, (up, down)), values in zip(sides.items(), sided, strict=True)
+    )
     remarks: list[str] = []
     if direction is None:
         remarks.append("No direction given: all readings are taken as from one side.")
@@ -71,39 +70,8 @@ def iso230_figures(
     direction: Int[np.ndarray, " t"] | None,
 ) -> dict[str, float | None]:
     """Return the overall figures alone, by name; arguments and errors as `iso230`."""
-    values = error.tolist()
-    return _overall(
-        [
-            _sided(*([_deviation(values, rows) for rows in side] for side in sides))
-            for sides in _sides(_key(target, run, direction))
-        ]
-    )
-
-
-def _key(
-    target: Float[np.ndarray, " t"],
-    run: Int[np.ndarray, " t"] | None,
-    direction: Int[np.ndarray, " t"] | None,
-) -> _Key:
-    """Return what tells to which approach each reading belongs.
-
-    Raises:
-        MeasurementError: If there are no readings.
-    """
-    if not target.size:
-        reason = "found no readings, expected at least one"
-        raise MeasurementError(EDITION, reason)
-    sides = np.ones(target.size, np.int64) if direction is None else direction
-    runs = _enumerated(target, sides) if run is None else run
-    columns = [np.asarray(column) for column in (target, runs, sides)]
-    return tuple((column.tobytes(), column.dtype) for column in columns)
-
-
-def _positions(rows: Sequence[_Approach]) -> tuple[Iso230Position, ...]:
-    return tuple(
-        _position(target, up, down, _sided(up, down))
-        for target, (up, down) in _by_target(rows).items()
-    )
+    sides = _by_target(_approaches(target, error, run, direction))
+    return _overall([_sided(up, down) for up, down in sides.values()])
 
 
 def _overall(places: Sequence[_Sided]) -> dict[str, float | None]:
@@ -158,52 +126,36 @@ def _enumerated(
     return runs
 
 
-def _approaches(error: Float[np.ndarray, " t"], key: _Key) -> list[_Approach]:
-    """Return one deviation per target, run and side: the mean of its readings."""
-    values = error.tolist()
-    return [(*label, _deviation(values, rows)) for label, rows in _groups(key)]
+def _approaches(
+    target: Float[np.ndarray, " t"],
+    error: Float[np.ndarray, " t"],
+    run: Int[np.ndarray, " t"] | None,
+    direction: Int[np.ndarray, " t"] | None,
+) -> list[_Approach]:
+    """Return one deviation per target, run and side, ascending: the mean of its readings.
 
-
-def _deviation(values: list[float], rows: list[int]) -> float:
-    """Return the deviation of one approach: the mean of its readings."""
-    if len(rows) == 1:
-        return values[rows[0]]
-    # Exact sums: the figures do not depend on the order of the rows.
-    return math.fsum([values[row] for row in rows]) / len(rows)
-
-
-@functools.lru_cache(maxsize=8)
-def _sides(key: _Key) -> list[tuple[list[list[int]], list[list[int]]]]:
-    """Return for each target, ascending, the readings of its approaches up and down."""
-    targets: dict[float, tuple[list[list[int]], list[list[int]]]] = {}
-    for (place, _, side), rows in _groups(key):
-        if side in (1, -1):
-            targets.setdefault(place, ([], []))[side < 0].append(rows)
-    return list(targets.values())
-
-
-@functools.lru_cache(maxsize=8)
-def _groups(key: _Key) -> list[tuple[tuple[float, int, int], list[int]]]:
-    """Return target, run and side of every approach, and its readings, ascending.
-
-    The same readings are judged before and after: they are sorted once.
+    Raises:
+        MeasurementError: If there are no readings.
     """
-    target, runs, sides = (np.frombuffer(content, kind) for content, kind in key)
-    columns = [np.round(target, _SAME_TARGET) + 0.0, runs, sides]
+    if not target.size:
+        reason = "found no readings, expected at least one"
+        raise MeasurementError(EDITION, reason)
+    sides = np.ones(target.size, np.int64) if direction is None else direction
+    runs = _enumerated(target, sides) if run is None else run
+    columns = [np.round(target, _SAME_TARGET) + 0.0, np.asarray(runs), sides]
     order = np.lexsort(columns[::-1])
     columns = [column[order] for column in columns]
     differ = [column[1:] != column[:-1] for column in columns]
     starts = [0, *(np.flatnonzero(np.logical_or.reduce(differ)) + 1).tolist()]
-    rows = order.tolist()
-    return [
-        (label, rows[start:end])
-        for label, start, end in zip(
-            zip(*(column[starts].tolist() for column in columns), strict=True),
-            starts,
-            [*starts[1:], len(rows)],
-            strict=True,
-        )
+    values = error[order].tolist()
+    # Exact sums: the figures do not depend on the order of the rows.
+    means = [
+        math.fsum(values[start:end]) / (end - start)
+        for start, end in zip(starts, [*starts[1:], len(values)], strict=True)
     ]
+    return list(
+        zip(*(column[starts].tolist() for column in columns), means, strict=True)
+    )
 
 
 def _by_target(
@@ -213,10 +165,7 @@ def _by_target(
     targets: dict[float, tuple[list[float], list[float]]] = {}
     for place, _, side, value in rows:
         if side in (1, -1):
-            sides = targets.get(place)
-            if sides is None:
-                sides = targets[place] = ([], [])
-            sides[side < 0].append(value)
+            targets.setdefault(place, ([], []))[side < 0].append(value)
     return targets
 
 

@@ -45,7 +45,7 @@ showed, or the machine itself.
 _TARGETS = frozenset(
     "set soll command commanded cmd des target nominal sollwert cible".split()
 )
-_SHOWN = WORDS["shown"] | WORDS["actual"] | frozenset(("istwert",))
+_SHOWN = WORDS["shown"] | WORDS["actual"]
 CLOCKS = {
     "date": ("date", "datum", "day", "tag"),
     "time": ("time", "zeit", "uhrzeit", "clock", "elapsed", "elapsed time", "laufzeit"),
@@ -54,9 +54,13 @@ CLOCKS = {
 """Names of columns of instants: the date, the time of day, and both together."""
 _COUNTERS = frozenset("nr no nummer number num id".split())
 _AXIS = frozenset("axis achse axe asse eje".split())
-_SAY_NOTHING = _AXIS | frozenset(
-    "of mean mittel mittelwert average travel linear positioning in der horizontal vertical lateral"
-    " horizontale vertikal vertikale".split()
+_SAY_NOTHING = (
+    _AXIS
+    | _COUNTERS
+    | frozenset(
+        "of mean mittel mittelwert average travel linear positioning in der horizontal"
+        " vertical lateral horizontale vertikal vertikale".split()
+    )
 )
 _COUNTED = frozenset(
     "messung reihe pass series serie measurement fahrt".split()
@@ -66,66 +70,35 @@ RUNS = WORDS["run"] | _COUNTED
 AXIS = r"[xyzabcuvw]\d?"
 """A name of an axis, in small letters."""
 
+_THERE = (
+    "fwd forward forwards vor vorwärts vorwaerts hin hinweg hinfahrt hinlauf"
+    " hingang vorlauf out outward outbound aller avant andata avanti ida"
+)
+_BACK = (
+    "bwd backward backwards back rev reverse rück rueck zurück zurueck rückwärts"
+    " rueckwaerts her rückweg rueckweg rückfahrt rueckfahrt rücklauf ruecklauf"
+    " rückgang rueckgang herweg return inward inbound retour arrière ritorno"
+    " indietro vuelta"
+)
+"""Words for the way there and the way back, whichever way that goes."""
+_UP = (
+    "+ up pos positive positiv auf aufwärts aufwaerts steigend plus ascending"
+    " increasing ↑ → ⇧ ⇑ ⇒ ▲ ► ->"
+)
+_DOWN = (
+    "- − – down dn dwn neg negative negativ ab abwärts abwaerts fallend descending"
+    " decreasing minus ↓ ← ⇩ ⇓ ⇐ ▼ ◄ <-"
+)
 DIRECTIONS = {
-    **dict.fromkeys(
-        (
-            *("+", "up", "fwd", "forward", "forwards", "pos", "positive", "positiv"),
-            *("vor", "vorwärts", "vorwaerts", "hin", "auf", "aufwärts", "aufwaerts"),
-            *(
-                "steigend",
-                "hinweg",
-                "hinfahrt",
-                "hinlauf",
-                "hingang",
-                "vorlauf",
-                "plus",
-            ),
-            *("out", "outward", "outbound", "ascending", "increasing"),
-            *("aller", "avant", "andata", "avanti", "ida"),
-            *("↑", "→", "⇧", "⇑", "⇒", "▲", "►", "->"),
-        ),
-        1,
-    ),
-    **dict.fromkeys(
-        (
-            *(
-                "-",
-                "−",
-                "–",
-                "down",
-                "dn",
-                "dwn",
-                "bwd",
-                "backward",
-                "backwards",
-                "back",
-                "rev",
-            ),
-            *("reverse", "neg", "negative", "negativ", "rück", "rueck", "zurück"),
-            *("zurueck", "rückwärts", "rueckwaerts", "ab", "abwärts", "abwaerts"),
-            *("fallend", "her", "rückweg", "rueckweg", "rückfahrt", "rueckfahrt"),
-            *("rücklauf", "ruecklauf", "rückgang", "rueckgang", "herweg", "return"),
-            *("inward", "inbound", "descending", "decreasing"),
-            *("retour", "arrière", "ritorno", "indietro", "vuelta"),
-            *("minus", "↓", "←", "⇩", "⇓", "⇐", "▼", "◄", "<-"),
-        ),
-        -1,
-    ),
+    **dict.fromkeys(f"{_UP} {_THERE}".split(), 1),
+    **dict.fromkeys(f"{_DOWN} {_BACK}".split(), -1),
 }
 """Direction of approach, +1 or −1, by the words and signs of files."""
-
-_LEGS = frozenset(
-    "fwd forward forwards vor vorwärts vorwaerts hin hinweg hinfahrt hinlauf hingang vorlauf"
-    " out outward outbound aller avant andata avanti ida bwd backward backwards back rev"
-    " reverse rück rueck zurück zurueck rückwärts rueckwaerts her rückweg rueckweg rückfahrt"
-    " rueckfahrt rücklauf ruecklauf rückgang rueckgang herweg return inward inbound retour"
-    " arrière ritorno indietro vuelta".split()
-)
+_LEGS = frozenset(f"{_THERE} {_BACK}".split())
 _MINUS = re.compile(r"[-−–]|minus")
 _PIECE = re.compile(r"[A-Za-z0-9À-ÿ]+")
 _CAMEL = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+")
 _KIND = {word: kind for kind in reversed(WORDS) for word in WORDS[kind]}
-_ROLE = {"shown": "actual"}
 _ROLES = frozenset(("position", "actual", "error", "run", "direction", "time"))
 
 
@@ -136,12 +109,9 @@ def pieces(text: str) -> list[str]:
 
 def words_in(texts: Iterable[str]) -> set[str]:
     """Return the words of names in small letters, also those of ``ActPos``."""
-    split = [word for text in texts for piece in pieces(text) for word in _split(piece)]
-    return {word.casefold() for word in split}
-
-
-def _split(piece: str) -> list[str]:
-    return [piece, *_CAMEL.findall(piece)]
+    found = [piece for text in texts for piece in pieces(text)]
+    found += [word for piece in found for word in _CAMEL.findall(piece)]
+    return {word.casefold() for word in found}
 
 
 def kinds_in(words: set[str]) -> list[str]:
@@ -179,7 +149,7 @@ def is_axis_column(name: str) -> bool:
 
 def says_nothing(words: Iterable[str]) -> bool:
     """Whether words of a name tell nothing of what is measured, as in "Axis No."."""
-    return all(word.casefold() in _COUNTERS | _SAY_NOTHING for word in words)
+    return all(word.casefold() in _SAY_NOTHING for word in words)
 
 
 @functools.lru_cache(maxsize=1024)
@@ -196,7 +166,7 @@ def kind_said(text: str) -> str | None:
         return "error" if first and _MINUS.search(text) else None
     counted = bool(_COUNTERS & {*words})
     for piece, word in zip(pieces(text), words, strict=True):
-        if word in _COUNTERS or word in _SAY_NOTHING:
+        if word in _SAY_NOTHING:
             continue
         if counted and word in _COUNTED:
             kinds.add("run")
@@ -208,7 +178,7 @@ def kind_said(text: str) -> str | None:
             return "time" if words == ["t"] else None
         kinds |= {_KIND[part] for part in parts}
     kind = next((name for name in WORDS if name in kinds), None)
-    kind = _ROLE.get(kind or "", kind)
+    kind = "actual" if kind == "shown" else kind
     if kind not in _ROLES or (counted and kind == "position"):
         return None  # "Pos. No." counts the positions
     return kind
