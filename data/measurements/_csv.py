@@ -25,8 +25,6 @@ from ._words import DIRECTIONS
 
 _COMMENT_BYTES = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!).*$")
 _COMMENT_OR_SEMICOLON = re.compile(rb"(?m)^[ \t]*(?:#|%|//|!|;).*$")
-_SHORT = 1 << 15
-"""Characters up to which a body is short."""
 _SMALL = 1 << 20
 """Bytes up to which one thread reads a file."""
 _NULLS = [
@@ -68,7 +66,7 @@ def read_body(path: Path, layout: Layout, text: str, encoding: str = "utf-8") ->
         MeasurementError: As `read_csv`.
     """
     _refuse_cut_number(path, layout, text)
-    result = _read_short(layout, text) or _read_fast(layout, text)
+    result = _read_fast(layout, text)
     blocks: list[tuple[int, str]] = []
     if result is None:
         body, foot = without_foot(layout, text)
@@ -154,35 +152,6 @@ def table_of(
 
 
 _Read = tuple[list[Column], Int[np.ndarray, " t"], list[Skipped]]
-
-
-def _read_short(layout: Layout, text: str) -> _Read | None:
-    """Read a short body of plain numbers; None where it is not that.
-
-    Setting up pyarrow takes longer than that.
-    """
-    dialect, width = layout.dialect, len(layout.names)
-    if len(text) - layout.body > _SHORT or dialect.separator == " ":
-        return None
-    if dialect.decimal != "." or not all(layout.numeric):
-        return None
-    body = text[layout.body :].split("\n")
-    filled = [line for line in body if line]
-    cells = dialect.separator.join(filled).split(dialect.separator)
-    if not layout.plain:
-        if any(line.count(dialect.separator) != width - 1 for line in filled):
-            return None
-        if not dialect.all_plain("\n".join(cells)):
-            return None
-    values = np.array(list(map(float, cells))).reshape(-1, width)
-    if not np.isfinite(values).all():
-        return None  # beyond floating point: where it stands is to be said
-    lines = np.array([at for at, line in enumerate(body) if line], dtype=np.int64)
-    columns = [
-        number_column(name, np.ascontiguousarray(values[:, at]), None)
-        for at, name in enumerate(layout.names)
-    ]
-    return columns, lines + layout.body_line, []
 
 
 def _read_fast(layout: Layout, text: str) -> _Read | None:

@@ -183,7 +183,7 @@ def _text_tables(part: TablePart) -> Iterator[Table]:
                 layout = current = find_layout(part.path, text)
             else:
                 current = dataclasses.replace(
-                    current, body=0, body_line=line, skipped=(), plain=False
+                    current, body=0, body_line=line, skipped=()
                 )
             line += text.count("\n")
             if text[current.body :].strip():

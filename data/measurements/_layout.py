@@ -62,7 +62,6 @@ class Layout:
         comments: Comments above the rows.
         block: Line above the first rows that names their run or direction, as others do
             between the rows; None where there is none.
-        plain: Every row of the text is seen to be plain numbers, one per name.
     """
 
     dialect: Dialect
@@ -77,7 +76,6 @@ class Layout:
     titles: tuple[tuple[int, str], ...] = ()
     comments: tuple[tuple[int, str], ...] = ()
     block: tuple[int, str] | None = None
-    plain: bool = dataclasses.field(default=False, compare=False)
 
 
 def find_layout(path: Path, text: str, lines: Lines | None = None) -> Layout:
@@ -248,7 +246,6 @@ def _plain_layout(text: str) -> Layout | None:
         numeric=(True,) * width,
         skipped=(),
         header_lines=(1,),
-        plain=not many,
     )
 
 

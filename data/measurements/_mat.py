@@ -1,18 +1,18 @@
-"""MATLAB files of versions 4 to 7.2: vectors of one length are the columns."""
+"""MATLAB files of versions 5 to 7.2: vectors of one length are the columns."""
 
 from pathlib import Path
 
 from ._errors import MeasurementError
-from ._mat_elements import DamagedMat, is_version_4, read_version_4, read_version_5
+from ._mat_elements import DamagedMat, read_version_5
 from ._table import Table
-from ._vectors import Array, table_of_arrays
+from ._vectors import table_of_arrays
 
 _EXPECTED = "a MATLAB file with vectors of numbers"
 
 
 def is_mat(raw: bytes) -> bool:
-    """Whether the bytes begin like a MATLAB file of versions 4 to 7.2."""
-    return raw.startswith(b"MATLAB 5.0") or is_version_4(raw)
+    """Whether the bytes begin like a MATLAB file of versions 5 to 7.2."""
+    return raw.startswith(b"MATLAB 5.0")
 
 
 def read_mat(path: Path, raw: bytes) -> Table:
@@ -24,8 +24,7 @@ def read_mat(path: Path, raw: bytes) -> Table:
         MeasurementError: If the file is damaged or holds no vector.
     """
     try:
-        reader = read_version_5 if raw.startswith(b"MATLAB") else read_version_4
-        arrays = [Array(item.name, item.values, item.other) for item in reader(raw)]
+        arrays = list(read_version_5(raw))
     except DamagedMat as error:
         reason = f"found damaged MATLAB data ({error}), expected {_EXPECTED}"
         raise MeasurementError(str(path), reason) from error

@@ -1,4 +1,4 @@
-"""Variables of MATLAB files of versions 4 to 7.2, element by element.
+"""Variables of MATLAB files of versions 5 to 7.2, element by element.
 
 Written for damaged files: SciPy's reader (1.17) trusts the sizes in a file and can end
 the process on one that was altered. Here every size is checked against the bytes that
@@ -14,6 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..errors import AxcompError
+from ._vectors import Array
 
 _NUMBERS = {
     1: "i1",
@@ -34,88 +35,13 @@ _STRUCT, _CHAR = 2, 4
 _NUMERIC = range(6, 16)
 _COMPLEX = 0x0800
 _DEPTH = 20
-_PRECISIONS = ("f8", "f4", "i4", "i2", "u2", "u1")
 
 
 class DamagedMat(AxcompError, ValueError):
     """The bytes do not follow the format; the message says what and where."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Variable:
-    """One variable: an array of numbers, or what it is instead."""
-
-    name: str
-    values: np.ndarray | None
-    other: str = ""
-
-
-def is_version_4(raw: bytes) -> bool:
-    """Whether there is a header of version 4: five whole numbers, then a name.
-
-    The type is MOPT in decimal: M 0 or 1 (byte order), O 0, P 0 to 5 (precision), T 0
-    to 2 (full, text, sparse).
-    """
-    # No such type fills four bytes; of text, the first ones hold no zero.
-    likely = len(raw) >= 22 and b"\0" in raw[:4]
-    return likely and any(_header_4(raw, 0, order) for order in "<>")
-
-
-def read_version_4(raw: bytes) -> Iterator[Variable]:
-    """Yield the variables of a file of version 4.
-
-    Raises:
-        DamagedMat: If a size does not fit.
-    """
-    order = "<" if _header_4(raw, 0, "<") else ">"
-    at = 0
-    while at < len(raw):
-        header = _header_4(raw, at, order)
-        if header is None:
-            msg = f"no header of a variable at byte {at}"
-            raise DamagedMat(msg)
-        name, kind, rows, columns, imaginary, at = header
-        precision = np.dtype(order + _PRECISIONS[kind // 10])
-        count = rows * columns
-        size = count * precision.itemsize * (2 if imaginary else 1)
-        if at + size > len(raw):
-            msg = f"'{name}' needs {size} bytes and {len(raw) - at} are left"
-            raise DamagedMat(msg)
-        cells = np.frombuffer(raw, precision, count, at)
-        at += size
-        if kind % 10:
-            yield Variable(name, None, "text" if kind % 10 == 1 else _CLASSES[5])
-        elif imaginary:
-            yield Variable(name, None, "complex numbers")
-        else:
-            yield Variable(name, cells.reshape((rows, columns), order="F"))
-
-
-def _header_4(
-    raw: bytes, at: int, order: str
-) -> tuple[str, int, int, int, int, int] | None:
-    """Return name, kind PT, rows, columns, imaginary flag and offset of the data."""
-    if at + 20 > len(raw):
-        return None
-    kind, rows, columns, imaginary, length = struct.unpack_from(f"{order}5i", raw, at)
-    digits = (kind // 1000, kind // 100 % 10, kind // 10 % 10, kind % 10)
-    valid = (
-        0 <= kind < 5000
-        and all(d <= bound for d, bound in zip(digits, (4, 0, 5, 2), strict=True))
-        and min(rows, columns) >= 0
-        and imaginary in (0, 1)
-        and 2 <= length <= 256
-    )
-    name = raw[at + 20 : at + 20 + max(length, 0)] if valid else b""
-    if len(name) < 2 or not name.endswith(b"\0"):
-        return None
-    text = name.rstrip(b"\0").decode("latin-1")
-    if not text.isprintable() or not text:
-        return None
-    return text, kind % 100, rows, columns, imaginary, at + 20 + length
-
-
-def read_version_5(raw: bytes) -> Iterator[Variable]:
+def read_version_5(raw: bytes) -> Iterator[Array]:
     """Yield the variables of a file of version 5 to 7.2, fields as ``name.field``.
 
     Raises:
@@ -187,10 +113,10 @@ class _Reader:
         return kind, self.raw[body.at : body.end]
 
 
-def _matrix(reader: _Reader, name: str | None, depth: int) -> Iterator[Variable]:
+def _matrix(reader: _Reader, name: str | None, depth: int) -> Iterator[Array]:
     """Yield one variable, or the fields of one structure."""
     if reader.at == reader.end:  # an empty array may be written as nothing
-        yield Variable(name or "", None, "empty")
+        yield Array(name or "", None, "empty")
         return
     flags, shape = reader.array(), reader.array()
     if flags.size < 1 or not 2 <= shape.size <= 32 or min(shape.tolist()) < 0:
@@ -207,25 +133,25 @@ def _matrix(reader: _Reader, name: str | None, depth: int) -> Iterator[Variable]
     if kind in _NUMERIC:
         values = reader.array()
         if int(flags[0]) & _COMPLEX:
-            yield Variable(name, None, "complex numbers")
+            yield Array(name, None, "complex numbers")
         elif values.size != math.prod(sizes):
             msg = f"'{name}' holds {values.size} values for shape {sizes}"
             raise DamagedMat(msg)
         else:
-            yield Variable(name, values.reshape(sizes, order="F"))
+            yield Array(name, values.reshape(sizes, order="F"))
     elif kind == _CHAR:
         coding, text = reader.bytes()
         words = text.decode(_TEXTS.get(coding, "latin-1"), errors="replace")
-        yield Variable(name, None, f"text '{words[:40]}'")
+        yield Array(name, None, f"text '{words[:40]}'")
     elif kind == _STRUCT and math.prod(sizes) == 1 and depth < _DEPTH:
         yield from _fields(reader, name, depth)
     elif kind == _STRUCT:
-        yield Variable(name, None, "a list of structures")
+        yield Array(name, None, "a list of structures")
     else:
-        yield Variable(name, None, _CLASSES.get(kind, f"class {kind}"))
+        yield Array(name, None, _CLASSES.get(kind, f"class {kind}"))
 
 
-def _fields(reader: _Reader, name: str, depth: int) -> Iterator[Variable]:
+def _fields(reader: _Reader, name: str, depth: int) -> Iterator[Array]:
     widths = reader.array()
     width = int(widths[0]) if widths.size else 0
     names = reader.bytes()[1]

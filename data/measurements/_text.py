@@ -16,6 +16,7 @@ _FOREIGN = (
     (b"\xd0\xcf\x11\xe0", "a spreadsheet of the old binary kind"),
     (b"%PDF", "a PDF document"),
     (b"<", "an XML or HTML document"),
+    (b"\0\0\0\0", "MATLAB data of version 4"),
 )
 _SCOPE_PROJECTS = (".svdx", ".svbx", ".svb", ".tcscopex")
 """Recordings and projects of TwinCAT Scope, which it exports as text."""
@@ -76,6 +77,7 @@ def unpacked(raw: bytes, path: Path) -> bytes:
     for magic, kind in _FOREIGN:
         if raw.startswith(magic):
             advice = ": save the sheet as CSV" if "spreadsheet" in kind else ""
+            advice = ": save it with -v7" if "MATLAB" in kind else advice
             if path.suffix.casefold() in _SCOPE_PROJECTS:
                 kind = "a recording or project of TwinCAT Scope"
                 advice = ": export the recording there as text (CSV)"

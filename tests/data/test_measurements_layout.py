@@ -1,14 +1,11 @@
 """Header and body of text tables: one look at plain ones finds what all lines tell."""
 
-import dataclasses
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
 from axcomp.data.measurements import LineError, open_large, read_table
-from axcomp.data.measurements._csv import _read_short
 from axcomp.data.measurements._layout import (
     _layout_by_lines,
     _plain_layout,
@@ -88,28 +85,6 @@ def test_one_look_is_enough_for_a_plain_table(
 ) -> None:
     text = "\n".join([header, *(ROWS * count)[:count]]) + end
     assert _plain_layout(text) == _layout_by_lines(FILE, text)
-
-
-@settings(max_examples=200)
-@given(text=texts())
-def test_rows_that_were_all_seen_need_no_second_look(text: str) -> None:
-    layout = _plain_layout(text)
-    if layout is None or not layout.plain:
-        return
-    found = _read_short(layout, text)
-    careful = _read_short(dataclasses.replace(layout, plain=False), text)
-    assert found is not None
-    assert careful is not None
-    assert np.array_equal(found[1], careful[1])
-    for one, other in zip(found[0], careful[0], strict=True):
-        assert np.array_equal(one.values, other.values)
-
-
-@pytest.mark.parametrize(("count", "seen"), [(2, True), (199, True), (200, False)])
-def test_rows_below_the_first_ones_are_not_seen(count: int, seen: bool) -> None:
-    layout = _plain_layout("\n".join(["t,x,i", *(ROWS * count)[:count]]) + "\n")
-    assert layout is not None
-    assert layout.plain is seen
 
 
 def test_a_plain_first_piece_says_nothing_of_the_next(
