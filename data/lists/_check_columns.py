@@ -23,16 +23,15 @@ def check_ascending(
     """
     number = registry().by_key[key].number if number is None else number
     rows = view.rows(key)
-    absent = absent_indices(rows, count)
-    if rows is None or len(absent) > 1:
+    absent, which = absent_indices(rows, count)
+    if rows is None or absent > 1:
         view.add(
             "error",
-            f"{title} do not ascend: {absent.describe()} of {count} are missing and "
-            "count as 0",
+            f"{title} do not ascend: {which} of {count} are missing and count as 0",
             key,
             place=view.place(key) if rows is None else view.value_place(rows, 0),
             number=number,
-            found=f"{len(absent)} missing",
+            found=f"{absent} missing",
             expected=f"{count} ascending values",
         )
         return
@@ -51,7 +50,7 @@ def check_ascending(
         "error",
         f"{title} do not ascend: [{at[k - 1]}] = {values[k - 1]}, "
         f"[{at[k]}] = {values[k]}"
-        + (f" ({absent.describe()} is missing and counts as 0)" if len(absent) else ""),
+        + (f" ({which} is missing and counts as 0)" if absent else ""),
         key,
         place=view.value_place(rows, place),
         number=number,
@@ -60,34 +59,15 @@ def check_ascending(
     )
 
 
-class Absent:
-    """Indices below a count that a column lacks, without listing them all."""
-
-    def __init__(self, present: Sequence[int] | set[int], count: int) -> None:
-        """Compare ``present``, distinct indices, with 0 … count − 1."""
-        self._present = present if isinstance(present, set) else set(present)
-        self._count = count
-        inside = len(self._present)
-        if inside and max(self._present) >= count:
-            inside = sum(1 for index in self._present if index < count)
-        self._length = max(count, 0) - inside
-
-    def __len__(self) -> int:
-        """Return how many are missing."""
-        return self._length
-
-    def describe(self) -> str:
-        """Return the first few: ``2, 3, 4, … (97)``."""
-        # At most len(present) + 3 steps: every step finds one or meets one present.
-        missing = (index for index in range(self._count) if index not in self._present)
-        return shorten(missing, self._length)
-
-
-def absent_indices(rows: Rows | None, count: int) -> Absent:
-    """Return which indices of a one-dimensional column are missing."""
-    return Absent(
-        {index for (index,) in rows.last} if rows is not None else set(), count
-    )
+def absent_indices(rows: Rows | None, count: int) -> tuple[int, str]:
+    """Return how many indices below a count a column lacks, and the first few in words."""
+    present = {index for (index,) in rows.last if index < count} if rows else set()
+    length = max(count, 0) - len(present)
+    if not length:
+        return 0, ""
+    # At most len(present) + 3 steps: every step finds one or meets one present.
+    missing = (index for index in range(count) if index not in present)
+    return length, shorten(missing, length)
 
 
 def column_values(rows: Rows, count: int) -> list[int]:
@@ -160,19 +140,18 @@ def check_complete(
         strict: Whether the manuals demand every entry (modulo axes).
     """
     rows = view.rows(key)
-    missing = absent_indices(rows, count)
-    if not len(missing):
+    missing, which = absent_indices(rows, count)
+    if not missing:
         return
     refused = rows is None and absent is not None
     number = absent if refused else (70431 if strict else None)
     view.add(
         "error" if refused or strict else "warning",
-        f"{key} lacks {len(missing)} of {count} entries, which count as 0: index "
-        f"{missing.describe()}",
+        f"{key} lacks {missing} of {count} entries, which count as 0: index {which}",
         key,
         place=view.place(key) if rows is None else view.name_place(rows, 0),
         number=number,
-        found=f"{count - len(missing)} entries",
+        found=f"{count - missing} entries",
         expected=f"{count} entries",
     )
 

@@ -132,7 +132,7 @@ def _check_places(view: ListView, positions: list[str], count: int) -> None:
     columns = [view.rows(key) for key in positions]
     complete = True
     for key, rows in zip(positions, columns, strict=True):
-        if len(absent_indices(rows, count)):
+        if absent_indices(rows, count)[0]:
             check_complete(view, key, count)
             complete = False
     first, second = columns

@@ -19,7 +19,7 @@ from ._head_lines import is_unit_row
 from ._header import Name, looks_like_names, parse_name, unit_in
 from ._layout import Layout, find_layout
 from ._meaning import with_meaning
-from ._table import BadCell, Column, Lines, Skipped, Table, TextForm
+from ._table import BadCell, Column, Lines, Skipped, Table, TextForm, first_bad
 from ._titles import axis_in_title
 from ._words import DIRECTIONS
 
@@ -393,10 +393,7 @@ def _slow_column(
     if signs or (filled and 2 * parsed.count(None) > filled):
         return _text_column(name, tuple(cells))
     values = np.array([np.nan if v is None else v for v in parsed], dtype=np.float64)
-    invalid = np.flatnonzero(~np.isfinite(values))
-    first = int(invalid[0]) if invalid.size else None
-    bad = None if first is None else BadCell(lines[first], cells[first])
-    return number_column(name, values, bad)
+    return number_column(name, values, first_bad(values, lines, cells))
 
 
 def number_column(name: Name, values: np.ndarray, bad: BadCell | None) -> Column:

@@ -12,8 +12,10 @@ from ._dates import is_instant
 from ._header import looks_like_names
 from ._words import kind_said
 
+NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+"""A number with a decimal point."""
 _NUMBER = {
-    ".": re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"),
+    ".": NUMBER,
     ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?"),
 }
 # Lines of short numbers: one look at all of them, faster without other scripts' digits.

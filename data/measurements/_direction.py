@@ -11,6 +11,7 @@ from collections import Counter
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..signals import last_direction
 from ._convert import runs_against
 from ._errors import DirectionUnknown, MeasurementError
 from ._measurement import Measurement
@@ -163,17 +164,15 @@ class _Finder:
 
     def motion(self, path: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
         """Return the sign of the last motion; at rest it is held."""
-        steps = np.sign(np.diff(path)).astype(np.int64)
-        moved = np.flatnonzero(steps)
-        if not moved.size:
+        steps = np.diff(path)
+        if not steps.any():
             reason = "the axis never moves"
             raise self.unknown(reason)
-        last = np.searchsorted(moved, np.arange(steps.size), side="right") - 1
-        if moved[0] > 0:
+        if steps[0] == 0.0:
             self.remarks.append(
                 "Rows before the first motion are taken in its direction."
             )
-        signs = steps[moved[np.maximum(last, 0)]]
+        signs = last_direction(steps, 0.0).astype(np.int64)
         return np.concatenate([signs[:1], signs])
 
     def targets(

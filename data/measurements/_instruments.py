@@ -14,7 +14,7 @@ from ._header import parse_name
 from ._layout import find_layout
 from ._matrix import is_matrix, read_matrix
 from ._roles import ColumnSpec
-from ._table import Column, Skipped, Table
+from ._table import Column, Skipped, Table, number_columns
 
 _SECTION = re.compile(r"\s*(?P<name>[A-Z][A-Z0-9 -]*)::\s*")
 _SETTING = re.compile(r"\s*(?P<key>[A-Za-z][\w -]*?)\s*:\s*(?P<value>.*?)\s*")
@@ -97,10 +97,7 @@ def read_renishaw(path: Path, text: str, encoding: str) -> Table:
     return Table(
         path=path,
         format="Renishaw laser file",
-        columns=tuple(
-            Column(name, role, unit, np.ascontiguousarray(body[:, at]), header=name)
-            for at, (name, role, unit) in enumerate(names)
-        ),
+        columns=number_columns(body, names),
         rows=len(body),
         lines=body[:, 4].astype(np.int64),
         remarks=(

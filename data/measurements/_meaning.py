@@ -21,7 +21,7 @@ from ._run_layouts import (
     triplets,
 )
 from ._table import LASER_FORMAT, Column, Table
-from ._titles import kind_of, with_titles
+from ._titles import with_titles
 from ._units import find_unit
 from ._words import direction_of, is_own_reading
 
@@ -72,7 +72,7 @@ def with_meaning(
     ]
     if by_name and not laser:
         remarks = (*remarks, f"Taken by their names: {', '.join(by_name)}.")
-    kinds = {kind_of(column): column.name for column in columns}
+    kinds = {column.kind: column.name for column in columns}
     judged = "actual" if not {"error", "current"} & kinds.keys() else ""
     if is_own_reading(kinds.get(judged, "")):
         remark = (
@@ -142,7 +142,7 @@ def _as_they_are(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
     the directions of the readings beside them, and those of which none is one are not.
     """
     result, remarks = list(columns), []
-    kinds = set(map(kind_of, columns))
+    kinds = {column.kind for column in columns}
     for at, column in enumerate(columns):
         values = column.values[:_TELLING]
         if column.role == "run" and column.text is None and values.size > _SHORT:
@@ -151,11 +151,11 @@ def _as_they_are(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
                 remarks.append(f"'{column.name}' counts the rows, and is no run.")
         words = dict.fromkeys(column.text or ())
         sides = set(map(direction_of, words))
-        if kind_of(column) == "direction" and sides == {None}:
+        if column.kind == "direction" and sides == {None}:
             result[at], reason = _by_order(column, columns)
             remarks.append(f"'{column.name}' holds {', '.join(words)[:40]}: {reason}.")
         if column.role is None and sides and sides <= {1, -1} and values.size > _SHORT:
-            place = next((c.role for c in columns if kind_of(c) == "position"), None)
+            place = next((c.role for c in columns if c.kind == "position"), None)
             if place is not None and "direction" not in kinds:
                 role = place.replace("position", "direction")
                 result[at] = dataclasses.replace(column, role=role)
@@ -172,7 +172,7 @@ def _by_order(column: Column, columns: Sequence[Column]) -> tuple[Column, str]:
     no role where that does not.
     """
     cells = np.array([cell.strip() for cell in column.text or ()])
-    place = next((c.values for c in columns if kind_of(c) == "position"), None)
+    place = next((c.values for c in columns if c.kind == "position"), None)
     words = list(dict.fromkeys(cells.tolist()))
     signs = {}
     if place is not None and len(words) == 2:

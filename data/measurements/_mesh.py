@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from ._dialect import NUMBER
 from ._errors import CellError, LineError, MeasurementError
-from ._table import Column, Skipped, Table
+from ._table import Skipped, Table, number_columns
 
 _KLIPPER = re.compile(r"(?m)^\s*(?:#\*#)?\s*\[bed_mesh\b[^\]]*\]")
 _RRF = re.compile(r"\s*RepRapFirmware height map", re.IGNORECASE)
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _ABSENT = re.compile(r"|[+-]?nan", re.IGNORECASE)
 _ABSENT_OR_ZERO = re.compile(r"|0|[+-]?nan", re.IGNORECASE)
 
@@ -122,7 +122,7 @@ def _setting(path: Path, profile: _Profile, key: str) -> float:
         found = f"[bed_mesh {profile.name}] without {key}"
         raise LineError(str(path), profile.line, found, f"{key} = a number")
     value, line = profile.settings[key]
-    if not _NUMBER.fullmatch(value):
+    if not NUMBER.fullmatch(value):
         raise CellError(str(path), line, key, value, "a number")
     return float(value)
 
@@ -211,7 +211,7 @@ def _grid_value(
 ) -> float:
     for key in keys:
         if key in grid:
-            if not _NUMBER.fullmatch(grid[key]):
+            if not NUMBER.fullmatch(grid[key]):
                 raise CellError(str(path), line + 1, key, grid[key], "a number")
             return float(grid[key])
     found = f"a grid line with {', '.join(grid)}"
@@ -253,7 +253,7 @@ def surface(
             if absent.fullmatch(cell):
                 reason = f"not probed: {names[0]} {x:g}, {names[1]} {float(ys[at]):g}"
                 skipped.append(Skipped(line, reason))
-            elif _NUMBER.fullmatch(cell):
+            elif NUMBER.fullmatch(cell):
                 rows.append((x, float(ys[at]), float(cell), line))
             else:
                 name = f"z at {names[0]} {x:g}"
@@ -266,14 +266,11 @@ def surface(
             str(path), "found no probed point, expected at least one"
         )
     body = np.array(rows, dtype=np.float64)
-    roles = (f"{names[0].upper()}.position", f"{names[1].upper()}.position", "Z.error")
+    roles = (*(f"{name.upper()}.position" for name in names), "Z.error")
     return Table(
         path=path,
         format=form,
-        columns=tuple(
-            Column(name, role, "mm", np.ascontiguousarray(body[:, at]), header=name)
-            for at, (name, role) in enumerate(zip("xyz", roles, strict=True))
-        ),
+        columns=number_columns(body, zip("xyz", roles, ("mm",) * 3, strict=True)),
         rows=len(rows),
         lines=body[:, 3].astype(np.int64),
         skipped=tuple(skipped),

@@ -8,7 +8,7 @@ import numpy as np
 
 from ._errors import MeasurementError
 from ._header import parse_name, roles_of
-from ._table import BadCell, Column, Skipped, Table
+from ._table import BadCell, Column, Skipped, Table, first_bad
 from ._units import find_unit
 
 
@@ -53,6 +53,8 @@ def table_of_arrow(path: Path, table: Any, row: int = 0) -> Table:
 
     if not table.num_rows or not table.num_columns:
         raise MeasurementError(str(path), "found no rows, expected at least one")
+    types = pa.types
+    numeric = (types.is_integer, types.is_floating, types.is_decimal, types.is_boolean)
     columns: list[Column] = []
     names = []
     skipped: list[Skipped] = []
@@ -63,18 +65,17 @@ def table_of_arrow(path: Path, table: Any, row: int = 0) -> Table:
             name = dataclasses.replace(name, unit=unit.name, doubtful=False)
         cells: Any = table.column(field.name)
         kind: Any = field.type
-        if pa.types.is_dictionary(kind):  # categories, as pandas and polars write them
+        if types.is_dictionary(kind):  # categories, as pandas and polars write them
             kind = kind.value_type
             cells = cells.cast(kind)
-        if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
-            ticks = cells.to_numpy().astype(
-                f"<{'M' if pa.types.is_timestamp(kind) else 'm'}8[ns]"
-            )
+        if types.is_timestamp(kind) or types.is_duration(kind):
+            form = "M" if types.is_timestamp(kind) else "m"
+            ticks = cells.to_numpy().astype(f"<{form}8[ns]")
             values = (ticks - ticks[0]) / np.timedelta64(1, "s")
             name = dataclasses.replace(name, unit="s", doubtful=False)
-        elif _is_number(pa, kind):
+        elif any(test(kind) for test in numeric):
             values = np.asarray(cells.cast(pa.float64()).to_numpy(), dtype=np.float64)
-        elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
+        elif types.is_string(kind) or types.is_large_string(kind):
             text = tuple(cell or "" for cell in cells.to_pylist())
             nothing = np.full(len(text), np.nan)
             names.append(name)
@@ -86,15 +87,9 @@ def table_of_arrow(path: Path, table: Any, row: int = 0) -> Table:
             reason = f"column '{field.name}' holds {kind}, which is no number"
             skipped.append(Skipped(0, reason))
             continue
-        invalid = np.flatnonzero(~np.isfinite(values))
-        bad = (
-            BadCell(
-                row + int(invalid[0]) + 1,
-                _text(float(values[invalid[0]]), cells, int(invalid[0])),
-            )
-            if invalid.size
-            else None
-        )
+        bad = first_bad(values, range(row + 1, row + values.size + 1))
+        if bad is not None and cells[bad.line - row - 1].as_py() is None:
+            bad = BadCell(bad.line, "")
         names.append(name)
         columns.append(
             Column(
@@ -102,10 +97,9 @@ def table_of_arrow(path: Path, table: Any, row: int = 0) -> Table:
                 None,
                 name.unit,
                 values,
-                None,
-                bad,
-                name.header,
-                name.doubtful,
+                bad=bad,
+                header=name.header,
+                doubtful_unit=name.doubtful,
             )
         )
     roles, laser = roles_of(names)
@@ -121,17 +115,3 @@ def table_of_arrow(path: Path, table: Any, row: int = 0) -> Table:
         skipped=tuple(skipped),
         counts_rows=True,
     )
-
-
-def _is_number(pa: Any, kind: Any) -> bool:
-    types = pa.types
-    return bool(
-        types.is_integer(kind)
-        or types.is_floating(kind)
-        or types.is_decimal(kind)
-        or types.is_boolean(kind)
-    )
-
-
-def _text(value: float, cells: Any, at: int) -> str:
-    return "" if cells[at].as_py() is None else f"{value}"

@@ -44,7 +44,7 @@ def _use(table: Table, column: Column) -> None:
     Raises:
         CellError: At the first cell that cannot be used.
     """
-    kind = _kind(column)
+    kind = column.kind
     if kind == "direction":
         as_direction(table, column)
     elif kind == "run":
@@ -55,17 +55,13 @@ def _use(table: Table, column: Column) -> None:
         raise table.cell_error(column, column.bad, "a finite number", damaged=True)
 
 
-def _kind(column: Column) -> str:
-    return (column.role or "").rpartition(".")[2]
-
-
 def _repeated_row(table: Table) -> CellError | None:
     """Return the error that a row is which stands there a second time, or None.
 
     In a table with time stamps the stamp tells; where many repeat, the clock is coarse,
     and nothing is damaged. In others all its numbers must be the same.
     """
-    kinds = {_kind(column): column for column in table.columns}
+    kinds = {column.kind: column for column in table.columns}
     if any(c.present is not None for c in table.columns if c.role is not None):
         return None
     if "time" in kinds:
@@ -120,9 +116,9 @@ def _row_before(table: Table) -> tuple[int, int] | None:
     places = [
         column
         for column in table.columns
-        if _kind(column) in ("position", "direction", "run")
+        if column.kind in ("position", "direction", "run")
     ]
-    readings = [c for c in table.columns if _kind(c) in ("error", "actual")]
+    readings = [c for c in table.columns if c.kind in ("error", "actual")]
     if not readings or not 1 < table.rows <= _MANY:
         return None
     place, whole = _first_rows(places), _first_rows([*places, *readings])

@@ -21,7 +21,7 @@ from ._header import (
     roles_of,
 )
 from ._roles import ColumnSpec
-from ._table import LASER_FORMAT, BadCell, Column, Table
+from ._table import LASER_FORMAT, Column, Table, first_bad
 from ._words import is_leg
 
 _KINDS = {"actual": "actual positions", "error": "errors"}
@@ -235,13 +235,11 @@ def one_row_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     place = targets[np.concatenate(rows)]
     lines = np.repeat(table.lines, len(along))
     kind = "actual" if _follow(readings, place, float(np.ptp(targets))) else "error"
-    invalid = np.flatnonzero(~np.isfinite(readings))
-    bad = BadCell(int(lines[invalid[0]]), "nan") if invalid.size else None
     unit = next((names[at].unit for at in labels if names[at].unit), None)
     runs = np.repeat([float(item.run or 0) for item in headings.values()], len(along))
     columns = [
         Column("target", "position", unit, place, header="target"),
-        Column(kind, kind, None, readings, bad=bad, header=kind),
+        Column(kind, kind, None, readings, bad=first_bad(readings, lines), header=kind),
         Column("run", "run", None, runs, header="run"),
     ]
     if np.all(directions != 0):

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ._dialect import NUMBER
 from ._errors import CellError, LineError, MeasurementError
-from ._table import Column, Skipped, Table
+from ._table import Skipped, Table, number_columns
 from ._units import unit as named_unit
 
 _ASSIGNED = re.compile(
     r"(?P<key>[A-Za-z_]\w*)\s*(?:\[(?P<index>[^\]]*)\])?\s*=\s*(?P<value>.*)"
 )
 _READING = re.compile(r"(?m)^\s*(?:TGT_DATA|REF_DATA_(?:FWD|BWD))\s*\[")
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _SIDES = {"REF_DATA_FWD": 1, "REF_DATA_BWD": -1}
 _PLAIN = {"REF_PV", "TEST_PV", "TGT_SET_PV", "UNIT", "CYCLES", "POSITIONS", "DEC"}
 
@@ -97,10 +97,7 @@ def read_run_table(path: Path, text: str) -> Table:
     return Table(
         path=path,
         format="ISO 230-2 run table",
-        columns=tuple(
-            Column(name, role, unit, np.ascontiguousarray(body[:, at]), header=name)
-            for at, (name, role, unit) in enumerate(names)
-        ),
+        columns=number_columns(body, names),
         rows=len(rows),
         lines=body[:, 4].astype(np.int64),
         skipped=tuple(skipped),
@@ -144,7 +141,7 @@ def _assignments(
             found = f"{key}[{match['index'] or ''}]"
             expected = f"{depth} whole number{'s' if depth > 1 else ''} from 1 up"
             raise LineError(str(path), number, found, expected)
-        if not _NUMBER.fullmatch(value):
+        if not NUMBER.fullmatch(value):
             name = f"{key}[{','.join(index)}]"
             raise CellError(str(path), number, name, value, "a finite number")
         if depth == 1:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._errors import CellError, LineError, MeasurementError
-from ._table import BadCell
+from ._table import BadCell, first_bad
 
 _TICKS_PER_MS = 10_000
 
@@ -86,16 +86,10 @@ def join_group(
     cells = [np.asarray(v[:count], dtype=np.float64) for v in values[1:]]
     keep = _rising(path, time, cells, lines, keys[first + 1])
     repeated = count - int(keep.sum())
-    bad: list[BadCell | None] = []
-    clean = []
-    for value in (cell[keep] for cell in cells):
-        wrong = np.flatnonzero(~np.isfinite(value))
-        place = int(wrong[0]) if wrong.size else 0
-        bad.append(
-            BadCell(int(lines[keep][place]), f"{value[place]}") if wrong.size else None
-        )
-        clean.append(np.where(np.isfinite(value), value, np.nan))
-    return GroupSamples(time[keep], tuple(clean), tuple(bad), lines[keep], repeated)
+    kept = [cell[keep] for cell in cells]
+    bad = tuple(first_bad(values, lines[keep]) for values in kept)
+    clean = tuple(np.where(np.isfinite(values), values, np.nan) for values in kept)
+    return GroupSamples(time[keep], clean, bad, lines[keep], repeated)
 
 
 def _time(

@@ -4,7 +4,7 @@ import dataclasses
 import difflib
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +109,25 @@ class BadCell:
     found: str
 
 
+def first_bad(
+    values: Float[np.ndarray, " t"],
+    lines: Sequence[int] | Int[np.ndarray, " t"],
+    cells: Sequence[str] | None = None,
+) -> BadCell | None:
+    """Return the first value that is no finite number; None: there is none.
+
+    Args:
+        values: Of a column.
+        lines: Line of each.
+        cells: What stands there; left out: the value.
+    """
+    invalid = np.flatnonzero(~np.isfinite(values))
+    if not invalid.size:
+        return None
+    at = int(invalid[0])
+    return BadCell(int(lines[at]), f"{values[at]}" if cells is None else cells[at])
+
+
 @dataclasses.dataclass(frozen=True)
 class Column:
     """One column in the unit of the file.
@@ -148,6 +167,11 @@ class Column:
     direction: int | None = None
 
     @property
+    def kind(self) -> str:
+        """Kind of its role, such as ``"error"``; empty without a role."""
+        return (self.role or "").rpartition(".")[2]
+
+    @property
     def samples(self) -> int:
         """Number of rows that hold a sample of this column."""
         return self.values.size if self.present is None else int(self.present.sum())
@@ -167,10 +191,8 @@ class Column:
         values, text, bad = self.values[keep], self.text, None
         present = None if self.present is None else self.present[keep]
         if text is None:
-            sampled = True if present is None else present
-            invalid = np.flatnonzero(~np.isfinite(values) & sampled)
-            if invalid.size:
-                bad = BadCell(int(lines[keep][invalid[0]]), f"{values[invalid[0]]}")
+            sampled = slice(None) if present is None else present
+            bad = first_bad(values[sampled], lines[keep][sampled])
         else:
             text = tuple(itertools.compress(text, keep))
         return dataclasses.replace(
@@ -281,3 +303,13 @@ class Table:
         if column.bad is not None:
             raise self.cell_error(column, column.bad, "a finite number", damaged=True)
         return column.values
+
+
+def number_columns(
+    body: Float[np.ndarray, "t k"], names: Iterable[tuple[str, str, str | None]]
+) -> tuple[Column, ...]:
+    """Return columns of numbers by name, role and unit, the first ones of an array."""
+    return tuple(
+        Column(name, role, unit, np.ascontiguousarray(body[:, at]), header=name)
+        for at, (name, role, unit) in enumerate(names)
+    )

@@ -89,11 +89,6 @@ def _noted(
     )
 
 
-def kind_of(column: Column) -> str:
-    """Return the kind of a column's role, such as ``"error"``; empty without a role."""
-    return (column.role or "").rpartition(".")[2]
-
-
 def _in_unit(table: Table, line: int, text: str) -> Table:
     """Return the table with a unit for readings that state none.
 
@@ -107,7 +102,7 @@ def _in_unit(table: Table, line: int, text: str) -> Table:
         units["position"] = "in"
     columns, names = [], []
     for column in table.columns:
-        stated = units.get(kind_of(column)) if column.unit is None else None
+        stated = units.get(column.kind) if column.unit is None else None
         columns.append(dataclasses.replace(column, unit=stated or column.unit))
         names += [f"'{column.name}' in {stated}"] if stated else []
     if not names:
@@ -119,7 +114,7 @@ def _in_unit(table: Table, line: int, text: str) -> Table:
 
 def _in_direction(table: Table, line: int, text: str) -> Table:
     """Return the table with a direction for all rows, where it has none."""
-    kinds = set(map(kind_of, table.columns))
+    kinds = {column.kind for column in table.columns}
     side = direction_of(text)
     if side is None and "direction" not in kinds:
         remark = f"Line {line} says '{text}': no known direction."
@@ -174,7 +169,7 @@ def _straight(table: Table, titles: str) -> Table:
 def _kind_by_name(column: Column) -> str:
     """Return the kind of role of a column, by its name where it has none."""
     if column.role is not None or column.text is not None:
-        return kind_of(column)
+        return column.kind
     return next(iter(kinds_in(words_in([column.name]))), "")
 
 

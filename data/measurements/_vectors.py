@@ -9,7 +9,7 @@ import numpy as np
 
 from ._errors import MeasurementError
 from ._header import parse_name, roles_of
-from ._table import BadCell, Column, Skipped, Table
+from ._table import Column, Skipped, Table, first_bad
 from ._units import find_unit
 
 
@@ -109,7 +109,7 @@ def _columns(
             role,
             name.unit,
             np.where(np.isfinite(values), values, np.nan),
-            bad=_bad(values),
+            bad=first_bad(values, range(1, values.size + 1)),
             header=name.header,
             doubtful_unit=name.doubtful,
         )
@@ -131,10 +131,3 @@ def _unfit(values: np.ndarray) -> str:
 
 def _numbers(values: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(values.reshape(-1), dtype=np.float64)
-
-
-def _bad(values: np.ndarray) -> BadCell | None:
-    invalid = np.flatnonzero(~np.isfinite(values))
-    if not invalid.size:
-        return None
-    return BadCell(int(invalid[0]) + 1, f"{values[invalid[0]]}")

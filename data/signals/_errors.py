@@ -1,17 +1,10 @@
 """What can be wrong with signals, so that nothing can be made of them."""
 
-from ..errors import AxcompError
+from ..errors import FoundError
 
 
-class SignalError(AxcompError, ValueError):
+class SignalError(FoundError):
     """Signals do not fit together or are too short: what was found and expected."""
-
-    def __init__(self, what: str, found: str, expected: str) -> None:
-        super().__init__(what, found, expected)
-        self.what, self.found, self.expected = what, found, expected
-
-    def __str__(self) -> str:
-        return f"{self.what}: found {self.found}, expected {self.expected}"
 
 
 def check_lengths(what: str, *sizes: int, least: int) -> None:
