@@ -2,12 +2,7 @@
 
 import operator
 
-from ._check_columns import (
-    check_ascending,
-    check_complete,
-    check_size,
-    usable,
-)
+from ._check_columns import check_ascending, check_complete, check_size, usable
 from ._check_lists import axis_number
 from ._check_view import ListView, shorten
 from ._entry import Rows

@@ -181,7 +181,7 @@ def sniff(lines: Sequence[str]) -> Dialect:
     lines = lines[1:] if declared else lines
     text = "\n".join(line.strip() for line in lines)
     unquoted = '"' not in text
-    scores: dict[str, tuple[bool, float, bool, int]] = {}
+    single: set[str] = set()
     for separator, decimal in _CANDIDATES:
         if declared is not None and separator != declared.group(1):
             continue
@@ -192,12 +192,11 @@ def sniff(lines: Sequence[str]) -> Dialect:
             # A single column does not beat several; nor do, without quotes, numbers
             # that a decimal comma must not split, which are numbers without one too.
             continue
-        # All separators that occur nowhere leave the same single column.
-        score = None if parts else scores.get(decimal)
-        if score is None:
-            score = _score(dialect, lines)
-            if not parts:
-                scores[decimal] = score
+        if not parts and decimal in single:
+            continue  # separators that occur nowhere leave the same single column
+        if not parts:
+            single.add(decimal)
+        score = _score(dialect, lines)
         if score > best_score:
             best, best_score = dialect, score
     if best.decimal == "." and _grouped_whole(best, lines):

@@ -1,6 +1,7 @@
 """What can be wrong with a measurement, each with the place and what was expected."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from ..errors import AxcompError
 
@@ -14,6 +15,13 @@ class MeasurementError(AxcompError, ValueError):
 
     def __str__(self) -> str:
         return f"{self.source}: {self.reason}"
+
+
+def damaged(path: Path, kind: str, error: Exception) -> MeasurementError:
+    """Return the error that a file is which a library cannot read, ready to raise."""
+    words = (str(error).splitlines() or ["unreadable"])[0][:80]
+    reason = f"found damaged {kind} data ({words}), expected a whole file"
+    return MeasurementError(str(path), reason)
 
 
 class CellError(MeasurementError):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ._errors import MeasurementError
+from ._errors import MeasurementError, damaged
 from ._table import Table
 from ._vectors import Array, table_of_arrays
 from ._words import AXIS
@@ -46,9 +46,7 @@ def read_hdf5(path: Path) -> Table:
                 for array in _arrays(h5py, file[key], key, matlab)
             ]
     except (OSError, RuntimeError, KeyError, ValueError) as error:
-        words = str(error).splitlines()[0][:80] if str(error) else "unreadable"
-        reason = f"found damaged HDF5 data ({words}), expected a whole file"
-        raise MeasurementError(str(path), reason) from error
+        raise damaged(path, "HDF5", error) from error
     groups = {
         array.name.rpartition(".")[0]
         for array in arrays

@@ -2,9 +2,7 @@
 
 import dataclasses
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
@@ -12,7 +10,6 @@ from ._csv import read_body
 from ._errors import CellError, LineError, MeasurementError
 from ._header import parse_name
 from ._layout import find_layout
-from ._matrix import is_matrix, read_matrix
 from ._roles import ColumnSpec
 from ._table import Column, Skipped, Table, number_columns
 
@@ -25,24 +22,13 @@ _ADDRESSES = re.compile(rf"\s*{_ADDRESS}(?:[\s;]+{_ADDRESS})+\s*;?\s*")
 _LOOK = 60
 """Lines that tell whether a text consists of addresses."""
 
-Matches: TypeAlias = Callable[[str], bool]
-Reads: TypeAlias = Callable[[Path, str, str], Table]
-
-
-@dataclasses.dataclass(frozen=True)
-class TextFormat:
-    """A format: whether the first part of a text is of it, and its reader."""
-
-    matches: Matches
-    read: Reads
-
 
 def is_renishaw(head: str) -> bool:
     """Whether a text has the sections of Renishaw's laser software."""
     return "TARGET DATA::" in head or "DEVIATIONS::" in head
 
 
-def read_renishaw(path: Path, text: str, encoding: str) -> Table:
+def read_renishaw(path: Path, text: str) -> Table:
     """Return target, error, run and direction of a Renishaw laser file (``.rtl``, ``.rtx``).
 
     Targets are numbered; every pass over them is a run of the file. Passes of the same
@@ -175,7 +161,7 @@ def is_centroid(head: str) -> bool:
     return integers >= 2 and 3 * integers >= 2 * len(below)
 
 
-def read_centroid(path: Path, text: str, encoding: str) -> Table:
+def read_centroid(path: Path, text: str) -> Table:
     """Return the corrections of a Centroid ballscrew table in encoder counts.
 
     Raises:
@@ -268,12 +254,3 @@ def read_addresses(path: Path, text: str, encoding: str) -> Table:
     layout = dataclasses.replace(layout, names=tuple(map(parse_name, keys)))
     table = read_body(path, layout, body, encoding)
     return dataclasses.replace(table, format="lines of letters with numbers")
-
-
-INSTRUMENTS = (
-    TextFormat(is_renishaw, read_renishaw),
-    TextFormat(is_centroid, read_centroid),
-    TextFormat(is_matrix, read_matrix),
-    TextFormat(is_addresses, read_addresses),
-)
-"""Formats in the order in which they are looked for."""

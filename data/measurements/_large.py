@@ -14,10 +14,10 @@ import numpy as np
 
 from ._capture import is_capture
 from ._csv import read_body
-from ._errors import MeasurementError
+from ._errors import MeasurementError, damaged
 from ._layout import Layout, find_layout
-from ._parquet import damaged, table_of_arrow
-from ._read import is_special
+from ._parquet import table_of_arrow
+from ._read import special_reader
 from ._table import Table
 from ._text import decode
 
@@ -131,7 +131,7 @@ def _open_parquet(path: Path) -> LargeFile:
             rows = file.metadata.num_rows
             first: Any = next(file.iter_batches(_LOOK))
     except (pa.ArrowException, StopIteration) as error:
-        raise damaged(path, error) from error
+        raise damaged(path, "Parquet", error) from error
     return LargeFile(path, table_of_arrow(path, pa.Table.from_batches([first])), rows)
 
 
@@ -142,7 +142,7 @@ def _open_text(path: Path, start: bytes, size: int) -> LargeFile | None:
         return None
     try:
         decoded = decode(start[: end + 1], path)
-        if is_capture(start) or is_special(decoded):
+        if is_capture(start) or special_reader(decoded):
             return None
         text = decoded.text
         layout = find_layout(path, text)
@@ -169,7 +169,7 @@ def _arrow_tables(part: TablePart) -> Iterator[Table]:
                 yield table_of_arrow(part.path, table, row)
                 row += batch.num_rows
     except pa.ArrowException as error:
-        raise damaged(part.path, error) from error
+        raise damaged(part.path, "Parquet", error) from error
 
 
 def _text_tables(part: TablePart) -> Iterator[Table]:

@@ -6,11 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from ._dialect import (
-    Dialect,
-    sniff,
-    usual_width,
-)
+from ._dialect import Dialect, sniff, usual_width
 from ._errors import MeasurementError
 from ._head_lines import (
     Head,

@@ -74,7 +74,7 @@ def _plain_number(cell: str) -> float | None:
     )
 
 
-def read_matrix(path: Path, text: str, encoding: str) -> Table:
+def read_matrix(path: Path, text: str) -> Table:
     """Return one row per cell that holds a value: two positions and the error.
 
     An error between two of X, Y and Z is one of the third. Its unit is taken from the titles;

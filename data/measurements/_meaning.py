@@ -8,12 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ._dates import is_instant
-from ._header import (
-    Name,
-    bare_role,
-    is_clock,
-    roles_of,
-)
+from ._header import Name, bare_role, is_clock, roles_of
 from ._run_layouts import (
     laser_without_header,
     one_column_per_run,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ._errors import MeasurementError
+from ._errors import MeasurementError, damaged
 from ._header import parse_name, roles_of
 from ._table import BadCell, Column, Skipped, Table, first_bad
 from ._units import find_unit
@@ -27,15 +27,8 @@ def read_parquet(path: Path) -> Table:
     try:
         table: Any = pq.read_table(path, use_threads=True)
     except pa.ArrowException as error:
-        raise damaged(path, error) from error
+        raise damaged(path, "Parquet", error) from error
     return table_of_arrow(path, table)
-
-
-def damaged(path: Path, error: Exception) -> MeasurementError:
-    """Return the error that a file is which pyarrow cannot read, ready to raise."""
-    words = (str(error).splitlines() or ["no rows"])[0][:80]
-    reason = f"found damaged Parquet data ({words}), expected a whole file"
-    return MeasurementError(str(path), reason)
 
 
 def table_of_arrow(path: Path, table: Any, row: int = 0) -> Table:

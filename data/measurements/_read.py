@@ -1,6 +1,8 @@
 """Read a measurement file of any known format, recognised by its content."""
 
 import dataclasses
+import functools
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +11,17 @@ from ._capture import is_capture, read_capture
 from ._csv import number_column, read_cells, read_csv, table_of
 from ._errors import MeasurementError
 from ._hdf5 import is_hdf5, read_hdf5
-from ._instruments import INSTRUMENTS
+from ._instruments import (
+    is_addresses,
+    is_centroid,
+    is_renishaw,
+    read_addresses,
+    read_centroid,
+    read_renishaw,
+)
 from ._layout import Layout, find_layout
 from ._mat import is_mat, read_mat
+from ._matrix import is_matrix, read_matrix
 from ._mesh import is_bed_mesh, is_height_map, read_bed_mesh, read_height_map
 from ._parquet import read_parquet
 from ._run_table import is_run_table, read_run_table
@@ -116,7 +126,7 @@ def _bulk_table(path: Path) -> Table | None:
         head = decode(unpacked(start, path), path)
         if head.encoding != "utf-8" or b"\r" in start.replace(b"\r\n", b""):
             return None
-        layout = None if is_special(head) else find_layout(path, head.text)
+        layout = None if special_reader(head) else find_layout(path, head.text)
     except MeasurementError:
         return None
     if layout is None or not _is_bulk(layout, head.text):
@@ -150,16 +160,33 @@ def _is_bulk(layout: Layout, text: str) -> bool:
     return plain and len(layout.names) > 1 and all(layout.numeric)
 
 
-def is_special(decoded: Text) -> bool:
-    """Whether the first part of a text is of a format of its own, and no plain table."""
-    text, words = decoded.text, decoded.words
-    return (
-        is_scope(text, words)
-        or is_run_table(text, words)
-        or is_height_map(text)
-        or is_bed_mesh(text)
-        or any(format.matches(text) for format in INSTRUMENTS)
-    )
+def special_reader(
+    decoded: Text, profile: str | None = None
+) -> Callable[[Path, str], Table] | None:
+    """Return the reader of a text in a format of its own; None: it is a plain table.
+
+    Args:
+        decoded: The text, or its first part.
+        profile: See `read_table`.
+    """
+    head = decoded.text[:200_000]
+    if is_scope(head):
+        return read_scope
+    if is_height_map(head):
+        return read_height_map
+    if is_run_table(head):
+        return read_run_table
+    if is_bed_mesh(decoded.text):
+        return functools.partial(read_bed_mesh, profile=profile)
+    if is_renishaw(head):
+        return read_renishaw
+    if is_centroid(head):
+        return read_centroid
+    if is_matrix(head):
+        return read_matrix
+    if is_addresses(head):
+        return functools.partial(read_addresses, encoding=decoded.encoding)
+    return None
 
 
 def _any_table(
@@ -171,19 +198,7 @@ def _any_table(
     if is_capture(raw):
         return _chosen(read_capture(path, raw), lines)
     decoded = decode(raw, path)
-    text, words = decoded.text, decoded.words
-    if lines is not None:
-        return read_csv(path, text, encoding=decoded.encoding, lines=lines)
-    head = text[:200_000]
-    if is_scope(head, words):
-        return read_scope(path, text)
-    if is_height_map(head):
-        return read_height_map(path, text)
-    if is_run_table(head, words):
-        return read_run_table(path, text)
-    if is_bed_mesh(text):
-        return read_bed_mesh(path, text, profile)
-    for format in INSTRUMENTS:
-        if format.matches(head):
-            return format.read(path, text, decoded.encoding)
-    return read_csv(path, text, encoding=decoded.encoding)
+    reader = special_reader(decoded, profile) if lines is None else None
+    if reader is not None:
+        return reader(path, decoded.text)
+    return read_csv(path, decoded.text, encoding=decoded.encoding, lines=lines)

@@ -30,15 +30,17 @@ def read_scope(path: Path, text: str) -> Table:
     """
     header = read_header(path, text)
     groups = read_body(path, header, text)
-    clocks, clock_of = _clocks(groups)
-    instants, places = _instants(clocks)
+    times = [np.round(samples.time, _DECIMALS) for samples in groups]
+    clocks = {time.tobytes(): time for time in times}  # most groups share one
+    instants = np.unique(np.concatenate(list(clocks.values())))
+    rows = {key: np.searchsorted(instants, time) for key, time in clocks.items()}
+    places = [rows[time.tobytes()] for time in times]
     lines = np.zeros(instants.size, dtype=np.int64)
-    for samples, clock in zip(groups[::-1], clock_of[::-1], strict=True):
-        lines[places[clock]] = samples.lines
+    for samples, place in zip(groups[::-1], places[::-1], strict=True):
+        lines[place] = samples.lines
     columns = [_time_column(instants, header.groups)]
     remarks = []
-    for at, (samples, channels) in enumerate(zip(groups, header.groups, strict=True)):
-        place = places[clock_of[at]]
+    for samples, channels, place in zip(groups, header.groups, places, strict=True):
         measured = _step(samples.time)
         for k, channel in enumerate(channels):
             columns.append(_column(channel, samples, k, place, instants.size, measured))
@@ -48,7 +50,8 @@ def read_scope(path: Path, text: str) -> Table:
                 f"'{channels[0].name}' states a sample time of {1e3 * stated:g} ms and"
                 f" its times advance by {1e3 * measured:g} ms; the times are taken."
             )
-    roles, _ = roles_of([_name(column) for column in columns[1:]])
+    names = [Name(c.name, c.unit, False, c.name, c.header) for c in columns[1:]]
+    roles, _ = roles_of(names)
     named = [
         dataclasses.replace(column, role=role if role != "time" else None)
         for column, role in zip(columns[1:], roles, strict=True)
@@ -77,34 +80,6 @@ def read_scope(path: Path, text: str) -> Table:
         skipped=skipped,
         remarks=tuple(remarks),
     )
-
-
-def _clocks(
-    groups: Sequence[GroupSamples],
-) -> tuple[list[Float[np.ndarray, " _"]], list[int]]:
-    """Return the different lists of times, and which of them each group has."""
-    clocks: list[np.ndarray] = []
-    clock_of = []
-    for samples in groups:
-        time = np.round(samples.time, _DECIMALS)
-        for at, other in enumerate(clocks):
-            if np.array_equal(other, time):
-                clock_of.append(at)
-                break
-        else:
-            clock_of.append(len(clocks))
-            clocks.append(time)
-    return clocks, clock_of
-
-
-def _instants(
-    clocks: Sequence[Float[np.ndarray, " _"]],
-) -> tuple[Float[np.ndarray, " t"], list[Int[np.ndarray, " _"]]]:
-    """Return all instants in order, and where the times of each clock lie in them."""
-    if len(clocks) == 1:
-        return clocks[0], [np.arange(clocks[0].size)]
-    instants = np.unique(np.concatenate(clocks))
-    return instants, [np.searchsorted(instants, clock) for clock in clocks]
 
 
 def _time_column(
@@ -147,10 +122,6 @@ def _column(
 def _step(time: Float[np.ndarray, " t"]) -> float | None:
     """Return the usual time step in s."""
     return float(np.median(np.diff(time))) / 1000.0 if time.size > 1 else None
-
-
-def _name(column: Column) -> Name:
-    return Name(column.name, column.unit, False, column.name, column.header)
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -36,15 +36,6 @@ _SIGN = re.compile(
     r'(?m)^"?(?:(?:Start|End)time of export|SampleTime\[ms\]|SymbolComment|SymbolBased'
     r'|IndexGroup|Unit ScaleFactor)"?[\t :;,]'
 )
-_WORDS = (
-    b"time of export",
-    b"SampleTime[ms]",
-    b"SymbolComment",
-    b"SymbolBased",
-    b"IndexGroup",
-    b"Unit ScaleFactor",
-)
-"""What all lines that `_SIGN` finds hold."""
 _BEHIND = re.compile(
     r'"?(?:Starttime of export|Endtime of export|SampleTime\[ms\]|SymbolComment'
     r'|Data-Type|SymbolBased|IndexGroup|Unit ScaleFactor|Name|File)"?([\t :;,])'
@@ -71,10 +62,9 @@ class Rows:
     body_line: int
 
 
-def is_scope(head: str, words: bytes) -> bool:
-    """Whether the first part of a text, with its words, can only be a Scope export."""
-    # A plain search of words is faster than one of lines, and most texts hold none.
-    return any(map(words.__contains__, _WORDS)) and _SIGN.search(head) is not None
+def is_scope(head: str) -> bool:
+    """Whether the first part of a text can only be a Scope export."""
+    return _SIGN.search(head) is not None
 
 
 def read_rows(path: Path, text: str) -> Rows:
@@ -84,24 +74,15 @@ def read_rows(path: Path, text: str) -> Rows:
         LineError: If a line is missing or stands twice.
         MeasurementError: If the text ends before the samples.
     """
-    lines = text[: _end_of_head(text)].split("\n")
-    separator = _separator(lines)
+    # The header ends some lines below this one; comments may be long.
+    end = max(200_000, 2 * text.find("SampleTime[ms]"))
+    lines = text[:end].split("\n")
+    marks = [match[1] for line in lines[:200] if (match := _BEHIND.match(line))]
+    separator = Counter(marks).most_common(1)[0][0]
     start, end = _times(path, lines, separator)
     rows, body_line = _block(path, lines, separator)
     _complain_of_missing(path, rows, body_line)
     return Rows(separator, start, end, rows, body_line)
-
-
-def _end_of_head(text: str) -> int:
-    """Return an offset some lines below the header; comments may be long."""
-    at = text.find("SampleTime[ms]")
-    return max(200_000, 2 * at)
-
-
-def _separator(lines: Sequence[str]) -> str:
-    """Return the character that follows most of the properties' names."""
-    marks = [match[1] for line in lines[:200] if (match := _BEHIND.match(line))]
-    return Counter(marks).most_common(1)[0][0]
 
 
 def _times(path: Path, lines: Sequence[str], separator: str) -> tuple[int, int]:

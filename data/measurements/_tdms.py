@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ._errors import MeasurementError
+from ._errors import MeasurementError, damaged
 from ._hdf5 import missing_library
 from ._table import Table
 from ._vectors import Array, table_of_arrays
@@ -43,9 +43,7 @@ def read_tdms(path: Path) -> Table:
                     arrays += _arrays(channel, name, first=not arrays)
             cut = file.file_status.incomplete_final_segment
     except (OSError, ValueError, KeyError, IndexError, EOFError, struct.error) as error:
-        words = str(error).splitlines()[0][:80] if str(error) else "unreadable"
-        reason = f"found damaged TDMS data ({words}), expected a whole file"
-        raise MeasurementError(str(path), reason) from error
+        raise damaged(path, "TDMS", error) from error
     if cut:
         reason = "found a TDMS file that was cut off, expected a whole file"
         raise MeasurementError(str(path), reason)

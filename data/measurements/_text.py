@@ -8,7 +8,7 @@ import re
 import zlib
 from pathlib import Path
 
-from ._errors import LineError, MeasurementError
+from ._errors import LineError, MeasurementError, damaged
 
 # What a file says of itself in its first bytes, where another reader would be needed.
 _FOREIGN = (
@@ -28,8 +28,6 @@ _EXPECTED = (
 _CONTROLS = bytes(code for code in range(32) if code not in b"\t\n\f\r")
 _CONTROL = re.compile(rb"[%b]" % re.escape(_CONTROLS))
 _TEXT = bytes(code for code in range(256) if code not in _CONTROLS)
-# What tables of numbers are made of.
-_NUMERIC = b"0123456789+-.,;\t\n"
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF16_LE, "utf-16"),
@@ -47,15 +45,10 @@ class Text:
 
     Attributes:
         text: The text.
-        words: Its bytes without digits, signs and separators. Of a table little is left
-            of that. Words of letters, blanks and brackets that stand in the text stand
-            there as well, and are found sooner; what comes to stand side by side may
-            look like others.
         encoding: As Python names it.
     """
 
     text: str
-    words: bytes
     encoding: str
 
 
@@ -69,8 +62,7 @@ def unpacked(raw: bytes, path: Path) -> bytes:
         try:
             raw = gzip.decompress(raw)
         except (OSError, EOFError, zlib.error) as error:
-            reason = f"found damaged gzip data ({error}), expected a whole file"
-            raise MeasurementError(str(path), reason) from error
+            raise damaged(path, "gzip", error) from error
     if not raw.strip():
         reason = f"found an empty file, expected {_EXPECTED}"
         raise MeasurementError(str(path), reason)
@@ -99,11 +91,9 @@ def decode(raw: bytes, path: Path) -> Text:
         encoding = "utf-16-be"
     if encoding:
         text = raw.decode(encoding, errors="replace")
-        words = text.encode().translate(None, _NUMERIC)
     else:
         # Taking all else away is faster than looking for one.
-        words = raw.translate(None, _NUMERIC)
-        control = _CONTROL.search(raw) if words.translate(None, _TEXT) else None
+        control = _CONTROL.search(raw) if raw.translate(None, _TEXT) else None
         if control is not None:
             line = raw.count(b"\n", 0, control.start()) + 1
             byte = raw[control.start()]
@@ -115,7 +105,7 @@ def decode(raw: bytes, path: Path) -> Text:
     if not text.isascii():
         for sign, letter in _SIGNS:
             text = text.replace(sign, letter)
-    return Text(text, words, encoding)
+    return Text(text, encoding)
 
 
 def _of_bytes(raw: bytes) -> tuple[str, str]:

@@ -6,10 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ._header import (
-    heading,
-    unit_of_title,
-)
+from ._header import heading, unit_of_title
 from ._table import Column, Table
 from ._units import find_unit
 from ._words import WORDS, direction_of, kinds_in, words_in

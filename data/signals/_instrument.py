@@ -6,12 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ._aligned import (
-    InstrumentClock,
-    aligned_error,
-    encoder_spline,
-    first_motion,
-)
+from ._aligned import InstrumentClock, aligned_error, encoder_spline, first_motion
 from ._errors import check_lengths
 from ._windows import Solution, Windows
 
