@@ -14,7 +14,6 @@ from ._check_lists import (
 )
 from ._check_startup import check_startup
 from ._check_view import ListView
-from ._parameter import Function
 from ._registry import registry
 
 
@@ -126,7 +125,11 @@ def _check_against_axis(view: ListView, lists: ListSet) -> None:
     for function in registry().functions:
         key = function.activation
         axis = in_force(partners, key)
-        if function.structure in view.in_use and _is_active(view, function):
+        # Friction has a mode that is off.
+        idle = function.structure == "frict_comp" and not view.integer(
+            "frict_comp.mode"
+        )
+        if function.structure in view.in_use and not idle:
             if axis.integer(key) == 0:
                 if is_fragment(axis) and key not in axis.columns:
                     continue  # The list that it adds to may well switch it on.
@@ -154,11 +157,6 @@ def _check_against_axis(view: ListView, lists: ListSet) -> None:
                 + (f"lose = {size}" if has_size else "lose not in the list"),
                 expected="0 beside a bilateral table",
             )
-
-
-def _is_active(view: ListView, function: Function) -> bool:
-    """Return whether the function does anything: friction has a mode that is off."""
-    return function.structure != "frict_comp" or bool(view.integer("frict_comp.mode"))
 
 
 def _check_known_masters(view: ListView, lists: ListSet) -> None:

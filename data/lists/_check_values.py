@@ -20,12 +20,16 @@ _READABLE = {
 def check_values(view: ListView) -> None:
     """Judge every entry of a known name for itself."""
     parameters = registry().by_key
-    explained = _explained_lines(view)
+    # A remark calls these unreadable already.
+    codes = (RemarkCode.GLUED_COMMENT, RemarkCode.NO_VALUE)
+    explained = frozenset(r.line for r in view.file.remarks if r.code in codes)
     for key, rows in view.columns.items():
         row = parameters.get(key)
         if row is None:
             continue
-        if row.kind != view.file.kind and not _is_shared(view, row):
+        # The axis list has ``kopf.*`` at its head too.
+        shared = row.structure == "kopf" and view.file.kind == "axis"
+        if row.kind != view.file.kind and not shared:
             _misplaced(view, rows, row)
         if not build_has(row, view.build):
             _too_new(view, rows, row)
@@ -33,17 +37,6 @@ def check_values(view: ListView) -> None:
             _check_integers(view, rows, row, explained)
         else:
             _check_others(view, rows, row, explained)
-
-
-def _explained_lines(view: ListView) -> frozenset[int]:
-    """Return the lines whose value a remark already calls unreadable."""
-    codes = (RemarkCode.GLUED_COMMENT, RemarkCode.NO_VALUE)
-    return frozenset(r.line for r in view.file.remarks if r.code in codes)
-
-
-def _is_shared(view: ListView, row: Parameter) -> bool:
-    """Return whether the axis list has this entry too: ``kopf.*`` heads both."""
-    return row.structure == "kopf" and view.file.kind == "axis"
 
 
 def _misplaced(view: ListView, rows: Rows, row: Parameter) -> None:

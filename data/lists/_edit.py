@@ -13,6 +13,7 @@ from ._format import (
 )
 from ._grammar import Line, read_line
 from ._names import BLANKS, full_name, locate, meaning
+from ._parameter import structure_of
 from ._scan import PLAIN, Scan
 from ._values import parse_boolean, parse_integer
 
@@ -155,11 +156,11 @@ def insert(
         newline: Line end of the list.
         encoding: Encoding of the list.
     """
-    stems = list(dict.fromkeys(_stem(entry.key) for entry in entries))
+    stems = list(dict.fromkeys(structure_of(entry.key) for entry in entries))
     entries = sorted(
         entries,
         key=lambda entry: (
-            stems.index(_stem(entry.key)),
+            stems.index(structure_of(entry.key)),
             bool(entry.indices),
             entry.indices,
         ),
@@ -211,7 +212,7 @@ class _Places:
         """Return the line after which the entry goes, and one to lay it out like."""
         if entry.indices and (place := self._in_table(entry)) is not None:
             return place
-        scalars, tables = self._structure(_stem(entry.key))
+        scalars, tables = self._structure(structure_of(entry.key))
         if not entry.indices and tables:
             # Sizes stand before the table that they speak of (semantics S-08).
             before = [line for line in scalars if line < tables[0]]
@@ -220,7 +221,7 @@ class _Places:
             last = max(scalars[-1:] + tables[-1:])
             return last, last
         entries = self._scan.entry_lines
-        if _stem(entry.key) == "kopf" and entries:
+        if structure_of(entry.key) == "kopf" and entries:
             return entries[0] - 1, entries[0]
         return self._end, None
 
@@ -245,14 +246,9 @@ class _Places:
         scalars: list[int] = []
         tables: list[int] = []
         for key, rows in self._scan.columns.items():
-            if _stem(key) == stem:
+            if structure_of(key) == stem:
                 (tables if "[" in key else scalars).extend(rows.lines)
         return sorted(scalars), sorted(tables)
-
-
-def _stem(key: str) -> str:
-    """Return the structure of a key: ``kw.ssfk`` for all its entries and tables."""
-    return key.partition("[")[0].rpartition(".")[0]
 
 
 def _end_of(lines: tuple[str, ...], scan: Scan) -> int:

@@ -58,12 +58,6 @@ def read_line(text: str) -> Line:
     return _cached(text) if len(text) <= _SHORT else _read(text)
 
 
-@functools.lru_cache(maxsize=4096)
-def _cached(text: str) -> Line:
-    # Lists of a kind of machine share most of their lines outside tables.
-    return _read(text)
-
-
 def _read(text: str) -> Line:
     body = text.rstrip("\r\n")
     start = _skip(body, 1 if body.startswith("\ufeff") else 0)
@@ -80,6 +74,10 @@ def _read(text: str) -> Line:
     if match is None:
         return _unreadable(body, start)
     return _entry(body, start, match.end())
+
+
+_cached = functools.lru_cache(maxsize=4096)(_read)
+"""Lists of a kind of machine share most of their lines outside tables."""
 
 
 def _skip(body: str, start: int) -> int:

@@ -145,7 +145,7 @@ class Parameter(NamedTuple):
     @property
     def structure(self) -> str:
         """Part of the key before the table and the last dot, such as ``kw.ssfk``."""
-        return _structure(self.key)
+        return structure_of(self.key)
 
     @property
     def name(self) -> str:
@@ -167,7 +167,8 @@ class Parameter(NamedTuple):
 
 
 @functools.cache
-def _structure(key: str) -> str:
+def structure_of(key: str) -> str:
+    """Return the structure of a key: ``kw.ssfk`` for all its entries and tables."""
     return key.partition("[")[0].rpartition(".")[0]
 
 

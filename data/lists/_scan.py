@@ -144,10 +144,8 @@ class _Run:
         return match.end(), after
 
 
-@functools.lru_cache(maxsize=256)
-def _run(shapes: tuple[_Shape, ...]) -> _Run:
-    # Lists of a kind of machine have the same tables.
-    return _Run(shapes)
+_run = functools.lru_cache(maxsize=256)(_Run)
+"""Lists of a kind of machine have the same tables."""
 
 
 def split_lines(text: str) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from ._edit import check_encoding
 from ._format import UnknownEntryError, comment_lines, known_place, value_texts
 from ._listfile import ListFile, Value
 from ._names import full_name
+from ._parameter import structure_of
 
 _SOURCE = "new list"
 _CLOSING = "# Ende"
@@ -50,7 +51,10 @@ def new_list(
             written = value_texts(key, list(names), inputs, _SOURCE)
             check_encoding(list(names), written, _SOURCE, "ascii")
             texts.update(zip(names.values(), written, strict=True))
-        order = texts if len(block) == 1 else _in_order(block, values)
+        order = list(texts)
+        if len(block) > 1:  # as they were given
+            written = {name: full for _, names in block for name, full in names.items()}
+            order = [written[name] for name in values if name in written]
         lines += [name.ljust(width) + texts[name] + newline for name in order]
     if lines:
         lines.append(newline)
@@ -123,13 +127,6 @@ def _blocks(columns: Mapping[str, dict[str, str]]) -> Iterator[_Block]:
     """Return the columns of each block: header, structures, sizes before tables."""
     stems: dict[str, tuple[_Block, _Block]] = {}
     for key, names in columns.items():
-        stem = key.partition("[")[0].rpartition(".")[0]
-        stems.setdefault(stem, ([], []))["[" in key].append((key, names))
+        stems.setdefault(structure_of(key), ([], []))["[" in key].append((key, names))
     for stem in sorted(stems, key=lambda stem: stem != "kopf"):
         yield from filter(None, stems[stem])
-
-
-def _in_order(block: _Block, values: Iterable[str]) -> list[str]:
-    """Return the written names of a block in the order in which they were given."""
-    written = {name: full for _, names in block for name, full in names.items()}
-    return [written[name] for name in values if name in written]

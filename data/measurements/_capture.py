@@ -56,7 +56,8 @@ def read_capture(path: Path, raw: bytes) -> Table:
 
 def _arrays_in(document: Any) -> list[Array]:
     """Return lists by name, or a list of objects; those of the first value that holds some."""
-    if isinstance(document, list) and document and all(map(_is_object, document)):
+    objects = document if isinstance(document, list) else []
+    if objects and all(isinstance(item, dict) for item in objects):
         keys = dict.fromkeys(key for item in document for key in item)
         return [_array(key, [item.get(key) for item in document]) for key in keys]
     if not isinstance(document, dict):
@@ -69,10 +70,6 @@ def _arrays_in(document: Any) -> list[Array]:
     if any(array.values is not None for array in arrays):
         return arrays
     return next(filter(None, map(_arrays_in, document.values())), arrays)
-
-
-def _is_object(item: Any) -> bool:
-    return isinstance(item, dict)
 
 
 def _signals(document: Any) -> list[dict[str, Any]]:
@@ -97,7 +94,8 @@ def _capture(path: Path, document: Any, signals: Sequence[dict[str, Any]]) -> Ta
     )
     for piece in pieces:
         for key, value in piece.items() if isinstance(piece, dict) else ():
-            if _is_samples(key, value):
+            lists = isinstance(value, list) and all(isinstance(r, list) for r in value)
+            if lists and _SAMPLES.fullmatch(key):
                 for row in value:
                     if len(row) != len(names):
                         reason = f"found {len(row)} values in sample {len(rows) + 1}"
@@ -120,11 +118,6 @@ def _capture(path: Path, document: Any, signals: Sequence[dict[str, Any]]) -> Ta
         if signal.get("Axis")
     }
     return _described(table, axes, others)
-
-
-def _is_samples(key: str, value: Any) -> bool:
-    rows = isinstance(value, list) and all(isinstance(row, list) for row in value)
-    return rows and _SAMPLES.fullmatch(key) is not None
 
 
 def _described(table: Table, axes: dict[str, str], others: dict[str, int]) -> Table:

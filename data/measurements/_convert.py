@@ -71,7 +71,13 @@ def as_run(table: Table, column: Column) -> Int[np.ndarray, " t"]:
             text: at for at, text in enumerate(dict.fromkeys(column.text), start=1)
         }
         return np.array([order[text] for text in column.text], dtype=np.int64)
-    return _whole(table, column, "a whole number")
+    values = table.numbers(column)
+    broken = np.flatnonzero(values != np.round(values))
+    if broken.size:
+        at = int(broken[0])
+        cell = BadCell(int(table.lines[at]), f"{values[at]:g}")
+        raise table.cell_error(column, cell, "a whole number")
+    return values.astype(np.int64)
 
 
 def as_direction(
@@ -156,13 +162,3 @@ def _is_all_minus(column: Column) -> bool:
     """Whether a column holds no number, and a minus where it should."""
     found = "" if column.bad is None else column.bad.found.strip()
     return found in ("-", "−") and not np.isfinite(column.values).any()
-
-
-def _whole(table: Table, column: Column, expected: str) -> Int[np.ndarray, " t"]:
-    values: Float[np.ndarray, " t"] = table.numbers(column)
-    invalid = np.flatnonzero(values != np.round(values))
-    if invalid.size:
-        at = int(invalid[0])
-        cell = BadCell(int(table.lines[at]), f"{values[at]:g}")
-        raise table.cell_error(column, cell, expected)
-    return values.astype(np.int64)

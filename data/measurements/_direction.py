@@ -74,8 +74,9 @@ def explain_direction(measurement: Measurement, axis: str) -> Directions:
     values = np.zeros(position.size, dtype=np.int64)
     # Recorded motion: positions hardly come back, or rows follow each other fast. Targets
     # come back, or there are runs.
-    moving = run is None and time is not None
-    moving = moving and (_is_motion(position[valid]) or is_log(measurement, axis))
+    places = np.unique(position[valid]).size
+    fresh = 2 * places > int(valid.sum()) > 20
+    moving = run is None and time is not None and (fresh or is_log(measurement, axis))
     for group in groups:
         rows = group[valid[group]]
         path = position[rows]
@@ -103,10 +104,6 @@ def _refuse_contradiction(
         " where the newest one comes first"
     )
     raise MeasurementError(str(measurement.source), reason)
-
-
-def _is_motion(position: Float[np.ndarray, " t"]) -> bool:
-    return 2 * np.unique(position).size > position.size > 20
 
 
 def _groups(

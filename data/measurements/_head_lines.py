@@ -254,12 +254,8 @@ def is_unit_row(cells: Sequence[str], width: int) -> bool:
         return False
     odd = [cell for cell in units if unit_in(cell) is None]
     short = all(len(cell) <= _LONGEST_UNIT and not cell[0].isdigit() for cell in odd)
-    return 2 * len(odd) < len(units) and short and not any(map(_is_name, odd))
-
-
-def _is_name(cell: str) -> bool:
-    """Whether a cell says what a column holds."""
-    return looks_like_names([cell])
+    named = any(looks_like_names([cell]) for cell in odd)
+    return 2 * len(odd) < len(units) and short and not named
 
 
 def any_number(dialect: Dialect, rows: Sequence[Sequence[str]]) -> bool:

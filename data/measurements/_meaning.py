@@ -222,7 +222,7 @@ def _with_clock(table: Table, names: Sequence[Name]) -> Table:
         dates, times = columns[day].text, columns[hour].text
         assert dates is not None
         assert times is not None
-        if not any(map(_has_date, times)):
+        if not any(" " in cell.strip() or "T" in cell for cell in times):
             name = f"{columns[day].name} {columns[hour].name}"
             cells = tuple(f"{a} {b}" for a, b in zip(dates, times, strict=True))
             columns[hour] = dataclasses.replace(
@@ -235,7 +235,3 @@ def _with_clock(table: Table, names: Sequence[Name]) -> Table:
             sensor = re.sub(r"\W+", "_", names[at].stem.casefold()).strip("_")
             columns[at] = dataclasses.replace(column, role=f"temperature.{sensor}")
     return dataclasses.replace(table, columns=tuple(columns))
-
-
-def _has_date(cell: str) -> bool:
-    return " " in cell.strip() or "T" in cell

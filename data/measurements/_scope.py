@@ -41,7 +41,8 @@ def read_scope(path: Path, text: str) -> Table:
     columns = [_time_column(instants, header.groups)]
     remarks = []
     for samples, channels, place in zip(groups, header.groups, places, strict=True):
-        measured = _step(samples.time)
+        step = np.median(np.diff(samples.time)) if samples.time.size > 1 else None
+        measured = None if step is None else float(step) / 1000.0
         for k, channel in enumerate(channels):
             columns.append(_column(channel, samples, k, place, instants.size, measured))
         stated = channels[0].sample_time
@@ -117,11 +118,6 @@ def _column(
         present=present,
         sample_time=channel.sample_time or measured,
     )
-
-
-def _step(time: Float[np.ndarray, " t"]) -> float | None:
-    """Return the usual time step in s."""
-    return float(np.median(np.diff(time))) / 1000.0 if time.size > 1 else None
 
 
 def _listed(names: Sequence[str]) -> str:

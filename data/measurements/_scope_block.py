@@ -81,7 +81,10 @@ def read_rows(path: Path, text: str) -> Rows:
     separator = Counter(marks).most_common(1)[0][0]
     start, end = _times(path, lines, separator)
     rows, body_line = _block(path, lines, separator)
-    _complain_of_missing(path, rows, body_line)
+    for key in _NEEDED:  # a full header may have lost a line
+        if key not in rows and len(rows) >= _FULL:
+            found = f"the end of the header, {len(rows)} lines without '{key}'"
+            raise LineError(str(path), body_line, found, _expected_line(key))
     return Rows(separator, start, end, rows, body_line)
 
 
@@ -169,11 +172,3 @@ def _expected_line(key: str) -> str:
         "SampleTime[ms]": "their sample times",
     }[key]
     return f"a line '{key}' with {what}"
-
-
-def _complain_of_missing(path: Path, rows: dict[str, Row], body_line: int) -> None:
-    """Refuse a header that has lost a line: the full one, but for what is needed."""
-    for key in _NEEDED:
-        if key not in rows and len(rows) >= _FULL:
-            found = f"the end of the header, {len(rows)} lines without '{key}'"
-            raise LineError(str(path), body_line, found, _expected_line(key))

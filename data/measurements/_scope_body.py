@@ -69,8 +69,7 @@ class _Body:
 
     def __init__(self, path: Path, header: Header, text: str) -> None:
         self.path, self.header = path, header
-        at = _offset(text, header.body_line)
-        self.raw = text[at:].encode()
+        self.raw = text.split("\n", header.body_line - 1)[-1].encode()
         raw = np.frombuffer(self.raw, np.uint8)
         ends = np.flatnonzero(raw == 10)
         self.closed = bool(self.raw.endswith(b"\n"))
@@ -233,11 +232,3 @@ class _Body:
             found = f"the samples of '{channels[0].name}' ending at {time[-1]:g} ms"
             expected = f"{duration:g} ms ('Endtime of export'): the file is cut off"
             raise LineError(str(self.path), line, found, expected)
-
-
-def _offset(text: str, line: int) -> int:
-    """Return where a line (1-based) begins."""
-    at = 0
-    for _ in range(line - 1):
-        at = text.index("\n", at) + 1
-    return at

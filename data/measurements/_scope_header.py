@@ -82,11 +82,8 @@ def read_header(path: Path, text: str) -> Header:
     return Header(
         separator=separator,
         groups=tuple(
-            tuple(
-                Channel(names[at][k], _unit(values, at, k), _sample_time(values, at, k))
-                for k in range(size)
-            )
-            for at, size in enumerate(sizes)
+            tuple(_channel(values, name, at, k) for k, name in enumerate(group))
+            for at, group in enumerate(names)
         ),
         start=block.start,
         duration=(block.end - block.start) / _TICKS_PER_SECOND,
@@ -211,15 +208,12 @@ def _number(text: str | None) -> float | None:
     return float(text.replace(",", "."))
 
 
-def _unit(values: _Values, at: int, k: int) -> str | None:
-    """Return ``V`` of ``V (Voltage)``; None for ``(None)``."""
-    text = _value(values, "Unit", at, k)
-    return (text or "").split("(")[0].strip() or None
-
-
-def _sample_time(values: _Values, at: int, k: int) -> float | None:
+def _channel(values: _Values, name: str, at: int, k: int) -> Channel:
+    """Return a channel; its unit is ``V`` of ``V (Voltage)``, None of ``(None)``."""
+    unit = (_value(values, "Unit", at, k) or "").split("(")[0].strip()
     milliseconds = _number(_value(values, "SampleTime[ms]", at, k))
-    return None if milliseconds is None else milliseconds / 1000.0
+    sample_time = None if milliseconds is None else milliseconds / 1000.0
+    return Channel(name, unit or None, sample_time)
 
 
 def _rescaled(values: _Values, names: Sequence[Sequence[str]]) -> list[str]:

@@ -42,7 +42,10 @@ class Unit:
             increment: mm or ° per encoder increment; needed for ``inc`` and its rates.
         """
         if self.dimension.startswith("increment"):
-            return values * _checked(increment)
+            if increment is None:
+                msg = "a value in increments needs the axis's increment in mm or °"
+                raise ValueError(msg)
+            return values * increment
         return (values - self.zero) * self.numerator / self.denominator
 
 
@@ -228,10 +231,3 @@ def nearest(text: str, names: Iterable[str]) -> str:
     choices = list(names)
     close = difflib.get_close_matches(text, choices, n=1, cutoff=0.3)
     return close[0] if close else choices[0]
-
-
-def _checked(increment: float | None) -> float:
-    if increment is None:
-        msg = "a value in increments needs the axis's increment in mm or °"
-        raise ValueError(msg)
-    return increment

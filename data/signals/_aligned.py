@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ._noise import resolution
+from ._noise import NORMAL, resolution
 
 _FOURTH = 0.05
 """Error of a cubic spline between samples, per fourth difference, at a jump of jerk."""
 _SHARE = 0.5
 """Of the noise that this error may be."""
-_HALF = 1.4826
 _FLICKER, _DIGITS, _SHORT, _FINE = 10.0, 2.5, 1e-6, 1e-3
 """Deviations of an encoder, its digits, and share of its whole way, that are no travel; share of
 it that a digit is less than."""
@@ -123,7 +122,7 @@ def _scatter(
     best = valid & (doubt <= np.percentile(doubt[valid], 20.0))
     pairs = best[1:] & best[:-1]
     steps = np.abs(np.diff(error))[pairs]
-    return _HALF * float(np.median(steps)) / 2.0**0.5 if steps.size else 0.0
+    return NORMAL * float(np.median(steps)) / 2.0**0.5 if steps.size else 0.0
 
 
 def _roughness(encoder: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
@@ -183,7 +182,7 @@ def travel_direction(place: Float[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
     # Targets, and what moves on by the same from sample to sample, show no digit of an encoder.
     digit = digit if digit < min(0.25 * fastest, _FINE * whole) else 0.0
     third = np.abs(np.diff(place, 3)) / 20.0**0.5
-    noise = _HALF * float(np.median(third)) if third.size else 0.0
+    noise = NORMAL * float(np.median(third)) if third.size else 0.0
     least = max(_FLICKER * noise, _DIGITS * digit, _SHORT * whole)
     low = high = float(place[0])
     turns, ways, way = [0], [0], 0

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ._errors import SignalError, check_lengths
+from ._noise import NORMAL
 from ._order import median
 
 _JUMP = 0.5
@@ -85,7 +86,7 @@ def read_clock(time: Float[np.ndarray, " t"]) -> Clock:
         raise SignalError(what, found, "samples in the order of their times")
     usual = median(steps[rising])
     deviation = np.abs(steps - usual)
-    spread = 1.4826 * median(deviation[rising])
+    spread = NORMAL * median(deviation[rising])
     bound = max(_JUMP * usual, _JITTER * spread)
     even = deviation <= bound
     rows = 1 + np.flatnonzero(~(even & rising))

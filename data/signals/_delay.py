@@ -1,9 +1,10 @@
 """Delay between two channels to a fraction of a sample."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ._errors import check_lengths
 from ._filter import SETTLING, zero_phase
@@ -60,6 +61,8 @@ def estimate_delay(
     Raises:
         SignalError: If there are too few samples for the filter and the delay.
     """
+    from scipy.interpolate import CubicSpline
+
     cutoff = 0.1 / sample_time if cutoff is None else cutoff
     most = int(np.ceil(longest / sample_time))
     edge = most + max(2, round(SETTLING / cutoff / sample_time))
@@ -69,11 +72,15 @@ def estimate_delay(
     y = zero_phase(delayed, sample_time, cutoff=cutoff)
     inner = slice(edge, x.size - edge)
     if min(np.ptp(x[inner]), np.ptp(y[inner])) == 0.0:
-        return _nothing("one of the channels does not change")
+        words = "the delay cannot be told: one of the channels does not change"
+        return Delay(0.0, float("inf"), 0.0, 0.0, False, words)
     start, second = _coarse(np.gradient(x), np.gradient(y), most, edge)
-    refined = _refine(x, y, start, most, edge)
+    rows = np.arange(edge, x.size - edge)
+    spline = CubicSpline(np.arange(x.size), x)
+    samples = _refine(spline, rows, y[rows], start, most)
+    model, slope = spline(rows - samples), spline(rows - samples, 1)
     lag = max(3, round(3.0 / cutoff / sample_time))
-    samples, deviation, gain, correlation = _judge(x, y, refined, edge, lag)
+    deviation, gain, correlation = _judge(model, slope, y[rows], lag)
     seconds, sigma = samples * sample_time, deviation * sample_time
     reason = ""
     if correlation < _LEAST_CORRELATION:
@@ -88,12 +95,6 @@ def estimate_delay(
     if reason:
         words = f"the delay cannot be told: {reason}"
     return Delay(seconds, sigma, gain, correlation, not reason, words)
-
-
-def _nothing(reason: str) -> Delay:
-    infinite = float("inf")
-    words = f"the delay cannot be told: {reason}"
-    return Delay(0.0, infinite, 0.0, 0.0, False, words)
 
 
 def _coarse(
@@ -124,23 +125,19 @@ def _coarse(
 
 
 def _refine(
-    x: Float[np.ndarray, " t"],
-    y: Float[np.ndarray, " t"],
+    spline: Any,
+    rows: Int[np.ndarray, " n"],
+    target: Float[np.ndarray, " n"],
     start: int,
     most: int,
-    edge: int,
 ) -> float:
     """Return the delay in samples by Gauss-Newton steps from a whole one."""
-    from scipy.interpolate import CubicSpline
-
-    spline = CubicSpline(np.arange(x.size), x)
-    rows = np.arange(edge, x.size - edge)
     delay = float(start)
     for _ in range(_STEPS):
         model, slope = spline(rows - delay), spline(rows - delay, 1)
         columns = np.column_stack([np.ones(rows.size), model, slope])
         scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        fit = np.linalg.lstsq(columns / scale, y[rows], rcond=None)[0] / scale
+        fit = np.linalg.lstsq(columns / scale, target, rcond=None)[0] / scale
         if fit[1] == 0.0:
             break
         # a + b x(t - τ - δ) = a + b x - b δ x'
@@ -152,19 +149,13 @@ def _refine(
 
 
 def _judge(
-    x: Float[np.ndarray, " t"],
-    y: Float[np.ndarray, " t"],
-    delay: float,
-    edge: int,
+    model: Float[np.ndarray, " n"],
+    slope: Float[np.ndarray, " n"],
+    target: Float[np.ndarray, " n"],
     lag: int,
-) -> tuple[float, float, float, float]:
-    """Return delay and its deviation in samples, gain, and correlation."""
-    from scipy.interpolate import CubicSpline
-
-    spline = CubicSpline(np.arange(x.size), x)
-    rows = np.arange(edge, x.size - edge)
-    model, slope, target = spline(rows - delay), spline(rows - delay, 1), y[rows]
-    design = np.column_stack([np.ones(rows.size), model - model.mean()])
+) -> tuple[float, float, float]:
+    """Return the deviation of the delay in samples, gain, and correlation."""
+    design = np.column_stack([np.ones(target.size), model - model.mean()])
     fit = np.linalg.lstsq(design, target, rcond=None)[0]
     residual = target - design @ fit
     projected = slope - design @ np.linalg.lstsq(design, slope, rcond=None)[0]
@@ -172,8 +163,8 @@ def _judge(
     power = float(gradient @ gradient)
     spread = float(np.linalg.norm(target - target.mean()))
     if power == 0.0 or spread == 0.0:
-        return delay, float("inf"), float(fit[1]), 0.0
+        return float("inf"), float(fit[1]), 0.0
     deviations = long_run_deviations((gradient * residual)[None], lag)
     deviation = float(deviations[0]) / power
     share = 1.0 - (float(np.linalg.norm(residual)) / spread) ** 2
-    return delay, deviation, float(fit[1]), max(share, 0.0) ** 0.5
+    return deviation, float(fit[1]), max(share, 0.0) ** 0.5

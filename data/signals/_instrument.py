@@ -1,7 +1,6 @@
 """How late an external instrument is against the encoder of a moving axis."""
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -55,7 +54,8 @@ def estimate_instrument(
     clock = InstrumentClock(0.0, 0.0, middle, np.inf, np.inf, False, "")
     if spline is None:
         return _judged(clock, None, half, longest, "nothing moves")
-    splines = _splines(time, others)
+    axes = [] if others is None else [encoder_spline(time, axis) for axis in others.T]
+    splines = [axis for axis in axes if axis is not None]
     row = np.arange(time.size)
     chosen = row % max(1, time.size // _MOST_ROWS) == 0
     # From which side the axis came before its first motion, nobody knows.
@@ -125,13 +125,3 @@ def _words(clock: InstrumentClock, reason: str) -> str:
         slow = "slow" if clock.rate > 0 else "fast"
         words += f", its clock {1e6 * abs(clock.rate):.3g} ppm {slow}"
     return words
-
-
-def _splines(
-    time: Float[np.ndarray, " t"], others: Float[np.ndarray, "t k"] | None
-) -> list[Any]:
-    """Return the splines of the other axes that move."""
-    if others is None:
-        return []
-    splines = [encoder_spline(time, other) for other in others.T]
-    return [spline for spline in splines if spline is not None]

@@ -11,7 +11,7 @@ from ._order import median
 
 _THIRD = math.sqrt(20.0)
 """Third differences of white noise are that many times as large (1, 3, 3, 1)."""
-_HALF = 1.4826
+NORMAL = 1.4826
 """Standard deviation per median of the absolute value, of normal noise."""
 
 
@@ -27,7 +27,7 @@ def noise_of(
     """
     check_lengths("noise", values.size, least=8)
     third = np.diff(values, 3) / _THIRD if time is None else _divided(values, time)
-    spread = _HALF * median(np.abs(third))
+    spread = NORMAL * median(np.abs(third))
     return max(spread, resolution(values) / math.sqrt(12.0))
 
 

@@ -8,13 +8,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._aligned import AlignedError, travel_direction
+from ._noise import NORMAL
 
 _WINDOW = 1.5
 """s: within it the true error is linear in the positions, as far as a delay goes."""
 _PIECES = 40
 """Of the travel: over all of it the true error bends as a cubic spline, both ways alike."""
 _LEAST_ROWS = 8
-_HALF = 1.4826
 _HEAVY = 2.5
 """Robust standard deviations beyond which a reading counts less and less."""
 _REWEIGHTED = 8
@@ -143,7 +143,7 @@ class Windows:
         normal += 1e-12 * np.trace(normal) * np.eye(columns.shape[1])
         values = np.linalg.solve(normal, design.T @ (weight * flat))
         residual = flat - design @ values
-        scatter = _HALF * float(np.median(np.abs(residual)))
+        scatter = NORMAL * float(np.median(np.abs(residual)))
         new = 1.0 / (1.0 + (residual / max(_HEAVY * scatter, 1e-15)) ** 2)
         return _Pass(design, normal, values, residual, scatter, new)
 
