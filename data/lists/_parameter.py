@@ -35,15 +35,9 @@ class Interval(NamedTuple):
     def __str__(self) -> str:
         """Return the range as the manuals print it, without the name."""
         low, high = self.minimum, self.maximum
-        left = (
-            f"{low} {'<' if self.exclusive_minimum else '≤'} "
-            if low is not None
-            else ""
-        )
+        left = "" if low is None else f"{low} {'<' if self.exclusive_minimum else '≤'} "
         right = (
-            f" {'<' if self.exclusive_maximum else '≤'} {high}"
-            if high is not None
-            else ""
+            "" if high is None else f" {'<' if self.exclusive_maximum else '≤'} {high}"
         )
         return f"{left}x{right}"
 

@@ -53,8 +53,8 @@ def new_list(
             texts.update(zip(names.values(), written, strict=True))
         order = list(texts)
         if len(block) > 1:  # as they were given
-            written = {name: full for _, names in block for name, full in names.items()}
-            order = [written[name] for name in values if name in written]
+            given = {name: full for _, names in block for name, full in names.items()}
+            order = [given[name] for name in values if name in given]
         lines += [name.ljust(width) + texts[name] + newline for name in order]
     if lines:
         lines.append(newline)

@@ -16,8 +16,6 @@ from ._iso230_types import Iso230, Iso230Position, Iso230Run
 
 EDITION = "ISO 230-2:2014"
 _Approach = tuple[float, int, int, float]  # target, run, side, deviation
-_Sided = tuple[float | None, float | None, float | None, float | None]
-"""Mean and deviation from below, then from above."""
 _SAME_TARGET = 6  # decimals: targets closer than 1 nm are one
 
 
@@ -44,18 +42,13 @@ def iso230(
         MeasurementError: If there are no readings.
     """
     rows = _approaches(target, error, run, direction)
-    sides = _by_target(rows)
-    sided = [_sided(up, down) for up, down in sides.values()]
-    positions = tuple(
-        _position(place, up, down, values)
-        for (place, (up, down)), values in zip(sides.items(), sided, strict=True)
-    )
+    positions = _positions(rows)
     remarks: list[str] = []
     if direction is None:
         remarks.append("No direction given: all readings are taken as from one side.")
     remarks += _gaps(positions, [item for item in positions if item.B is not None])
     return Iso230(
-        **_overall(sided),
+        **_overall(positions),
         positions=positions,
         runs=_runs(rows),
         run_offsets=_offsets(rows),
@@ -70,46 +63,32 @@ def iso230_figures(
     direction: Int[np.ndarray, " t"] | None,
 ) -> dict[str, float | None]:
     """Return the overall figures alone, by name; arguments and errors as `iso230`."""
-    sides = _by_target(_approaches(target, error, run, direction))
-    return _overall([_sided(up, down) for up, down in sides.values()])
+    return _overall(_positions(_approaches(target, error, run, direction)))
 
 
-def _overall(places: Sequence[_Sided]) -> dict[str, float | None]:
-    pairs = [
-        (*_mean_of_both(up, down), s_up, s_down)
-        for up, s_up, down, s_down in places
-        if up is not None and down is not None
-    ]
-    first = _one_side([place[:2] for place in places])
-    second = _one_side([place[2:] for place in places])
-    reversal = [item[0] for item in pairs]
-    repeat = [
-        _bidirectional(turn, s_up, s_down)
-        for turn, _, s_up, s_down in pairs
-        if s_up is not None and s_down is not None
-    ]
-    finite = bool(pairs) and math.isfinite(first.high) and math.isfinite(second.high)
-    sided = [
-        mean
-        for up, _, down, _ in places
-        if up is not None and down is not None
-        for mean in (up, down)
-    ]
+def _overall(positions: Sequence[Iso230Position]) -> dict[str, float | None]:
+    reversals = [p.B for p in positions if p.B is not None]
+    middles = [p.mean for p in positions if p.mean is not None]
+    repeat = [p.R for p in positions if p.R is not None]
+    sides = [(p.mean_up, p.mean_down) for p in positions if p.B is not None]
+    means = [mean for pair in sides for mean in pair if mean is not None]
+    up = _one_side([(p.mean_up, p.s_up) for p in positions])
+    down = _one_side([(p.mean_down, p.s_down) for p in positions])
+    finite = bool(reversals) and math.isfinite(up.high) and math.isfinite(down.high)
+    width = max(up.high, down.high) - min(up.low, down.low)
     return {
-        "A": max(first.high, second.high) - min(first.low, second.low)
-        if finite
-        else None,
+        "A": width if finite else None,
         "R": max(repeat) if repeat else None,
-        "B": max(map(abs, reversal)) if pairs else None,
-        "B_mean": float(np.mean(reversal)) if pairs else None,
-        "E": _range(sided),
-        "M": _range([item[1] for item in pairs]),
-        "R_up": first.repeatability,
-        "R_down": second.repeatability,
-        "A_up": first.accuracy,
-        "A_down": second.accuracy,
-        "E_up": first.systematic,
-        "E_down": second.systematic,
+        "B": max(map(abs, reversals)) if reversals else None,
+        "B_mean": float(np.mean(reversals)) if reversals else None,
+        "E": _range(means),
+        "M": _range(middles),
+        "R_up": up.repeatability,
+        "R_down": down.repeatability,
+        "A_up": up.accuracy,
+        "A_down": down.accuracy,
+        "E_up": up.systematic,
+        "E_down": down.systematic,
     }
 
 
@@ -158,15 +137,13 @@ def _approaches(
     )
 
 
-def _by_target(
-    rows: Sequence[_Approach],
-) -> dict[float, tuple[list[float], list[float]]]:
-    """Return the deviations up and down at each target; targets ascend as the rows do."""
+def _positions(rows: Sequence[_Approach]) -> tuple[Iso230Position, ...]:
+    """Return the figures at each target; targets ascend as the rows do."""
     targets: dict[float, tuple[list[float], list[float]]] = {}
     for place, _, side, value in rows:
         if side in (1, -1):
             targets.setdefault(place, ([], []))[side < 0].append(value)
-    return targets
+    return tuple(_position(place, up, down) for place, (up, down) in targets.items())
 
 
 def _mean_and_s(values: list[float]) -> tuple[float | None, float | None]:
@@ -179,29 +156,13 @@ def _mean_and_s(values: list[float]) -> tuple[float | None, float | None]:
     return mean, math.sqrt(math.fsum([(v - mean) ** 2 for v in values]) / (count - 1))
 
 
-def _sided(up: list[float], down: list[float]) -> _Sided:
-    return (*_mean_and_s(up), *_mean_and_s(down))
-
-
-def _mean_of_both(up: float, down: float) -> tuple[float, float]:
-    """Return the reversal and the mean bidirectional deviation of both means."""
-    return up - down, (up + down) / 2.0
-
-
-def _bidirectional(reversal: float, s_up: float, s_down: float) -> float:
-    """Return the bidirectional repeatability at a target."""
-    return max(2 * s_up + 2 * s_down + abs(reversal), 4 * s_up, 4 * s_down)
-
-
-def _position(
-    target: float, up: list[float], down: list[float], sided: _Sided
-) -> Iso230Position:
-    mean_up, s_up, mean_down, s_down = sided
+def _position(target: float, up: list[float], down: list[float]) -> Iso230Position:
+    (mean_up, s_up), (mean_down, s_down) = _mean_and_s(up), _mean_and_s(down)
     reversal = mean = repeat = None
     if mean_up is not None and mean_down is not None:
-        reversal, mean = _mean_of_both(mean_up, mean_down)
+        reversal, mean = mean_up - mean_down, (mean_up + mean_down) / 2.0
         if s_up is not None and s_down is not None:
-            repeat = _bidirectional(reversal, s_up, s_down)
+            repeat = max(2 * s_up + 2 * s_down + abs(reversal), 4 * s_up, 4 * s_down)
     return Iso230Position(
         target=target,
         mean_up=mean_up,

@@ -21,6 +21,10 @@ TOTAL = "offset"
 """Name of the sum of all position offsets of an axis."""
 
 
+EXTERNAL_LOG = "external"
+"""Name of what an external compensation adds, the object ``EXTC[0].actual_offset``."""
+
+
 def _plain(text: str) -> str:
     """Return letters and digits only: exports spell the names of objects differently."""
     return re.sub(r"[^a-z0-9]", "", text.lower())
@@ -30,7 +34,7 @@ _OBJECTS = {
     _plain(one.name): (one.compensation, one.reports == "filtered")
     for one in CNC_OBJECTS
     if one.reports is not None
-}
+} | {_plain("EXTC[0].actual_offset"): (EXTERNAL_LOG, True)}
 """CNC object, letters and digits only: compensation, and whether filters have acted."""
 _STATES = {_plain(one.name): one.compensation for one in CNC_OBJECTS if one.tells_state}
 _VARIABLES = {
@@ -49,21 +53,13 @@ _VARIABLE = re.compile(
 )
 _OBJECT = re.compile(
     r"(?:(?P<before>\w+)\s*(?:\.|::|\s|/)\s*)?"
-    r"(?P<object>(?:BC|TEMPC|CROSSC|CC2|LSEC|CROSSTALK)\s*::\s*[A-Za-z_0-9]+(?:[ _][a-z]+)?)"
+    r"(?P<object>(?:BC|TEMPC|CROSSC|CC2|LSEC|CROSSTALK)\s*::\s*[A-Za-z_0-9]+(?:[ _][a-z]+)?"
+    r"|EXTC\s*\[\s*0\s*\]\s*(?:\.|::)\s*actual_offset)"
     r"\s*(?:\.\s*(?P<after>\w+)|\[\s*(?P<index>\d+)\s*\])?",
-    re.IGNORECASE,
-)
-_EXTERNAL = re.compile(
-    r"(?:(?P<before>\w+)\s*(?:\.|::|\s|/)\s*)?EXTC\s*\[\s*0\s*\]\s*(?:\.|::)\s*actual_offset"
-    r"\s*(?:\.\s*(?P<after>\w+))?",
     re.IGNORECASE,
 )
 _ROLE = re.compile(r"(?P<axis>[A-Za-z_][A-Za-z0-9_-]*)\.(?P<what>[a-z]+)")
 _NUMBERED = re.compile(r"(?:A|axis|achse)[ _-]?0*(?P<number>[0-9]+)", re.IGNORECASE)
-
-
-EXTERNAL_LOG = "external"
-"""Name of what an external compensation adds, the object ``EXTC[0].actual_offset``."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,10 +102,6 @@ def log_name(text: str, names: Collection[str] = COMPENSATIONS) -> LogName | Non
         # A bare index counts the axes of the channel, which are no logical numbers.
         axis = match["axis"]
         return LogName(axis and plain_axis(axis), _VARIABLES[match["name"].upper()])
-    match = _EXTERNAL.fullmatch(text)
-    if match:
-        axis = match["before"] or match["after"]
-        return LogName(axis and plain_axis(axis), EXTERNAL_LOG, increments=True)
     match = _OBJECT.fullmatch(text)
     if match is None:
         return None

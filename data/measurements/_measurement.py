@@ -16,7 +16,7 @@ from ._errors import MeasurementError, MissingRole
 from ._roles import ColumnSpec as ColumnSpec, Role, find_role, role as named_role
 from ._table import MESH_FORMATS, SCOPE_FORMAT, Column, Skipped, Table, TextForm
 from ._turns import unwound
-from ._units import find_unit
+from ._units import Unit, find_unit
 from ._wide import unfolded
 from ._words import is_axis_column, is_leg, kinds_in, says_correction, words_in
 
@@ -214,8 +214,12 @@ def measurement(
     remarks = list(table.remarks)
     if differs and not columns:
         remarks.append(f"The file is of axis {table.axis}, and is taken for {axis}.")
-    angular = _angular_axes(table, mapping) if rotary is None else set(rotary)
-    inches = dict(_in_inches(table, mapping))
+    stated = list(_stated_units(table, mapping))
+    angular = {axis for axis, _, unit in stated if unit.dimension.startswith("ang")}
+    angular = angular if rotary is None else set(rotary)
+    inches = {
+        axis: text for axis, text, unit in stated if unit.name in ("in", "thou", "uin")
+    }
     for text, spec in mapping.items():
         role = named_role(text, source)
         if spec.value is not None:
@@ -257,7 +261,7 @@ def measurement(
         if column.unit is None and spec.unit is None and told:
             if role.axis in inches and unit.dimension == "length":
                 reason = (
-                    f"column '{column.name}': found no unit, and inches for {inches[role.axis]},"
+                    f"column '{column.name}': found no unit, and inches for '{inches[role.axis]}',"
                     " expected its unit: state it (in, thou, mm, um) in columns"
                 )
                 raise MeasurementError(source, reason)
@@ -265,11 +269,8 @@ def measurement(
                 f"Column '{column.name}' states no unit: it is taken in {unit.name}."
             )
         if role.kind == "time" and column.unit is None and spec.unit is None:
-            largest = float(
-                np.max(
-                    np.abs(column.values), initial=0.0, where=np.isfinite(column.values)
-                )
-            )
+            finite = column.values[np.isfinite(column.values)]
+            largest = float(np.abs(finite).max(initial=0.0))
             if largest > MOST_SECONDS:
                 reason = (
                     f"column '{column.name}': found a time of {largest:.3g} without a unit,"
@@ -426,28 +427,16 @@ def _constant(
     return unit.to_library(values), library_unit(unit, angle=angle)
 
 
-def _in_inches(
+def _stated_units(
     table: Table, mapping: Mapping[str, ColumnSpec]
-) -> Iterator[tuple[str, str]]:
-    """Yield each axis, and a role of it, with a column that states inches or parts of them."""
+) -> Iterator[tuple[str, str, Unit]]:
+    """Yield axis, role and unit where the job, or else the file, states the unit."""
     for text, spec in mapping.items():
         axis = named_role(text, str(table.path)).axis
         stated = table.column(spec.column).unit if spec.column else None
         unit = find_unit(spec.unit or stated or "")
-        if axis and unit is not None and unit.name in ("in", "thou", "uin"):
-            yield axis, f"'{text}'"
-
-
-def _angular_axes(table: Table, mapping: Mapping[str, ColumnSpec]) -> set[str]:
-    """Return the axes of which any unit, of the job or the file, is one of angles."""
-    axes = set()
-    for text, spec in mapping.items():
-        role = named_role(text, str(table.path))
-        stated = table.column(spec.column).unit if spec.column else None
-        unit = find_unit(spec.unit or stated or "")
-        if role.axis and unit is not None and unit.dimension.startswith("ang"):
-            axes.add(role.axis)
-    return axes
+        if axis and unit is not None:
+            yield axis, text, unit
 
 
 def own_roles(

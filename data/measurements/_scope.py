@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 
 from ._header import Name, roles_of
 from ._scope_body import read_body
@@ -38,7 +38,9 @@ def read_scope(path: Path, text: str) -> Table:
     lines = np.zeros(instants.size, dtype=np.int64)
     for samples, place in zip(groups[::-1], places[::-1], strict=True):
         lines[place] = samples.lines
-    columns = [_time_column(instants, header.groups)]
+    used = {channel.name.casefold() for group in header.groups for channel in group}
+    clock = next(n for n in ("time", "scope time", "time of export") if n not in used)
+    columns = [Column(clock, "time", "ms", instants, header=clock)]
     remarks = []
     for samples, channels, place in zip(groups, header.groups, places, strict=True):
         step = np.median(np.diff(samples.time)) if samples.time.size > 1 else None
@@ -81,14 +83,6 @@ def read_scope(path: Path, text: str) -> Table:
         skipped=skipped,
         remarks=tuple(remarks),
     )
-
-
-def _time_column(
-    instants: Float[np.ndarray, " t"], groups: Sequence[Sequence[Channel]]
-) -> Column:
-    used = {channel.name.casefold() for group in groups for channel in group}
-    name = next(n for n in ("time", "scope time", "time of export") if n not in used)
-    return Column(name, "time", "ms", instants, header=name)
 
 
 def _column(

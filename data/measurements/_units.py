@@ -109,20 +109,10 @@ def _all_units() -> Iterable[Unit]:
 UNITS: dict[str, Unit] = {unit.name: unit for unit in _all_units()}
 
 LIBRARY_UNIT: dict[str, str] = {
-    "length": "mm",
-    "angle": "deg",
-    "velocity": "mm/s",
-    "angular velocity": "deg/s",
-    "acceleration": "mm/s2",
-    "angular acceleration": "deg/s2",
-    "time": "s",
-    "temperature": "degC",
-    "current": "A",
-    "voltage": "V",
-    "force": "N",
-    "torque": "Nm",
-    "ratio": "%",
-    "drive units": "raw",
+    unit.dimension: unit.name
+    for unit in UNITS.values()
+    if (unit.numerator, unit.denominator, unit.zero) == (1, 1, 0.0)
+    and not unit.dimension.startswith("increments")
 }
 """Unit inside the library, by dimension (increments become lengths or angles)."""
 
