@@ -1,7 +1,7 @@
 """Small expressions of the registry: conditions between the entries of one structure.
 
 Comparisons, ``and``/``or``/``not``, ``+ - *``, numbers, texts, names of entries and
-``given(name)``. Made into functions by walking the syntax tree: nothing else can be expressed.
+``given(name)``. Evaluated by walking the syntax tree: nothing else can be expressed.
 """
 
 import ast
@@ -13,7 +13,6 @@ from typing import TypeAlias
 Value: TypeAlias = int | float | str | bool
 _Values: TypeAlias = Callable[[str], Value]
 _Given: TypeAlias = Callable[[str], bool]
-_Step: TypeAlias = Callable[[_Values, _Given], Value]
 
 _ARITHMETIC: Mapping[type[ast.operator], Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -30,8 +29,7 @@ _COMPARISONS: Mapping[type[ast.cmpop], Callable[[Value, Value], bool]] = {
 }
 
 _ALLOWED = (
-    *(ast.Constant, ast.Name, ast.Load, ast.Call, ast.Compare),
-    *(ast.BoolOp, ast.And, ast.Or, ast.UnaryOp, ast.Not, ast.BinOp),
+    *(ast.Name, ast.Load, ast.BoolOp, ast.And, ast.Or, ast.UnaryOp, ast.Not, ast.BinOp),
     *_ARITHMETIC,
     *_COMPARISONS,
 )
@@ -61,10 +59,10 @@ class Expression:
         )
         """Entries that the expression looks at, in order."""
         for node in ast.walk(tree):
-            if not isinstance(node, _ALLOWED):
+            if not _is_allowed(node):
                 msg = f"expression {text!r} holds {type(node).__name__}"
                 raise ValueError(msg)
-        self._evaluate = _compiled(tree)
+        self._tree = tree
 
     def holds(
         self, value: Callable[[str], Value | None], given: Callable[[str], bool]
@@ -83,7 +81,7 @@ class Expression:
             return content
 
         try:
-            return bool(self._evaluate(required, given))
+            return bool(_evaluated(self._tree, required, given))
         except UnknownValueError:
             return None
 
@@ -94,55 +92,42 @@ def expression(text: str) -> Expression:
     return Expression(text)
 
 
-def _compiled(node: ast.expr) -> _Step:
-    """Return what tells the value of an expression, given that of every name."""
+def _evaluated(node: ast.expr, value: _Values, given: _Given) -> Value:
+    """Return the value of a part of an expression, given that of every name."""
     match node:
         case ast.Constant(value=int() | float() | str() as constant):
-            return lambda value, given: constant
+            return constant
         case ast.Name(id="true"):
-            return lambda value, given: True
+            return True
         case ast.Name(id=name):
-            return lambda value, given: value(name)
-        case ast.Call(func=ast.Name(id="given"), args=[ast.Name(id=name)]):
-            return lambda value, given: given(name)
-        case ast.UnaryOp(op=ast.Not(), operand=operand):
-            inner = _compiled(operand)
-            return lambda value, given: not inner(value, given)
-        case ast.BoolOp(op=ast.And(), values=parts):
-            steps = list(map(_compiled, parts))
-            return lambda value, given: all(step(value, given) for step in steps)
-        case ast.BoolOp(op=ast.Or(), values=parts):
-            steps = list(map(_compiled, parts))
-            return lambda value, given: any(step(value, given) for step in steps)
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
-            return _calculated(_ARITHMETIC[type(op)], _compiled(left), _compiled(right))
+            return value(name)
+        case ast.Call(args=[ast.Name(id=name)]):
+            return given(name)
+        case ast.UnaryOp(operand=operand):
+            return not _evaluated(operand, value, given)
+        case ast.BoolOp(op=op, values=parts):
+            results = (_evaluated(part, value, given) for part in parts)
+            return all(results) if isinstance(op, ast.And) else any(results)
+        case ast.BinOp(left=left, op=op, right=right):
+            first, second = (_evaluated(part, value, given) for part in (left, right))
+            if isinstance(first, str) or isinstance(second, str):
+                raise UnknownValueError
+            return _ARITHMETIC[type(op)](first, second)
         case ast.Compare(left=left, ops=[op], comparators=[right]):
-            return _compared(op, _compiled(left), _compiled(right))
-        case _:
-            msg = f"expression holds {ast.unparse(node)!r}, which is not allowed"
-            raise ValueError(msg)
+            first, second = (_evaluated(part, value, given) for part in (left, right))
+            if isinstance(first, str) != isinstance(second, str):
+                if not isinstance(op, ast.Eq | ast.NotEq):
+                    raise UnknownValueError
+            return _COMPARISONS[type(op)](first, second)
+    raise AssertionError  # refused by `_is_allowed`
 
 
-def _calculated(
-    operation: Callable[[float, float], float], left: _Step, right: _Step
-) -> _Step:
-    def calculated(value: _Values, given: _Given) -> Value:
-        first, second = left(value, given), right(value, given)
-        if isinstance(first, str) or isinstance(second, str):
-            raise UnknownValueError
-        return operation(first, second)
-
-    return calculated
-
-
-def _compared(operator_: ast.cmpop, left: _Step, right: _Step) -> _Step:
-    holds = _COMPARISONS[type(operator_)]
-    any_kind = isinstance(operator_, ast.Eq | ast.NotEq)
-
-    def compared(value: _Values, given: _Given) -> Value:
-        first, second = left(value, given), right(value, given)
-        if isinstance(first, str) != isinstance(second, str) and not any_kind:
-            raise UnknownValueError
-        return holds(first, second)
-
-    return compared
+def _is_allowed(node: ast.AST) -> bool:
+    match node:
+        case ast.Constant(value=constant):
+            return isinstance(constant, int | float | str)
+        case ast.Call(func=ast.Name(id="given"), args=[ast.Name()], keywords=[]):
+            return True
+        case ast.Compare(ops=operators):
+            return len(operators) == 1
+    return isinstance(node, _ALLOWED)

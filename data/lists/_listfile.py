@@ -29,6 +29,10 @@ _SHOWN = 60
 _NOT_ASCII = re.compile(r"[^\x00-\x7f]")
 
 
+_kept_scan = functools.lru_cache(maxsize=8)(scan)
+"""A list is written, read back and checked: the same text then says the same."""
+
+
 @dataclasses.dataclass(frozen=True)
 class ListFile:
     """A compensation, axis or start-up list: lossless text below, typed access above.
@@ -269,10 +273,3 @@ class ListFile:
 
     def _with(self, lines: tuple[str, ...]) -> "ListFile":
         return dataclasses.replace(self, lines=lines)
-
-
-@functools.lru_cache(maxsize=8)
-def _kept_scan(lines: tuple[str, ...]) -> Scan:
-    # A list is written, read back, checked and read from the disk: the same text then
-    # says the same.
-    return scan(lines)

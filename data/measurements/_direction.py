@@ -236,8 +236,7 @@ def _idle_returns(
 ) -> Int[np.ndarray, " _"]:
     """Return the blocks that begin a new pass after a return without readings.
 
-    A sawtooth: every pass runs from neighbour to neighbour in one direction, and only
-        the
+    A sawtooth: every pass runs from neighbour to neighbour in one direction, and only the
     jumps back, over at least one target, run in the other.
     """
     place = np.unique(visited, return_inverse=True)[1].astype(np.int64)

@@ -123,11 +123,10 @@ def find_polarity(
             signs = {int(np.sign(friction))}
     if len(signs) == 2:
         reason = "friction and inertia contradict each other"
-        return dataclasses.replace(_unknown(reason), friction=friction, inertia=inertia)
+        return _unknown(reason, friction, inertia)
     if not signs:
         reason = f"its {best} is {abs(ratio[best]):.1f} standard deviations from 0"
-        unknown = dataclasses.replace(_unknown(reason), friction=friction)
-        return dataclasses.replace(unknown, inertia=inertia, confidence=confidence)
+        return _unknown(reason, friction, inertia, confidence)
     sign = signs.pop()
     word = "supports the motion" if sign > 0 else "opposes the motion"
     evidence = " and ".join(certain)
@@ -135,9 +134,11 @@ def find_polarity(
     return Polarity(sign, confidence, friction, inertia, statement)
 
 
-def _unknown(reason: str) -> Polarity:
+def _unknown(
+    reason: str, friction: float = 0.0, inertia: float = 0.0, confidence: float = 0.5
+) -> Polarity:
     words = f"the sign of the current cannot be told: {reason}"
-    return Polarity(None, 0.5, 0.0, 0.0, words)
+    return Polarity(None, confidence, friction, inertia, words)
 
 
 def _regress(
