@@ -93,13 +93,11 @@ def _check_alone(view: ListView) -> None:
 
 def _report_increments(view: ListView) -> None:
     """Say which tables count in increments, where nobody said how long one is."""
+    if view.increment is not None:
+        return
     for function in registry().functions:
         unit = function.unit
-        if (
-            unit is None
-            or function.structure not in view.in_use
-            or view.increment is not None
-        ):
+        if unit is None or function.structure not in view.in_use:
             continue
         if unit in view.columns and view.integer(unit) == 0:
             view.add(

@@ -43,9 +43,8 @@ def check_startup(view: ListView, lists: ListSet) -> None:
     if complete:
         _check_pairs(view, names, numbers, count if count == total else None)
     if numbers is not None:
-        used: set[int] = set()
         for at, number in enumerate(numbers.integers):
-            if number is not None and number in used:
+            if number is not None and number in numbers.integers[:at]:
                 view.add(
                     "error",
                     f"two compensation lists for axis {number}",
@@ -55,8 +54,6 @@ def check_startup(view: ListView, lists: ListSet) -> None:
                     found=str(number),
                     expected="each axis once",
                 )
-            elif number is not None:
-                used.add(number)
     for other in lists.compensation:
         name = base_name(other.file.source)
         if name not in files:

@@ -19,7 +19,7 @@ from ._instruments import (
     read_centroid,
     read_renishaw,
 )
-from ._layout import Layout, find_layout
+from ._layout import find_layout
 from ._mat import is_mat, read_mat
 from ._matrix import is_matrix, read_matrix
 from ._mesh import is_bed_mesh, is_height_map, read_bed_mesh, read_height_map
@@ -75,7 +75,15 @@ def read_table(
         if table is not None:
             return table
     raw = unpacked(path.read_bytes(), path)
-    return _any_table(path, raw, profile, lines)
+    if is_mat(raw):
+        return _chosen(read_mat(path, raw), lines)
+    if is_capture(raw):
+        return _chosen(read_capture(path, raw), lines)
+    decoded = decode(raw, path)
+    reader = special_reader(decoded, profile) if lines is None else None
+    if reader is not None:
+        return reader(path, decoded.text)
+    return read_csv(path, decoded.text, encoding=decoded.encoding, lines=lines)
 
 
 def _chosen(table: Table, lines: Lines | None) -> Table:
@@ -129,7 +137,9 @@ def _bulk_table(path: Path) -> Table | None:
         layout = None if special_reader(head) else find_layout(path, head.text)
     except MeasurementError:
         return None
-    if layout is None or not _is_bulk(layout, head.text):
+    if layout is None or len(layout.names) < 2 or not all(layout.numeric):
+        return None
+    if layout.dialect.separator == " " or layout.dialect.thousands or '"' in head.text:
         return None
     offset = 0
     for _ in range(layout.body_line - 1):
@@ -152,12 +162,6 @@ def _bulk_table(path: Path) -> Table | None:
     lines = np.arange(layout.body_line, layout.body_line + rows)
     assert ended or rows  # a last line without its end is a row like the others
     return table_of(path, layout, columns, lines, (), head.encoding)
-
-
-def _is_bulk(layout: Layout, text: str) -> bool:
-    dialect = layout.dialect
-    plain = dialect.separator != " " and not dialect.thousands and '"' not in text
-    return plain and len(layout.names) > 1 and all(layout.numeric)
 
 
 def special_reader(
@@ -187,18 +191,3 @@ def special_reader(
     if is_addresses(head):
         return functools.partial(read_addresses, encoding=decoded.encoding)
     return None
-
-
-def _any_table(
-    path: Path, raw: bytes, profile: str | None, lines: Lines | None
-) -> Table:
-    """Return what a file holds, from its bytes."""
-    if is_mat(raw):
-        return _chosen(read_mat(path, raw), lines)
-    if is_capture(raw):
-        return _chosen(read_capture(path, raw), lines)
-    decoded = decode(raw, path)
-    reader = special_reader(decoded, profile) if lines is None else None
-    if reader is not None:
-        return reader(path, decoded.text)
-    return read_csv(path, decoded.text, encoding=decoded.encoding, lines=lines)
