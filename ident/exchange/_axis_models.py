@@ -77,13 +77,11 @@ class AxisModels(Mapping[str, Any]):
         for name in tables:
             model = self.models[name]
             machine |= kind(name).entries.beside(model, self.models.keys())
-        target = ListTarget(existing, build=build)
+        target = ListTarget(existing, build=build, rules=rules)
         for name in sorted(self.models):
-            model, masters = (
-                self._in_list_units(name, rules),
-                self.masters.get(name, ()),
-            )
-            entries = kind(name).entries.to_list(model, masters, rules, target)
+            model = self._in_list_units(name, rules)
+            masters = self.masters.get(name, ())
+            entries = kind(name).entries.to_list(model, masters, target)
             (compensation if name in tables else machine).update(entries)
         return compensation, machine
 

@@ -4,6 +4,7 @@ import dataclasses
 from typing import final
 
 from ...data.lists import ListFile, build_has, registry
+from ...models import Conventions
 from ._units import expect
 
 
@@ -16,11 +17,13 @@ class ListTarget:
         existing: Compensation list that will be edited; 0 in it stands for the default.
         max_points: Wanted size of the memory, or None to write it only where needed.
         build: Of the controller, or None for the newest.
+        rules: Of the controller.
     """
 
     existing: ListFile | None = None
     max_points: int | None = None
     build: str | None = None
+    rules: Conventions = dataclasses.field(default_factory=Conventions)
 
     def max_points_entry(
         self, prefix: str, needed: int, fits_default: bool

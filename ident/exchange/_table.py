@@ -74,9 +74,8 @@ class AbstractTable(abc.ABC):
         target: ListTarget = ANY_LIST,
     ) -> Mapping[str, Value]:
         """Return the list entries for integer values shaped like `layout`."""
-        return self.kind.entries.to_list(
-            self.model(integers), self.masters, self.conventions, target
-        )
+        target = dataclasses.replace(target, rules=self.conventions)
+        return self.kind.entries.to_list(self.model(integers), self.masters, target)
 
     def read(self, listing: ListFile, increments: Increments = None) -> Model:
         """Return the model of the table that a list holds."""

@@ -59,8 +59,8 @@ class AbstractOfFit(abc.ABC):
     @property
     def target(self) -> ListTarget:
         """The compensation list that its entries are written for."""
-        build = self.job.spec.controller.build
-        return ListTarget(self.lists.compensation, self.fit.max_points, build)
+        build, rules = self.job.spec.controller.build, self.job.conventions
+        return ListTarget(self.lists.compensation, self.fit.max_points, build, rules)
 
     @property
     def manual_entry(self) -> dict[str, Value]:

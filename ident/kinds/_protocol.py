@@ -51,7 +51,6 @@ if TYPE_CHECKING:
 
 Axes = tuple[int, ...]
 """Logical numbers of axes, or their columns."""
-DEFAULT_RULES = Conventions()
 
 
 class AbstractEntries(abc.ABC):
@@ -165,11 +164,7 @@ class AbstractEntries(abc.ABC):
 
     @abc.abstractmethod
     def to_list(
-        self,
-        model: Any,
-        masters: Axes,
-        rules: Conventions,
-        target: ListTarget = ANY_LIST,
+        self, model: Any, masters: Axes = (), target: ListTarget = ANY_LIST
     ) -> Mapping[str, Value]:
         """Return the entries of the list that holds it, rounded to list units.
 
@@ -177,8 +172,7 @@ class AbstractEntries(abc.ABC):
             model: One of `models`, in mm or °; what a list holds as whole units (nodes,
                 accelerations) must be a multiple of one.
             masters: Logical numbers, in the order of the list.
-            rules: Those of the controller; a sign is that of the model.
-            target: The list that they are written for.
+            target: The list that they are written for; a sign is that of the model.
 
         Raises:
             ExchangeError: If something does not fit.

@@ -69,7 +69,7 @@ def test_plane_comes_back_as_written(second: int) -> None:
     np.testing.assert_array_equal(
         np.asarray(again.nodes2.positions), table.nodes[1].positions
     )
-    assert entries_of_plane(again, (1, 2), RULES) == table.entries(VALUES)
+    assert entries_of_plane(again, (1, 2)) == table.entries(VALUES)
     assert faults(listing) == []
 
 
@@ -402,7 +402,7 @@ def test_plane_on_single_setpoints_fits_no_list() -> None:
     with pytest.raises(
         ExchangeError, match="found single setpoints, expected equidist"
     ):
-        entries_of_plane(plane, (1, 2), RULES)
+        entries_of_plane(plane, (1, 2))
 
 
 def test_leadscrew_without_entries_is_refused() -> None:

@@ -7,6 +7,7 @@ import pytest
 from axcomp.data.lists import ListFile, check, new_list
 from axcomp.ident.exchange import (
     ExchangeError,
+    ListTarget,
     entries_of_activation,
 )
 from axcomp.ident.external import ExternalAxis, entries_of_external_axis
@@ -63,7 +64,12 @@ def test_reference_flank_is_a_convention() -> None:
     found = backlash_from_list(parse(BACKLASH), rules)
     assert found is not None
     assert found.reference == -1
-    assert entries_of_backlash(found, (), rules)["lr_param.anwahl_losekomp"] == 1
+    assert (
+        entries_of_backlash(found, target=ListTarget(rules=rules))[
+            "lr_param.anwahl_losekomp"
+        ]
+        == 1
+    )
 
 
 def test_backlash_that_is_off_is_none() -> None:
@@ -74,16 +80,16 @@ def test_backlash_that_is_off_is_none() -> None:
 def test_backlash_comes_back_from_its_entries(reference: int) -> None:
     assert reference in (1, -1)
     model = Backlash(jnp.array(-0.0123), 1 if reference == 1 else -1, 7)
-    back = backlash_from_list(written(entries_of_backlash(model, (), RULES)), RULES)
+    back = backlash_from_list(written(entries_of_backlash(model)), RULES)
     assert back is not None
     assert (float(back.width), back.reference, back.cycles) == (-0.0123, reference, 7)
 
 
 def test_backlash_that_does_not_fit_is_refused() -> None:
     with pytest.raises(ExchangeError, match=r"lose: found 4 mm or °, expected .* 3.27"):
-        entries_of_backlash(Backlash(jnp.array(4.0)), (), RULES)
+        entries_of_backlash(Backlash(jnp.array(4.0)))
     with pytest.raises(ExchangeError, match=r"cyc: found 20, expected at most 19"):
-        entries_of_backlash(Backlash(jnp.array(0.1), 1, 20), (), RULES)
+        entries_of_backlash(Backlash(jnp.array(0.1), 1, 20))
     with pytest.raises(ExchangeError, match=r"losekomp: found 3, expected 0, 1 or 2"):
         backlash_from_list(parse("lr_param.anwahl_losekomp 3\n"), RULES)
 

@@ -119,7 +119,4 @@ def test_entries_of_the_axis_list_survive(
     line = temperature_from_list(listing, RULES)
     assert backlash is not None
     assert line is not None
-    assert (
-        entries_of_backlash(backlash, (), RULES) | entries_of_temperature(line)
-        == entries
-    )
+    assert entries_of_backlash(backlash) | entries_of_temperature(line) == entries

@@ -62,9 +62,7 @@ def test_plane_over_a_turning_master_is_wrapped_and_comes_back() -> None:
         EquidistantNodes(np.array(0.0), np.array(10.0), 2),
         values,
     )
-    again = plane_from_list(
-        back(entries_of_plane(model, (4, 2), RULES)), RULES, modulo=TURN
-    )
+    again = plane_from_list(back(entries_of_plane(model, (4, 2))), RULES, modulo=TURN)
     at = np.array([[90.0, 0.0], [450.0, 0.0], [-90.0, 10.0], [360.0, 5.0]])
     found = offset_at(again, at)
     np.testing.assert_allclose(found, [5e-4, 5e-4, 2.5e-3, 1e-3], rtol=0, atol=ROUNDING)
@@ -78,7 +76,7 @@ def test_plane_that_jumps_is_not_written(first: bool) -> None:
     pair = (turning, nodes) if first else (nodes, turning)
     match = f"along master {1 if first else 2}: found 0 at the start and {2 if first else 6}"
     with pytest.raises(ExchangeError, match=match):
-        entries_of_plane(Plane(*pair, values), (4, 2), RULES)
+        entries_of_plane(Plane(*pair, values), (4, 2))
 
 
 def test_cross_that_jumps_is_not_written() -> None:

@@ -81,7 +81,7 @@ class BacklashDraft(AbstractDraft):
     def machine_entries(self, cycles: int | None) -> dict[str, Value]:
         reference = 1 if self.plan.reference > 0 else -1
         model = Backlash(jnp.asarray(self.width), reference, cycles or 0)
-        return dict(entries_of_backlash(model, (), self.job.conventions))
+        return dict(entries_of_backlash(model, target=self.target))
 
     @property
     def foreseen(self) -> Foreseen:

@@ -5,14 +5,14 @@ from typing import Literal, final
 import numpy as np
 
 from ....data.lists import ListFile
-from ....models import Backlash, Conventions
+from ....models import Backlash
 from ...exchange._capacity import ANY_LIST, ListTarget
 from ...exchange._identity import not_negative, optional, refuse_many
 from ...exchange._machine_lists import REVERSAL_CYCLES, InUse, Reading
 from ...exchange._nodes import as_array
 from ...exchange._units import LIST_UNITS, SGN16, ExchangeError, expect, round_to_list
 from ...exchange.controller._motion import Motion
-from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 
 WIDTH = KIND.prefix
@@ -53,13 +53,9 @@ class BacklashEntries(AbstractEntries):
         )
 
     def to_list(
-        self,
-        model: Backlash,
-        masters: Axes = (),
-        rules: Conventions = DEFAULT_RULES,
-        target: ListTarget = ANY_LIST,
+        self, model: Backlash, masters: Axes = (), target: ListTarget = ANY_LIST
     ) -> dict[str, int | str]:
-        same = model.reference == rules.backlash_reference
+        same = model.reference == target.rules.backlash_reference
         width = round_to_list(np.asarray(model.width), WIDTH, SGN16)
         refuse_many(model.cycles, REVERSAL_CYCLES)
         return {

@@ -21,7 +21,7 @@ from ...exchange._nodes import (
 )
 from ...exchange._table import AbstractTable
 from ...exchange._units import from_list_units, round_to_list
-from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 
 if TYPE_CHECKING:
@@ -107,11 +107,7 @@ class CrossEntries(AbstractEntries):
         )
 
     def to_list(
-        self,
-        model: Cross,
-        masters: Axes = (),
-        rules: Conventions = DEFAULT_RULES,
-        target: ListTarget = ANY_LIST,
+        self, model: Cross, masters: Axes = (), target: ListTarget = ANY_LIST
     ) -> dict[str, int | str]:
         (master,) = self.exactly(masters, 1)
         points = nodes_of_model(model.nodes, PREFIX).integers

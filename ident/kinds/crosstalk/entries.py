@@ -37,7 +37,7 @@ from ...exchange._units import (
     round_to_list,
 )
 from ...exchange.controller._motion import Motion
-from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
+from .._protocol import AbstractEntries, Axes
 from . import KIND, SAFE_TESTS
 
 PREFIX = KIND.prefix
@@ -184,7 +184,6 @@ class CrosstalkEntries(AbstractEntries):
         self,
         model: Crosstalk | LegacyCrosstalk,
         masters: Axes = (),
-        rules: Conventions = DEFAULT_RULES,
         target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
         # Always with ``velocity_dependent 1``: what is the same for both directions, or for

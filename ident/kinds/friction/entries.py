@@ -9,7 +9,6 @@ from jaxtyping import Float, Int
 from ....data.lists import ListFile
 from ....models import (
     AbstractFriction,
-    Conventions,
     FrictionCompensation,
     FrictionTable,
     Setpoints,
@@ -26,7 +25,7 @@ from ...exchange._units import (
     round_to_list,
 )
 from ...exchange.controller._motion import Motion
-from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 
 PREFIX = KIND.prefix
@@ -161,7 +160,6 @@ class FrictionEntries(AbstractEntries):
         self,
         model: FrictionCompensation,
         masters: Axes = (),
-        rules: Conventions = DEFAULT_RULES,
         target: ListTarget = ANY_LIST,
     ) -> dict[str, int | str]:
         # Written so that open points cannot matter: the table begins at 1 µm/s and ends with

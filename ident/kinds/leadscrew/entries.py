@@ -39,7 +39,7 @@ from ...exchange._units import (
     round_to_list,
 )
 from .. import kind
-from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 
 if TYPE_CHECKING:
@@ -203,11 +203,7 @@ class LeadscrewEntries(AbstractEntries):
         return leadscrew
 
     def to_list(
-        self,
-        model: Leadscrew,
-        masters: Axes = (),
-        rules: Conventions = DEFAULT_RULES,
-        target: ListTarget = ANY_LIST,
+        self, model: Leadscrew, masters: Axes = (), target: ListTarget = ANY_LIST
     ) -> dict[str, int | str]:
         # A bilateral table carries set_pos_without_comp 1: the values of others cannot
         # then turn its direction (S-23). Values fit SGN16: one manual says so (S-22).

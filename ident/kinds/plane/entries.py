@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Int
 
 from ....data.lists import ListFile
-from ....models import Conventions, EquidistantNodes, Plane
+from ....models import EquidistantNodes, Plane
 from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._identity import (
     axis_number,
@@ -21,7 +21,7 @@ from ...exchange._machine_lists import Reading
 from ...exchange._nodes import GridNodes, as_array, nodes_of_model, refuse_jump, wrapped
 from ...exchange._table import AbstractTable
 from ...exchange._units import ExchangeError, expect, from_list_units, round_to_list
-from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 
 if TYPE_CHECKING:
@@ -103,11 +103,7 @@ class PlaneEntries(AbstractEntries):
         )
 
     def to_list(
-        self,
-        model: Plane,
-        masters: Axes = (),
-        rules: Conventions = DEFAULT_RULES,
-        target: ListTarget = ANY_LIST,
+        self, model: Plane, masters: Axes = (), target: ListTarget = ANY_LIST
     ) -> dict[str, int | str]:
         first, second = self.exactly(masters, 2)
         grids: list[GridNodes] = []
@@ -140,7 +136,7 @@ class PlaneEntries(AbstractEntries):
         table = round_to_list(np.asarray(model.values), self.value)
         refuse_jump(model.nodes1, table.T, f"{self.value} along master 1")
         refuse_jump(model.nodes2, table, f"{self.value} along master 2")
-        if rules.plane_index == "ij":
+        if target.rules.plane_index == "ij":
             table = table.T
         for j, row in enumerate(table.tolist()):
             for i, value in enumerate(row):

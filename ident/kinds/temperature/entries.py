@@ -16,7 +16,7 @@ from ...exchange._capacity import ANY_LIST, ListTarget
 from ...exchange._identity import flag, not_negative, optional, real, refuse_many
 from ...exchange._machine_lists import Reading
 from ...exchange._units import LIST_UNITS, SGN32, ExchangeError, expect, round_to_list
-from .._protocol import DEFAULT_RULES, AbstractEntries, Axes
+from .._protocol import AbstractEntries, Axes
 from . import KIND
 
 COLUMNS = ("temperature", "offset_0", "coefficient")
@@ -155,11 +155,7 @@ class TemperatureEntries(AbstractEntries):
         )
 
     def to_list(
-        self,
-        model: TemperatureLine,
-        masters: Axes = (),
-        rules: Conventions = DEFAULT_RULES,
-        target: ListTarget = ANY_LIST,
+        self, model: TemperatureLine, masters: Axes = (), target: ListTarget = ANY_LIST
     ) -> dict[str, int | float | str]:
         values = {}
         for name in ("position_0", "offset_0", "coefficient"):

@@ -10,7 +10,7 @@ from axcomp.data.lists import ListFile
 from axcomp.ident.exchange import LIST_UNITS, Reading
 from axcomp.ident.exchange._capacity import ANY_LIST, ListTarget
 from axcomp.ident.kinds._protocol import AbstractEntries, Axes
-from axcomp.models import AbstractOffset, Conventions, Rows
+from axcomp.models import AbstractOffset, Rows
 
 from . import KIND
 
@@ -42,11 +42,7 @@ class OffsetEntries(AbstractEntries):
         return Constant(jnp.asarray((listing.integer(VALUE) or 0) / LIST_UNITS))
 
     def to_list(
-        self,
-        model: Constant,
-        masters: Axes,
-        rules: Conventions,
-        target: ListTarget = ANY_LIST,
+        self, model: Constant, masters: Axes = (), target: ListTarget = ANY_LIST
     ) -> dict[str, int | str]:
         return {VALUE: round(float(np.asarray(model.value)) * LIST_UNITS)}
 

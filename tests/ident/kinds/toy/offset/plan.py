@@ -61,7 +61,7 @@ class OffsetDraft(AbstractDraft):
 
     def entries(self) -> dict[str, Value]:
         model = Constant(jnp.asarray(self.value))
-        return dict(ENTRIES.to_list(model, (), self.job.conventions))
+        return dict(ENTRIES.to_list(model, target=self.target))
 
     @property
     def jump(self) -> float:
