@@ -50,9 +50,7 @@ from ._machine_lists import (
     reversal_cycles as reversal_cycles,
 )
 from ._nodes import (
-    GridNodes as GridNodes,
     ListNodes as ListNodes,
-    PointNodes as PointNodes,
     Ranges as Ranges,
     grid_nodes as grid_nodes,
     point_nodes as point_nodes,

@@ -19,48 +19,21 @@ def as_array(
 
 
 @dataclasses.dataclass(frozen=True)
-class GridNodes:
-    """Equidistant nodes: start, interval (list units) and count."""
+class ListNodes:
+    """Ascending nodes in list units: an even grid, or single setpoints.
 
-    start: int
-    interval: int
-    count: int
-
-    @property
-    def integers(self) -> tuple[int, ...]:
-        """Positions in list units."""
-        return tuple(self._units.tolist())
-
-    @property
-    def positions(self) -> Float[np.ndarray, " n"]:
-        """Positions in mm or °."""
-        return self._units / LIST_UNITS
-
-    @property
-    def _units(self) -> Int[np.ndarray, " n"]:
-        return self.start + self.interval * np.arange(self.count)
-
-    @property
-    def places(self) -> tuple[Float[np.ndarray, ""], ...]:
-        """Start and interval in mm or °."""
-        return tuple(np.asarray(k / LIST_UNITS) for k in (self.start, self.interval))
-
-    def model(self) -> EquidistantNodes:
-        """Return the nodes of a model."""
-        start, interval = map(as_array, self.places)
-        return EquidistantNodes(start, interval, self.count)
-
-
-@dataclasses.dataclass(frozen=True)
-class PointNodes:
-    """Ascending setpoints in list units."""
+    Attributes:
+        integers: Their positions.
+        interval: Of the grid; 0 for setpoints.
+    """
 
     integers: tuple[int, ...]
+    interval: int = 0
 
-    @property
-    def positions(self) -> Float[np.ndarray, " n"]:
-        """Positions in mm or °."""
-        return np.asarray(self.integers, dtype=np.int64) / LIST_UNITS
+    @classmethod
+    def grid(cls, start: int, interval: int, count: int) -> "ListNodes":
+        """Return equidistant nodes."""
+        return cls(tuple(start + interval * k for k in range(count)), interval)
 
     @property
     def count(self) -> int:
@@ -68,19 +41,29 @@ class PointNodes:
         return len(self.integers)
 
     @property
-    def places(self) -> tuple[Float[np.ndarray, " n"], ...]:
-        """Positions in mm or °, alone."""
-        return (self.positions,)
+    def positions(self) -> Float[np.ndarray, " n"]:
+        """Positions in mm or °."""
+        return np.asarray(self.integers, dtype=np.int64) / LIST_UNITS
 
-    def model(self) -> Setpoints:
+    @property
+    def places(self) -> tuple[Float[np.ndarray, "..."], ...]:
+        """Start and interval of a grid in mm or °, else the positions alone."""
+        if not self.interval:
+            return (self.positions,)
+        pair = self.integers[0], self.interval
+        return tuple(np.asarray(k / LIST_UNITS) for k in pair)
+
+    def model(self) -> EquidistantNodes | Setpoints:
         """Return the nodes of a model."""
-        return Setpoints(as_array(self.positions))
+        places = [as_array(place) for place in self.places]
+        return (
+            EquidistantNodes(*places, self.count)
+            if self.interval
+            else Setpoints(*places)
+        )
 
 
-ListNodes = GridNodes | PointNodes
-
-
-def grid_nodes(start: float, interval: float, count: int, name: str) -> GridNodes:
+def grid_nodes(start: float, interval: float, count: int, name: str) -> ListNodes:
     """Return equidistant nodes given in mm or °.
 
     Raises:
@@ -92,10 +75,10 @@ def grid_nodes(start: float, interval: float, count: int, name: str) -> GridNode
     first = int(exact_in_list(start, f"{name}.start"))
     step = int(exact_in_list(interval, f"{name}.interval"))
     exact_in_list(start + interval * (count - 1), f"{name}: last node")
-    return GridNodes(first, step, count)
+    return ListNodes.grid(first, step, count)
 
 
-def point_nodes(setpoints: Float[np.ndarray, " n"], name: str) -> PointNodes:
+def point_nodes(setpoints: Float[np.ndarray, " n"], name: str) -> ListNodes:
     """Return single nodes given in mm or °.
 
     Raises:
@@ -110,7 +93,7 @@ def point_nodes(setpoints: Float[np.ndarray, " n"], name: str) -> PointNodes:
         at = int(np.argmax(steps <= 0))
         pair = f"{setpoints[at]:g} followed by {setpoints[at + 1]:g}"
         raise ExchangeError(name, pair, "ascending positions")
-    return PointNodes(tuple(int(k) for k in integers))
+    return ListNodes(tuple(int(k) for k in integers))
 
 
 def nodes_of_model(nodes: AbstractNodes, name: str) -> ListNodes:

@@ -154,7 +154,7 @@ class AbstractTable(abc.ABC):
         """Return the `offset` at each reading under each of several lists."""
         direction = None if branch is None else 1 - 2 * branch
         # The lists have their nodes in common: only these count of the first.
-        nodes, weights = _touched(self.model(integers[0]), positions, direction)
+        nodes, weights = touched(self.model(integers[0]), positions, direction)
         entries = self.to_offsets(integers).reshape(len(integers), -1)
         # One by one, which takes less memory.
         return np.stack([(row[nodes] * weights).sum(axis=1) for row in entries])
@@ -187,21 +187,12 @@ def offset_at(
         positions: One column per master (leadscrew: the axis itself), in mm or °.
         direction: ±1 per row for a leadscrew; positive where it is left out.
     """
-    nodes, weights = _touched(model, positions, direction)
+    # Further columns are other axes.
+    masters = np.asarray(positions[:, : len(model.ways)], dtype=np.float64)
+    nodes, weights = touched(model, masters, direction)
     entries = np.concatenate([np.ravel(table) for table in model.tables])
     table: Any = model
     return np.asarray(table.sign * (entries[nodes] * weights).sum(axis=1))
-
-
-def _touched(
-    model: AbstractLookup,
-    positions: Float[np.ndarray, "t d"],
-    direction: Int[np.ndarray, " t"] | None,
-) -> tuple[Int[np.ndarray, "t s"], Float[np.ndarray, "t s"]]:
-    """Return the entries that each position touches, and their weights."""
-    # Further columns are other axes.
-    masters = np.asarray(positions[:, : len(model.ways)], dtype=np.float64)
-    return touched(model, masters, direction)
 
 
 def nodes_in(model: Model, name: str) -> tuple[ListNodes, ...]:

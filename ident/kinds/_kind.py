@@ -19,7 +19,6 @@ class Kind:
 
     Attributes:
         name: As in a job: ``cross``.
-        words: What it is, in words.
         holder: Kind of the list that holds its values.
         prefix: Beginning of their entries there: ``kw.crosscomp``.
         activation: Entry of the axis list that switches it on.
@@ -53,7 +52,6 @@ class Kind:
     """
 
     name: str
-    words: str
     holder: Literal["compensation", "axis"]
     prefix: str
     activation: str

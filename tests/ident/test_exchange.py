@@ -10,9 +10,8 @@ import pytest
 from axcomp.data.lists import ListFile, Value, check, new_list
 from axcomp.ident.exchange import (
     ExchangeError,
-    GridNodes,
+    ListNodes,
     ListTarget,
-    PointNodes,
     axis_number,
     grid_nodes,
     offset_at,
@@ -57,7 +56,7 @@ def faults(listing: ListFile) -> list[str]:
 @pytest.mark.parametrize("second", [100_000, 50_000])
 def test_plane_comes_back_as_written(second: int) -> None:
     table = PlaneTable(
-        3, (1, 2), (GridNodes(220_000, 100_000, 8), GridNodes(-160_000, second, 7)),
+        3, (1, 2), (ListNodes.grid(220_000, 100_000, 8), ListNodes.grid(-160_000, second, 7)),
         RULES,
     )  # fmt: skip
     listing = listed(table.entries(VALUES))
@@ -74,7 +73,7 @@ def test_plane_comes_back_as_written(second: int) -> None:
 
 
 def test_cross_comes_back_as_written() -> None:
-    points = PointNodes((-100_001, 0, 35_000, 4_100_000))
+    points = ListNodes((-100_001, 0, 35_000, 4_100_000))
     table = CrossTable(3, (1,), (points,), RULES)
     listing = listed(table.entries(VALUES[0, :4]))
     again = cross_from_list(listing, RULES)
@@ -87,13 +86,11 @@ def test_cross_comes_back_as_written() -> None:
 @pytest.mark.parametrize(
     "nodes",
     [
-        GridNodes(-200_000, 50_000, 8),
-        PointNodes(tuple(range(-50_000, 750_000, 100_000))),
+        ListNodes.grid(-200_000, 50_000, 8),
+        ListNodes(tuple(range(-50_000, 750_000, 100_000))),
     ],
 )
-def test_leadscrew_comes_back_as_written(
-    bilateral: bool, nodes: GridNodes | PointNodes
-) -> None:
+def test_leadscrew_comes_back_as_written(bilateral: bool, nodes: ListNodes) -> None:
     table = LeadscrewTable(3, (3,), (nodes,), RULES, bilateral=bilateral)
     values = VALUES[:2] if bilateral else VALUES[0]
     listing = listed(table.entries(values))
@@ -107,10 +104,10 @@ def test_leadscrew_comes_back_as_written(
 @pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize("bilateral", [False, True])
 @pytest.mark.parametrize(
-    "nodes", [GridNodes(-200_000, 50_000, 8), PointNodes(tuple(range(-5, 75, 10)))]
+    "nodes", [ListNodes.grid(-200_000, 50_000, 8), ListNodes(tuple(range(-5, 75, 10)))]
 )
 def test_a_leadscrew_table_reads_and_makes_what_the_list_describes(
-    periodic: bool, bilateral: bool, nodes: GridNodes | PointNodes
+    periodic: bool, bilateral: bool, nodes: ListNodes
 ) -> None:
     values = np.array(VALUES[:2] if bilateral else VALUES[0])
     values[..., -1] = values[..., 0]
@@ -129,10 +126,10 @@ def test_a_leadscrew_table_reads_and_makes_what_the_list_describes(
 @pytest.mark.parametrize("rows", [7, 1500])
 def test_tables_that_are_asked_together_add_what_each_adds_alone(rows: int) -> None:
     plane = PlaneTable(
-        3, (1, 2), (GridNodes(0, 50_000, 8), GridNodes(0, 50_000, 7)), RULES
+        3, (1, 2), (ListNodes.grid(0, 50_000, 8), ListNodes.grid(0, 50_000, 7)), RULES
     )
     screw = LeadscrewTable(
-        3, (3,), (GridNodes(0, 50_000, 8),), RULES, periodic=False, bilateral=True
+        3, (3,), (ListNodes.grid(0, 50_000, 8),), RULES, periodic=False, bilateral=True
     )
     places = RNG.uniform(-1.0, 40.0, (rows, 2))
     branch = RNG.integers(0, 2, rows)
@@ -152,7 +149,7 @@ def test_tables_that_are_asked_together_add_what_each_adds_alone(rows: int) -> N
 
 
 def test_modulo_leadscrew_comes_back_with_its_range() -> None:
-    nodes = GridNodes(0, 900_000, 5)
+    nodes = ListNodes.grid(0, 900_000, 5)
     table = LeadscrewTable(3, (3,), (nodes,), RULES, periodic=True)
     listing = listed(table.entries(np.array([5, 10, -7, 3, 5])))
     again = leadscrew_from_list(listing, RULES)
@@ -163,7 +160,7 @@ def test_modulo_leadscrew_comes_back_with_its_range() -> None:
 
 
 def test_modulo_table_with_open_ends_is_refused() -> None:
-    nodes = GridNodes(0, 900_000, 5)
+    nodes = ListNodes.grid(0, 900_000, 5)
     table = LeadscrewTable(3, (3,), (nodes,), RULES, periodic=True)
     with pytest.raises(ExchangeError, match="found 5 at the start and 6 at the end"):
         table.entries(np.array([5, 10, -7, 3, 6]))
@@ -171,9 +168,11 @@ def test_modulo_table_with_open_ends_is_refused() -> None:
 
 def test_sign_of_each_compensation_is_that_of_the_rules() -> None:
     one = np.array([[10, 10], [10, 10]])
-    plane = PlaneTable(3, (1, 2), (GridNodes(0, 10, 2), GridNodes(0, 10, 2)), RULES)
-    cross = CrossTable(3, (1,), (PointNodes((0, 10)),), RULES)
-    screw = LeadscrewTable(3, (3,), (PointNodes((0, 10)),), RULES)
+    plane = PlaneTable(
+        3, (1, 2), (ListNodes.grid(0, 10, 2), ListNodes.grid(0, 10, 2)), RULES
+    )
+    cross = CrossTable(3, (1,), (ListNodes((0, 10)),), RULES)
+    screw = LeadscrewTable(3, (3,), (ListNodes((0, 10)),), RULES)
     at = np.zeros((1, 2))
     # Entry = offset for plane and cross; a leadscrew entry is an error.
     assert offset_at(plane.model(one), at)[0] == pytest.approx(1e-3, rel=1e-12)
@@ -186,7 +185,7 @@ def test_sign_of_each_compensation_is_that_of_the_rules() -> None:
 
 def test_index_order_of_the_plane_is_a_convention() -> None:
     other = Conventions(plane_index="ij")
-    nodes = (GridNodes(0, 10, 8), GridNodes(0, 20, 7))
+    nodes = (ListNodes.grid(0, 10, 8), ListNodes.grid(0, 20, 7))
     table = PlaneTable(3, (1, 2), nodes, other)
     entries = table.entries(VALUES)
     assert entries["kw.crosscomp2.table[7][6].correction"] == VALUES[6, 7]
@@ -311,14 +310,14 @@ def test_positions_with_the_noise_of_floats_are_exact_list_units() -> None:
 
 
 def test_values_are_rounded_to_the_nearest_list_unit() -> None:
-    table = CrossTable(3, (1,), (PointNodes((0, 10)),), RULES)
+    table = CrossTable(3, (1,), (ListNodes((0, 10)),), RULES)
     offset = np.array([0.00014, -0.00016])
     np.testing.assert_array_equal(table.to_integers(offset), [1, -2])
 
 
 @pytest.mark.parametrize("value", [3e5, np.nan, np.inf, -3e5])
 def test_value_beyond_sgn32_is_refused(value: float) -> None:
-    table = CrossTable(3, (1,), (PointNodes((0, 10)),), RULES)
+    table = CrossTable(3, (1,), (ListNodes((0, 10)),), RULES)
     with pytest.raises(
         ExchangeError, match=r"kw.crosscomp.table\[\].correction: found"
     ):
@@ -341,7 +340,7 @@ def test_an_entry_of_more_than_32_bits_is_refused_with_its_line() -> None:
 def test_max_points_of_a_plane(
     count: int, build: str | None, expected: int | None
 ) -> None:
-    nodes = (GridNodes(0, 1000, count), GridNodes(0, 1000, 2))
+    nodes = (ListNodes.grid(0, 1000, count), ListNodes.grid(0, 1000, 2))
     table = PlaneTable(3, (1, 2), nodes, RULES)
     entries = table.entries(
         np.zeros((2, count), dtype=np.int64), ListTarget(build=build)
@@ -351,7 +350,7 @@ def test_max_points_of_a_plane(
 
 
 def test_table_beyond_the_default_is_refused_on_an_old_build() -> None:
-    table = CrossTable(3, (1,), (GridNodes(0, 10, 1001),), RULES)
+    table = CrossTable(3, (1,), (ListNodes.grid(0, 10, 1001),), RULES)
     values = np.zeros(1001, dtype=np.int64)
     # One manual stops at index 999: under that reading 1001 need the parameter.
     assert table.entries(values)["kw.crosscomp.max_points"] == 1001
@@ -360,7 +359,7 @@ def test_table_beyond_the_default_is_refused_on_an_old_build() -> None:
 
 
 def test_larger_max_points_that_is_there_stays() -> None:
-    table = CrossTable(3, (1,), (GridNodes(0, 10, 1001),), RULES)
+    table = CrossTable(3, (1,), (ListNodes.grid(0, 10, 1001),), RULES)
     values = np.zeros(1001, dtype=np.int64)
     there = parse("kopf.achs_nr 3\nkw.crosscomp.max_points 2000\n")
     small = parse("kopf.achs_nr 3\nkw.crosscomp.max_points 500\n")
@@ -370,7 +369,9 @@ def test_larger_max_points_that_is_there_stays() -> None:
 
 def test_rectangular_list_keeps_its_kind_of_grid() -> None:
     there = parse("kopf.achs_nr 3\nkw.crosscomp2.grid RECTANGULAR\n")
-    table = PlaneTable(3, (1, 2), (GridNodes(0, 10, 8), GridNodes(0, 10, 7)), RULES)
+    table = PlaneTable(
+        3, (1, 2), (ListNodes.grid(0, 10, 8), ListNodes.grid(0, 10, 7)), RULES
+    )
     entries = table.entries(VALUES, ListTarget(there))
     assert entries["kw.crosscomp2.interval1"] == 10
     assert "kw.crosscomp2.interval" not in entries
@@ -378,14 +379,14 @@ def test_rectangular_list_keeps_its_kind_of_grid() -> None:
 
 def test_old_table_is_read_at_the_new_nodes() -> None:
     old = Cross(nodes=Setpoints([0.0, 10.0]), values=[0.0, 0.1])
-    table = CrossTable(3, (1,), (PointNodes((-50_000, 0, 50_000, 100_000)),), RULES)
+    table = CrossTable(3, (1,), (ListNodes((-50_000, 0, 50_000, 100_000)),), RULES)
     # Held before the first node, halfway in between: exact in floats.
     np.testing.assert_array_equal(table.at_nodes(old), [0.0, 0.0, 0.05, 0.1])
     refuse_lost_nodes(table, old, "old.lis")
 
 
 def test_active_bilateral_table_does_not_become_unilateral() -> None:
-    nodes = PointNodes((0, 10))
+    nodes = ListNodes((0, 10))
     old = LeadscrewTable(3, (3,), (nodes,), RULES, bilateral=True).model(VALUES[:2, :2])
     new = LeadscrewTable(3, (3,), (nodes,), RULES)
     with pytest.raises(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, Value, new_list
-from axcomp.ident.exchange import ExchangeError, PointNodes, offset_at
+from axcomp.ident.exchange import ExchangeError, ListNodes, offset_at
 from axcomp.ident.kinds.cross.entries import (
     CrossTable,
     cross_from_list,
@@ -92,7 +92,7 @@ def test_nodes_beyond_the_turn_are_not_written() -> None:
 
 
 def test_table_that_a_fit_goes_round_with_is_one_for_the_list_too() -> None:
-    nodes = PointNodes((0, 900_000, 3_600_000))
+    nodes = ListNodes((0, 900_000, 3_600_000))
     table = CrossTable(1, (4,), (nodes,), RULES, periodic=True)
     entries = table.entries(np.array([5, 9, 5]))
     model = table.read(back(entries))

@@ -17,7 +17,7 @@ from ....models import Conventions
 from ...exchange._files import compensation_file, to_add, with_tables
 from ...exchange._identity import Increments
 from ...exchange._machine_lists import Reading, machine_lists
-from ...exchange._nodes import GridNodes
+from ...exchange._nodes import ListNodes
 from ...exchange._units import LIST_UNITS, expect
 from ...exchange.controller._controller import model_of
 from ...kinds import kind
@@ -56,7 +56,7 @@ class ProbeAxis:
     channel: int = 1
 
     @property
-    def grid(self) -> GridNodes:
+    def grid(self) -> ListNodes:
         """Eleven nodes over the travel, a tenth of it apart, on whole mm or 0.1 mm."""
         low, high = self.travel
         expect(
@@ -71,7 +71,7 @@ class ProbeAxis:
             unit = 1
         start = int(np.ceil(round(low * LIST_UNITS / unit, 6))) * unit
         step = int((high * LIST_UNITS - start) / _TENTHS / unit + 1e-9) * unit
-        return GridNodes(start, step, _TENTHS + 1)
+        return ListNodes.grid(start, step, _TENTHS + 1)
 
     @property
     def height_text(self) -> str:
@@ -81,7 +81,7 @@ class ProbeAxis:
     def at(self, tenths: float) -> float:
         """Return a position in mm or °, counted in tenths of the travel."""
         grid = self.grid
-        return (grid.start + tenths * grid.interval) / LIST_UNITS
+        return (grid.integers[0] + tenths * grid.interval) / LIST_UNITS
 
 
 @dataclasses.dataclass(frozen=True)

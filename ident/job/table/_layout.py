@@ -12,7 +12,6 @@ from ...exchange import (
     LIST_UNITS,
     AbstractTable,
     ExchangeError,
-    GridNodes,
     ListNodes,
     Model,
     grid_nodes,
@@ -91,7 +90,7 @@ def _suited_nodes(tables: Tables, fit: TableSpec) -> str:
     return grid_words(places) if all(np.ptp(column) > 0 for column in places) else ""
 
 
-def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> GridNodes:
+def _mesh_nodes(places: Float[np.ndarray, " t"], name: str) -> ListNodes:
     """Return the grid lines of a mesh, to the nearest list unit.
 
     Raises:

@@ -9,7 +9,6 @@ from .._kind import Kind
 
 KIND = Kind(
     name="backlash",
-    words="the lost motion at a reversal",
     holder="axis",
     prefix="getriebe[0].lose",
     activation="lr_param.anwahl_losekomp",

@@ -4,7 +4,6 @@ from .._kind import Kind
 
 KIND = Kind(
     name="cross",
-    words="a table over the position of one master",
     holder="compensation",
     prefix="kw.crosscomp",
     activation="lr_param.crosscomp",

@@ -12,7 +12,7 @@ from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._identity import axis_number, column, required, scaled, unit_size
 from ...exchange._machine_lists import Reading
 from ...exchange._nodes import (
-    PointNodes,
+    ListNodes,
     as_array,
     nodes_of_model,
     refuse_jump,
@@ -51,7 +51,7 @@ class CrossTable(AbstractTable):
 
     def model(self, integers: Int[np.ndarray, " n"]) -> Cross:
         # The list knows single setpoints only.
-        points = PointNodes(self.nodes[0].integers)
+        points = ListNodes(self.nodes[0].integers)
         return Cross(
             nodes=wrapped(points.model(), self.modulo),
             values=as_array(from_list_units(integers)),

@@ -10,7 +10,6 @@ from .._kind import Kind
 
 KIND = Kind(
     name="crosstalk",
-    words="an offset while another axis accelerates",
     holder="compensation",
     prefix="kw.crosstalk",
     activation="lr_param.crosstalk",

@@ -4,7 +4,6 @@ from .._kind import Kind
 
 KIND = Kind(
     name="friction",
-    words="current over the velocity of the axis",
     holder="compensation",
     prefix="frict_comp",
     activation="lr_param.frict_comp",

@@ -4,7 +4,6 @@ from .._kind import Kind
 
 KIND = Kind(
     name="leadscrew",
-    words="a table over the own position, for one direction or both",
     holder="compensation",
     prefix="kw.ssfk",
     activation="lr_param.ssfk",

@@ -24,7 +24,6 @@ from ...exchange._identity import (
 )
 from ...exchange._machine_lists import Reading
 from ...exchange._nodes import (
-    GridNodes,
     as_array,
     nodes_of_model,
     refuse_unequal_ends,
@@ -217,7 +216,7 @@ class LeadscrewEntries(AbstractEntries):
         entries: dict[str, int | str] = {f"{PREFIX}.unit": 1}
         entries |= target.max_points_entry(PREFIX, count + 1, count <= DEFAULT_COUNT)
         entries |= {
-            f"{PREFIX}.interval": nodes.interval if isinstance(nodes, GridNodes) else 0,
+            f"{PREFIX}.interval": nodes.interval,
             f"{PREFIX}.kw_startpos": nodes.integers[0],
             f"{PREFIX}.kw_nr_max": count,
             f"{PREFIX}.bilateral": int("neg" in branches),
@@ -225,7 +224,7 @@ class LeadscrewEntries(AbstractEntries):
         }
         if "neg" in branches:
             entries[f"{PREFIX}.set_pos_without_comp"] = 1
-        if not isinstance(nodes, GridNodes):
+        if not nodes.interval:
             for k, point in enumerate(nodes.integers):
                 entries[f"{PREFIX}.table[{k}].setpoint"] = point
         for name, values in branches.items():

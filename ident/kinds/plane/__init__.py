@@ -4,7 +4,6 @@ from .._kind import Kind
 
 KIND = Kind(
     name="plane",
-    words="a grid over the positions of two masters",
     holder="compensation",
     prefix="kw.crosscomp2",
     activation="lr_param.crosscomp2",

@@ -18,7 +18,7 @@ from ...exchange._identity import (
     values_of,
 )
 from ...exchange._machine_lists import Reading
-from ...exchange._nodes import GridNodes, as_array, nodes_of_model, refuse_jump, wrapped
+from ...exchange._nodes import ListNodes, as_array, nodes_of_model, refuse_jump, wrapped
 from ...exchange._table import AbstractTable
 from ...exchange._units import ExchangeError, expect, from_list_units, round_to_list
 from .._protocol import AbstractEntries, Axes
@@ -106,11 +106,11 @@ class PlaneEntries(AbstractEntries):
         self, model: Plane, masters: Axes = (), target: ListTarget = ANY_LIST
     ) -> dict[str, int | str]:
         first, second = self.exactly(masters, 2)
-        grids: list[GridNodes] = []
+        grids: list[ListNodes] = []
         for k, nodes in ((1, model.nodes1), (2, model.nodes2)):
             name = f"{PREFIX} master {k}"
             grid = nodes_of_model(nodes, name)
-            if not isinstance(grid, GridNodes):
+            if not grid.interval:
                 raise ExchangeError(name, "single setpoints", "equidistant nodes")
             grids.append(grid)
         g1, g2 = grids
@@ -128,8 +128,8 @@ class PlaneEntries(AbstractEntries):
         entries |= {
             f"{PREFIX}.last_index_master1": g1.count - 1,
             f"{PREFIX}.last_index_master2": g2.count - 1,
-            f"{PREFIX}.start_position_master1": g1.start,
-            f"{PREFIX}.start_position_master2": g2.start,
+            f"{PREFIX}.start_position_master1": g1.integers[0],
+            f"{PREFIX}.start_position_master2": g2.integers[0],
             f"{PREFIX}.master1_ax_nr": first,
             f"{PREFIX}.master2_ax_nr": second,
         }

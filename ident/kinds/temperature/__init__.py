@@ -10,7 +10,6 @@ from .._kind import Kind
 
 KIND = Kind(
     name="temperature",
-    words="a line over the position that follows a sensor",
     holder="axis",
     prefix="lr_param.temp_comp",
     activation="lr_param.temp_comp",

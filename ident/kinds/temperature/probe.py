@@ -21,7 +21,7 @@ class TemperatureProbe(AbstractProbe):
 
     def additions(self, axis: ProbeAxis) -> dict[str, int | str]:
         line = {
-            "position_0": axis.grid.start,
+            "position_0": axis.grid.integers[0],
             "offset_0": round(HEIGHT * LIST_UNITS),
             "coefficient": _slope(axis),
             "n_cycles": 10,

@@ -4,7 +4,6 @@ from axcomp.ident.kinds import Kind
 
 KIND = Kind(
     name="offset",
-    words="a constant offset",
     holder="compensation",
     prefix="kw.offset",
     activation="lr_param.offset",
