@@ -105,16 +105,7 @@ def _draw_clouds(
     panels: list[Axes], fit: TableResult, scale: Scale, both: tuple[_Cloud, _Cloud]
 ) -> None:
     for panel, (positions, error, direction) in zip(panels, both, strict=True):
-        style.draw_cloud(
-            panel,
-            positions[:, 0],
-            error,
-            direction,
-            size=2.4,
-            names=style.DIRECTION_NAME,
-            alpha=0.7,
-            most=3000,
-        )
+        style.draw_cloud(panel, positions[:, 0], error, direction, size=2.4)
         panel.axhline(0, color=style.INK, linewidth=0.7)
         panel.set_xlabel(f"{fit.masters[0]} in {scale.position}")
     every = np.concatenate([error for _, error, _ in both])

@@ -62,6 +62,13 @@ def count(value: int, noun: str, plural: str | None = None) -> str:
     return f"{grouped(value)} {word}"
 
 
+def left_out_words(value: int, noun: str = "wild reading") -> str:
+    """Return that so many are not in a picture, to stand behind its caption."""
+    if not value:
+        return ""
+    return f" {value} {noun}{' is' if value == 1 else 's are'} left out of the picture."
+
+
 def grouped(value: int) -> str:
     """Return a whole number with a narrow no-break space between the thousands."""
     return f"{value:,}".replace(",", "\u202f")

@@ -114,10 +114,11 @@ def draw_cloud(
     where: Float[np.ndarray, " t"],
     value: Float[np.ndarray, " t"],
     direction: Int[np.ndarray, " t"],
-    size: float | None,
-    names: Mapping[int, str],
-    alpha: float,
-    most: int = DRAWN_POINTS,
+    *,
+    size: float | None = 3.0,
+    names: Mapping[int, str] = DIRECTION_NAME,
+    alpha: float = 0.7,
+    most: int = 3000,
 ) -> None:
     """Draw readings as marks that tell their direction.
 
@@ -161,6 +162,19 @@ def marks(
         markeredgewidth=0, alpha=alpha, color=color, label=label,
         rasterized=as_raster(rows.size),
     )  # fmt: skip
+
+
+def side_by_side(
+    height: float, titles: tuple[str, str], x_label: str, y_label: str
+) -> tuple[Figure, list[Axes]]:
+    """Return two panels with a line at 0, what each shows above it, and labels."""
+    figure, panels = new_figure(height, columns=2, sharey=True)
+    for panel, title in zip(panels, titles, strict=True):
+        panel.axhline(0, color=INK, linewidth=0.7)
+        panel.set_title(title)
+        panel.set_xlabel(x_label)
+    panels[0].set_ylabel(y_label)
+    return figure, panels
 
 
 def as_raster(size: int) -> bool:

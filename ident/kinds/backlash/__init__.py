@@ -1,7 +1,7 @@
 """Backlash: the lost motion at a reversal.
 
-Its fit is that of a group (`job.joint`), alone a group of one: `plan` says beside which curve,
-`_draft` what is written, `_result` what is known of it. The other modules are the parts that every
+Its fit is that of a group (`job.joint`), alone a group of one: `plan` says beside which curve and
+what is written, `_result` what is known of it. The other modules are the parts that every
 compensation has.
 """
 

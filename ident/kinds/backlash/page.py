@@ -7,7 +7,6 @@ import numpy as np
 from ...report import _style as style
 from ...report._body import Body, Plot
 from ...report._scale import Scale, count, number
-from .._drawing import directed_marks, side_by_side
 from ._result import BacklashResult
 
 
@@ -21,13 +20,14 @@ def _along_the_axis(fit: BacklashResult, scale: Scale) -> Plot:
     """Draw each reading about the mean of both directions, before and after."""
     x_label = f"{fit.axis} in {scale.position}"
     y_label = f"about their mean in {scale.error}"
-    figure, panels = side_by_side(3.0, ("before", "from the file"), x_label, y_label)
+    figure, panels = style.side_by_side(
+        3.0, ("before", "from the file"), x_label, y_label
+    )
     view, width = fit.sides, fit.measured_width[0]
+    for panel, values in zip(panels, (view.before, fit.from_file), strict=True):
+        scaled = values * scale.factor
+        style.draw_cloud(panel, view.position, scaled, view.direction)
     for direction in (1, -1):
-        rows = view.direction == direction
-        for panel, values in zip(panels, (view.before, fit.from_file), strict=True):
-            scaled = values[rows] * scale.factor
-            directed_marks(panel, direction, view.position[rows], scaled)
         half = -0.5 * direction * width * scale.factor
         panels[0].axhline(half, color=style.DIRECTION_COLOR[direction], linewidth=1.0)
     panels[0].legend(loc="best")

@@ -1,24 +1,34 @@
-"""A planned backlash: fitted alone, or in a group."""
+"""A planned backlash, fitted alone or in a group: judged, written into the axis list, read back."""
 
 import dataclasses
 from typing import TYPE_CHECKING, final
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from .... import models
+from ....data.lists import Value
 from ..._recording import JointData
+from ...exchange import REVERSAL_CYCLES
 from ...fit.joint import Backlash
-from ...job._draft import AbstractPlan
+from ...job._draft import AbstractDraft, AbstractPlan, Foreseen
+from ...job._gating import spread_over
+from ...job.result._result import staged
+from ...job.result._second import LeftTrend, SecondMeasurement
 from ...job.table._plan import was_active
+from ...proof import GateCheck, reversal_checks
+from ...proof.axis import check_switching
 from ...readings import Tables
-from ._draft import BacklashDraft
-from .entries import backlash_from_list
+from .._keys import FitSpec
+from ._result import BacklashResult, Sides, change_along, is_sure, remarks_of
+from .entries import backlash_from_list, entries_of_backlash
 from .keys import Spec
 
 if TYPE_CHECKING:
     from ...job.joint._recording import GroupRecording
     from ...job.joint._share import Share
+    from ...job.write._lists import AxisFiles
 
 _TARGETS = 60
 """Different positions up to which each has an error of its own."""
@@ -96,5 +106,174 @@ class BacklashPlan(AbstractPlan):
     ) -> Backlash:
         return Backlash(self.axis, reference=self.reference)
 
-    def draft(self, share: "Share") -> BacklashDraft:
+    def draft(self, share: "Share") -> "BacklashDraft":
         return BacklashDraft(self.job, self.index, self.fit, self, share)
+
+
+def sides_of(share: "Share") -> Sides:
+    """Return the readings of a fitted backlash about the mean of both directions."""
+    axis, rows, data = share.axis, share.rows, share.recording.data
+    position, direction = data.position[axis][rows], data.direction[axis][rows]
+    width = float(share.part.values[0])
+    half = share.fit.residual[axis][rows] - 0.5 * direction * width
+    return Sides(position, direction.astype(np.int64), half, share.wild)
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class BacklashDraft(AbstractDraft):
+    """A fitted backlash.
+
+    Attributes:
+        plan: What the axis list holds.
+        share: Its part of the joint fit.
+    """
+
+    plan: BacklashPlan
+    share: "Share"
+
+    needs = "Works from start-up on, referenced or not"
+
+    @property
+    def width(self) -> float:
+        """What is written, in mm or °."""
+        return float(self.share.part.values[0]) + self.plan.acting
+
+    @property
+    def written(self) -> bool:
+        return is_sure(self.share.part)
+
+    @property
+    def converged(self) -> bool:
+        return self.share.fit.converged
+
+    @property
+    def cycles(self) -> int | None:
+        machine = self.lists.machine
+        return spread_over(self.job, self.jump, machine, REVERSAL_CYCLES, switched=True)
+
+    @property
+    def jump(self) -> float:
+        return abs(self.width)
+
+    def machine_entries(self, cycles: int | None) -> dict[str, Value]:
+        reference = 1 if self.plan.reference > 0 else -1
+        model = models.Backlash(jnp.asarray(self.width), reference, cycles or 0)
+        return dict(entries_of_backlash(model, target=self.target))
+
+    @property
+    def foreseen(self) -> Foreseen:
+        sides = sides_of(self.share)
+        return Foreseen(sides.before, self._held_out(), sides.wild)
+
+    def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
+        job, jump, spread = self.job, self.jump, cycles or 0
+        limits, unit = job.limits, job.spec.axes[self.axis].unit
+        lines = [
+            *reversal_checks(
+                jump, spread, job.spec.controller.cycle_time, limits, unit,
+                ("at every reversal", f"spread over {spread} cycles"),
+            ),
+            check_switching(
+                jump, spread, limits, unit, REVERSAL_CYCLES, "start-up or COMP ON/OFF"
+            ),
+        ]  # fmt: skip
+        old = self.plan.old
+        if limits.max_change is not None and old is not None:
+            change = abs(self.width - float(old.width))
+            words = "against the axis list"
+            lines.append(limits.check("max_change", change, unit, words))
+        return tuple(lines)
+
+    def second_measurement(
+        self, tables: Tables, fit: FitSpec
+    ) -> SecondMeasurement | None:
+        assert isinstance(fit, Spec)
+        plan = dataclasses.replace(self.plan, job=tables.job, fit=fit)
+        draft = plan.fit_single(tables, {})
+        assert isinstance(draft, BacklashDraft)  # its own
+        sides, width = sides_of(draft.share), float(self.share.part.values[0])
+        trend, moved = None, self._moved(draft)
+        if abs(moved) > 0.5 * abs(width):
+            # Nearer to what the other flank as the right one does.
+            unit = self.job.spec.axes[self.axis].small_unit
+            words = (
+                f"a constant of {1e3 * moved:+.3g} {unit} of both directions: as if it were"
+                f" right in {'−' if self.plan.reference > 0 else '+'} direction"
+                " (anwahl_losekomp)"
+            )
+            rest = float(np.sqrt(np.mean(sides.before[~sides.wild] ** 2)))
+            trend = LeftTrend(words, rest, owned=True)
+        return SecondMeasurement(
+            ", ".join(fit.sources),
+            sides.position[:, None],
+            sides.before + (moved if trend else 0.0),
+            sides.direction,
+            wild=sides.wild,
+            added=0.5 * abs(width),
+            trend=trend,
+        )
+
+    def _moved(self, again: "BacklashDraft") -> float:
+        """Return by how much the middle of both directions lies beside where it should, in mm.
+
+        It moves by half of the width, to the side that is right; 0 where readings do not tell
+        where the axis lies, or other fits move it too.
+        """
+        drafts = (self, again)
+        specs = [
+            one.job.spec.measurements[k] for one in drafts for k in one.fit.sources
+        ]
+        owned = all(one.remove == "none" and one.datum is None for one in specs)
+        others = [fit for fit in self.job.spec.fits if fit.axis == self.axis]
+        acting = {frozenset({*one.active} - {self.compensation}) for one in specs}
+        if not owned or len(others) > 1 or len(acting) > 1:
+            return 0.0
+        before, after = (one.middle for one in drafts)
+        width = float(self.share.part.values[0])
+        return after - (before - 0.5 * self.plan.reference * width)
+
+    @property
+    def middle(self) -> float:
+        """Mean of what both directions show as they were measured, in mm or °."""
+        data, rows = self.share.recording.data, self.share.rows[~self.share.wild]
+        error, way = data.error[self.axis][rows], data.direction[self.axis][rows]
+        return 0.5 * float(sum(np.median(error[way == sign]) for sign in (1, -1)))
+
+    def prove(self, done: "AxisFiles") -> BacklashResult:
+        share, sides = self.share, sides_of(self.share)
+        before, predicted, wild = self.foreseen
+        read = self.plan.old
+        if done.machine is not None:
+            read = backlash_from_list(done.machine, self.job.conventions)
+        # About the mean of both directions, which the tables of the axis look after.
+        width = 0.0 if read is None else float(read.width)
+        added = 0.5 * sides.direction * (width - self.plan.acting)
+        from_file = sides.before + added
+        result = BacklashResult(
+            **self.frame(done),
+            error=staged(before, predicted, from_file, wild),
+            remarks=(),
+            held_out=share.recording.held_out,
+            width=self.width if self.written else 0.0,
+            reference=self.plan.reference,
+            cycles=done.cycles or 0,
+            fit=share.part,
+            noise=share.noise,
+            sides=sides,
+            from_file=from_file,
+            dependence=change_along(float(share.part.values[0]), sides),
+        )
+        fit_remarks = remarks_of(result, self.plan.old is not None, self.plan.active)
+        remarks = (*share.remarks(), *fit_remarks, *done.remarks)
+        return dataclasses.replace(result, remarks=remarks)
+
+    def _held_out(self) -> Float[np.ndarray, " t"]:
+        """Return the error under a fit to the others, about the middle of each run."""
+        share, run = self.share, self.share.recording.data.run
+        residual = np.array(share.predicted[share.rows])
+        if run is not None:
+            for label in np.unique(run):
+                rows = run[share.rows] == label
+                residual[rows] -= np.median(residual[rows]) if rows.any() else 0.0
+        return residual

@@ -7,8 +7,7 @@ from matplotlib.axes import Axes
 
 from ...report import _style as style
 from ...report._body import Body, Plot
-from ...report._scale import Scale, count, number, percent, place
-from .._drawing import directed_marks, left_out_words, side_by_side
+from ...report._scale import Scale, count, left_out_words, number, percent, place
 from ._result import SHORT, CrosstalkResult
 
 _SIGN = (1, -1, 1, -1)
@@ -65,15 +64,17 @@ def _events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
     crosstalk, events = fit.fit, fit.fit.events
     x_label = f"acceleration of {fit.master} in mm/s²"
     y_label = f"error of {fit.axis} in {scale.error}"
-    figure, panels = side_by_side(3.2, ("before", "from the file"), x_label, y_label)
+    figure, panels = style.side_by_side(
+        3.2, ("before", "from the file"), x_label, y_label
+    )
     branch, peak = events.branch, np.abs(events.peak)
     share = np.minimum(peak / crosstalk.full, 1.0) * scale.factor
     # Of accelerations by speed the sign of the peak does not tell the entry.
     signed = np.where(branch < 2, 1.0, -1.0) * peak
+    sound, direction = ~events.wild, np.array(_SIGN)[branch]
     for panel, values in zip(panels, (events.value, fit.from_file), strict=True):
-        for direction in (1, -1):
-            rows = (np.array(_SIGN)[branch] == direction) & ~events.wild
-            directed_marks(panel, direction, signed[rows], (values * share)[rows], 4.0)
+        shown = (values * share)[sound]
+        style.draw_cloud(panel, signed[sound], shown, direction[sound], size=4.0)
         panel.locator_params(axis="x", nbins=5)
     _mean_lines(panels[0], fit, scale)
     panels[0].legend(loc="best")
@@ -126,7 +127,10 @@ def _tests_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
             rows = (events.branch == row) & ~events.wild
             finite = np.isfinite(crosstalk.values[row])
             places, errors = events.positions[rows, axis], events.value[rows]
-            directed_marks(panel, _SIGN[row], places, errors * scale.factor, 3.5, 0.45)
+            directions = np.full(len(errors), _SIGN[row])
+            style.draw_cloud(
+                panel, places, errors * scale.factor, directions, size=3.5, alpha=0.45
+            )
             panel.errorbar(
                 points[finite, axis], crosstalk.values[row, finite] * scale.factor,
                 yerr=crosstalk.standard_deviation[row, finite] * scale.factor,

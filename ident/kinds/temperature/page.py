@@ -11,8 +11,7 @@ from matplotlib.colors import Normalize
 from ...job import largest_wild
 from ...report import _style as style
 from ...report._body import Body, Plot, WildRow
-from ...report._scale import Scale, count, grouped, number, place
-from .._drawing import left_out_words, marks, side_by_side
+from ...report._scale import Scale, count, grouped, left_out_words, number, place
 from ._law import RATE, ThermalLaw
 from ._result import TemperatureResult
 
@@ -159,14 +158,14 @@ def errors_plot(fit: TemperatureResult, scale: Scale) -> Plot:
     after = "from the file"
     if fit.law is None:
         y_label, after = f"error about its median in {scale.error}", "nothing written"
-    figure, panels = side_by_side(3.2, ("before", after), label, y_label)
+    figure, panels = style.side_by_side(3.2, ("before", after), label, y_label)
     colours = mpl.colormaps[style.SEQUENTIAL]
     norm = Normalize(float(warm.min()), float(warm.max()))
     for rows in _by_temperature(warm, ~thermal.wild):
         middle = float(np.median(warm[rows]))
         colour = colours(0.9 * norm(middle))
         for panel, values in zip(panels, (fit.before, fit.from_file), strict=True):
-            marks(
+            style.marks(
                 panel, x[rows], values[rows] * scale.factor,
                 color=colour, label=f"{middle:.1f} °C",
             )  # fmt: skip
@@ -217,13 +216,13 @@ def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
         clock = thermal.data.time / (3600.0 if long else 60.0)
         label = f"time in {'hours' if long else 'minutes'}"
     figure, panels = style.new_figure(4.2, rows=2, sharex=True, height_ratios=[1.4, 1])
-    marks(
+    style.marks(
         panels[0], clock[sound], fit.before[sound] * scale.factor,
         color=style.GREY, size=2.6, alpha=0.5, label="before",
     )  # fmt: skip
     after = "; nothing is predicted, since no law is written."
     if fit.law is not None:
-        marks(
+        style.marks(
             panels[0], clock[sound], fit.predicted[sound] * scale.factor, size=2.6,
             label="predicted: the law of other stretches of time",
         )  # fmt: skip

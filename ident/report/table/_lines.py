@@ -41,9 +41,9 @@ def _draw_readings(axes: Axes, readings: Readings) -> int:
         readings.positions[chosen, 0],
         readings.before[chosen],
         readings.direction[chosen],
-        size=3.0,
         names=dict.fromkeys((1, -1, 0), "readings"),
         alpha=0.4,
+        most=style.DRAWN_POINTS,
     )
     return len(chosen)
 

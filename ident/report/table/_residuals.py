@@ -75,6 +75,7 @@ def _draw_cloud(
         size=None,
         names={**names, 0: "reading"},
         alpha=0.4,
+        most=style.DRAWN_POINTS,
     )
     sound = readings.sound
     slices = int(np.clip(np.count_nonzero(sound) // 12, 3, 24))
