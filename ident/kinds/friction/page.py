@@ -11,7 +11,7 @@ from ...report import _style as style
 from ...report._body import Body, Plot
 from ...report._scale import Scale, count, grouped, number, percent, place
 from ._listing import LawCurve
-from ._result import FrictionResult, choice_sentence
+from ._result import FrictionResult
 
 _BINS, _FINE = 28, 40
 _FEW = 5
@@ -24,8 +24,7 @@ _ROOM = 8.0
 
 def body(fit: FrictionResult, scale: Scale) -> Body:
     """Return what the page shows of a fitted friction law."""
-    curves = curve_plot(fit, scale), residual_plot(fit, scale)
-    drawn = [*curves, choice_plot(fit), circle_plot(fit)]
+    drawn = curve_plot(fit, scale), residual_plot(fit, scale), circle_plot(fit)
     plots = [plot for plot in drawn if plot is not None]
     return Body(plots=plots, facts=[*_facts(fit, scale)])
 
@@ -257,23 +256,6 @@ def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
     if outside:
         caption += f" {outside} samples lie beyond the plot."
     return Plot("residual", "What remains (held out)", figure, caption)
-
-
-def choice_plot(fit: FrictionResult) -> Plot:
-    """Draw how well each law predicts windows held out."""
-    choice = fit.identified.choice
-    figure, (panel,) = style.new_figure(2.4, columns=1)
-    names = [law.structure.words for law in choice.candidates]
-    rows = np.arange(len(names))[::-1]
-    for k, (row, law) in enumerate(zip(rows, choice.candidates, strict=True)):
-        panel.errorbar(
-            100 * law.error, row, xerr=100 * law.standard_error,
-            marker="o", markersize=4, linewidth=1,
-            color=style.ORANGE if k == choice.chosen else style.BLUE,
-        )  # fmt: skip
-    panel.set_yticks(rows, names, fontsize=9.5)
-    panel.set_xlabel("force error held out in %")
-    return Plot("choice", "Which law predicts best", figure, choice_sentence(choice))
 
 
 def circle_plot(fit: FrictionResult) -> Plot | None:

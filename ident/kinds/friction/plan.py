@@ -1,10 +1,12 @@
 """The friction of one axis: law, list within the controller's limits, proof."""
 
 import dataclasses
+import functools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, final
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from ....data.lists import Value
 from ....data.units import small_unit
@@ -109,9 +111,7 @@ class FrictionDraft(AbstractDraft):
     view: FrictionView
     level: float
 
-    @property
-    def needs(self) -> str:
-        return "Works without referencing"
+    needs = "Works without referencing"
 
     @property
     def written(self) -> bool:
@@ -213,8 +213,9 @@ class FrictionDraft(AbstractDraft):
                 " offset of the drive, not into the list. With the list written here"
                 " this offset leaves the least of the current."
             )
-        yield from self._of_place()
-        yield from self._of_time()
+        if fit.has_law:
+            yield from self._of_place()
+            yield from self._of_time()
         if self.recording.unsure:
             yield Remark.error(f"No list is written. {self.recording.unsure}")
         elif not fit.has_law:
@@ -236,23 +237,35 @@ class FrictionDraft(AbstractDraft):
         if self.knots is not None and self.curve is not None:
             yield from self._unsaid(self.curve, self.knots)
 
+    @functools.cached_property
+    def _looked_at(self) -> Int[np.ndarray, " r"]:
+        """Rows in motion that are enough to see what the law does not say."""
+        rows = np.flatnonzero(self.recording.samples.in_motion)
+        return rows[:: -(-len(rows) // _LOOKED_AT)]
+
+    def _by_part(self, *columns: Float[np.ndarray, " r"]) -> Float[np.ndarray, " p"]:
+        """Return the factor of the first column in the current of each part of the recording.
+
+        A constant, the other columns and the acceleration stand beside it.
+        """
+        samples, rows = self.recording.samples, self._looked_at
+        every = [*columns, np.ones(len(rows))]
+        if samples.acceleration is not None:
+            every.append(samples.acceleration[rows])
+        design, current = np.stack(every, axis=1), samples.current[rows]
+        parts = np.array_split(np.arange(len(rows)), _PARTS)
+        return np.array(
+            [np.linalg.lstsq(design[part], current[part])[0][0] for part in parts]
+        )
+
     def _of_place(self) -> Iterator[Remark]:
         """Return that the load changes with the position, which no law of friction knows."""
-        fit, samples = self.found.fit, self.recording.samples
-        rows = np.flatnonzero(samples.in_motion)
-        rows = rows[:: -(-len(rows) // _LOOKED_AT)]
-        if samples.position is None or not fit.has_law:
+        samples, rows = self.recording.samples, self._looked_at
+        if samples.position is None:
             return
         place, speed = samples.position[rows], samples.velocity[rows]
-        friction = fit.friction(speed)
-        columns = [np.ones(len(rows)), place, friction, np.sign(speed)]
-        if samples.acceleration is not None:
-            columns.append(samples.acceleration[rows])
-        design, current = np.stack(columns, axis=1), samples.current[rows]
-        slopes = [
-            np.linalg.lstsq(design[part], current[part])[0][1]
-            for part in np.array_split(np.arange(len(rows)), _PARTS)
-        ]
+        friction = self.found.fit.friction(speed)
+        slopes = self._by_part(place, friction, np.sign(speed))
         mean, scatter = float(np.mean(slopes)), float(np.std(slopes))
         change = abs(mean) * float(np.ptp(place))
         size = float(np.sqrt(np.mean(friction**2)))
@@ -266,20 +279,11 @@ class FrictionDraft(AbstractDraft):
 
     def _of_time(self) -> Iterator[Remark]:
         """Return that friction changes over the recording, as it does while an axis warms."""
-        fit, samples = self.found.fit, self.recording.samples
-        rows = np.flatnonzero(samples.in_motion)
-        rows = rows[:: -(-len(rows) // _LOOKED_AT)]
-        if not fit.has_law:
-            return
-        columns = [np.ones(len(rows)), fit.friction(samples.velocity[rows])]
-        if samples.acceleration is not None:
-            columns.append(samples.acceleration[rows])
-        design, current = np.stack(columns, axis=1), samples.current[rows]
-        parts = np.array_split(np.arange(len(rows)), _PARTS)
-        ahead = np.array([np.mean(samples.velocity[rows[part]] > 0) for part in parts])
+        speed = self.recording.samples.velocity[self._looked_at]
+        ahead = np.array([np.mean(part > 0) for part in np.array_split(speed, _PARTS)])
         if np.minimum(ahead, 1.0 - ahead).min() < _BOTH:
             return  # a constant load is no friction only where both directions show it
-        shares = [np.linalg.lstsq(design[part], current[part])[0][1] for part in parts]
+        shares = self._by_part(self.found.fit.friction(speed))
         # A straight line over the parts, and how far they lie beside it.
         when = np.linspace(-0.5, 0.5, _PARTS)
         line, (beside,), *_ = np.polyfit(when, shares, 1, full=True)

@@ -60,9 +60,7 @@ class TemperatureDraft(AbstractDraft):
     share: "Share"
     confounded: str = ""
 
-    @property
-    def needs(self) -> str:
-        return "Works once the axis is homed and the PLC program runs"
+    needs = "Works once the axis is homed and the PLC program runs"
 
     @property
     def written(self) -> bool:
