@@ -6,9 +6,8 @@ well they explain what was logged, the noise being estimated, and what each cost
 length); the judge puts the best into words.
 
 Read `_verify` (the whole, and a clock that is off), `_lists` and `_log` (what is to be
-explained), `_channel` and `_tables` (the channels; each compensation has its own in `kinds`),
-`_hypothesis` (with its words), `_scan` and `_search`, `_judge`; `_total` for logs that show sums
-only. The `doctor` explains what was measured by the same search.
+explained), `_channel` (each compensation has its own in `kinds`), `_hypothesis` (with
+its words), `_scan` and `_search`, `_judge`. The `doctor` explains measurements by the same search.
 """
 
 from ._channel import (
@@ -16,7 +15,9 @@ from ._channel import (
     Change as Change,
     LogRows as LogRows,
     Parts as Parts,
+    TableChannel as TableChannel,
     Way as Way,
+    ways_of as ways_of,
 )
 from ._hypothesis import (
     FAULT as FAULT,
@@ -26,5 +27,4 @@ from ._hypothesis import (
 from ._judge import Verdict as Verdict, worst_of as worst_of
 from ._log import LogMotion as LogMotion, Target as Target
 from ._search import Found as Found, search as search
-from ._tables import TableChannel as TableChannel, ways_of as ways_of
 from ._verify import Verification as Verification, verify_log as verify_log

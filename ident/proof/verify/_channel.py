@@ -1,4 +1,4 @@
-"""One compensation of one axis, and how a controller may apply it otherwise."""
+"""One compensation of one axis, a table above all, and how a controller may apply it otherwise."""
 
 import abc
 import dataclasses
@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....models import Conventions, step_response
-from ...exchange import InUse, Reading, model_of
+from ...exchange import InUse, Model, Reading, model_of, offset_at
 from ...exchange.controller._motion import Column
 from ._log import LogMotion
 
@@ -192,7 +192,7 @@ class AbstractChannel(abc.ABC):
     def rules(self, conventions: Conventions) -> list[Conventions]:
         """Return conventions with another choice each of those that matter."""
         return [
-            conventions.from_dict({**conventions.to_dict(), convention.name: choice})
+            dataclasses.replace(conventions, **{convention.name: choice})
             for convention in conventions.listing()
             if convention.name in self.relevant
             for choice in convention.choices
@@ -278,3 +278,81 @@ def delayed(values: Column, cycles: float) -> Column:
         return values
     rows = np.arange(len(values), dtype=float)
     return np.asarray(np.interp(rows - cycles, rows, values))
+
+
+def ways_of(model: Model, ends: bool = True) -> tuple[Way, ...]:
+    """Return the extent of a table per master, with or without edges."""
+    places = (np.asarray(line.positions, dtype=float) for line in model.ways)
+    return tuple(Way.of(nodes, ends) for nodes in places)
+
+
+class TableChannel(AbstractChannel):
+    """A table over positions of its masters."""
+
+    def prepare(self) -> None:
+        law = self.law(self.conventions)
+        self.ways, self.two_way = ways_of(law), len(law.tables) > 1
+        names = self.one.kind.cycles
+        self.listed = self.one.listing.integer(names[0]) or 0 if names else 0
+        self.places(self.masters)  # a log without a master is refused at once
+
+    def law(self, conventions: Conventions) -> Any:
+        """Return the table, its edge held: what lies beyond is judged apart."""
+        return super().law(dataclasses.replace(conventions, cross_edge="hold"))
+
+    def cycles_under(self, conventions: Conventions) -> int:
+        return self.listed if conventions.table_filter == "values" else 0
+
+    def positions(self, change: Change) -> Float[np.ndarray, "t d"]:
+        """Return the positions that are looked up, in mm or °."""
+        return self.places(change.masters or self.masters)
+
+    def parts(self, change: Change, rows: LogRows) -> Parts:
+        places = change.moved(self.positions(change)[rows])
+        model: Model = self.law(change.conventions)
+        edge = change.edge or self.edge(change.conventions)
+        ahead = self._beyond(model, places, 1, edge)
+        if len(model.tables) == 1:
+            return Parts(ahead)
+        behind = self._beyond(model, places, -1, edge)
+        if change.turned:
+            ahead, behind = behind, ahead
+        return Parts(ahead, behind - ahead)
+
+    def places(
+        self, masters: tuple[int, ...], actual: bool = False
+    ) -> Float[np.ndarray, "t d"]:
+        """Return positions of the masters, commanded or actual, a column each."""
+        purpose = f"for the {self.compensation} table of A{self.axis}"
+        place = self.motion.actual if actual else self.motion.position
+        return np.stack([place(axis, purpose) for axis in masters], axis=1)
+
+    def _beyond(
+        self, model: Model, places: Float[np.ndarray, "r d"], direction: int, edge: Edge
+    ) -> Float[np.ndarray, " r"]:
+        """Return the offset with another rule for the rows beyond the table."""
+
+        def at(rows: Float[np.ndarray, "r d"]) -> Float[np.ndarray, " r"]:
+            return np.array(offset_at(model, rows, np.full(len(rows), direction)))
+
+        offset = at(places)
+        if edge == "held" or not self.ways[0].ends:
+            return offset
+        low = np.array([master.low for master in self.ways])
+        high = np.array([master.high for master in self.ways])
+        clamped = np.clip(places, low, high)
+        excess = places - clamped
+        is_outside = excess.any(axis=1)
+        if edge == "zero":
+            return np.where(is_outside, 0.0, offset)
+        for k, master in enumerate(self.ways):
+            rows = np.flatnonzero(excess[:, k])
+            if rows.size:
+                # All rows once more and not these alone: another number of rows would
+                # be another program to compile.
+                inner = clamped.copy()
+                inner[rows, k] -= np.sign(excess[rows, k]) * 0.5 * master.step
+                nearby = at(inner)[rows]
+                slope = (offset[rows] - nearby) / (0.5 * master.step)
+                offset[rows] += np.abs(excess[rows, k]) * slope
+        return offset

@@ -139,6 +139,13 @@ class Hypothesis:
         return cost
 
 
+_EDGES = {
+    "zero": "edge not held: no offset beyond the table",
+    "line": "edge not held: goes on as a straight line beyond the table",
+    "held": "edge held: the last value is held beyond the table",
+}
+
+
 def fault_words(
     hypothesis: Hypothesis,
     channel: AbstractChannel,
@@ -171,41 +178,30 @@ def _text(word: str, value: float, change: Change, channel: AbstractChannel) -> 
         case "swapped":
             return f"masters swapped: {_swapped(change.masters, channel)}"
         case "lag":
-            return _lag(round(value))
+            size = abs(round(value))
+            count = _NUMBERS[size] if size < len(_NUMBERS) else str(size)
+            direction = "later" if value > 0 else "earlier"
+            return f"{count} {'cycle' if size == 1 else 'cycles'} {direction}"
         case "filter":
             return _filter(change, channel)
+        case _ if change.edge is not None:
+            return _EDGES[change.edge]
         case _:
-            return _edge(change, channel)
-
-
-def _lag(cycles: int) -> str:
-    size = abs(cycles)
-    count = _NUMBERS[size] if size < len(_NUMBERS) else str(size)
-    direction = "later" if cycles > 0 else "earlier"
-    return f"{count} {'cycle' if size == 1 else 'cycles'} {direction}"
+            rules = other_rules(change, channel.plain).items()
+            listing = ", ".join(f"{name} = {value}" for name, value in rules)
+            return f"another edge rule ({listing})"
 
 
 def _filter(change: Change, channel: AbstractChannel) -> str:
     cycles = channel.cycles_of(change)
     if change.cycles is None:
         return f"filtered over {cycles} cycles all the time, not on switching only"
-    listed = max(channel.cycles_under(channel.conventions), 1)
+    listed = channel.cycles_under(channel.conventions)
     if cycles <= 1:
-        return f"not filtered, instead of over {listed} cycles"
-    instead = f"instead of {listed}" if listed > 1 else "instead of none"
-    return f"filtered over {cycles} cycles {instead}"
-
-
-def _edge(change: Change, channel: AbstractChannel) -> str:
-    if change.edge is None:
-        rules = other_rules(change, channel.plain)
-        listing = ", ".join(f"{name} = {value}" for name, value in rules.items())
-        return f"another edge rule ({listing})"
-    return {
-        "zero": "edge not held: no offset beyond the table",
-        "line": "edge not held: goes on as a straight line beyond the table",
-        "held": "edge held: the last value is held beyond the table",
-    }[change.edge]
+        return f"not filtered, instead of over {max(listed, 1)} cycles"
+    return (
+        f"filtered over {cycles} cycles instead of {listed if listed > 1 else 'none'}"
+    )
 
 
 def _times(size: float) -> str:

@@ -10,7 +10,6 @@ import numpy as np
 
 from ....data.lists import ListFile
 from ....data.measurements import ControllerLog, LoggedOffset
-from ....models import Conventions
 from ...exchange import (
     ExchangeError,
     Motion,
@@ -196,8 +195,9 @@ def owners(
 
 
 def _with_rule(reading: Reading, rule: str, value: str) -> Reading:
-    rules = {**reading.conventions.to_dict(), rule: value}
-    return dataclasses.replace(reading, conventions=Conventions.from_dict(rules))
+    rules: dict[str, Any] = {rule: value}
+    conventions = dataclasses.replace(reading.conventions, **rules)
+    return dataclasses.replace(reading, conventions=conventions)
 
 
 def _residual_criterion(
