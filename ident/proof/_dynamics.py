@@ -170,14 +170,8 @@ def acceleration(table: GateTable, feed: float) -> tuple[float, str]:
     """Return the largest acceleration that a table adds, smoothed over `SMOOTHING`.
 
     Along a line this is the change of slope over the path of the master in that
-    time; across a cell of a plane its twist adds an acceleration of its own.
-
-    Args:
-        table: The table.
-        feed: In mm/s or °/s.
-
-    Returns:
-        mm/s² or °/s², and where.
+    time; across a cell of a plane its twist adds an acceleration of its own. In mm/s² or °/s²,
+    of a feed in mm/s or °/s, and where.
     """
     reach = feed * SMOOTHING
     candidates: list[_Tried] = []

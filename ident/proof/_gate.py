@@ -117,15 +117,9 @@ def reversal_checks(
     unit: str,
     where: tuple[str, str],
 ) -> list[GateCheck]:
-    """Return the lines of the gate for what comes at a reversal.
+    """Return the lines of the gate for a jump at a reversal, spread over cycles of so many s.
 
-    Args:
-        jump: In mm or °.
-        cycles: Over which it is spread.
-        cycle_time: In s.
-        limits: Of the job.
-        unit: Of the jump.
-        where: Words for the jump, and for what it does when it is spread.
+    `where` are words for the jump, in mm or °, and for what it does when it is spread.
     """
     fast, hard = reversal_dynamics(jump, cycles, cycle_time)
     at, spread = where
@@ -155,13 +149,8 @@ def check_switching(
 ) -> GateCheck:
     """Return the line of the gate for the step per cycle while one is switched on or off.
 
-    Args:
-        jump: What it adds at most, in mm or °.
-        cycles: Over which it is spread.
-        limits: Of the job.
-        unit: Of the jump.
-        entry: What spreads it in the list, for the words.
-        moments: At which it comes or goes, for the words.
+    The jump is what it adds at most, in mm or °. Words name the entry of the list that spreads
+    it, and the moments at which it comes or goes.
     """
     spreading = f"{entry} {cycles}" if cycles > 1 else f"{entry} {cycles}: abrupt"
     step = largest_step(jump, cycles)
@@ -179,17 +168,10 @@ def _largest(table: GateTable, branches: Sequence[np.ndarray]) -> tuple[float, s
 def reversal_dynamics(
     jump: float, cycles: int, cycle_time: float
 ) -> tuple[float, float]:
-    """Return the largest velocity and acceleration of a spread jump.
+    """Return the largest velocity and acceleration of a spread jump, in mm/s and mm/s², or °.
 
-    Both are differences from cycle to cycle, as the drive sees them.
-
-    Args:
-        jump: In mm or °.
-        cycles: Value of P-AXIS-00243.
-        cycle_time: In s.
-
-    Returns:
-        mm/s and mm/s² (°/s, °/s²).
+    Both are differences from cycle to cycle, as the drive sees them; the jump is in mm or °, the
+    cycles are P-AXIS-00243, their time is in s.
     """
     # Before, during and after it: sin²(π/2 · k/n), 0 and 1 abrupt (P-AXIS-00243, S-25).
     position = jump * np.concatenate([[0.0, 0.0], step_response(cycles), [1.0]])
@@ -207,17 +189,10 @@ def choose_cycles(
 ) -> int:
     """Return the number of cycles (2 … 19) over which a reversal jump is spread.
 
-    The smallest number whose velocity and acceleration from cycle to cycle both
+    The smallest number whose velocity (mm/s) and acceleration (mm/s²) from cycle to cycle both
     stay inside the limits: a longer spread makes the path late at every reversal. An
-    existing value that is long enough stays. Where even 19 is too short, 19 is
+    existing value of the axis list that is long enough stays. Where even 19 is too short, 19 is
     returned, and the gate says no.
-
-    Args:
-        jump: Largest difference of the two directions in mm or °.
-        cycle_time: In s.
-        max_velocity: In mm/s.
-        max_acceleration: In mm/s².
-        existing: Value in the axis list, or None.
     """
 
     def within_limits(cycles: int) -> bool:
@@ -231,11 +206,9 @@ def choose_cycles(
 
 
 def largest_step(jump: float, cycles: int) -> float:
-    """Return the largest step in one cycle of a jump that sin² spreads over cycles.
+    """Return the largest step in one cycle of a jump, in mm or °, that `n_cycles` spreads.
 
-    Args:
-        jump: In mm or °.
-        cycles: `n_cycles`; 0 and 1 are abrupt (S-06).
+    By sin²; 0 and 1 are abrupt (S-06).
     """
     return reversal_dynamics(jump, cycles, 1.0)[0]
 
@@ -246,14 +219,8 @@ def switching_cycles(
     """Return over how many cycles a jump is to be spread, or None: as it is.
 
     The smallest number whose largest step stays inside the limit. An existing number that
-    is large enough stays; where even the largest is too small, that one is returned, and
-    the gate says no.
-
-    Args:
-        jump: In mm or °.
-        max_step: Largest step in one cycle, likewise.
-        existing: What the list says already, or None.
-        most: Largest number that the parameter may have.
+    is large enough stays; where even the largest (`most`) is too small, that one is returned, and
+    the gate says no. Jump and largest step are in mm or °.
     """
 
     def within_limit(cycles: int) -> bool:

@@ -98,10 +98,7 @@ def judge_workspace(
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """What compensations over the same axes add: smallest and largest, and their gate.
-
-    ``jumps`` is the largest offset of each of them.
-    """
+    """What compensations over the same axes add: bounds, each one's largest, and their gate."""
 
     bounds: tuple[float, float]
     jumps: Mapping[str, float]
@@ -127,10 +124,7 @@ def _parts(loaded: AxisLists) -> list[tuple[tuple[int, ...], tuple[str, ...]]]:
         names: tuple[str, ...] = (name,)
         for overlapping in [part for part in parts if set(part[0]) & set(axes)]:
             parts.remove(overlapping)
-            axes = (
-                *overlapping[0],
-                *(axis for axis in axes if axis not in overlapping[0]),
-            )
+            axes = tuple(dict.fromkeys((*overlapping[0], *axes)))
             names = (*overlapping[1], *names)
         parts.append((axes, names))
     return parts
@@ -147,25 +141,18 @@ def _judged(
     nodes = [_nodes(loaded, travel, names, axis) for axis in axes]
     # `[j, i]`, as the gate takes a plane: master 1 runs fastest.
     grid = np.meshgrid(*reversed(nodes), indexing="ij")
-    places = dict(
-        zip(reversed(axes), (coordinates.ravel() for coordinates in grid), strict=True)
-    )
-    still = {axis for name in loaded.used for axis in loaded.inputs(name)} - set(axes)
-    count = len(places[axes[0]])
-    places |= {
-        axis: np.full(count, np.mean(travel.spans.get(axis, 0.0))) for axis in still
-    }
-    turns = (
-        loaded.used[name].kind.entries.turns(loaded.models[name]) for name in names
-    )
-    signs = (1, -1) if any(turns) else (1,)
+    count = grid[0].size
+    # Where the other axes stand does not matter here.
+    every = {axis for name in loaded.used for axis in loaded.inputs(name)}
+    places = {k: np.full(count, np.mean(travel.spans.get(k, 0.0))) for k in every}
+    places |= {k: line.ravel() for k, line in zip(reversed(axes), grid, strict=True)}
+    uses = {name: loaded.used[name].kind.entries for name in names}
+    turns = any(entry.turns(loaded.models[name]) for name, entry in uses.items())
+    signs = (1, -1) if turns else (1,)
     # Every state of the sensors in both directions, in one run of the controller.
     states = list(itertools.product(travel.warmth, signs))
     motion = Motion(
-        positions={
-            axis: np.tile(coordinates, len(states))
-            for axis, coordinates in places.items()
-        },
+        positions={axis: np.tile(line, len(states)) for axis, line in places.items()},
         directions={loaded.axis: np.repeat([sign for _, sign in states], count)},
         time=None,
         temperatures={
@@ -329,23 +316,16 @@ def acts_against(partner: AxisLists, axis: AxisLists, name: str) -> tuple[bool, 
     if isinstance(model, AbstractLookup):
         nodes = [np.asarray(line.positions) for line in model.ways]
     grid = np.meshgrid(*nodes)
-    places = {
-        axis: np.tile(coordinates.ravel(), 2)
-        for axis, coordinates in zip(axes, grid, strict=True)
-    }
     direction = np.repeat([1, -1], grid[0].size)
-    places |= dict.fromkeys(
-        (axis.axis, partner.axis), places.get(axis.axis, np.zeros(len(direction)))
-    )
-    added = [
-        lists.parts(
-            Motion(positions=places, directions={lists.axis: direction}, time=None)
-        ).get(name)
-        for lists in (axis, partner)
-    ]
-    if added[0] is None or added[1] is None:
+    places = {k: np.tile(line.ravel(), 2) for k, line in zip(axes, grid, strict=True)}
+    own = places.get(axis.axis, np.zeros(len(direction)))
+    places |= dict.fromkeys((axis.axis, partner.axis), own)
+    motions = (Motion(places, {side.axis: direction}, None) for side in (axis, partner))
+    pair = zip((axis, partner), motions, strict=True)
+    mine, theirs = (side.parts(motion).get(name) for side, motion in pair)
+    if mine is None or theirs is None:
         return False, 0.0
-    total, difference = added[0] + added[1], added[0] - added[1]
+    total, difference = mine + theirs, mine - theirs
     turned = np.linalg.norm(total) < _TURNED * np.linalg.norm(difference)
     twist = float(np.abs(difference).max())
-    return bool(turned), twist if twist > np.abs(added[0]).max() else 0.0
+    return bool(turned), twist if twist > np.abs(mine).max() else 0.0

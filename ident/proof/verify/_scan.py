@@ -1,6 +1,7 @@
 """Where a table may lie, how late it may come, how it may be filtered: the search."""
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Callable, Sequence
 
@@ -35,22 +36,20 @@ def scaled(
 
     Factors that leave twice as much as the best one cannot win.
     """
-    factor, least_squares_left, power = (
-        float(value[0]) for value in target.fitted(column[None])
-    )
+    factor, least, power = (float(value[0]) for value in target.fitted(column[None]))
     if not power:
         return {Hypothesis(change, lag): target.power}
     excess = _excess(np.full(1, factor), target.band)[0]
-    squares = (least_squares_left + np.square(excess) * power).tolist()
+    squares = (least + np.square(excess) * power).tolist()
     nearest = np.argsort(np.abs(excess))[:2]
     squares_of = {
         Hypothesis(change, lag, scale): square
         for k, (scale, square) in enumerate(zip(_SIZES, squares, strict=True))
-        if square < 2.0 * least_squares_left or k in nearest
+        if square < 2.0 * least or k in nearest
     }
     size = _SIZES[nearest[0]]
     if abs(factor - size) > max(FREE_BAND, target.band) * abs(size):
-        squares_of[Hypothesis(change, lag, factor, is_free=True)] = least_squares_left
+        squares_of[Hypothesis(change, lag, factor, is_free=True)] = least
     return squares_of
 
 
@@ -73,23 +72,15 @@ def structures(channel: AbstractChannel) -> list[Change]:
 
 def otherwise(channel: AbstractChannel, change: Change) -> tuple[list[Change], ...]:
     """Return a change with every choice of masters, then of edges, and with other rules."""
-    edge_rule, rules = (
-        channel.edge(change.conventions),
-        channel.rules(change.conventions),
-    )
+    listed, rules = channel.edge(change.conventions), channel.rules(change.conventions)
     edges = EDGES if any(master.ends for master in channel.ways) else ()
     turns = (False, True) if channel.two_way else (False,)
+    swaps = itertools.product((None, *channel.swaps), turns)
+    other = functools.partial(dataclasses.replace, change)
     return (
-        [
-            dataclasses.replace(change, masters=masters, turned=turned)
-            for masters in (None, *channel.swaps)
-            for turned in turns
-        ],
-        [
-            dataclasses.replace(change, edge=None if edge == edge_rule else edge)
-            for edge in edges
-        ],
-        [dataclasses.replace(change, conventions=rule) for rule in rules],
+        [other(masters=masters, turned=turned) for masters, turned in swaps],
+        [other(edge=None if edge == listed else edge) for edge in edges],
+        [other(conventions=rule) for rule in rules],
     )
 
 
@@ -104,16 +95,10 @@ def place(
     target: Target,
     rows: Int[np.ndarray, " r"],
 ) -> list[tuple[Change, float]]:
-    """Return where a table may lie: as it is, and where else it fits better.
+    """Return where a table may lie, as it is and where else it fits better.
 
-    Args:
-        channel: The compensation.
-        change: Masters and edge.
-        target: Values at some rows that are enough to see it.
-        rows: Those rows.
-
-    Returns:
-        Changes with the sum of squares that each leaves.
+    Changes of one with its masters and edge, and the sum of squares that each leaves of a target
+    at some rows, which are enough to see it.
     """
 
     def left(shifts: Float[np.ndarray, "s k"]) -> Float[np.ndarray, " s"]:
@@ -187,11 +172,7 @@ def timed(
 ) -> dict[Hypothesis, float]:
     """Return the squares that lags and lengths of the filter leave, with their factors.
 
-    Args:
-        channel: The compensation.
-        change: Masters, edge and shift.
-        target: Values at the rows that count.
-        rows: Those rows.
+    Masters, edge and shift are those of the change; the target is that at the rows.
     """
     motion = channel.motion
     parts = channel.parts(change, slice(None))

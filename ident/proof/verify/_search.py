@@ -73,15 +73,10 @@ def search(
 
     Noise is normal, its size that of each hypothesis; what the best one leaves says how
     many rows are independent of each other, and which of them are wild and do not count.
-
-    Args:
-        channel: The compensation.
-        target: Values at all rows.
-        start: Hypotheses that are looked at in any case.
+    Hypotheses to start with are looked at in any case.
     """
-    all_rows = _Rows(
-        channel, target, np.arange(channel.motion.rows)[channel.motion.judged]
-    )
+    judged = np.arange(channel.motion.rows)[channel.motion.judged]
+    all_rows = _Rows(channel, target, judged)
     sound, squares = all_rows, all_rows.searched(start)
     best = sound.ranked(squares, float(len(all_rows.rows)))[0].hypothesis
     residual = all_rows.target.residual(all_rows.column(best))
@@ -130,12 +125,8 @@ class _Rows:
 
     def squares(self, hypotheses: Iterable[Hypothesis]) -> dict[Hypothesis, float]:
         """Return the sum of squares that each hypothesis leaves."""
-        return {
-            hypothesis: float(
-                self.target.residual_squares(self.column(hypothesis)[None])[0]
-            )
-            for hypothesis in hypotheses
-        }
+        squares = self.target.residual_squares
+        return {each: float(squares(self.column(each)[None])[0]) for each in hypotheses}
 
     def ranked(
         self, squares_of: Mapping[Hypothesis, float], samples: float
@@ -165,9 +156,8 @@ class _Rows:
             for structure in structures(self.channel)
             for change, squares in place(self.channel, structure, part, sample)
         }
-        ranking = _Rows(self.channel, self.whole, sample).ranked(
-            squares_of, float(len(sample))
-        )
+        few = _Rows(self.channel, self.whole, sample)
+        ranking = few.ranked(squares_of, float(len(sample)))
         promising = [rival.hypothesis.change for rival in ranking[:_KEPT]]
         return promising if plain in promising else [*promising, plain]
 
@@ -179,9 +169,8 @@ class _Rows:
         # Of a table that lies elsewhere the best of each, its place refined with it.
         leaders: dict[tuple[bool, bool], Hypothesis] = {}
         for hypothesis in sorted(variants, key=variants.__getitem__):
-            leaders.setdefault(
-                (bool(hypothesis.lag), hypothesis.change.cycles is None), hypothesis
-            )
+            sort = bool(hypothesis.lag), hypothesis.change.cycles is None
+            leaders.setdefault(sort, hypothesis)
         refined: dict[Hypothesis, float] = {}
         for hypothesis in leaders.values():
             refined |= self._shifted(hypothesis.change, hypothesis.lag)
@@ -214,16 +203,12 @@ class _Rows:
 
     def plainest(self, rivals: Sequence[Rival]) -> Rival:
         """Return the best, or the plain one where nothing tells them apart in a list."""
-        plain = Hypothesis(self.channel.plain)
-        listed = next(
-            (rival for rival in rivals if rival.hypothesis == plain), rivals[0]
-        )
-        first, second = (
-            self.target.residual(self.column(rival.hypothesis))
-            for rival in (rivals[0], listed)
-        )
+        plain, best = Hypothesis(self.channel.plain), rivals[0]
+        listed = next((rival for rival in rivals if rival.hypothesis == plain), best)
+        columns = (self.column(rival.hypothesis) for rival in (best, listed))
+        first, second = map(self.target.residual, columns)
         limit = max(RESOLUTION, self.target.step)
-        return listed if float(np.max(np.abs(first - second))) <= limit else rivals[0]
+        return listed if float(np.max(np.abs(first - second))) <= limit else best
 
 
 def independent(residual: Float[np.ndarray, " r"]) -> float:
@@ -263,6 +248,4 @@ def neighbours(channel: AbstractChannel, best: Hypothesis) -> list[Hypothesis]:
     changes += [{"shift": ()}] * change.is_shifted
     altered = [dataclasses.replace(change, **fields) for fields in changes]
     altered += itertools.chain.from_iterable(otherwise(channel, change))
-    return hypotheses + [
-        dataclasses.replace(best, change=variant) for variant in altered
-    ]
+    return hypotheses + [dataclasses.replace(best, change=one) for one in altered]
