@@ -155,12 +155,7 @@ def cases_of(
 
     That is the factor of the offset that fits best, NaN where these places show none, and
     the largest shift in mm or ° that the readings cannot exclude and that would matter; None
-    where there is none.
-
-    Args:
-        use: The compensation.
-        scene: What was measured.
-        blurred: What another list of the axis adds looks like a fault, too.
+    where there is none. Blurred is what looks like a fault by what another list adds.
     """
     channel, target = scene.channel(use, use.axis), scene.target(use, use.axis)
     factor, _, power = target.fitted(channel.column(channel.plain)[None])
@@ -208,11 +203,7 @@ def _as_a_whole(
 ) -> Diagnosis:
     """Return a diagnosis that says where a list is right as a whole only.
 
-    Args:
-        right: It, without that.
-        channel: The compensation.
-        search_result: What explains the change.
-        readings: How many readings each row is the mean of.
+    `readings` are how many each row is the mean of.
     """
     size = float(np.sqrt(np.mean(search_result.column[search_result.rows] ** 2)))
     worst = worst_of(channel, search_result, readings[channel.motion.judged])
@@ -239,10 +230,9 @@ def _named(hypothesis: Hypothesis, channel: AbstractChannel) -> Diagnosis:
         return Diagnosis(*identity, "cannot tell")
     text = fault_words(hypothesis, channel, _WORDS)
     if words == ["swapped"]:
-        word = "swapped" if hypothesis.change.turned else "wrong axis"
-        return Diagnosis(
-            *identity, word, sentence=text, sign=sign if hypothesis.change.turned else 0
-        )
+        if hypothesis.change.turned:
+            return Diagnosis(*identity, "swapped", sentence=text, sign=sign)
+        return Diagnosis(*identity, "wrong axis", sentence=text)
     value = faults["shift"] if words == ["shift"] else hypothesis.scale
     return Diagnosis(*identity, words[0], value, sentence=text, sign=sign)
 
@@ -251,10 +241,9 @@ def _matters(
     channel: AbstractChannel, shifts: Float[np.ndarray, "s k"], share: float
 ) -> Bool[np.ndarray, " s"]:
     """Return which shifts change as much as a share of what a list adds, or more."""
-    unshifted, rows = np.zeros((1, shifts.shape[1])), np.arange(channel.motion.rows)
-    columns = channel.columns_at(
-        channel.plain, np.concatenate([unshifted, shifts]), rows
-    )
+    places = np.concatenate([np.zeros((1, shifts.shape[1])), shifts])
+    rows = np.arange(channel.motion.rows)
+    columns = channel.columns_at(channel.plain, places, rows)
     effect = np.linalg.norm(columns[0] - columns[0].mean())
     distance = np.linalg.norm(columns[1:] - columns[0], axis=1)
     return np.asarray(distance >= share * effect)
@@ -272,16 +261,14 @@ def _blind(
     channel: AbstractChannel, target: Target, search_result: Found
 ) -> float | None:
     """Return the largest shift that readings cannot exclude and that would matter."""
-    unshifted, shifts = np.zeros((1, len(channel.ways))), _shifts(channel)
+    shifts = _shifts(channel)
     shifts = shifts[_matters(channel, shifts, _MATTERS)]
-    places = np.concatenate([unshifted, shifts])
+    places = np.concatenate([np.zeros((1, len(channel.ways))), shifts])
     part = target.at(search_result.rows)
     columns = channel.columns_at(channel.plain, places, search_result.rows)
     misfit = part.criterion(part.residual_squares(columns), search_result.samples)
-    undistinguished = misfit[1:] < misfit[0] + _EXCLUDED
-    return (
-        float(np.abs(shifts[undistinguished]).max()) if undistinguished.any() else None
-    )
+    undistinguished = shifts[misfit[1:] < misfit[0] + _EXCLUDED]
+    return float(np.abs(undistinguished).max()) if len(undistinguished) else None
 
 
 def _shifts(channel: AbstractChannel) -> Float[np.ndarray, "s k"]:
@@ -303,9 +290,7 @@ def _elsewhere(use: InUse, scene: Scene, search_result: Found) -> list[Case]:
     cases: list[Case] = []
     identity, axis_name = (use.axis, use.name), scene.name(use.axis)
     for axis, change in scene.changes.items():
-        if axis == use.axis or any(
-            master not in change.positions for master in use.masters
-        ):
+        if axis == use.axis or not change.positions.keys() >= {*use.masters}:
             continue
         channel = scene.channel(use, axis)
         if np.ptp(channel.column(channel.plain)) > 0.0:

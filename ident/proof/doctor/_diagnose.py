@@ -9,7 +9,8 @@ import numpy as np
 
 from ....data.lists import ListFile
 from ....models import Conventions
-from ...exchange import ExchangeError, InUse, Reading, machine_lists
+from ...exchange import InUse, Reading, machine_lists
+from ...exchange._units import expect
 from ..verify import FAULT
 from ._cases import SUSPECTED, Diagnosis, Scene, cases_of
 from ._measured import Difference, Measured, difference
@@ -46,34 +47,24 @@ def diagnose(
     active = [use for use in loaded if not use.kind.unseen]
     changes: dict[int, Difference] = {}
     switched: dict[tuple[int, str], int] = {}
-    for axis in sorted(
-        {measurement.axis for measurement in before}
-        & {measurement.axis for measurement in after}
-    ):
-        earlier = [measurement for measurement in before if measurement.axis == axis]
-        later = [measurement for measurement in after if measurement.axis == axis]
-        mine = [use.masters for use in active if use.axis == axis]
-        changes[axis] = difference(earlier, later, {axis}.union(*mine))
-        for use in active:
-            if use.axis == axis:
-                on = _state(use, later, True) - _state(use, earlier, False)
-                switched[axis, use.name] = on
-        if len(changes[axis].change) < _FEWEST:
-            raise ExchangeError(
-                where="doctor",
-                found=f"{len(changes[axis].change)} places of A{axis} that both"
-                " measurements have",
-                expected=f"at least {_FEWEST}",
-            )
+    for axis in sorted({one.axis for one in before} & {one.axis for one in after}):
+        earlier = [one for one in before if one.axis == axis]
+        later = [one for one in after if one.axis == axis]
+        mine = [use for use in active if use.axis == axis]
+        followed = {axis}.union(*(use.masters for use in mine))
+        changes[axis] = difference(earlier, later, followed)
+        for use in mine:
+            on = _state(use, later, True) - _state(use, earlier, False)
+            switched[axis, use.name] = on
+        count = len(changes[axis].change)
+        words = f"{count} places of A{axis} that both measurements have"
+        expect(count >= _FEWEST, "doctor", words, f"at least {_FEWEST}")
     switched_uses = [use for use in active if switched.get((use.axis, use.name))]
-    if not switched_uses:
-        axes = ", ".join(f"A{use.axis}" for use in active) or "no axis"
-        measured = ", ".join(f"A{axis}" for axis in changes) or "no axis"
-        raise ExchangeError(
-            where="doctor",
-            found=f"lists for {axes}; measured both times: {measured}",
-            expected="an axis with a list that was switched between the measurements",
-        )
+    axes = ", ".join(f"A{use.axis}" for use in active) or "no axis"
+    measured = ", ".join(f"A{axis}" for axis in changes) or "no axis"
+    words = f"lists for {axes}; measured both times: {measured}"
+    expected = "an axis with a list that was switched between the measurements"
+    expect(switched_uses, "doctor", words, expected)
     scene = Scene(changes, switched, reading, names or {})
     # What a list says is the same everywhere, such as a temperature line that a PLC
     # moves, hides in the zero of the instrument; what the PLC adds looks like a fault.
@@ -148,14 +139,11 @@ def _doubt(
     *,
     blurred: bool,
 ) -> str:
-    """Return why nothing can be said.
+    """Return why nothing can be said, by the probabilities of the words.
 
-    Args:
-        shares: Probability by word.
-        factor: What fits best, of the offset that the list gives; NaN: none shows.
-        blind: Shift that these readings cannot tell from none, in the unit of lengths.
-        unit: Of lengths.
-        blurred: Another list of the axis adds the same at all these places.
+    The factor is what fits best, of the offset that the list gives (NaN: none shows); `blind` a
+    shift that these readings cannot tell from none, in the unit of lengths; blurred: another list
+    of the axis adds the same at all these places.
     """
     ranked = sorted(shares, key=lambda word: -shares[word])
     if blind is not None and (ranked[0] == "right" or ranked[:2] == ["shift", "right"]):

@@ -83,12 +83,10 @@ def difference(
         after: The second ones.
         followed: Axes over which the lists of the axis act.
     """
-    measurements = [*before, *after]
+    both = [*before, *after]
     # Only axes whose positions every measurement has.
-    axes = sorted(
-        set.intersection(*(set(measurement.positions) for measurement in measurements))
-    )
-    directed = all(measurement.direction is not None for measurement in measurements)
+    axes = sorted(set.intersection(*({*one.positions} for one in both)))
+    directed = all(one.direction is not None for one in both)
     earlier, later = _places(before, axes, directed), _places(after, axes, directed)
     match, matched = _matches(earlier, later)
     if not matched and set(followed) & set(axes):
@@ -105,11 +103,10 @@ def difference(
     keys = later.keys[finite]
     positions = {axis: keys[:, k] * _PLACE for k, axis in enumerate(axes)}
     nuisance = [np.ones(len(keys))]
-    if any(measurement.line for measurement in measurements):
+    if any(one.line for one in both):
         nuisance += list(positions.values())
-    nuisance += [
-        late[finite] for late in (early[:, 1], later.levels[:, 1]) if late[finite].any()
-    ]
+    late = (early[finite, 1], later.levels[finite, 1])
+    nuisance += [column for column in late if column.any()]
     variance = 1.0 / counts[finite] + 1.0 / later.count[finite]
     return Difference(
         positions=positions,
@@ -139,14 +136,14 @@ def _places(
     from scipy.ndimage import median
 
     rows, late = [], []
-    for measurement in measured:
-        zeros = np.zeros(len(measurement.error))
-        columns = [np.rint(measurement.positions[axis] / _PLACE) for axis in axes]
-        directions = measurement.direction if directed else None
+    for one in measured:
+        zeros = np.zeros(len(one.error))
+        columns = [np.rint(one.positions[axis] / _PLACE) for axis in axes]
+        directions = one.direction if directed else None
         columns.append(zeros if directions is None else directions)
         rows.append(np.stack(columns, axis=1).astype(np.int64))
-        late.append(zeros if measurement.late is None else measurement.late)
-    values = np.concatenate([measurement.error for measurement in measured])
+        late.append(zeros if one.late is None else one.late)
+    values = np.concatenate([one.error for one in measured])
     places, at, counts = np.unique(
         np.concatenate(rows), axis=0, return_inverse=True, return_counts=True
     )
@@ -174,10 +171,8 @@ def _interpolated(
     levels = np.full((len(keys), 2), np.nan)
     for direction in np.unique(source.keys[:, -1]):
         in_direction, rows = source.keys[:, -1] == direction, keys[:, -1] == direction
-        places, known = (
-            source.keys[in_direction, :-1].astype(float),
-            source.levels[in_direction],
-        )
+        places = source.keys[in_direction, :-1].astype(float)
+        known = source.levels[in_direction]
         varied = np.flatnonzero(np.ptp(places, axis=0) > 0)
         at, targets = places[:, varied], keys[rows][:, varied].astype(float)
         if varied.size == 1:

@@ -69,10 +69,9 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
     axis, name = channel.axis, channel.compensation
     best = result.rivals[0]
 
-    def verdict(
-        words: tuple[str, ...], value: tuple[float | None, ...], sentence: str
-    ) -> Verdict:
-        return Verdict(axis, name, words, value, sentence, *settled(channel, result))
+    def verdict(found: Mapping[str, float | None], sentence: str) -> Verdict:
+        words, sizes, rules = (*found,), (*found.values(),), settled(channel, result)
+        return Verdict(axis, name, words, sizes, sentence, *rules)
 
     def silent(sentence: str) -> Verdict:
         return Verdict(axis, name, (), (), sentence, {})
@@ -82,9 +81,8 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
     if count < _FEWEST:
         return silent(f"the log cannot tell: {count} rows, expected {_FEWEST} or more")
     if float(np.max(np.abs(channel.column(channel.plain)[rows]))) <= 1e-6:
-        return silent(
-            "the log cannot tell: on this motion the list adds nothing that changes"
-        )
+        words = "on this motion the list adds nothing that changes"
+        return silent(f"the log cannot tell: {words}")
     added = float(np.max(np.abs(result.column[rows])))
     idle = best.hypothesis.is_free and abs(best.hypothesis.scale) <= _NOTHING
     if idle or added <= RESOLUTION or result.nothing < best.criterion - EQUAL:
@@ -132,25 +130,18 @@ def judge_channel(channel: AbstractChannel, result: Found) -> Verdict:
         left = max(unexplained, left)
         tolerance = max(1e-4, math.ceil(left * 1e4 - 1e-6) / 1e4)
         text = f"agrees within {_size_of(channel, tolerance)}{rules}"
-        text += "".join(
-            f"; as well explained: {fault_words(hypothesis, channel)}"
-            for hypothesis in equals
-        )
-        words = [word for hypothesis in equals for word in hypothesis.faults(channel)]
-        sizes = (tolerance, *[None] * len(words))
-        return verdict(("agrees", *words), sizes, text if equals else text + tail)
+        for hypothesis in equals:
+            text += f"; as well explained: {fault_words(hypothesis, channel)}"
+        agreed: dict[str, float | None] = {"agrees": tolerance}
+        for hypothesis in equals:
+            agreed |= dict.fromkeys(hypothesis.faults(channel))
+        return verdict(agreed, text if equals else text + tail)
     text = whole_text + rules
-    text += "".join(
-        f", or as well {fault_words(hypothesis, channel)}" for hypothesis in equals
-    )
-    faults_of_all: dict[str, float | None] = {}
-    for hypothesis in (best.hypothesis, *equals):
-        for word, value in hypothesis.faults(channel).items():
-            faults_of_all.setdefault(word, value)
-    clause = _looks_alike(channel, result, set(faults_of_all))
-    return verdict(
-        tuple(faults_of_all), tuple(faults_of_all.values()), text + clause + tail
-    )
+    for hypothesis in equals:
+        text += f", or as well {fault_words(hypothesis, channel)}"
+        faults |= hypothesis.faults(channel) | faults
+    clause = _looks_alike(channel, result, set(faults))
+    return verdict(faults, text + clause + tail)
 
 
 def _equals(channel: AbstractChannel, result: Found) -> list[Hypothesis]:
@@ -276,10 +267,7 @@ def worst_of(
 ) -> Worst:
     """Return what is left most near any node: over a whole log one wrong entry hardly shows.
 
-    Args:
-        channel: The compensation.
-        result: What explains its rows.
-        readings: How many readings each row that is judged is the mean of; None: one each.
+    `readings` are how many each row that is judged is the mean of; None: one each.
     """
     from scipy.ndimage import mean, median
 
