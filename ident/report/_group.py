@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from ..job import Remark, by_level
 from . import _style as style
 from ._body import Plot
-from ._scale import Scale, count, number, scale_of
+from ._scale import Scale, count, scale_of
 from ._section import Section
 from .table._fitted import bin_means, say_drawn
 
@@ -47,14 +47,9 @@ def group_section(
 ) -> GroupSection:
     """Return the section of a group; ``place`` counts the groups from 1.
 
-    Args:
-        group: What the job found.
-        place: Of the group.
-        sections: Of all fits, in the order of the job.
+    `sections` are those of all fits, in the order of the job.
     """
-    unidentified = [
-        effect for effect in group.effects if effect.index is not None and effect.why
-    ]
+    unidentified = [one for one in group.effects if one.index is not None and one.why]
     members = [sections[index] for index in group.fits]
     proven = all(section.verdict.level == "good" for section in members)
     assumed = any(section.fit.judgement.waits for section in members)
@@ -76,10 +71,7 @@ def _sentence(group: "GroupResult", missing: int) -> str:
     parts = []
     for axis_sum in group.axes:
         scale = scale_of(axis_sum.unit)
-        before, after = (
-            axis_sum.error["before"].sound.rms,
-            axis_sum.error["predicted"].sound.rms,
-        )
+        before, after = (axis_sum.error[k].sound.rms for k in ("before", "predicted"))
         words = (
             f"the error of {axis_sum.axis} falls from {scale.figure(before)} to"
             f" {scale.figure(after)} {scale.error} rms"
@@ -120,21 +112,23 @@ def sum_plot(group: "GroupResult") -> Plot:
     for k, (panel, axis_sum) in enumerate(zip(panels, group.axes, strict=True)):
         scale = scale_of(axis_sum.unit)
         _over_order(panel, group, axis_sum, scale, last=k == rows - 1)
-        sentences.append(_axis_sentence(axis_sum, scale))
+        before, after = (axis_sum.error[k].sound.rms for k in ("before", "predicted"))
+        ratio = after / axis_sum.noise if axis_sum.noise > 0 else float("nan")
+        sentences.append(
+            f"{axis_sum.axis}: {scale.shown(before)} rms before, {scale.shown(after)} predicted,"
+            f" {ratio:.2f} times the scatter of a reading."
+        )
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=2, markerscale=2.5)
     left_out = "run" if group.held_out == "run" else "stretch of the recording"
-    remark = say_drawn(
-        style.DRAWN_POINTS, max(axis_sum.rows.size for axis_sum in group.axes)
-    )
+    most = max(axis_sum.rows.size for axis_sum in group.axes)
     caption = (
         f"{' '.join(sentences)} Each reading is predicted by lists that were fitted without"
-        f" its {left_out}.{remark}"
+        f" its {left_out}.{say_drawn(style.DRAWN_POINTS, most)}"
     )
     over = "time" if group.timed else "the order of measuring"
-    return Plot(
-        "sum", f"The whole error over {over}, before and after", figure, caption
-    )
+    title = f"The whole error over {over}, before and after"
+    return Plot("sum", title, figure, caption)
 
 
 def _over_order(
@@ -158,11 +152,8 @@ def _over_order(
         markersize=2.4, label="mean of a slice",
     )  # fmt: skip
     panel.axhline(0, color=style.INK, linewidth=0.6)
-    errors = (
-        np.concatenate([axis_sum.before[sound], axis_sum.predicted[sound]])
-        * scale.factor
-    )
-    low, high = np.quantile(errors, [0.002, 0.998])
+    errors = np.concatenate([axis_sum.before[sound], axis_sum.predicted[sound]])
+    low, high = scale.factor * np.quantile(errors, [0.002, 0.998])
     edge = 0.12 * max(high - low, 1e-9)
     panel.set_ylim(low - edge, high + edge)
     panel.set_ylabel(f"error of {axis_sum.axis} in {scale.error}")
@@ -170,14 +161,3 @@ def _over_order(
         panel.set_xlabel(
             "time in s" if group.timed else "row, in the order of measuring"
         )
-
-
-def _axis_sentence(axis_sum: "AxisSum", scale: Scale) -> str:
-    before = number(axis_sum.error["before"].sound.rms * scale.factor)
-    after = axis_sum.error["predicted"].sound.rms
-    ratio = after / axis_sum.noise if axis_sum.noise > 0 else float("nan")
-    return (
-        f"{axis_sum.axis}: {before} {scale.error} rms before,"
-        f" {scale.shown(after)} predicted,"
-        f" {ratio:.2f} times the scatter of a reading."
-    )

@@ -43,23 +43,14 @@ def overview_plot(fits: Sequence[AbstractResult]) -> Plot | None:
 
 
 def write_picture(result: JobResult, path: Path) -> None:
-    """Write the overview of a job as a PNG, small enough for a README.
-
-    Args:
-        result: What the job found; at least one fit.
-        path: File to write.
-    """
+    """Write the overview of a job with at least one fit as a PNG, small enough for a README."""
     with style.house_style():
         plot = overview_plot(result.fits)
         if plot is not None:
             plot.figure.savefig(path, format="png", dpi=110)
 
 
-def _draw_fit(
-    figure: Figure,
-    panels: list[Axes],
-    fit: TableResult,
-) -> str:
+def _draw_fit(figure: Figure, panels: list[Axes], fit: TableResult) -> str:
     """Draw one row and return its sentence."""
     scale = scale_of(fit.unit)
     clouds = _clouds(fit, scale)
@@ -71,16 +62,12 @@ def _draw_fit(
     over = f" over {', '.join(fit.over)}" if fit.over else ""
     name = f"{fit.axis}{over}"
     sizes = [
-        float(np.sqrt(np.mean(error**2))) if error.size else float("nan")
+        number(float(np.sqrt(np.mean(error**2)))) if error.size else "–"
         for _, error, _ in clouds
     ]
     for panel, size, word in zip(panels, sizes, ("before", kind), strict=True):
-        panel.set_title(
-            f"{name}, {word}: {number(size)} {scale.error} rms", fontsize=10
-        )
-    return (
-        f"{name}: {number(sizes[0])} → {number(sizes[1])} {scale.error} rms ({kind})."
-    )
+        panel.set_title(f"{name}, {word}: {size} {scale.error} rms", fontsize=10)
+    return f"{name}: {' → '.join(sizes)} {scale.error} rms ({kind})."
 
 
 def _clouds(fit: TableResult, scale: Scale) -> tuple[_Cloud, _Cloud]:
@@ -93,12 +80,11 @@ def _clouds(fit: TableResult, scale: Scale) -> tuple[_Cloud, _Cloud]:
     before = cloud(readings.before, ~readings.wild)
     if (second := fit.measured) is None:
         return before, cloud(readings.predicted, readings.sound)
-    sound, directions = second.sound, second.direction
-    directions = (
-        np.zeros(len(sound), dtype=np.int64) if directions is None else directions
-    )
+    sound, direction = second.sound, second.direction
+    if direction is None:
+        direction = np.zeros(len(sound), dtype=np.int64)
     error = second.error[sound] * scale.factor
-    return before, (second.positions[sound], error, directions[sound])
+    return before, (second.positions[sound], error, direction[sound])
 
 
 def _draw_clouds(

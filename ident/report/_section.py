@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +10,6 @@ from ..kinds import kind
 from ._body import Body
 from ._scale import Scale, count, percent, scale_of
 from ._verdict import Headline, headline_of
-
-if TYPE_CHECKING:
-    from ..job import LeftOutResult
 
 _MOST = 8
 """Values that are not determined and named one by one."""
@@ -110,22 +106,15 @@ def figures_of(
 ) -> tuple[list[str], dict[str, list[float | None]]]:
     """Return the stages of an error that are shown, and the figures of each by name."""
     stages = [stage for stage in _COLUMNS if stage in error]
-    wild = any(error_of.without_wild is not None for error_of in error.values())
-    rows = {
-        name: [_figure(error[stage], name) for stage in stages]
-        for name in _ROWS
-        if wild or not name.endswith(", all")
-    }
-    filled = {name: cells for name, cells in rows.items() if set(cells) != {None}}
-    return stages, filled
-
-
-def _figure(figures: ErrorFigures, name: str) -> float | None:
-    if name in ("rms", "max"):
-        return float(getattr(figures.sound, name))
-    if name in ("rms, all", "max, all"):
-        return float(getattr(figures, name.removesuffix(", all")))
-    return None if figures.iso230 is None else figures.iso230.get(name)
+    shown = [error[stage] for stage in stages]
+    columns: list[dict[str, float]] = []
+    for figures in shown:
+        sound = {"rms": figures.sound.rms, "max": figures.sound.max}
+        columns.append(sound | dict(figures.iso230 or {}))
+        if any(each.without_wild is not None for each in error.values()):
+            columns[-1] |= {"rms, all": figures.rms, "max, all": figures.max}
+    rows = {name: [column.get(name) for column in columns] for name in _ROWS}
+    return stages, {name: cells for name, cells in rows.items() if set(cells) - {None}}
 
 
 def summary_row(section: Section) -> tuple[str, ...]:
@@ -148,31 +137,21 @@ def body_of(fit: AbstractResult, scale: Scale) -> Body:
     """Return plots, facts and wild readings of a fit."""
     if not fit.left_out:
         return kind(fit.compensation).page.body(fit, scale)
-    # Whatever kind it was to be: its readings do not tell it.
+    # Whatever kind it was to be: its readings do not tell it, and nothing was written.
     from ..job import LeftOutResult
 
     assert isinstance(fit, LeftOutResult)
-    return _left_out_body(fit)
-
-
-def _left_out_body(fit: "LeftOutResult") -> Body:
-    """Return the sentences on a fit that nothing was written of."""
-    nothing = ("As written", "Nothing: see the remarks above.")
-    part = fit.part
-    if part is None:
-        return Body(plots=[], facts=[nothing])
-    determined = int(np.sum(part.determined & (part.support > 0)))
-    reached = int(np.sum(part.support > 0))
-    facts = [
-        (
-            "Values",
-            f"{determined} of {count(len(part.values), 'value')} are determined; readings touch"
-            f" {reached} of them.",
-        ),
-    ]
-    unknown = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
-    if unknown.size:
-        names = some_of([part.effect.labels[int(k)] for k in unknown], _MOST)
-        facts.append(("Not determined", f"{names}."))
-    facts.append(nothing)
+    facts, part = [], fit.part
+    if part is not None:
+        touched = part.support > 0
+        words = (
+            f"{np.sum(part.determined & touched)} of {count(len(part.values), 'value')}"
+        )
+        words += f" are determined; readings touch {np.sum(touched)} of them."
+        facts.append(("Values", words))
+        unknown = np.flatnonzero(~part.determined & np.isinf(part.standard_deviation))
+        if unknown.size:
+            names = some_of([part.effect.labels[int(k)] for k in unknown], _MOST)
+            facts.append(("Not determined", f"{names}."))
+    facts.append(("As written", "Nothing: see the remarks above."))
     return Body(plots=[], facts=facts)

@@ -19,14 +19,9 @@ from ._verdict import front_of
 
 
 def write_report(result: JobResult, out: Path) -> tuple[Path, ...]:
-    """Write ``report.html`` and ``plots/*.svg`` into a folder and return their paths.
+    """Write ``report.html`` and ``plots/*.svg`` into a folder and return their paths, page first.
 
-    Args:
-        result: What the job found.
-        out: Folder of the report; it is made where it is missing.
-
-    Returns:
-        The page first, then the plots. Each file is replaced atomically.
+    The folder is made where it is missing. Each file is replaced atomically.
     """
     files: dict[str, str] = {}
 

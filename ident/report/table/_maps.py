@@ -43,7 +43,8 @@ def error_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     label(axes, table, scale)
     handles, _ = axes.get_legend_handles_labels()
     if not table.measured.all():
-        handles.append(hatch_key())
+        patch = {"facecolor": "none", "edgecolor": "#444444", "hatch": "////"}
+        handles.append(Patch(**patch, linewidth=0.5, label="not measured"))
     figure.legend(handles=handles, loc="outside upper right", ncols=3, markerscale=2)
     caption = (
         f"{table.runs('At measured nodes the error', scale)}"
@@ -62,7 +63,9 @@ def coverage_maps(fit: TableResult, scale: Scale) -> Plot:
         figure.set_layout_engine("compressed")
     else:
         figure, (above, below) = style.new_figure(2 * height + 0.8, 2, 1)
-    mesh = heat(above, table, table.sd, spread_limits(table))
+    # Unmeasured nodes, always the worst, do not stretch the colours.
+    sd = table.sd[table.measured] if table.measured.any() else table.sd
+    mesh = heat(above, table, table.sd, (0.0, float(sd.max()) * 1.05 or 1.0))
     bar(figure, mesh, [above], f"sd in {scale.error}")
     largest = max(float(np.quantile(table.support, 0.98)), 1.0)
     mesh = heat(below, table, table.support.astype(float), (0.0, largest))
@@ -139,11 +142,6 @@ def hatch(axes: Axes, table: Fitted, colour: str = "#444444") -> None:
     drawn.set_gid("not-measured")
 
 
-def hatch_key() -> Patch:
-    return Patch(facecolor="none", edgecolor="#444444", hatch="////", linewidth=0.5,
-                 label="not measured")  # fmt: skip
-
-
 def bar(figure: Figure, mesh: QuadMesh, panels: list[Axes], label: str) -> Colorbar:
     """Draw the colour bar of one layer beside its panels."""
     drawn = figure.colorbar(mesh, ax=panels, pad=0.015, fraction=0.05, aspect=22)
@@ -168,9 +166,3 @@ def map_height(table: Fitted) -> float:
 def symmetric(value: Float[np.ndarray, "..."]) -> float:
     finite = np.abs(value[np.isfinite(value)])
     return float(finite.max(initial=0.0)) or 1.0
-
-
-def spread_limits(table: Fitted) -> tuple[float, float]:
-    """Return colour limits that unmeasured nodes, always the worst, do not stretch."""
-    sd = table.sd[table.measured] if table.measured.any() else table.sd
-    return 0.0, float(sd.max()) * 1.05 or 1.0
