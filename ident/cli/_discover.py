@@ -40,7 +40,11 @@ def discover(
 
     console = Console(stderr=True, highlight=False)
     if write is not None:
-        _refuse_place(job, write)
+        # Else the new job would not find its files, or replace another.
+        if write.resolve().parent != job.resolve().parent:
+            place = f"a file beside {job}: paths in a job are relative to it"
+            refuse("--write", str(write), place)
+        refuse_existing(write, "--write")
     with working("reading the job") as progress:
         from ..discover import discover as look
         from ..job import load_job
@@ -55,7 +59,10 @@ def discover(
     for remark in observed.remarks:
         print_line(console, f"info: {remark}")
     if as_json:
-        print_json(_json(discovery, observed.names))
+        tree = dataclasses.asdict(discovery)
+        for drift in tree["drifts"]:
+            drift["measurement"] = observed.names[drift.pop("source")]
+        print_json(tree)
     else:
         _print(Console(highlight=False), discovery)
     if write is not None and discovery.found:
@@ -77,9 +84,8 @@ def _write(
 
     write_atomically(write, job_with_fits(job, observation, discovery).encode())
     count = len(discovery.found)
-    print_line(
-        console, f"Job with {'one fit' if count == 1 else f'{count} fits'}: {write}"
-    )
+    fits = "one fit" if count == 1 else f"{count} fits"
+    print_line(console, f"Job with {fits}: {write}")
     for name, keys in found_keys(job, observation, discovery).items():
         for key, value in keys.items():
             does = f"states {key} = {json.dumps(value)}"
@@ -96,21 +102,6 @@ _WHY = {
     " whose zero is arbitrary.",
     "datum": "of fits that are identified together, none is zero at a place by itself.",
 }
-
-
-def _refuse_place(job: Path, write: Path) -> None:
-    """Raise where a new job would not find its files, or would replace another."""
-    if write.resolve().parent != job.resolve().parent:
-        place = f"a file beside {job}: paths in a job are relative to it"
-        refuse("--write", str(write), place)
-    refuse_existing(write, "--write")
-
-
-def _json(discovery: "Discovery", names: tuple[str, ...]) -> dict[str, object]:
-    tree = dataclasses.asdict(discovery)
-    for drift in tree["drifts"]:
-        drift["measurement"] = names[drift.pop("source")]
-    return tree
 
 
 def _print(console: "Console", discovery: "Discovery") -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from ...data.errors import AxcompError
-from ..report._scale import Scale, number, scale_of
+from ..report._scale import number, scale_of
 from ._console import note, print_line, print_remarks, table_of, working
 from ._options import AsJson
 
@@ -133,8 +133,13 @@ def _print_fit(
     name = f"{fit.compensation} of {fit.axis}: " if grouped else ""
     if not (grouped or fit.left_out):
         _print_figures(console, fit)
-    if fit.gate:
-        _print_gate(console, fit, name)
+    failed = [check for check in fit.gate if not check.passed]
+    if fit.gate and not failed:
+        console.print(f"{name}gate: passed ({len(fit.gate)} checks)", markup=False)
+    for check in failed:
+        words = f"{check.value:.4g} {check.unit}, allowed {check.limit:.4g}"
+        line = f"{name}gate: FAILED {check.name}: {words} ({check.where})"
+        console.print(line, markup=False)
     if not fit.left_out:
         sentence = headline_of(fit, scale_of(fit.unit)).sentence
         print_line(console, f"{name}verdict: {sentence}")
@@ -155,16 +160,6 @@ def _print_figures(console: "Console", fit: "AbstractResult") -> None:
         rows.append((name.replace("all", "wild kept"), *cells))
     title = f"{fit.compensation} of {fit.axis}{over}, {scale.error}"
     console.print(table_of(["error", *heads], rows, numbers=heads, title=title))
-
-
-def _print_gate(console: "Console", fit: "AbstractResult", name: str) -> None:
-    failed = [check for check in fit.gate if not check.passed]
-    if not failed:
-        console.print(f"{name}gate: passed ({len(fit.gate)} checks)", markup=False)
-    for check in failed:
-        words = f"{check.value:.4g} {check.unit}, allowed {check.limit:.4g}"
-        line = f"{name}gate: FAILED {check.name}: {words} ({check.where})"
-        console.print(line, markup=False)
 
 
 def _print_group(
@@ -210,25 +205,22 @@ def _print_effects(
 ) -> None:
     scales, rows = {axis.axis: scale_of(axis.unit) for axis in group.axes}, []
     for effect in group.effects:
-        scale = scales.get(effect.axis, scale_of("mm"))
-        over = fits[effect.index].over if effect.index is not None else ()
-        size, share = _size(effect, fits, scale), f"{effect.information:.0%}"
-        state = _state(effect, fits)
+        fit = None if effect.index is None else fits[effect.index]
+        size = scales.get(effect.axis, scale_of("mm")).shown(effect.rms)
+        if not effect.determined or (fit is not None and fit.left_out):
+            size = "not known"
+        over = () if fit is None else fit.over
+        share, state = f"{effect.information:.0%}", _state(effect, fit)
         rows.append((effect.name, ", ".join(over) or "–", size, share, state))
     heads = ["effect", "over", "rms", "information", "list"]
     console.print(table_of(heads, rows, numbers=("rms", "information")))
 
 
-def _size(share: "EffectShare", fits: Sequence["AbstractResult"], scale: Scale) -> str:
-    if not share.determined or (share.index is not None and fits[share.index].left_out):
-        return "not known"
-    return f"{number(scale.factor * share.rms)} {scale.error}"
-
-
-def _state(share: "EffectShare", fits: Sequence["AbstractResult"]) -> str:
-    if share.index is None:
+def _state(share: "EffectShare", fit: "AbstractResult | None") -> str:
+    """Return what becomes of an effect: in the list of its fit, or in none."""
+    if fit is None:
         return f"none: {share.why}"
-    if fits[share.index].left_out:
+    if fit.left_out:
         return "LEFT OUT"
     if not share.written:
         return "nothing to write"

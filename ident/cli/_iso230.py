@@ -57,7 +57,11 @@ def iso230(
     if limit_unit not in (None, last.unit):
         refuse("--tolerance", repr(tolerance), f"{last.unit} as in {judged}")
     tests = dict(zip(files, (outcome.figures for outcome in outcomes), strict=True))
-    if _targets(last.figures) != _targets(first.figures):
+    targets, others = (
+        [round(item.target, 3) for item in outcome.figures.positions]  # to the µm
+        for outcome in (first, last)
+    )
+    if targets != others:
         remark = "Its targets are not those of the first file: compare with care."
         remarks = (remark, *last.figures.remarks)
         tests["after"] = dataclasses.replace(last.figures, remarks=remarks)
@@ -104,11 +108,6 @@ def _columns(texts: Sequence[str], axis: str | None) -> "dict[str, ColumnSpec]":
         stated = head and find_unit(unit) is not None
         columns[key] = ColumnSpec(head, unit) if stated else ColumnSpec(name)
     return columns
-
-
-def _targets(test: "Iso230") -> tuple[float, ...]:
-    """Return the targets of a test, to the µm."""
-    return tuple(round(item.target, 3) for item in test.positions)
 
 
 def _tolerance(text: str) -> tuple[float, str | None]:

@@ -156,11 +156,8 @@ def doctor(
         | {key: getattr(answer, key) for key in keys}
         for answer in diagnoses
     ]
-    print_result(
-        trees if as_json else None,
-        (
-            f"{tree['axis']} {tree['compensation']}: {tree['sentence']}"
-            for tree in trees
-        ),
-    )
+    lines = [
+        f"{each['axis']} {each['compensation']}: {each['sentence']}" for each in trees
+    ]
+    print_result(trees if as_json else None, lines)
     return all(answer.is_right for answer in diagnoses)

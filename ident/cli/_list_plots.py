@@ -30,9 +30,8 @@ def draw_tables(
     """
     sides = [("", new)] if old is None else [("old", old), ("new", new)]
     paths: list[pathlib.Path] = []
-    for name in dict.fromkeys(
-        c.compensation for _, side in reversed(sides) for c in side
-    ):
+    every = (curve for _, side in reversed(sides) for curve in side)
+    for name in dict.fromkeys(curve.compensation for curve in every):
         # There is nothing to draw over positions that do not ascend.
         drawn = [
             (age, curve)
@@ -55,10 +54,8 @@ def _curves(drawn: _Drawn) -> Figure:
     """Draw offsets over one position, with the nodes marked."""
     figure, (axes,) = new_figure(4.8)
     for age, curve in drawn:
-        line = "--" if age == "old" else "-"
-        axes.plot(
-            curve.nodes[0], curve.offsets[0], f"{line}o", ms=3, label=_title(age, curve)
-        )
+        form, label = "--o" if age == "old" else "-o", _title(age, curve)
+        axes.plot(curve.nodes[0], curve.offsets[0], form, ms=3, label=label)
     axes.set_xlabel(_along(drawn[0][1], 0))
     axes.set_ylabel(_adds(drawn[0][1]))
     figure.legend(loc="outside upper center", ncols=2)

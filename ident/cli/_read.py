@@ -1,6 +1,5 @@
 """Commands about a measurement file: ``read`` what it holds, ``new`` job for it."""
 
-import dataclasses
 import re
 import shlex
 from pathlib import Path
@@ -66,11 +65,8 @@ def _lines(text: str) -> int | list[int]:
     Raises:
         UsageError: If the text is neither.
     """
-    pattern, expected = (
-        r"[\[\] ]*\d+(\s*,\s*\d+)*[\[\] ]*",
-        "a number such as 3, or lines such as [7]",
-    )
-    matched("--skip", text, pattern, expected)
+    pattern = r"[\[\] ]*\d+(\s*,\s*\d+)*[\[\] ]*"
+    matched("--skip", text, pattern, "a number such as 3, or lines such as [7]")
     numbers = [int(digits) for digits in re.findall(r"\d+", text)]
     return numbers if len(numbers) > 1 or "[" in text else numbers[0]
 
@@ -219,10 +215,9 @@ def new(
         job = new_job(files, path=out, lists=lists or [], axes=numbers)
     write_atomically(out, job.text.encode())
     if as_json:
-        questions = [dataclasses.asdict(question) for question in job.questions]
-        print_json({"job": str(out), "fits": job.fits, "questions": questions})
-        return
-    _print_questions(out, job)
+        print_json({"job": str(out), "fits": job.fits, "questions": job.questions})
+    else:
+        _print_questions(out, job)
 
 
 def _numbered(text: str) -> tuple[str, int | None]:

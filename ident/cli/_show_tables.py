@@ -211,9 +211,7 @@ def _raw_table(file: ListFile, kind_of: Kind, table: str) -> Iterator[Renderable
     yield Text(f"\n{kind_of.name.capitalize()} table, {size}. {kind_of.adds}")
     lines = []
     for place in places:
-        cells = (
-            rows.texts[rows.last[place]] if place in rows.last else "-"
-            for rows in columns.values()
-        )
+        at = ((rows.texts, rows.last.get(place)) for rows in columns.values())
+        cells = ("-" if row is None else texts[row] for texts, row in at)
         lines.append([", ".join(map(str, place)), *cells])
     yield _grid(heads, lines)

@@ -127,12 +127,9 @@ def _lines(
     machines = machine_lists(lists).machine if tables else {}
     lines, sensors = {}, list(motion.temperatures)
     for axis, match in tables.items():
+        path, machine = Path(match["file"]), machines.get(axis)
         lines[axis] = read_temperature_table(
-            Path(match["file"]),
-            sensors,
-            match["sensor"],
-            conventions,
-            machines.get(axis),
+            path, sensors, match["sensor"], conventions, machine
         )
     return lines
 

@@ -65,9 +65,9 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
         "(rms without wild readings):\n",
         markup=False,
     )
+    tables = result.job.tables
     rows = {
-        _WHAT[fit.compensation]: [figures.rms for figures in _figures(fit).values()]
-        for fit in result.job.tables
+        _WHAT[t.compensation]: [f.rms for f in _figures(t).values()] for t in tables
     }
     rows["X  friction: mark on a circle, largest"] = [*result.spikes.values()]
     _print_stages(console, "known fault", rows)
@@ -86,7 +86,7 @@ def _print(console: "Console", out: Path, result: "DemoResult") -> None:
         for axis, sizes in result.work_rms.items()
     }
     _print_stages(console, "everything at once", rows)
-    lists = ", ".join(fit.files[0].name for fit in result.job.tables)
+    lists = ", ".join(fit.files[0].name for fit in tables)
     lines = [
         "",
         "predicted  computed, on readings that were kept out of the computation",

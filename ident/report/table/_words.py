@@ -19,22 +19,22 @@ def how_it_was_made(
     fit: TableResult, readings: Readings, scale: Scale
 ) -> Iterator[tuple[str, str]]:
     """Return pairs of a heading and a plain sentence on how the table was found."""
-    table = fit.fit
-    unit = scale.error
-    noise = (
-        f"A single reading scatters by {number(table.noise * scale.factor)} {unit} "
-        "(1 sd) about the table, wild readings left out."
-    )
+    table, surface, more = fit.fit, "the table", ""
+    scatter = table.noise
     if table.line_offset:
         # The scatter that is seen, and what one probing cannot show of it.
-        scatter = np.sqrt(table.noise**2 - table.line_offset**2)
-        noise = (
-            f"A single reading scatters by {number(scatter * scale.factor)} {unit} (1 sd) about "
-            "a smooth surface, wild readings left out. An offset of every line of readings, "
-            f"{number(table.line_offset * scale.factor)} {unit} (1 sd), is assumed on top: one "
-            "probing cannot show it. Probe twice to know."
+        scatter, surface = (
+            np.sqrt(scatter**2 - table.line_offset**2),
+            "a smooth surface",
         )
-    yield ("Noise", noise)
+        more = (
+            f" An offset of every line of readings, {scale.shown(table.line_offset)} (1 sd), is"
+            " assumed on top: one probing cannot show it. Probe twice to know."
+        )
+    noise = (
+        f"A single reading scatters by {scale.shown(scatter)} (1 sd) about {surface}"
+    )
+    yield ("Noise", f"{noise}, wild readings left out.{more}")
     if honesty := _calibration(readings, scale):
         yield ("Uncertainty", honesty)
     yield ("Wild readings", _loss(table.loss, readings))
@@ -43,8 +43,7 @@ def how_it_was_made(
         yield ("Runs", _runs(table.runs, scale))
     yield (
         "Rounding",
-        f"Rounding to whole list units moves the table by at most "
-        f"{number(fit.rounding * scale.factor)} {unit}.",
+        f"Rounding to whole list units moves the table by at most {scale.shown(fit.rounding)}.",
     )
     if fit.every is not None and fit.every > 1:
         text = (
@@ -100,10 +99,10 @@ def _smoothness(weights: Mapping[str, float]) -> str:
 def _runs(effects: Sequence[RunEffect], scale: Scale) -> str:
     """Return by how much the runs lie apart, which is kept out of the table."""
     farthest = max(effects, key=lambda effect: abs(effect.offset))
+    offset = number(farthest.offset * scale.factor, signed=True)
     text = (
         f"Run {farthest.run} lies farthest from the mean of the {len(effects)} runs: "
-        f"{number(farthest.offset * scale.factor, signed=True)} ± "
-        f"{scale.shown(2 * farthest.offset_sd)} (2 sd)."
+        f"{offset} ± {scale.shown(2 * farthest.offset_sd)} (2 sd)."
     )
     fast = max(effects, key=lambda effect: abs(effect.drift))
     if fast.drift:
@@ -134,15 +133,14 @@ def _calibration(readings: Readings, scale: Scale) -> str:
     )
     if ratio <= 1.25 and inside < 0.9:
         return (
-            text + "right on the whole, but not everywhere: some places scatter more."
+            f"{text}right on the whole, but not everywhere: some places scatter more."
         )
-    if 0.8 <= ratio <= 1.25:
-        return text + "the error bars in this report can be taken at their word."
+    honesty = "are on the safe side"
     if ratio > 1.25:
-        return (
-            text + "the error bars in this report are too small by about that factor."
-        )
-    return text + "the error bars in this report are on the safe side."
+        honesty = "are too small by about that factor"
+    elif ratio >= 0.8:
+        honesty = "can be taken at their word"
+    return f"{text}the error bars in this report {honesty}."
 
 
 def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRow]:
@@ -154,12 +152,8 @@ def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRo
         sign = int(readings.direction[row])
         direction = f", {style.DIRECTION_NAME[sign]}" if sign else ""
         run = "" if readings.run is None else str(int(readings.run[row]))
-        rows.append(
-            WildRow(
-                grouped((row if fit.every is None else int(readings.order[row])) + 1),
-                f"{where} {scale.position}{direction}",
-                run,
-                f"{number(float(readings.before[row]), signed=True)} {scale.error}",
-            )
-        )
+        place_in_log = row if fit.every is None else int(readings.order[row])
+        error = f"{number(float(readings.before[row]), signed=True)} {scale.error}"
+        where = f"{where} {scale.position}{direction}"
+        rows.append(WildRow(grouped(place_in_log + 1), where, run, error))
     return rows
