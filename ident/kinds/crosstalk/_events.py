@@ -292,35 +292,20 @@ def _lobes(
     edges = np.array([0, *np.ravel(events), len(share)]).reshape(-1, 2)
     halves = (edges[:, 1] - edges[:, 0] + 1) // 2
     around = []
-    for (start, stop), before, behind in zip(
-        events, halves[:-1], halves[1:], strict=True
-    ):
+    spans = zip(events, halves[:-1], halves[1:], strict=True)
+    for (start, stop), before, behind in spans:
         reach, peak = (stop - start) // 2, float(share[start:stop].max())
-        beside = (
-            np.arange(start - 1, start - 1 - min(reach, int(before)), -1),
-            np.arange(stop, stop + min(reach, int(behind))),
-        )
-        fore, aft = (
-            _ringing(
-                share[rows] / peak,
-                np.where(log[rows] == log[start], top[rows], np.inf) / peak,
-            )
-            for rows in beside
-        )
-        around.append(slice(start - fore, stop + aft))
+        # The nearest row first, while no stretch is too high.
+        fore = np.arange(start - 1, start - 1 - min(reach, int(before)), -1)
+        aft = np.arange(stop, stop + min(reach, int(behind)))
+        rings = []
+        for rows in (fore, aft):
+            height = np.where(log[rows] == log[start], top[rows], np.inf) / peak
+            free = np.logical_and.accumulate(height <= _LOBE)
+            ringing = np.flatnonzero(free & (share[rows] / peak > _SILENT))
+            rings.append(int(ringing[-1]) + 1 if ringing.size else 0)
+        around.append(slice(start - rings[0], stop + rings[1]))
     return around
-
-
-def _ringing(share: Float[np.ndarray, " t"], height: Float[np.ndarray, " t"]) -> int:
-    """Return in how many rows beside an event a filter of it rings.
-
-    Args:
-        share: Acceleration in the rows, the nearest first, in shares of the peak of the event.
-        height: Largest one of the stretch that each row belongs to.
-    """
-    free = np.logical_and.accumulate(height <= _LOBE)
-    rings = np.flatnonzero(free & (share > _SILENT))
-    return int(rings[-1]) + 1 if rings.size else 0
 
 
 def _shares_of(
@@ -451,12 +436,8 @@ def without_delay(data: JointData, form: Crosstalk) -> tuple[JointData, float]:
 def follows_speed(data: JointData, aligned: JointData, form: Crosstalk) -> bool:
     """Return whether an error follows the speed of the master better than its acceleration.
 
-    That is no crosstalk: the slave lags behind its command, or its instrument is late.
-
-    Args:
-        data: The log as recorded.
-        aligned: The same, the delay of the error taken off.
-        form: Of the fit.
+    That is no crosstalk: the slave lags behind its command, or its instrument is late. By the log
+    as recorded, and as aligned: the delay of the error taken off.
     """
     velocity, cost = form.columns_of(data)[1], 0.0
     # Where the error was moved a window may have lost too many of its rows.

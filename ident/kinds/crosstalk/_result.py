@@ -208,13 +208,10 @@ def _of_the_events(draft: "CrosstalkDraft") -> Iterator[Remark]:
     excess = float(np.max(np.abs(events.peak) / draft.found.full))
     if draft.taken.min() < _HELD:
         up, down = draft.found.rates
-        stated = (
-            draft.fit.acceleration is not None and draft.fit.deceleration is not None
-        )
-        name = "the specified acceleration" if stated else "what it mostly reaches here"
-        measured = (
-            "" if stated else ", and record faster if they last a few samples only"
-        )
+        name, measured = "the specified acceleration", ""
+        if None in (draft.fit.acceleration, draft.fit.deceleration):
+            name = "what it mostly reaches here"
+            measured = ", and record faster if they last a few samples only"
         yield Remark.warning(
             f"{master} accelerates up to {excess:.0%} of {name} ({up:g} and {down:g}"
             " mm/s²). Above it the controller is taken to hold the correction (S-36):"

@@ -126,11 +126,11 @@ def choose_tests(
     # A test that the events do not determine has no value; where all grids have one, it is
     # left out.
     pairs = [*zip(candidates, designs, strict=True)]
-    pairs = [
-        (candidate, design)
-        for candidate, design in pairs
-        if np.linalg.matrix_rank(design, _DETERMINED) == design.shape[1]
-    ] or pairs
+    ranks = [np.linalg.matrix_rank(design, _DETERMINED) for design in designs]
+    whole = [
+        one for one, rank in zip(pairs, ranks, strict=True) if rank == one[1].shape[1]
+    ]
+    pairs = whole or pairs
     sizes = [design.shape[1] for _, design in pairs]
     # What the finest choice rejects has no part in the search.
     _, finest = pairs[int(np.argmax(sizes))]
@@ -140,10 +140,8 @@ def choose_tests(
     events, group = events.take(sound), group[sound]
     cell, no_wild = _cells(events.positions), np.zeros(len(events), bool)
     root = np.sqrt(events.weight)
-    tried = [
-        held_out(events, group, design[sound], cell, no_wild) * root
-        for _, design in pairs
-    ]
+    sounds = (design[sound] for _, design in pairs)
+    tried = [held_out(events, group, part, cell, no_wild) * root for part in sounds]
     scale = min(max(1.4826 * float(np.median(np.abs(loss))), 1e-9) for loss in tried)
     chosen, _ = simplest(tried, sizes, scale, cell)
     (axes, grid), _ = pairs[chosen]

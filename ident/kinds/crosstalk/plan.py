@@ -129,9 +129,8 @@ class CrosstalkPlan(AbstractPlan):
         fit, points = self.fit, self._tests
         mode: int | str = fit.mode if points is None else 1 + points.shape[1]
         if fit.mode not in ("auto", mode):
-            msg = (
-                f"mode: found {fit.mode}, expected {mode} as the tests that are given."
-            )
+            words = f"found {fit.mode}, expected {mode} as the tests that are given"
+            msg = f"mode: {words}."
             raise FitError(msg)
         directed = fit.velocity_dependent
         return {
@@ -188,7 +187,7 @@ class CrosstalkPlan(AbstractPlan):
         log, delay = without_delay(log, fitted.effect)
         if delay:
             fitted = self._found(log)
-        base, remarks = (self.job, self.index, self.fit, self), recording.remarks
+        remarks = recording.remarks
         if follows_speed(recorded, log, fitted.effect):
             words = (
                 f"The error of {self.axis} follows the speed of {self.fit.master} better than"
@@ -197,6 +196,7 @@ class CrosstalkPlan(AbstractPlan):
                 f" '{self.axis}.encoder' beside '{self.axis}.actual'."
             )
             remarks = (*remarks, Remark.error(words))
+        base = self.job, self.index, self.fit, self
         return CrosstalkDraft(*base, fitted, log, remarks, delay)
 
     def draft(self, share: "Share") -> CrosstalkDraft:
@@ -261,9 +261,7 @@ class CrosstalkPlan(AbstractPlan):
     ) -> JointData:
         """Return the recording as logs of one axis, one per measurement.
 
-        Args:
-            recording: What was measured.
-            error: Of the axis, or what other effects leave of it, in mm.
+        The error is that of the axis, or what other effects leave of it, in mm.
         """
         counts = [rows.stop - rows.start for rows in recording.slices.values()]
         return dataclasses.replace(

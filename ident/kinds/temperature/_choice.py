@@ -38,17 +38,14 @@ def choose_line(
 ) -> Temperature:
     """Return a line with law and lag as they are given, or else chosen on readings held out.
 
-    The simplest of constant, linear and piecewise linear laws that predicts readings left out
-    as well as the best, and a lag where it predicts them better.
+    The simplest of constant, linear and piecewise linear laws (as numbers of nodes) that predicts
+    readings left out as well as the best, and a lag in s where it predicts them better.
 
     Args:
         data: All readings; lags remember those that are not fitted, too.
         rows: Those to fit, in order of time.
         line: What is asked for.
         loss: As for `fit_joint`.
-
-    Returns:
-        The line, its laws numbers of nodes and its lags in s.
 
     Raises:
         FitError: If not even the simplest law can be held to readings left out.
@@ -87,18 +84,12 @@ def choose_line(
         for law in line.sensors
     ]
     shapes = list(itertools.product(*counts))
-    lines = [
-        dataclasses.replace(line, law=dict(zip(line.sensors, shape, strict=True)))
-        for shape in shapes
-    ]
-    best = 0
-    if len(lines) > 1:
-        best = judge.simplest(lines, [sum(shape) for shape in shapes])
+    laws = [dict(zip(line.sensors, shape, strict=True)) for shape in shapes]
+    lines = [dataclasses.replace(line, law=law) for law in laws]
+    best = judge.simplest(lines, [*map(sum, shapes)]) if len(lines) > 1 else 0
     # A sensor that no law follows has no lag.
-    followed = zip(line.sensors.values(), shapes[best], strict=True)
-    moving = {sensor for sensor, count in followed if count > 1}
-    no_lag = {name: 0.0 for name in lagged if name not in moving}
-    return lines[best].lagging(no_lag)
+    moving = {line.sensors[name] for name, count in laws[best].items() if count > 1}
+    return lines[best].lagging({name: 0.0 for name in lagged if name not in moving})
 
 
 def place_nodes(

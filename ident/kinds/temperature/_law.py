@@ -80,12 +80,9 @@ class ThermalLaw:
 
 
 def thermal_law(fit: TemperatureFit, zero: float, sign: int) -> ThermalLaw:
-    """Return the law that takes the error of a line away.
+    """Return the law that takes the error of a line away; the sign is that of offset per Δs.
 
-    Args:
-        fit: The line.
-        zero: Temperature in °C where it is 0; a row of its own where it lies inside.
-        sign: Offset per Δs.
+    Where the temperature in °C at which it is zero lies inside, that is a row of its own.
     """
     nodes = np.concatenate([law.temperature for law in fit.moving])
     if nodes.min() < zero < nodes.max():

@@ -170,15 +170,11 @@ class TemperatureFit:
     @functools.cached_property
     def laws(self) -> dict[str, Law]:
         """Offset and coefficient by name."""
-        return {
-            name: Law(
-                self.line.sensors[name],
-                self.line.nodes[name],
-                self.values[rows],
-                self.covariance[np.ix_(rows, rows)],
-            )
-            for name, rows in self.line.split(np.arange(self.line.size)).items()
-        }
+        line, laws = self.line, {}
+        for name, rows in line.split(np.arange(line.size)).items():
+            value, covariance = self.values[rows], self.covariance[np.ix_(rows, rows)]
+            laws[name] = Law(line.sensors[name], line.nodes[name], value, covariance)
+        return laws
 
     @property
     def offset(self) -> Law:

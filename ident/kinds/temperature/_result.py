@@ -42,12 +42,7 @@ _MEETINGS: Mapping[Meeting, str] = {
     "no offset": "No offset is fitted, and no reference is stated where the axis stays at all"
     " temperatures (reference = … in mm, or a sensor of the offset, too)",
 }
-_UNSURE: tuple[Meeting, ...] = (
-    "two sensors",
-    "not one point",
-    "uncertain",
-    "no offset",
-)
+_UNSURE: set[Meeting] = {"two sensors", "not one point", "uncertain", "no offset"}
 """What a person should know before the line is used."""
 _SIGN = Remark.warning(
     "Whether the controller adds the line or takes it off is the least certain sign of"
@@ -240,10 +235,10 @@ def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
     if not draft.confounded:
         yield from _or_drift(fit)
     if fit.independent < _FEW and fit.noise.drift > 0:
-        clock = fit.data.time
-        span = np.inf if clock is None else float(np.nanmax(clock) - np.nanmin(clock))
-        over = "all the measurement"
-        if fit.noise.time_constant < span:
+        clock, over = fit.data.time, "all the measurement"
+        if clock is None or fit.noise.time_constant < np.nanmax(clock) - np.nanmin(
+            clock
+        ):
             over = f"{fit.noise.time_constant / 60:.3g} minutes"
         yield Remark.warning(
             f"The residuals drift over {over}: the {len(fit.error)} readings tell no more than"
@@ -335,12 +330,8 @@ def _drifted(
 ) -> Iterator[Remark]:
     """Return that the error drifted beside the temperature, if it did, and by how much.
 
-    A lag looks much like a drift: without any, a drift may leave less.
-
-    Args:
-        fit: The fit, which knows no drift.
-        clock: Instant of each reading.
-        distance: Of its position from the mean, in mm.
+    By the instant of each reading, and the distance of its position from the mean in mm. A lag
+    looks much like a drift: without any, a drift may leave less.
     """
     sound = ~fit.wild & np.isfinite(fit.error)
     span = (clock - clock.mean()) / (float(np.ptp(clock)) or 1.0)
@@ -386,11 +377,8 @@ def _alike(fit: TemperatureFit) -> Iterator[Remark]:
 def _state(draft: "TemperatureDraft") -> Iterator[Remark]:
     """Return where the law is zero, and what stays for the tables."""
     fit, zero = draft.found, draft.zero
-    wished = fit.line.reference_temperature
-    nearest = {
-        law.sensor: float(np.clip(zero, *law.temperature[[0, -1]]))
-        for law in fit.moving
-    }
+    wished, ends = fit.line.reference_temperature, [0, -1]
+    nearest = {law.sensor: np.clip(zero, *law.temperature[ends]) for law in fit.moving}
     if any(abs(warm - wished) > 0.05 for warm in nearest.values()):
         at = " and ".join(f"{name} at {warm:.4g} °C" for name, warm in nearest.items())
         yield Remark.info(

@@ -58,6 +58,10 @@ class TemperaturePlan(AbstractPlan):
     tables: Tables
     chosen: Temperature | None = None
 
+    without_position = (
+        ", or sensors = { offset = … } where the error was measured at one position"
+    )
+
     @property
     def datum(self) -> float | None:
         """Where the instrument was set to zero at all temperatures, or None."""
@@ -138,12 +142,6 @@ class TemperaturePlan(AbstractPlan):
         steady = () if plateau is None else (sensor_name(plateau.sensor),)
         return tuple(dict.fromkeys((*self.effects.values(), *steady)))
 
-    @property
-    def without_position(self) -> str:
-        return (
-            ", or sensors = { offset = … } where the error was measured at one position"
-        )
-
     def unfit(self, recording: "GroupRecording") -> str:
         data = recording.data
         try:
@@ -220,6 +218,7 @@ class TemperaturePlan(AbstractPlan):
         assert isinstance(line, Temperature)  # of `effect`
         recorded, sensors = share.recording.data, line.sensor_names
         data = recorded.take(rows)
+        warm = [line.structure(recorded, sensor)[rows] for sensor in sensors]
         timed = data.time is not None and bool(np.isfinite(data.time).all())
         fit = TemperatureFit(
             line=line,
@@ -230,9 +229,7 @@ class TemperaturePlan(AbstractPlan):
                 position={axis: data.position[axis] for axis in self.positions},
             ),
             rows=np.flatnonzero(rows),
-            structure=np.stack(
-                [line.structure(recorded, s)[rows] for s in sensors], axis=1
-            ),
+            structure=np.stack(warm, axis=1),
             values=part.values,
             # Of what these readings do not tell nothing is written.
             covariance=np.nan_to_num(share.part.covariance, posinf=0.0),
