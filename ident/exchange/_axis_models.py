@@ -14,7 +14,7 @@ from ._files import axis_file, compensation_file, to_add, with_tables
 from ._identity import Increments
 from ._machine_lists import Reading, entries_of_activation, machine_lists
 from ._nodes import Ranges
-from ._units import ExchangeError, ModelUnit, expect
+from ._units import ModelUnit, expect
 from .controller._controller import model_of
 
 _WRITTEN = "written by axcomp"
@@ -89,13 +89,11 @@ class AxisModels(Mapping[str, Any]):
         """Return a model whose values and sign are those of the list, or raise."""
         model, entries = self.models[name], kind(name).entries
         sign = float(getattr(rules, f"{name}_sign", 0.0))
-        if sign and model.sign != sign:
-            raise ExchangeError(
-                where=entries.value,
-                found=f"a model with sign {model.sign:+g}",
-                expected=f"sign {sign:+g}, as the controller applies entries"
-                f" (conventions.{name}_sign)",
-            )
+        if sign:
+            found = f"a model with sign {model.sign:+g}"
+            expected = f"sign {sign:+g}, as the controller applies entries"
+            expected += f" (conventions.{name}_sign)"
+            expect(model.sign == sign, entries.value, found, expected)
         stated = self.units.get(name)
         unit = ModelUnit(stated) if isinstance(stated, str) else stated
         return entries.in_list_units(model, unit)
@@ -104,15 +102,10 @@ class AxisModels(Mapping[str, Any]):
         """Raise at a model that is none of the compensation that it stands for."""
         models_of = {record.name: record.entries.models for record in kinds()}
         for name in sorted(self.models):
-            if not isinstance(self.models[name], models_of.get(name, ())):
-                listing = ", ".join(
-                    f"{k} ({v[0].__name__})" for k, v in models_of.items()
-                )
-                raise ExchangeError(
-                    where=f"axis {self.axis}",
-                    found=f"a {type(self.models[name]).__name__} as {name}",
-                    expected=f"one of {listing}",
-                )
+            fits = isinstance(self.models[name], models_of.get(name, ()))
+            listing = ", ".join(f"{k} ({v[0].__name__})" for k, v in models_of.items())
+            found = f"a {type(self.models[name]).__name__} as {name}"
+            expect(fits, f"axis {self.axis}", found, f"one of {listing}")
         for field in ("masters", "units"):
             surplus = ", ".join(sorted({*getattr(self, field)} - {*self.models}))
             expected = f"some of its models, {', '.join(self.models)}"
@@ -212,10 +205,9 @@ def write_lists(
         if entries:
             name = compensation_file(axis_models.axis)
             drafts[name] = _with_entries(existing, axis_models.axis, entries)
-        if axis_entries and axis_models.axis in existing_lists.machine:
-            drafts[axis_file(axis_models.axis)] = existing_lists.machine[
-                axis_models.axis
-            ].merge(axis_entries)
+        machine = existing_lists.machine.get(axis_models.axis)
+        if axis_entries and machine is not None:
+            drafts[axis_file(axis_models.axis)] = machine.merge(axis_entries)
         elif axis_entries:
             draft = to_add(axis_models.axis, axis_entries)
             drafts[draft.source] = draft
@@ -225,9 +217,8 @@ def write_lists(
     for name, draft in drafts.items():
         target, content = folder / name, draft.dumps()
         if target.is_file() and target.resolve() not in given_files:
-            existing_content = target.read_bytes()
-            is_ours = _WRITTEN.encode() in existing_content
-            if not is_ours and existing_content != content:
+            there = target.read_bytes()
+            if _WRITTEN.encode() not in there and there != content:
                 keep_copy(target, folder / "kept")
         write_atomically(target, content)
     return tuple(folder / name for name in drafts)
@@ -251,12 +242,9 @@ def _refuse_other_rules(
         back = model_of(use, Reading(rules))
         for rule in use.kind.entries.rules:
             own, read = getattr(model, rule), getattr(back, rule)
-            if own != read:
-                raise ExchangeError(
-                    where=f"the {use.name} of axis {use.axis}",
-                    found=f"{rule} = {own}, which no list holds",
-                    expected=f"{read}, as the controller (or conventions) has it",
-                )
+            where = f"the {use.name} of axis {use.axis}"
+            expected = f"{read}, as the controller (or conventions) has it"
+            expect(own == read, where, f"{rule} = {own}, which no list holds", expected)
 
 
 def _with_entries(

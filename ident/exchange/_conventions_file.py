@@ -49,12 +49,8 @@ class StoredConventions:
             ConventionError: If a name is unknown or a value cannot be taken.
         """
         rules = Conventions.from_dict({**self.conventions.to_dict(), **values})
-        return StoredConventions(
-            rules,
-            self.verified | set(values),
-            machine or self.machine,
-            saved_at or self.saved_at,
-        )
+        owner, day = machine or self.machine, saved_at or self.saved_at
+        return StoredConventions(rules, self.verified | set(values), owner, day)
 
     def contradicted(self, values: Mapping[str, int | str]) -> tuple[str, ...]:
         """Return the settled rules that these values would turn."""

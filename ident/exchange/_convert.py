@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float
@@ -64,20 +64,16 @@ class ExchangedTable:
         Raises:
             ExchangeError: If the format says something else.
         """
-        statement = {
-            "compensation": compensation,
-            "axis": axis,
-            "masters": tuple(masters),
-        }
-        changes = {key: value for key, value in statement.items() if value}
+        values = compensation, axis, tuple(masters)
+        statement = zip(("compensation", "axis", "masters"), values, strict=True)
+        changes: dict[str, Any] = {key: value for key, value in statement if value}
         for key, value in changes.items():
             held = getattr(self, key)
-            if held and held != value:
-                raise ExchangeError(key, str(held), f"{value}, as stated")
-        stated = dataclasses.replace(self, **changes)  # type: ignore[arg-type]
-        if stated.compensation != "leadscrew" and stated.axis in stated.masters:
-            found = f"axis {stated.axis}, which the table compensates"
-            raise ExchangeError(where="master", found=found, expected="another axis")
+            expect(not held or held == value, key, held, f"{value}, as stated")
+        stated = dataclasses.replace(self, **changes)
+        own = stated.compensation != "leadscrew" and stated.axis in stated.masters
+        found = f"axis {stated.axis}, which the table compensates"
+        expect(not own, "master", found, "another axis")
         return stated
 
 
@@ -130,15 +126,10 @@ def list_with(table: ExchangedTable) -> tuple[ListFile, dict[str, int]]:
     own = count == 0  # the table of an axis over itself, with a column per direction
     holds = "errors" if own else "offsets"
     expected = f"{holds}, as the entries of a {name} are: the negative"
-    expect(
-        table.holds in ("", holds), "columns", f"{table.holds} by their name", expected
-    )
-    expect(
-        own or len(rows) == 1,
-        "columns",
-        f"{len(rows)} of entries",
-        f"one: a {name} has no directions",
-    )
+    found = f"{table.holds} by their name"
+    expect(table.holds in ("", holds), "columns", found, expected)
+    expected = f"one: a {name} has no directions"
+    expect(own or len(rows) == 1, "columns", f"{len(rows)} of entries", expected)
     turning = {"modulo": True} if table.modulo else {}
     nodes = [_nodes(places) for places in table.nodes]
     model = kind(name).entries.models[0](*nodes, *rows, **turning)
@@ -153,21 +144,16 @@ def _nodes(positions: Float[np.ndarray, " n"]) -> EquidistantNodes | Setpoints:
     """Return nodes at whole list units: evenly spaced where the positions are."""
     size = len(positions)
     if size > 1:
-        start = _whole(positions[0])
-        interval = _whole((positions[-1] - positions[0]) / (size - 1))
+        grid = positions[0], (positions[-1] - positions[0]) / (size - 1)
+        start, interval = np.round(np.array(grid) * LIST_UNITS) / LIST_UNITS
         if np.allclose(positions, start + interval * np.arange(size), 0.0, _GRID):
             return EquidistantNodes(np.asarray(start), np.asarray(interval), size)
     places = np.round(positions * LIST_UNITS) / LIST_UNITS
-    close = np.flatnonzero(np.diff(places) <= 0)
-    if close.size:
-        found = f"{positions[close[0]]:g} and {positions[close[0] + 1]:g}"
+    for at in np.flatnonzero(np.diff(places) <= 0):
+        found = f"{positions[at]:g} and {positions[at + 1]:g}"
         expected = "each 0.1 µm or more above the one before"
         raise ExchangeError(where="nodes", found=found, expected=expected)
     return Setpoints(places)
-
-
-def _whole(value: float) -> float:
-    return float(np.round(value * LIST_UNITS) / LIST_UNITS)
 
 
 FORMATS = ("list", "csv", "linuxcnc", "bed-mesh", "height-map")
@@ -307,9 +293,8 @@ def _of_csv(table: Table, stated: str) -> ExchangedTable:
     said = [held for held, words in _HOLDS.items() if any(map(words.search, entries))]
     holds = said[0] if len(said) == 1 else ""
     if on_grid or MASTERS.get(name or stated) == 2:
-        expect(
-            len(columns) == 3, where, f"{len(columns)} columns", "two masters, entries"
-        )
+        found = f"{len(columns)} columns"
+        expect(len(columns) == 3, where, found, "two masters, entries")
         grid = _of_grid(table, columns)
         return dataclasses.replace(grid, axis=axis, masters=masters, holds=holds)
     modulo = bool(head and head["modulo"])
@@ -329,11 +314,8 @@ def _lengths(table: Table, number: int) -> Float[np.ndarray, " t"]:
     column = table.columns[number]
     unit = find_unit(column.unit or "mm")
     if unit is None or unit.dimension not in ("length", "angle"):
-        raise ExchangeError(
-            where=f"{table.path}: {column.name}",
-            found=f"unit {column.unit}",
-            expected="a length or an angle",
-        )
+        where, found = f"{table.path}: {column.name}", f"unit {column.unit}"
+        raise ExchangeError(where, found, "a length or an angle")
     return unit.to_library(table.numbers(column))
 
 

@@ -34,11 +34,8 @@ def axis_number(listing: ListFile) -> int:
         return number
     match = _DIGITS.search(re.split(r"[\\/]", listing.source)[-1])
     if match is None:
-        raise ExchangeError(
-            where=listing.source,
-            found="neither kopf.achs_nr nor a number in the file name",
-            expected="the logical axis number",
-        )
+        words = "neither kopf.achs_nr nor a number in the file name"
+        raise ExchangeError(listing.source, words, "the logical axis number")
     return int(match[1])
 
 
@@ -170,8 +167,7 @@ def unit_size(
         return 1.0 / LIST_UNITS
     size = increments.get(axis) if isinstance(increments, Mapping) else increments
     if size is None:
-        by_job = isinstance(increments, Mapping)
-        option = "" if by_job else "--increment, or "
+        option = "" if isinstance(increments, Mapping) else "--increment, or "
         raise ExchangeError(
             where=f"{listing.source}: {prefix}.unit",
             found="0 or nothing (encoder increments)",

@@ -94,12 +94,9 @@ class MachineLists:
                 if not record.entries.is_activated(self.machine[axis]):
                     continue
             if key in uses:
-                raise ExchangeError(
-                    where=listing.source,
-                    found=f"a second {record.name} table for axis {axis} beside"
-                    f" {uses[key].listing.source}",
-                    expected="one per axis",
-                )
+                beside = f"beside {uses[key].listing.source}"
+                words = f"a second {record.name} table for axis {axis} {beside}"
+                raise ExchangeError(listing.source, words, "one per axis")
             uses[key] = InUse(axis, record.name, masters, listing, manual)
         return tuple(uses[key] for key in sorted(uses))
 
@@ -133,12 +130,9 @@ def machine_lists(lists: Sequence[ListFile]) -> MachineLists:
             continue
         number, holder = axis_number(listing), listing.kind
         if number in by_holder[holder]:
-            raise ExchangeError(
-                where=listing.source,
-                found=f"a second {holder} list of axis {number} beside"
-                f" {by_holder[holder][number].source}",
-                expected="one per axis",
-            )
+            beside = f"beside {by_holder[holder][number].source}"
+            words = f"a second {holder} list of axis {number} {beside}"
+            raise ExchangeError(listing.source, words, "one per axis")
         by_holder[holder][number] = listing
     return MachineLists(by_holder["compensation"], by_holder["axis"])
 

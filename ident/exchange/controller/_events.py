@@ -180,9 +180,6 @@ def _replaced(version: Sequence[ListFile], event: ControllerEvent) -> int:
         same_kind = entry.kind == listing.kind == "compensation"
         if same_kind and axis_number(entry) == axis_number(listing):
             return place
-    raise ExchangeError(
-        where=event.where,
-        found=f"{listing.source}, a list of axis {axis_number(listing)}",
-        expected="a compensation list of an axis that has one; axis lists are not"
-        " updated at run time",
-    )
+    found = f"{listing.source}, a list of axis {axis_number(listing)}"
+    expected = "a compensation list of an axis that has one; axis lists are not updated at run time"
+    raise ExchangeError(event.where, found, expected)

@@ -99,12 +99,9 @@ def simulate(
         machine = machine_lists(version)
         every = machine.in_use(reading.conventions, reading.lines)
         used = [use for use in every if only is None or only(use)]
-        expect(
-            machine.compensation or any(use.kind.holder == "axis" for use in used),
-            ", ".join(listing.source for listing in version) or "lists",
-            "no compensation list",
-            "at least one (kopf.*, kw.*)",
-        )
+        some = machine.compensation or any(use.kind.holder == "axis" for use in used)
+        sources = ", ".join(listing.source for listing in version) or "lists"
+        expect(some, sources, "no compensation list", "at least one (kopf.*, kw.*)")
         lacks = {use: use.kind.entries.lacks(use, motion, reading) for use in used}
         computed = [use for use in used if lacks[use] is None]
         for use in computed:
@@ -193,27 +190,20 @@ def _run(
     rows = motion.cycles
     if rows == 0:
         return dict.fromkeys(controller.installed, np.zeros(motion.position.shape))
-    whole = _padded(motion)
+    # The last row is repeated: the axes stand, as they would.
+    whole: ControllerMotion = jax.tree.map(
+        lambda column: jnp.asarray(filled(np.asarray(column), _SMALLEST)), motion
+    )
+    moves = (jnp.arange(whole.cycles) < rows)[:, None]
+    rates = {name: getattr(whole, name) for name in ("velocity", "acceleration")}
+    still = {name: jnp.where(moves, rate, 0.0) for name, rate in rates.items()}
+    whole = dataclasses.replace(whole, **still)
     if settled:
         offsets = controller.settled(whole)
     else:
         offsets, _ = controller.run(controller.start(), whole)
-    return {
-        name: np.asarray(offsets.part(name))[:rows] for name in controller.installed
-    }
-
-
-def _padded(motion: ControllerMotion) -> ControllerMotion:
-    """Return the motion with its last row repeated: the axes stand, as they would."""
-    longer: ControllerMotion = jax.tree.map(
-        lambda rows: jnp.asarray(filled(np.asarray(rows), _SMALLEST)), motion
-    )
-    moves = (jnp.arange(longer.cycles) < motion.cycles)[:, None]
-    return dataclasses.replace(
-        longer,
-        velocity=jnp.where(moves, longer.velocity, 0.0),
-        acceleration=jnp.where(moves, longer.acceleration, 0.0),
-    )
+    names = controller.installed
+    return {name: np.asarray(offsets.part(name))[:rows] for name in names}
 
 
 def _axis(
@@ -229,10 +219,8 @@ def _axis(
     currents = [added[axis, kind.name] for kind in act if kind.adds_current]
     mine = {entry: reason for entry, reason in why.items() if entry.axis == axis}
     out = {entry.name: reason for entry, reason in mine.items() if reason is not None}
-    remarks = [
-        f"{name} stands in the list and is not computed: {reason}"
-        for name, reason in out.items()
-    ]
+    words = "stands in the list and is not computed"
+    remarks = [f"{name} {words}: {reason}" for name, reason in out.items()]
     remarks += [
         f"{entry.name} waits for COMP ON in the NC program (manual_activation 1); it is"
         " computed as switched on"
@@ -288,9 +276,8 @@ class AxisLists:
         Raises:
             ExchangeError: If an entry that decides it is unreadable.
         """
-        entries = machine_lists(self.files).in_use(
-            self.reading.conventions, self.reading.lines
-        )
+        rules, lines = self.reading.conventions, self.reading.lines
+        entries = machine_lists(self.files).in_use(rules, lines)
         mine = {entry.name: entry for entry in entries if entry.axis == self.axis}
         places = [kind.name for kind in kinds() if not kind.adds_current]
         return {name: mine[name] for name in places if name in mine}
