@@ -103,11 +103,7 @@ def note(lines: Iterable[str], head: str = "axcomp: ") -> None:
 
 
 def wide_console(*, wraps: bool = False) -> "Console":
-    """Return standard output for tables: a log or a pipe is as wide as they are.
-
-    Args:
-        wraps: Sentences are broken at its width.
-    """
+    """Return standard output for tables, sentences may wrap: a pipe is as wide as they are."""
     from rich.console import Console
 
     console = Console(highlight=False, soft_wrap=not wraps)
@@ -121,11 +117,7 @@ def working(words: str, *, every: float = 0.0) -> Iterator[Callable[[str], None]
     """Say on standard error what goes on, where that takes long; yield what says the next step.
 
     A terminal shows it beside a spinner after two seconds, until the end. Other places get
-    the steps as plain lines once it takes ten seconds.
-
-    Args:
-        words: The first step.
-        every: Seconds between plain lines.
+    the steps as plain lines once it takes ten seconds, `every` so many seconds.
     """
     from rich.console import Console
 

@@ -165,10 +165,7 @@ def refuse_input(path: Path, option: str, inputs: Iterable[Path]) -> None:
 def refuse_existing(path: Path, option: str, *, force: bool | None = None) -> None:
     """Raise where a file to be written exists, or its folder does not or is a file.
 
-    Args:
-        path: The file.
-        option: That names it.
-        force: Whether it may be replaced; None: the command has no such option.
+    By force it may be replaced; None: the command has no such option.
 
     Raises:
         UsageError: Naming what to do.
@@ -230,13 +227,9 @@ def rules_of(file: Path | None) -> "StoredConventions":
 def by_axis(
     texts: Sequence[str] | None, option: str, value: str, expected: str
 ) -> "dict[int, re.Match[str]]":
-    """Return what an option says of axes, by number, as the groups of a pattern.
+    """Return what an option such as ``A4=0:360`` says of axes, by number, as groups of a pattern.
 
-    Args:
-        texts: Such as ``A4=0:360``.
-        option: Its name.
-        value: Pattern of what stands behind ``A4=``.
-        expected: An example in words.
+    The pattern is that of what stands behind ``A4=``; what is expected ends with an example.
 
     Raises:
         UsageError: If a text is something else.

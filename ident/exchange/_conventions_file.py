@@ -109,11 +109,7 @@ class StoredConventions:
 
 
 def read_conventions(path: Path, machine: str | None = None) -> StoredConventions:
-    """Return the conventions that a file states.
-
-    Args:
-        path: The file.
-        machine: Id of the machine that is asked for; None: any.
+    """Return the conventions that a file states, of one machine (its id) or of any.
 
     Raises:
         TomlError: If it is no TOML, a name is unknown, a value cannot be

@@ -78,11 +78,7 @@ class ExchangedTable:
 
 
 def table_in(listing: ListFile, compensation: str | None = None) -> ExchangedTable:
-    """Return the table that a compensation list holds.
-
-    Args:
-        listing: The list.
-        compensation: Which one, where it holds several.
+    """Return the table that a compensation list holds, or one of several.
 
     Raises:
         ExchangeError: If there is none, or several and none is named.

@@ -135,10 +135,7 @@ def refuse_jump(
 ) -> None:
     """Raise where a table over a modulo axis jumps at the transition (S-20).
 
-    Args:
-        nodes: Along the axis.
-        values: In list units, the axis of the nodes first.
-        name: Of the entries, for the message.
+    Its values are in list units, the axis of the nodes first; the name is that of the entries.
 
     Raises:
         ExchangeError: If nodes lie outside the range of the axis, or the first and the

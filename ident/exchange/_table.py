@@ -136,11 +136,8 @@ class AbstractTable(abc.ABC):
     ) -> Float[np.ndarray, " t"]:
         """Return what the controller adds at each reading, in mm or °.
 
-        Args:
-            model: From `model` or `read`.
-            positions: One column per master.
-            branch: 0 = positive, 1 = negative direction of motion; None where the table
-                does not ask.
+        Positions have a column per master; branches are 0 for positive and 1 for negative
+        motion, None where the table does not ask.
         """
         direction = None if branch is None else 1 - 2 * branch
         return offset_at(model, positions, direction)

@@ -109,12 +109,7 @@ class FitSpec(JobPart, frozen=True):
         return ()
 
     def faults(self, job: "JobFile", where: KeyPath) -> Iterator[Fault]:
-        """Yield what is wrong beyond the types of its keys.
-
-        Args:
-            job: All of the job.
-            where: Key of this fit.
-        """
+        """Yield what is wrong beyond the types of its keys; `where` is the key of this fit."""
         yield from ()
 
     def faults_in_group(self, where: KeyPath) -> Iterator[Fault]:
@@ -160,12 +155,7 @@ class TableSpec(FitSpec, frozen=True):
         return False
 
     def refuse(self, job: "Job", index: int, table: "AbstractTable") -> None:
-        """Raise where what it writes cannot stand on this machine.
-
-        Args:
-            job: The job.
-            index: Of this fit in it.
-            table: What is written.
+        """Raise where the table that it writes cannot stand on this machine.
 
         Raises:
             JobError: Naming the key.

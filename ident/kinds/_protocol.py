@@ -119,10 +119,7 @@ class AbstractEntries(abc.ABC):
     ) -> tuple[int, Axes]:
         """Return the axis that it acts on, and the axes that it looks at.
 
-        Args:
-            listing: Where it stands.
-            number: Of the axis that the list belongs to.
-            conventions: Rules of the controller.
+        `number` is that of the axis that the list belongs to.
         """
         return number, self.named_masters(listing) or (number,)
 
@@ -212,12 +209,8 @@ class AbstractEntries(abc.ABC):
     def installed(self, model: Any, masters: Axes, listing: ListFile) -> dict[str, Any]:
         """Return it as `AxisCompensations` takes it, by the names of fields.
 
-        What is none of these fields becomes one of its `further` compensations.
-
-        Args:
-            model: Of the list.
-            masters: Columns of the axes that it looks at.
-            listing: Where it stands.
+        What is none of these fields becomes one of its `further` compensations. The masters are
+        the columns of the axes that it looks at.
         """
         if not self.coupled:
             return {self.kind.name: model}
@@ -309,12 +302,7 @@ class PlanPart(Protocol):
     """The module ``plan`` of a compensation; ``fit`` is of its own class of keys."""
 
     def plan(self, tables: "Tables", index: int, fit: Any) -> "AbstractPlan":
-        """Plan a fit.
-
-        Args:
-            tables: Measurement files of the job.
-            index: Of the fit in the job.
-            fit: Its keys.
+        """Plan the fit of this index in the job, with these keys.
 
         Raises:
             JobError: If keys or existing lists do not suit.
@@ -327,10 +315,5 @@ class PagePart(Protocol):
     """The module ``page`` of a compensation."""
 
     def body(self, fit: Any, scale: "Scale") -> "Body":
-        """Return plots, sentences and wild readings of a result.
-
-        Args:
-            fit: The result that its draft made.
-            scale: Units in which a person reads the error.
-        """
+        """Return plots, sentences and wild readings of the result that its draft made."""
         ...

@@ -54,10 +54,8 @@ class Spec(FitSpec, frozen=True):
             if name not in job.axes:
                 yield (*where, key), unknown(name, job.axes, "an axis")
         if self.master == self.axis:
-            reason = (
-                f"found {self.axis!r}, the compensated axis itself, expected another"
-            )
-            yield (*where, "master"), reason
+            found = f"found {self.axis!r}, the compensated axis itself"
+            yield (*where, "master"), f"{found}, expected another"
         why = "the units of a crosstalk list are not defined for others"
         for key, name in (("axis", self.axis), *pairs):
             yield from not_linear(job, name, (*where, key), why)

@@ -86,22 +86,19 @@ def _reversal(
     """Return what reversals show, or a remark that says why nothing does."""
     samples = recording.samples
     if abs(samples.cycle - cycle_time) > _SAME_CLOCK * cycle_time:
-        return None, [
-            Remark.error(
-                f"reversal: the recording has a sample every {1e3 * samples.cycle:g} ms,"
-                f" expected one per cycle of {1e3 * cycle_time:g} ms (cycle_time): its"
-                " cycles cannot be counted."
-            )
-        ]
+        words = (
+            f"reversal: the recording has a sample every {1e3 * samples.cycle:g} ms,"
+            f" expected one per cycle of {1e3 * cycle_time:g} ms (cycle_time): its"
+            " cycles cannot be counted."
+        )
+        return None, [Remark.error(words)]
     # The file does not say whether a velocity belongs to the step before a position or to
     # the steps around it, which moves reversals by half a cycle.
     place = recording.commanded
     step = np.diff(place, prepend=place[:1]) / samples.cycle
-    central = np.gradient(place, samples.cycle)
+    rates = step, np.gradient(place, samples.cycle)
     try:
-        fits = [
-            fit_reversal(samples, place, v, inertia=inertia) for v in (step, central)
-        ]
+        fits = [fit_reversal(samples, place, v, inertia=inertia) for v in rates]
     except FitError as error:
         return None, [Remark.error(f"reversal: {error}")]
     reversal = min(fits, key=lambda fit: fit.noise)

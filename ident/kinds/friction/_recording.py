@@ -111,19 +111,17 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
         and not (turned and finding.kind == "current opposes the motion")
     ]
     if spikes:
-        remarks.append(
-            Remark.warning(
-                f"{spikes} of {len(current)} readings of the current lie far from those beside"
-                " them, as faults of a transmission do: they were left out."
-            )
+        words = (
+            f"{spikes} of {len(current)} readings of the current lie far from those beside"
+            " them, as faults of a transmission do: they were left out."
         )
+        remarks.append(Remark.warning(words))
     if turned:
-        remarks.append(
-            Remark.info(
-                "The recorded current was turned round, as torque feedback is ([001] p.74):"
-                f" {examined.polarity.statement}."
-            )
+        words = (
+            "The recorded current was turned round, as torque feedback is ([001] p.74):"
+            f" {examined.polarity.statement}."
         )
+        remarks.append(Remark.info(words))
     faults = [f.sentence for f in examined.findings if f.kind in _NO_LIST]
     return DriveRecording(
         samples=samples,

@@ -63,17 +63,14 @@ class FrictionView:
         return error_figures(error[self.samples.in_motion], wild=self.wild)
 
     def gate(self, unit: float, name: str) -> GateCheck:
-        """Return whether the list leaves what was predicted.
+        """Return whether the list leaves what was predicted, in a unit of current of this name.
 
-        Args:
-            unit: What one unit of the list is: so much may rounding cost.
-            name: Of the unit of the current.
+        Rounding may cost as much as one unit of the list.
         """
         rms = self.figures(self.from_file).sound.rms
         limit = _AS_PREDICTED * self.figures(self.predicted).sound.rms + unit
-        return gate_check(
-            "from_file", rms, limit, name, "over all speeds, limit as predicted"
-        )
+        words = "over all speeds, limit as predicted"
+        return gate_check("from_file", rms, limit, name, words)
 
 
 def view_of(
@@ -222,7 +219,11 @@ class FrictionResult(AbstractResult):
             undetermined = {"undetermined": reversal.undetermined}
             parameters["reversal"] = reversal.numbers | undetermined
             deviations["position_delay"] = reversal.position_delay_sd
-        circle = self.circle
+        circle: dict[str, Any] | None = None
+        if self.circle is not None:
+            names = ("without", "with_list")
+            circle = dict(zip(names, self.circle.spikes, strict=True))
+            circle |= {k: getattr(self.circle, k) for k in ("radius", "feed", "loop")}
         return record | {
             "list_follows": fit.structure.words,
             "method": law.method,
@@ -245,15 +246,7 @@ class FrictionResult(AbstractResult):
                 for place, candidate in enumerate(result.choice.candidates)
             ],
             "free_run": None if result.output is None else result.output.free_run,
-            "circle": None
-            if circle is None
-            else {
-                "without": circle.spikes[0],
-                "with_list": circle.spikes[1],
-                "radius": circle.radius,
-                "feed": circle.feed,
-                "loop": circle.loop,
-            },
+            "circle": circle,
             "message": fit.message,
         }
 

@@ -46,15 +46,10 @@ class Spec(FitSpec, frozen=True):
 
     def faults(self, job: "JobFile", where: KeyPath) -> Iterator[Fault]:
         if self.rated_current is not None and self.rated_torque is not None:
-            reason = (
-                "found beside rated_current, expected the one that suits the recording"
-            )
-            yield (*where, "rated_torque"), reason
-        if self.method != "output_error":
-            for key in ("solver", "constraints"):
-                if key in self.model_fields_set:
-                    reason = (
-                        f"found with method {self.method!r}, expected 'output_error'"
-                    )
-                    yield (*where, key), reason
+            expected = "expected the one that suits the recording"
+            yield (*where, "rated_torque"), f"found beside rated_current, {expected}"
+        for key in ("solver", "constraints"):
+            if key in self.model_fields_set and self.method != "output_error":
+                reason = f"found with method {self.method!r}, expected 'output_error'"
+                yield (*where, key), reason
         yield from unkept(self.constraints, self.solver, where)

@@ -200,13 +200,11 @@ def _caption(fit: FrictionResult, curve: LawCurve) -> str:
     )
     if fit.knots is None:
         return f"{text} No list is written."
-    share = curve.difference
+    share = percent(curve.difference)
     text += " The list is the same for both directions"
-    if share > 0.02:
-        return (
-            f"{text}; they differ by {percent(share)} on average, which it cannot say."
-        )
-    return f"{text}, which differ by no more than {percent(share)} on average."
+    if curve.difference > 0.02:
+        return f"{text}; they differ by {share} on average, which it cannot say."
+    return f"{text}, which differ by no more than {share} on average."
 
 
 def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:

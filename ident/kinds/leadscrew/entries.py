@@ -59,14 +59,8 @@ def read_leadscrew(
     """Return the leadscrew table that a list describes, its entries as NumPy has them.
 
     For what looks at the numbers alone: to make arrays of them that JAX can compute with
-    takes longer than to read the list.
-
-    Args:
-        listing: List of the axis.
-        conventions: Sign and edge rules.
-        increment: Worth of an encoder increment for lists with ``unit 0``.
-        modulo: Range of the axis, for a modulo table; first to last point where it is
-            not given (S-20).
+    takes longer than to read the list. The range of a modulo table is that from its first to its
+    last point where it is not given (S-20); increments are as for `from_list`.
 
     Raises:
         ExchangeError: If an entry is missing or the setpoints do not ascend.

@@ -82,11 +82,8 @@ class Spec(FitSpec, frozen=True):
                 yield (*where, "law"), reason
         measured = [name for name in self.sources if name in job.measurements]
         if len({job.measurements[name].reference_temperature for name in measured}) > 1:
-            reason = (
-                "found measurements with different reference temperatures, expected the"
-                " same one for all that are joined"
-            )
-            yield where, reason
+            found = "found measurements with different reference temperatures"
+            yield where, f"{found}, expected the same one for all that are joined"
         for name in measured:
             yield from self._of_measurement(job, name)
 
