@@ -55,12 +55,10 @@ class ListNodes:
 
     def model(self) -> EquidistantNodes | Setpoints:
         """Return the nodes of a model."""
-        places = [as_array(place) for place in self.places]
-        return (
-            EquidistantNodes(*places, self.count)
-            if self.interval
-            else Setpoints(*places)
-        )
+        if not self.interval:
+            return Setpoints(as_array(self.positions))
+        start, interval = map(as_array, self.places)
+        return EquidistantNodes(start, interval, self.count)
 
 
 def grid_nodes(start: float, interval: float, count: int, name: str) -> ListNodes:

@@ -110,11 +110,7 @@ def write_chart(figure: Figure, folder: Path, stem: str) -> tuple[Path, Path]:
 def _title(tests: Mapping[str, Iso230], axis: str) -> str:
     test = next(iter(tests.values()))
     counts = [n for p in test.positions for n in (p.runs_up, p.runs_down) if n]
-    runs = (
-        f"{min(counts)}"
-        if min(counts) == max(counts)
-        else f"{min(counts)}–{max(counts)}"
-    )
+    runs = "–".join(map(str, sorted({min(counts), max(counts)})))
     opening = f"Axis {axis}: p" if axis else "P"
     sides = "both directions" if test.bidirectional else "one direction"
     return (
@@ -128,15 +124,9 @@ def _draw_test(
 ) -> None:
     """Draw runs, means and ±2 s bands of one test."""
     for run in test.runs:
-        axes.plot(
-            run.target,
-            run.error * 1e3,
-            color=colours[run.direction],
-            linewidth=0.6,
-            alpha=0.4,
-            linestyle=_DASHES[run.direction],
-            zorder=2 + at,
-        )
+        color, dashes = colours[run.direction], _DASHES[run.direction]
+        thin: dict[str, Any] = {"linewidth": 0.6, "alpha": 0.4, "zorder": 2 + at}
+        axes.plot(run.target, run.error * 1e3, color=color, linestyle=dashes, **thin)
     for direction, side, arrow in ((1, "up", "↑"), (-1, "down", "↓")):
         rows = [
             (p.target, getattr(p, f"mean_{side}"), getattr(p, f"s_{side}") or 0.0)
@@ -149,18 +139,10 @@ def _draw_test(
         band = means - spread, means + spread
         properties: dict[str, Any] = {"color": colours[direction], "zorder": 4 + at}
         axes.fill_between(targets, *band, alpha=0.13, linewidth=0, **properties)
-        axes.plot(
-            targets,
-            means,
-            linewidth=1.8,
-            marker="^" if direction > 0 else "v",
-            markersize=5.5,
-            markeredgecolor="white",
-            markeredgewidth=0.7,
-            linestyle=_DASHES[direction],
-            label=f"{prefix or 'mean '}{arrow}",
-            **properties,
-        )
+        properties |= {"marker": "^" if direction > 0 else "v", "markersize": 5.5}
+        properties |= {"markeredgecolor": "white", "markeredgewidth": 0.7}
+        properties |= {"linewidth": 1.8, "linestyle": _DASHES[direction]}
+        axes.plot(targets, means, label=f"{prefix or 'mean '}{arrow}", **properties)
 
 
 def _extent(tests: Iterable[Iso230]) -> tuple[float, float]:
@@ -189,19 +171,12 @@ def _draw_brackets(axes: Axes, test: Iso230, colour: str, at: int, name: str) ->
         distance = 0.1 + 0.29 * step + 0.6 * at
         transform = height + ScaledTranslation(distance, 0.0, inches)
         low, high = ends[0] * 1e3, ends[1] * 1e3
-        _draw_height(
-            axes, 1.0, (low, high), "|-|,widthA=0.25,widthB=0.25", colour, transform
-        )
-        axes.text(
-            1.0,
-            (low + high) / 2,
-            f"{label} {name}{' ' if name else ''}= {high - low:.1f}",
-            transform=transform + ScaledTranslation(0.06, 0.0, inches),
-            rotation=90,
-            va="center",
-            fontsize=9.5,
-            color=colour,
-        )
+        bracket = "|-|,widthA=0.25,widthB=0.25"
+        _draw_height(axes, 1.0, (low, high), bracket, colour, transform)
+        words = f"{label} {name}{' ' if name else ''}= {high - low:.1f}"
+        beside = transform + ScaledTranslation(0.06, 0.0, inches)
+        look: dict[str, Any] = {"va": "center", "fontsize": 9.5, "color": colour}
+        axes.text(1.0, (low + high) / 2, words, transform=beside, rotation=90, **look)
 
 
 def _draw_reversal(axes: Axes, test: Iso230, colour: str, scale: Scale) -> None:
@@ -234,11 +209,7 @@ def _draw_tolerance(axes: Axes, test: Iso230, tolerance: float, scale: Scale) ->
     ends = test.accuracy_ends() or test.systematic_ends()
     if ends is None:
         return
-    middle = (ends[0] + ends[1]) / 2
-    axes.axhspan(
-        (middle - tolerance / 2) * 1e3,
-        (middle + tolerance / 2) * 1e3,
-        facecolor="#e6f4ea",
-        zorder=0,
-        label=f"tolerance {tolerance * 1e3:g} {scale.error}",
-    )
+    middle, half = (ends[0] + ends[1]) / 2, tolerance / 2
+    low, high = (middle - half) * 1e3, (middle + half) * 1e3
+    label = f"tolerance {tolerance * 1e3:g} {scale.error}"
+    axes.axhspan(low, high, facecolor="#e6f4ea", zorder=0, label=label)

@@ -93,10 +93,8 @@ def front_of(fits: Sequence[tuple[str, AbstractResult]], worst: Verdict) -> Fron
     """Return what the page says first; ``fits`` are pairs of a heading and a result."""
     verdicts: dict[str, list[str]] = {}
     unproven: dict[str, None] = {}
-    order = list(Verdict)
-    for heading, fit in sorted(
-        fits, key=lambda headed: -order.index(headed[1].judgement.verdict)
-    ):
+    order = [*reversed(Verdict)]
+    for heading, fit in sorted(fits, key=lambda p: order.index(p[1].judgement.verdict)):
         judgement = fit.judgement
         words = short_verdict(judgement)
         if judgement.has(Code.VERIFIED):
@@ -126,10 +124,9 @@ _NO_GAIN = {
 
 def _gate(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     names = ", ".join(
-        f"{check.name.replace('_', ' ')} {check.value:.4g} {check.unit} "
-        f"(limit {check.limit:.4g})"
-        for check in fit.gate
-        if not check.passed
+        f"{c.name.replace('_', ' ')} {c.value:.4g} {c.unit} (limit {c.limit:.4g})"
+        for c in fit.gate
+        if not c.passed
     )
     return f"Do not load: the gate stopped this list. {names}."
 
@@ -147,16 +144,12 @@ def _no_gain(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
         offsets = [run.offset for run in fit.fit.runs]
         apart = max(offsets, default=0.0) - min(offsets, default=0.0)
         if apart > _APART * fit.fit.noise:
+            sides = "; where they came from different sides, state their direction"
             explanation = (
                 f" Its runs lie up to {scale.figure(apart)} {scale.error} apart: where each had"
                 " a zero of its own, give it as a measurement of its own, with remove ="
-                ' "offset"'
+                f' "offset"{sides if fit.fit.layout.branches == 1 else ""}.'
             )
-            if fit.fit.layout.branches == 1:
-                explanation += (
-                    "; where they came from different sides, state their direction"
-                )
-            explanation += "."
     start = "Nothing shows yet that this list helps"
     if fit.judgement.verdict is Verdict.REJECTED:
         start = "This list would not help, do not load it"
@@ -197,9 +190,8 @@ def _no_better(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
             f": without it {remainder} would be left, as predicted. Before it goes in again, find"
             f" what moved {fit.axis} since: its temperature, or the zero of the instrument"
         )
-    return (
-        f"Take the list out again: {_again(fit, scale)}, no better than before{words}."
-    )
+    found = _again(fit, scale)
+    return f"Take the list out again: {found}, no better than before{words}."
 
 
 def _beside(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
@@ -311,7 +303,6 @@ def _again(fit: AbstractResult, scale: Scale) -> str:
 
 def _fall(fit: AbstractResult, scale: Scale, listed: bool = True) -> str:
     before, after = fit.error.get("before"), fit.error.get("predicted")
-    unit = scale.error
     if before is None:
         return "nothing was predicted"
     before = before.sound
@@ -323,8 +314,7 @@ def _fall(fit: AbstractResult, scale: Scale, listed: bool = True) -> str:
     if after is None:
         return f"{start}; nothing was predicted"
     after = after.sound
-    end = f"{scale.figure(after.rms)} {unit} rms (largest "
-    end += f"{scale.figure(after.max)} {unit})"
+    end = _size(after, scale)
     if before.rms > 0 and after.rms < before.rms:
         return (
             f"on {seen} that the fit did not see, {error} falls from "

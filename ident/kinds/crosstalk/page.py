@@ -26,11 +26,9 @@ def body(fit: CrosstalkResult, scale: Scale) -> Body:
 def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
     crosstalk, form = fit.fit, fit.fit.effect
     where = f" over {' and '.join(fit.adaptation)}" if fit.adaptation else ""
-    directions = (
-        "each direction has entries of its own"
-        if form.velocity_dependent
-        else "both directions have the same entries"
-    )
+    directions = "both directions have the same entries"
+    if form.velocity_dependent:
+        directions = "each direction has entries of its own"
     yield (
         "Law",
         f"Mode {form.mode}{where}: {fit.axis} is moved when {fit.master} accelerates, in"
@@ -41,12 +39,11 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
     for k, point in enumerate(fit.points):
         pairs = zip(fit.adaptation, map(place, point), strict=True)
         where = ", ".join(f"{name} = {value}" for name, value in pairs)
+        rows = zip(SHORT, *(column[:, k] for column in numbers), strict=True)
         parts = [
             f"{name} {number(entry * scale.factor, signed=True)} ± {scale.shown(sd)}"
             f" ({count(int(support), 'event')})"
-            for name, entry, sd, support in zip(
-                SHORT, *(column[:, k] for column in numbers), strict=True
-            )
+            for name, entry, sd, support in rows
         ]
         where = f" at {where} mm" if where else ""
         yield (f"Test {k + 1}{where}", "; ".join(parts) + ".")
@@ -90,11 +87,9 @@ def _events_plot(fit: CrosstalkResult, scale: Scale) -> Plot:
             f" At full acceleration events show {scale.shown(before)} rms, with the"
             f" written list {scale.shown(after)}."
         )
-        if fit.adaptation:
-            caption += (
-                f" The spread before is that over {' and '.join(fit.adaptation)}; the"
-                " lines are the means of the tests."
-            )
+        axes = " and ".join(fit.adaptation)
+        lines = "the lines are the means of the tests"
+        caption += f" The spread before is that over {axes}; {lines}." if axes else ""
     caption += left_out_words(int(events.wild.sum()), "contradicting event")
     return Plot("events", "Every acceleration, before and after", figure, caption)
 

@@ -44,8 +44,8 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
         f" of the fit is {percent(law.relative_error)} of the load.",
     )
     if law.undetermined:
-        lines = [f"{_plain(n)}: {why}" for n, why in law.undetermined.items()]
-        yield ("Not known", " ".join(_sentence(line) for line in lines))
+        lines = [f"{n.replace('_', ' ')}: {why}" for n, why in law.undetermined.items()]
+        yield ("Not known", " ".join(map(_sentence, lines)))
     if law.gauges:
         yield ("Told only together", " ".join(law.gauges))
     if fit.knots is not None:
@@ -81,24 +81,19 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
 
 
 def _law(fit: FrictionResult, scale: Scale) -> str:
-    law = fit.law
-    per = fit.length_unit
+    law, per, parts = fit.law, fit.length_unit, []
     units = {"inertia": f"{scale.error}/({per}/s²)", "stribeck_velocity": f"{per}/s"}
     units["stribeck_shape"] = ""
-    parts = []
     for name, value in law.parameters.items():
         unit = units.get(name, scale.error)
         if name.startswith("viscous"):
             unit = f"{scale.error}/({per}/s)"
         sd = law.standard_deviations.get(name)
         spread = "" if sd is None else f" ± {sd:.2g}"
-        parts.append(f"{_plain(name)} {value:.4g}{spread} {unit}".rstrip())
+        plain = name.replace("_", " ")
+        parts.append(f"{plain} {value:.4g}{spread} {unit}".rstrip())
     words = law.structure.words
     return f"{words[0].upper()}{words[1:]}: {', '.join(parts)}."
-
-
-def _plain(name: str) -> str:
-    return name.replace("_", " ")
 
 
 def _sentence(text: str) -> str:

@@ -50,8 +50,34 @@ def _wild_rows(fit: TemperatureResult, scale: Scale) -> list[WildRow]:
 
 
 def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
-    yield ("Law of the error", _law_words(fit, scale))
-    yield ("Scatter", _scatter_words(fit, scale))
+    line, offset, law = fit.fit, fit.fit.offset, fit.fit.coefficient
+    words = f"Offset {offset.kind}"
+    if len(offset.value) > 1:
+        slope, deviation = offset.slope
+        words += (
+            f", {number(scale.factor * slope, signed=True)} ±"
+            f" {number(scale.factor * deviation)} µm/K from end to end (1 sd, error)"
+        )
+    words += (
+        "; no coefficient was asked for" if law is None else f"; coefficient {law.kind}"
+    )
+    if law is not None and len(law.value) > 1:
+        words += f", {number(1e6 * law.slope[0], signed=True)} µm/m per K"
+    yield ("Law of the error", f"{words}.")
+    words = (
+        f"{scale.shown(line.noise.white)} from reading to reading,"
+        f" {count(len(line.rows), 'complete reading')}."
+    )
+    if line.noise.drift > 0:
+        unit = "rows"
+        if line.data.time is not None:
+            unit = f"{line.noise.time_constant / 60:.3g} minutes"
+        words += (
+            f" Beside it a drift of {scale.shown(line.noise.drift)}"
+            f" that forgets in {unit}: the readings tell as much as"
+            f" {max(line.independent, 1):.0f} independent ones."
+        )
+    yield ("Scatter", words)
     words = "Nothing: see the remarks above."
     if fit.law is not None:
         warm = fit.law.temperature
@@ -64,41 +90,6 @@ def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
             f" over {fit.cycles} cycles (temp_comp_n_cycles, P-AXIS-00275)."
         )
     yield ("As written", words)
-
-
-def _law_words(fit: TemperatureResult, scale: Scale) -> str:
-    offset, law = fit.fit.offset, fit.fit.coefficient
-    words = f"Offset {offset.kind}"
-    if len(offset.value) > 1:
-        slope, deviation = offset.slope
-        words += (
-            f", {number(scale.factor * slope, signed=True)} ±"
-            f" {number(scale.factor * deviation)} µm/K from end to end (1 sd, error)"
-        )
-    if law is None:
-        return f"{words}; no coefficient was asked for."
-    words += f"; coefficient {law.kind}"
-    if len(law.value) > 1:
-        words += f", {number(1e6 * law.slope[0], signed=True)} µm/m per K"
-    return f"{words}."
-
-
-def _scatter_words(fit: TemperatureResult, scale: Scale) -> str:
-    line, noise = fit.fit, fit.fit.noise
-    words = (
-        f"{scale.shown(noise.white)} from reading to reading,"
-        f" {count(len(line.rows), 'complete reading')}."
-    )
-    if noise.drift > 0:
-        unit = "rows"
-        if line.data.time is not None:
-            unit = f"{noise.time_constant / 60:.3g} minutes"
-        words += (
-            f" Beside it a drift of {scale.shown(noise.drift)}"
-            f" that forgets in {unit}: the readings tell as much as"
-            f" {max(line.independent, 1):.0f} independent ones."
-        )
-    return words
 
 
 def law_plot(fit: TemperatureResult, law: ThermalLaw) -> Plot:
@@ -234,9 +225,10 @@ def over_time_plot(fit: TemperatureResult, scale: Scale) -> Plot:
     panels[0].set_ylabel(f"error of {fit.axis} in {scale.error}")
     order = np.argsort(clock, kind="stable")
     colours = (style.ORANGE, style.GREEN, style.BLUE)
-    for lag, structure, colour in zip(
+    warm = zip(
         thermal.lags, thermal.structure.T, itertools.cycle(colours), strict=False
-    ):
+    )
+    for lag, structure, colour in warm:
         curves = [("-", lag.sensor, thermal.data.temperature[lag.sensor])]
         if lag.applied:
             curves.append(("--", f"structure behind {lag.sensor}", structure))
