@@ -51,12 +51,8 @@ class GateTable:
 
 def place_of(table: GateTable, index: Sequence[int]) -> str:
     """Return a node in words; an index runs like ``[j, i]``, master 2 first."""
-    return ", ".join(
-        f"{name} = {nodes[k]:g}"
-        for name, nodes, k in zip(
-            table.names, table.nodes, reversed(list(index)), strict=True
-        )
-    )
+    places = zip(table.names, table.nodes, reversed([*index]), strict=True)
+    return ", ".join(f"{name} = {nodes[k]:g}" for name, nodes, k in places)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,17 +149,15 @@ def gradient(table: GateTable) -> float:
     if len(table.nodes) == 1:
         return float(np.abs(along1).max())
     along2 = table.lines[1].slopes.swapaxes(1, 2)
-    corners = itertools.product(
-        (along1[:, :-1], along1[:, 1:]), (along2[..., :-1], along2[..., 1:])
-    )
+    sides = (along1[:, :-1], along1[:, 1:]), (along2[..., :-1], along2[..., 1:])
+    corners = itertools.product(*sides)
     return max(float(np.hypot(first, second).max()) for first, second in corners)
 
 
 def kink(table: GateTable) -> tuple[float, str]:
     """Return the largest change of slope at a node, as a pure number, and where."""
-    return _largest(
-        (np.abs(np.diff(lines.course[1])), lines.node) for lines in table.lines
-    )
+    kinks = ((np.diff(lines.course[1]), lines.node) for lines in table.lines)
+    return _largest((np.abs(change), words) for change, words in kinks)
 
 
 def acceleration(table: GateTable, feed: float) -> tuple[float, str]:

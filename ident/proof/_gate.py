@@ -100,9 +100,8 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
     if len(table.offset) == 2:
         jump, place = _largest(table, [table.offset[0] - table.offset[1]])
         words = place, f"{place}, spread over {table.cycles} cycles"
-        lines += reversal_checks(
-            jump, table.cycles, table.cycle_time, limits, unit, words
-        )
+        spread = table.cycles, table.cycle_time
+        lines += reversal_checks(jump, *spread, limits, unit, words)
     if table.change is not None and limits.max_change is not None:
         worst, place = _largest(table, table.change)
         lines.append(limits.check("max_change", worst, unit, place))

@@ -74,12 +74,9 @@ def held_out(
     offset = offsets[fold_of_reading, np.arange(len(before))]
     spread = deviations(folds, fold_of_reading, samples)
     noise = np.array([fold.noise**2 for fold in folds])
-    deviation = np.sqrt(
-        spread**2
-        + noise[fold_of_reading]
-        + _run_variance(folds, fold_of_reading, samples)
-        + 1 / (12 * LIST_UNITS**2)
-    )
+    of_run = _run_variance(folds, fold_of_reading, samples)
+    rounding = 1 / (12 * LIST_UNITS**2)
+    deviation = np.sqrt(spread**2 + noise[fold_of_reading] + of_run + rounding)
     return HeldOut(before + offset - active, deviation, by_run)
 
 
@@ -129,17 +126,12 @@ def _run_variance(
     folds: Sequence[TableFit], fold_of_reading: Int[np.ndarray, " t"], samples: Samples
 ) -> Float[np.ndarray, " t"]:
     """Return what a run that was not measured yet adds by its own offset and drift."""
-    several = [fold.runs if len(fold.runs) > 1 else () for fold in folds]
-    offset, drift = np.array(
-        [
-            np.sum([(run.offset**2, run.drift**2) for run in runs] or [(0.0, 0.0)], 0)
-            / max(len(runs) - 1, 1)
-            for runs in several
-        ]
-    ).T
+    variances = np.zeros((len(folds), 2))
+    for row, runs in zip(variances, (fold.runs for fold in folds), strict=True):
+        if len(runs) > 1:
+            squares = [(run.offset**2, run.drift**2) for run in runs]
+            row[:] = np.sum(squares, axis=0) / (len(runs) - 1)
+    offset, drift = variances[fold_of_reading].T
     if samples.order is None:
-        return np.asarray(offset[fold_of_reading])
-    progress = samples.order - 0.5
-    return np.asarray(
-        offset[fold_of_reading] + drift[fold_of_reading] * np.square(progress)
-    )
+        return np.asarray(offset)
+    return np.asarray(offset + drift * np.square(samples.order - 0.5))

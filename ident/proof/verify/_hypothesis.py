@@ -124,12 +124,9 @@ class Hypothesis:
         if self.change.cycles is not None:
             cost += 2.0 * math.log(40.0)
             # Where the manuals know of no filter, a delay is the simpler story.
-            listed_cycles = channel.cycles_under(self.change.conventions)
-            cost += FAULT * (
-                listed_cycles <= 1
-                or self.change.conventions.table_filter
-                != (channel.conventions.table_filter)
-            )
+            rules, assumed = self.change.conventions, channel.conventions
+            unknown = channel.cycles_under(rules) <= 1
+            cost += FAULT * (unknown or rules.table_filter != assumed.table_filter)
         if self.change.masters is not None:
             cost += 2.0 * math.log(len(channel.swaps))
         if self.is_free:
@@ -152,13 +149,9 @@ def fault_words(
     words: Collection[str] | None = None,
 ) -> str:
     """Return the faults of a hypothesis as part of a sentence, or those of some words."""
-    return joined(
-        [
-            _text(word, value or 0.0, hypothesis.change, channel)
-            for word, value in hypothesis.faults(channel).items()
-            if words is None or word in words
-        ]
-    )
+    faults, change = hypothesis.faults(channel).items(), hypothesis.change
+    named = [fault for fault in faults if words is None or fault[0] in words]
+    return joined([_text(word, size or 0.0, change, channel) for word, size in named])
 
 
 def _text(word: str, value: float, change: Change, channel: AbstractChannel) -> str:
@@ -220,9 +213,8 @@ def _shift(change: Change, channel: AbstractChannel) -> str:
     masters = channel.masters[-len(change.shift) :]
     for master, value in zip(masters, change.shift, strict=True):
         if value:
-            along = (
-                f" along {channel.motion.name(master)}" if len(change.shift) > 1 else ""
-            )
+            name, several = channel.motion.name(master), len(change.shift) > 1
+            along = f" along {name}" if several else ""
             unit, turn = "mm", channel.motion.ranges.get(master)
             if turn is not None:  # the shorter way round
                 unit, span = "°", turn[1] - turn[0]

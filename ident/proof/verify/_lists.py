@@ -19,6 +19,7 @@ from ...exchange import (
     machine_lists,
     reversal_cycles,
 )
+from ...exchange._units import expect
 from ...kinds import kinds
 from ._channel import AbstractChannel
 from ._judge import SETTLED
@@ -52,13 +53,9 @@ def channels_of(
         reversal = reversal_cycles(machine.machine.get(use.axis))
         channel = use.kind.log_channel
         parts[use.name] = channel(use, motion, reading, reversal, dict(parts))
-    if not channels:
-        names = ", ".join(use.source for use in lists)
-        raise ExchangeError(
-            where=names or "lists",
-            found="no compensation that is active",
-            expected="at least one table, or an axis list with a compensation",
-        )
+    names = ", ".join(use.source for use in lists) or "lists"
+    expected = "at least one table, or an axis list with a compensation"
+    expect(channels, names, "no compensation that is active", expected)
     return channels
 
 
@@ -84,14 +81,9 @@ def numbering(lists: Sequence[ListFile], source: str) -> Numbering:
         match = re.fullmatch(r"A([0-9]+)", text)
         if match:
             return int(match[1])
-        if text.casefold() not in numbers:
-            names = ", ".join(sorted(numbers)) or "none"
-            raise ExchangeError(
-                where=source,
-                found=f"axis {text!r}",
-                expected="A1, A2, … after the logical numbers, or a name in a list"
-                f" (kopf.log_achs_name: {names})",
-            )
+        names = f"kopf.log_achs_name: {', '.join(sorted(numbers)) or 'none'}"
+        expected = f"A1, A2, … after the logical numbers, or a name in a list ({names})"
+        expect(text.casefold() in numbers, source, f"axis {text!r}", expected)
         return numbers[text.casefold()]
 
     return number
@@ -128,18 +120,13 @@ def reports_of(
             words = "its state says so, and nothing is expected there"
             remarks.append(f"{offset.column}: off in {off:.0f} % of the rows; {words}.")
         if offset.axis is None:
-            owners = [
-                axis for axis, parts in channels.items() if offset.compensation in parts
-            ]
-            if len(owners) > 1:
-                raise ExchangeError(
-                    where=str(log.source),
-                    found=f"column {offset.column!r} without an axis",
-                    expected="the axis before it, as in"
-                    f" A{owners[0]}.{offset.column}: {len(owners)} axes have"
-                    f" {offset.compensation}",
-                )
+            name = offset.compensation
+            owners = [axis for axis, parts in channels.items() if name in parts]
             axis = owners[0] if owners else 0
+            found = f"column {offset.column!r} without an axis"
+            several = f"{len(owners)} axes have {name}"
+            expected = f"the axis before it, as in A{axis}.{offset.column}: {several}"
+            expect(len(owners) < 2, str(log.source), found, expected)
         else:
             axis = number(offset.axis)
         if offset.compensation not in channels.get(axis, {}):

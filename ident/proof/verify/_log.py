@@ -94,11 +94,9 @@ class LogMotion(Motion):
         """
         velocity, acceleration = self.rates(axis, actual)
         if velocity is None or acceleration is None:
-            raise ExchangeError(
-                where=self.source,
-                found=f"no velocity and acceleration of A{axis}, nor time",
-                expected=f"A{axis}.position and time {why}",
-            )
+            found = f"no velocity and acceleration of A{axis}, nor time"
+            expected = f"A{axis}.position and time {why}"
+            raise ExchangeError(self.source, found, expected)
         return velocity, acceleration
 
 
@@ -200,11 +198,9 @@ class Target:
     def criterion(
         self, squares: Float[np.ndarray, " h"], samples: float
     ) -> Float[np.ndarray, " h"]:
-        """Return −2 log likelihood of sums of squares left over, noise estimated.
+        """Return −2 log likelihood of sums of squares left over in mm², noise estimated.
 
-        Args:
-            squares: Sums of squares in mm².
-            samples: Number of independent rows.
+        `samples` is the number of independent rows.
         """
         floor = max(FLOOR**2, self.step**2 / 12.0)
         variance = np.maximum(squares, 0.0) / len(self.values) + floor

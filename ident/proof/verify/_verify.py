@@ -12,7 +12,8 @@ from ....data.lists import ListFile
 from ....data.measurements import ControllerLog
 from ....data.signals import estimate_delay
 from ....models import COMPENSATIONS, Conventions
-from ...exchange import ExchangeError, Reading
+from ...exchange import Reading
+from ...exchange._units import expect
 from ...exchange.controller._motion import Column
 from ...fit import one_blas_thread
 from ...kinds import kinds
@@ -135,13 +136,9 @@ def verify_log(
     for axis, parts in channels.items():
         summed = _sums(axis, parts, log, number, motion, set(searches), remarks)
         verdicts = _merged(verdicts, summed)
-    if not verdicts:
-        raise ExchangeError(
-            where=str(log.source),
-            found="none of the values that the lists add",
-            expected="columns such as A3.cross, CROSSC::actual_offset or"
-            " A3.drive_position",
-        )
+    found = "none of the values that the lists add"
+    expected = "columns such as A3.cross, CROSSC::actual_offset or A3.drive_position"
+    expect(verdicts, str(log.source), found, expected)
     driven = channels.keys() & motion.drives.keys()
     summary = _summary(verdicts, channels, driven, conventions, remarks)
     fixed = summary.settled | set(owned.values())
@@ -211,9 +208,7 @@ def _sums(
         and (offset.axis is None or number(offset.axis) == axis)
     ]
     # A current is no position.
-    parts = {
-        n: channel for n, channel in parts.items() if not channel.one.kind.adds_current
-    }
+    parts = {k: c for k, c in parts.items() if not c.one.kind.adds_current}
     unknown = [name for name in parts if (axis, name) not in logged]
     if drive is None:
         if not (sums and unknown):
@@ -245,9 +240,8 @@ def _merged(logged: Sequence[Verdict], summed: Sequence[Verdict]) -> list[Verdic
             merged[verdict.axis, verdict.compensation] = verdict
         elif single.agrees and verdict.verdict and not verdict.agrees:
             text = f"logged as the list says, but at the drive {verdict.sentence}"
-            merged[verdict.axis, verdict.compensation] = dataclasses.replace(
-                verdict, sentence=text
-            )
+            changed_verdict = dataclasses.replace(verdict, sentence=text)
+            merged[verdict.axis, verdict.compensation] = changed_verdict
     return list(merged.values())
 
 
@@ -270,12 +264,8 @@ def _summary(
                 values[name] = value
             sure_of[name] = sure_of.get(name, False) or sure
     judged = {(verdict.axis, verdict.compensation) for verdict in verdicts}
-    missing = [
-        f"A{axis}.{name}"
-        for axis, parts in channels.items()
-        for name in parts
-        if (axis, name) not in judged
-    ]
+    every = [(axis, name) for axis, parts in channels.items() for name in parts]
+    missing = [f"A{axis}.{name}" for axis, name in every if (axis, name) not in judged]
     if missing:
         remarks.append(f"Not in this log: {', '.join(missing)}.")
     blind = sorted({verdict.axis for verdict in verdicts} - driven)
@@ -286,15 +276,10 @@ def _summary(
             " drive; log drive_position as well, or read a dial gauge."
         )
     order = (*COMPENSATIONS, *(kind.name for kind in kinds()))
-    verdicts = sorted(
-        verdicts, key=lambda verdict: (verdict.axis, order.index(verdict.compensation))
-    )
-    return Verification(
-        tuple(verdicts),
-        tuple(remarks),
-        Conventions.from_dict(values),
-        frozenset(name for name, sure in sure_of.items() if sure),
-    )
+    verdicts = sorted(verdicts, key=lambda v: (v.axis, order.index(v.compensation)))
+    fixed = frozenset(name for name, sure in sure_of.items() if sure)
+    rules = Conventions.from_dict(values)
+    return Verification(tuple(verdicts), tuple(remarks), rules, fixed)
 
 
 def search_total(
