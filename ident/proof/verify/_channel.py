@@ -192,7 +192,7 @@ class AbstractChannel(abc.ABC):
     def rules(self, conventions: Conventions) -> list[Conventions]:
         """Return conventions with another choice each of those that matter."""
         return [
-            dataclasses.replace(conventions, **{convention.name: choice})
+            conventions.from_dict({**conventions.to_dict(), convention.name: choice})
             for convention in conventions.listing()
             if convention.name in self.relevant
             for choice in convention.choices

@@ -1,5 +1,7 @@
 """The plane as maps: error, uncertainty, coverage."""
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
@@ -43,8 +45,8 @@ def error_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     label(axes, table, scale)
     handles, _ = axes.get_legend_handles_labels()
     if not table.measured.all():
-        patch = {"facecolor": "none", "edgecolor": "#444444", "hatch": "////"}
-        handles.append(Patch(**patch, linewidth=0.5, label="not measured"))
+        look: dict[str, Any] = {"facecolor": "none", "edgecolor": "#444444"}
+        handles.append(Patch(hatch="////", linewidth=0.5, label="not measured", **look))
     figure.legend(handles=handles, loc="outside upper right", ncols=3, markerscale=2)
     caption = (
         f"{table.runs('At measured nodes the error', scale)}"
