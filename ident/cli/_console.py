@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import typer
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, JustifyMethod
     from rich.table import Table
 
     from ..job import Remark
@@ -69,12 +69,8 @@ def table_of(
         caption_justify="left",
     )
     for head in heads:
-        table.add_column(
-            escape(head),
-            justify="right" if head in numbers else "left",
-            vertical="bottom",
-            overflow="fold",
-        )
+        side: JustifyMethod = "right" if head in numbers else "left"
+        table.add_column(escape(head), justify=side, vertical="bottom", overflow="fold")
     for row in rows:
         table.add_row(*map(escape, row))
     return table
@@ -82,9 +78,8 @@ def table_of(
 
 def print_json(tree: object) -> None:
     """Print a result for machines on standard output."""
-    typer.echo(
-        json.dumps(tree, ensure_ascii=False, indent=2, default=dataclasses.asdict)
-    )
+    text = json.dumps(tree, ensure_ascii=False, indent=2, default=dataclasses.asdict)
+    typer.echo(text)
 
 
 def print_result(tree: object, lines: Iterable[str]) -> None:

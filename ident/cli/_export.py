@@ -186,14 +186,14 @@ def _probe_of_job(
     for fit in spec.fits:
         number = spec.axes[fit.axis].number
         facts = kind(fit.compensation)
+        if facts.adds_current and (number, facts.name) not in probed:
+            remarks.append(
+                f"{fit.axis}, {facts.name}: not probed, as no list holds its table: a"
+                " current that nobody measured is never put on a drive. Measure and fit"
+                " it (axcomp fit), load the list that is written, name it under"
+                f" [axes.{fit.axis}] as list, and probe again: at a low level of it."
+            )
         if facts.adds_current:
-            if (number, facts.name) not in probed:
-                remarks.append(
-                    f"{fit.axis}, {facts.name}: not probed, as no list holds its table: a"
-                    " current that nobody measured is never put on a drive. Measure and fit"
-                    " it (axcomp fit), load the list that is written, name it under"
-                    f" [axes.{fit.axis}] as list, and probe again: at a low level of it."
-                )
             continue
         named = getattr(fit, "masters", None) or [getattr(fit, "master", fit.axis)]
         masters = tuple(spec.axes[master].number for master in named)
@@ -241,11 +241,9 @@ def export_external(
     from ..job import use_compilation_cache
 
     use_compilation_cache()
-    numbers = None
+    numbers, pattern = None, r"(\s*A?\d+\s*(,(?!$)|$))+"
     if axes is not None:
-        matched(
-            "--axes", axes, r"(\s*A?\d+\s*(,(?!$)|$))+", "numbers of axes as in 1,2,3"
-        )
+        matched("--axes", axes, pattern, "numbers of axes as in 1,2,3")
         numbers = tuple(map(int, re.findall(r"\d+", axes)))
     source = list_source(
         result,

@@ -39,9 +39,8 @@ def declared(command: Callable[..., bool | None]) -> Callable[..., None]:
         if command(**values) is False:
             raise typer.Exit(1)
 
-    text, head, examples = inspect.cleandoc(command.__doc__ or "").partition(
-        "Examples:\n"
-    )
+    written = inspect.cleandoc(command.__doc__ or "")
+    text, head, examples = written.partition("Examples:\n")
     text, _, options = text.partition("Options:\n")
     texts = {match["name"]: match for match in _OPTION.finditer(options)}
     signature = inspect.signature(command)

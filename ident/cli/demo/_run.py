@@ -167,9 +167,7 @@ def _run_work(
         if kind(fit.compensation).table
     }
     stages = {"before": before, "predicted": predicted, "verified": after}
-    return job, {
-        axis: {stage: sizes[axis] for stage, sizes in stages.items()} for axis in _AXES
-    }
+    return job, {axis: {k: v[axis] for k, v in stages.items()} for axis in _AXES}
 
 
 def _record(mill: WorkingMachine, path: Path, seed: int) -> None:
@@ -191,10 +189,8 @@ def _loaded(mill: WorkingMachine, job: JobResult, folder: Path) -> WorkingMachin
             continue
         number = mill.machine.axes[fit.axis]
         table = next(name for name in fit.files if name.suffix == ".csv")
-        sensor = next(iter(fit.fit.sensors))
-        listing = next(
-            file for file in lists if file.source.endswith(f"achsmds{number}.add.lis")
-        )
+        sensor, name = next(iter(fit.fit.sensors)), f"achsmds{number}.add.lis"
+        listing = next(file for file in lists if file.source.endswith(name))
         lines[number] = read_temperature_table(
             folder / table, mill.sensors, sensor, Conventions(), listing
         )
