@@ -64,9 +64,8 @@ class ExchangedTable:
         Raises:
             ExchangeError: If the format says something else.
         """
-        values = compensation, axis, tuple(masters)
-        statement = zip(("compensation", "axis", "masters"), values, strict=True)
-        changes: dict[str, Any] = {key: value for key, value in statement if value}
+        given = {"compensation": compensation, "axis": axis, "masters": tuple(masters)}
+        changes: dict[str, Any] = {k: value for k, value in given.items() if value}
         for key, value in changes.items():
             held = getattr(self, key)
             expect(not held or held == value, key, held, f"{value}, as stated")

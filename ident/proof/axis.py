@@ -320,9 +320,10 @@ def acts_against(partner: AxisLists, axis: AxisLists, name: str) -> tuple[bool, 
     places = {k: np.tile(line.ravel(), 2) for k, line in zip(axes, grid, strict=True)}
     own = places.get(axis.axis, np.zeros(len(direction)))
     places |= dict.fromkeys((axis.axis, partner.axis), own)
-    motions = (Motion(places, {side.axis: direction}, None) for side in (axis, partner))
-    pair = zip((axis, partner), motions, strict=True)
-    mine, theirs = (side.parts(motion).get(name) for side, motion in pair)
+    mine, theirs = (
+        side.parts(Motion(places, {side.axis: direction}, time=None)).get(name)
+        for side in (axis, partner)
+    )
     if mine is None or theirs is None:
         return False, 0.0
     total, difference = mine + theirs, mine - theirs
