@@ -124,9 +124,9 @@ class Hypothesis:
         if self.change.cycles is not None:
             cost += 2.0 * math.log(40.0)
             # Where the manuals know of no filter, a delay is the simpler story.
-            rules, assumed = self.change.conventions, channel.conventions
-            unknown = channel.cycles_under(rules) <= 1
-            cost += FAULT * (unknown or rules.table_filter != assumed.table_filter)
+            taken, assumed = self.change.conventions, channel.conventions
+            unknown = channel.cycles_under(taken) <= 1
+            cost += FAULT * (unknown or taken.table_filter != assumed.table_filter)
         if self.change.masters is not None:
             cost += 2.0 * math.log(len(channel.swaps))
         if self.is_free:
