@@ -153,7 +153,7 @@ def _over_order(
     )  # fmt: skip
     panel.axhline(0, color=style.INK, linewidth=0.6)
     errors = np.concatenate([axis_sum.before[sound], axis_sum.predicted[sound]])
-    low, high = scale.factor * np.quantile(errors, [0.002, 0.998])
+    low, high = np.quantile(errors * scale.factor, [0.002, 0.998])
     edge = 0.12 * max(high - low, 1e-9)
     panel.set_ylim(low - edge, high + edge)
     panel.set_ylabel(f"error of {axis_sum.axis} in {scale.error}")
