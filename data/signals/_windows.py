@@ -14,6 +14,8 @@ _WINDOW = 1.5
 """s: within it the true error is linear in the positions, as far as a delay goes."""
 _PIECES = 40
 """Of the travel: over all of it the true error bends as a cubic spline, both ways alike."""
+_AT_TURN = 5
+"""Samples on both sides of a turn."""
 _LEAST_ROWS = 8
 _HEAVY = 2.5
 """Robust standard deviations beyond which a reading counts less and less."""
@@ -80,11 +82,12 @@ class Windows:
         at = aligned.instants[rows]
         speed = np.asarray(spline(at, 1))
         # By the samples: after a stop the spline through them swings.
-        before = np.searchsorted(spline.x, at, side="right") - 1
-        sign = travel_direction(spline(spline.x))[np.maximum(before, 0)].astype(float)
+        before = np.maximum(np.searchsorted(spline.x, at, side="right") - 1, 0)
+        way = travel_direction(spline(spline.x))
+        sign = way[before].astype(float)
         number = np.floor((at - at[:1]) / _WINDOW).astype(np.int64)
         number = np.unique(number, return_inverse=True)[1].reshape(-1)
-        keep = _changing(number, speed)
+        keep = _changing(number, speed) & ~_turning(way)[before]
         rows, at, speed, sign = (array[keep] for array in (rows, at, speed, sign))
         self.number = np.unique(number[keep], return_inverse=True)[1].reshape(-1)
         self.count = int(self.number.max(initial=-1)) + 1
@@ -122,7 +125,9 @@ class Windows:
         )
         inverse = np.linalg.inv(fit.normal)
         spread = np.diag(inverse @ (scores.T @ scores) @ inverse)
-        deviation = np.sqrt(np.maximum(spread, 0.0)) / scale
+        # Few windows scatter less than they should beside so many columns.
+        white = fit.scatter**2 * np.diag(inverse)
+        deviation = np.sqrt(np.maximum(spread, white)) / scale
         values = fit.values / scale
         return Solution(
             delay=float(values[0]),
@@ -183,6 +188,18 @@ def _smooth(place: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n k"]:
     inner = np.linspace(place.min(), place.max(), _PIECES + 1)
     knots = np.pad(inner, 3, mode="edge")
     return np.asarray(BSpline.design_matrix(place, knots, 3).toarray()[:, 1:-1])
+
+
+def _turning(way: Int[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
+    """Return the samples at a turn, where the direction is not known to the sample.
+
+    Where an axis turns it is slow: nothing else tells a play from a delay as much.
+    """
+    turns = np.flatnonzero(np.diff(way))
+    around = turns[:, None] + np.arange(1 - _AT_TURN, _AT_TURN + 1)
+    near = np.zeros(way.size, bool)
+    near[np.clip(around, 0, way.size - 1)] = True
+    return near
 
 
 def _changing(

@@ -93,7 +93,7 @@ def test_backlash_at_one_speed_is_not_told_from_a_delay() -> None:
 def test_side_from_which_an_axis_came_to_its_start_moves_no_delay() -> None:
     coarse, rest = 0.004, 0.6  # as noisy as the backlash is large: nothing stands out
     scores = []
-    for seed in range(6):
+    for seed in range(12):
         rng = np.random.default_rng(seed)
         time = STEP * np.arange(15_000)
         at = time - rest
@@ -104,7 +104,7 @@ def test_side_from_which_an_axis_came_to_its_start_moves_no_delay() -> None:
         found = estimate_instrument(time, moves, reference)
         assert found.determined
         scores.append((found.delay - LATE) / found.standard_deviation)
-    # Their mean scatters by 0.4; with the rows before the first motion it is 1.0.
+    # Their mean scatters by 0.3; with the rows before the first motion it is 1.0.
     assert abs(np.mean(scores)) < 0.5
 
 
@@ -283,3 +283,27 @@ def test_readings_at_a_stop_are_of_the_direction_in_which_the_axis_came(
     lost = found.values["X.direction"] * found.values["X.error"]
     # Most of the readings stood, where a spline through the samples swings.
     assert np.mean(lost > 0.0) > 0.99
+
+
+def test_play_beside_a_coarse_instrument_is_no_delay() -> None:
+    ends = 20.0 + 560.0 * (np.arange(13) % 2)
+    marks = np.cumsum([0.0, *np.repeat([9.0, 6.0, 14.0, 5.0, 7.5, 5.5], 2)])
+
+    def strokes(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return place and direction on half cosines from end to end."""
+        stroke = np.clip(np.searchsorted(marks, time, side="right") - 1, 0, 11)
+        share = np.clip((time - marks[stroke]) / np.diff(marks)[stroke], 0.0, 1.0)
+        way = np.diff(ends)[stroke]
+        return ends[stroke] + way * (0.5 - 0.5 * np.cos(np.pi * share)), np.sign(way)
+
+    time, scores = 0.004 * np.arange(23_000), []
+    for seed in range(5):
+        (now, _), (late, _) = strokes(time), strokes(time - LATE)
+        way = strokes(time - LATE + 0.01)[1]  # it gives before the encoder has turned
+        noise = 0.002 * np.random.default_rng(seed).standard_normal(time.size)
+        found = estimate_instrument(time, now, late + 0.0025 * way + noise)
+        assert found.determined
+        scores.append((found.delay - LATE) / found.standard_deviation)
+    # Their mean scatters by 0.45; with the rows at the turns, whose direction is not known to
+    # the sample, it was -2.7.
+    assert abs(np.mean(scores)) < 1.35
