@@ -140,8 +140,8 @@ def arrays_of(
     if isinstance(data, Measurement):
         axes = [one.axis for one in effects if isinstance(one, AbstractEffect)]
         data = without_motion(data, axes).with_gaps()
-    elif hasattr(data, "columns"):  # a table of pandas, polars or pyarrow
-        names = getattr(data, "column_names", data.columns)
+    elif (names := getattr(data, "columns", None)) is not None:
+        names = getattr(data, "column_names", names)  # of pandas, polars, or pyarrow
         data = {str(name): data[name] for name in names}
     elif not isinstance(data, Mapping):
         msg = f"data: found {type(data).__name__}, expected a measurement or arrays by role"

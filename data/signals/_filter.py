@@ -4,8 +4,6 @@ A fit that compares signals must filter them alike; what is done to the velocity
 be done to the current. These functions are linear and shift nothing in time.
 """
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Float
 
@@ -45,8 +43,8 @@ def zero_phase(
         what = "zero-phase filter"
         raise SignalError(what, f"a cutoff of {cutoff:g} Hz", expected)
     check_lengths("zero-phase filter", len(values), least=3 * (order + 1) + 1)
-    polynomials: Any = butter(order, cutoff / nyquist)
-    smooth: np.ndarray = filtfilt(*polynomials, values, axis=0)
+    ahead, back = np.asarray(butter(order, cutoff / nyquist))
+    smooth: np.ndarray = filtfilt(ahead, back, values, axis=0)
     return smooth
 
 

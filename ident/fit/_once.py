@@ -159,7 +159,7 @@ def _half_way(
     """
     fraction = 0.5 * share
     fractions = np.where(fit.wild, 0.0, fraction)
-    change, weight = np.zeros((2, *fit.values.shape))
+    change, weight = np.zeros(fit.values.shape), np.zeros(fit.values.shape)
     change[place] = fractions * fit.residual
     # If all scatter is noise the table takes over a part of it; if all is structure, it misses
     # no more than that.

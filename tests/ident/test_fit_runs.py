@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -171,7 +172,9 @@ def test_bad_node_is_named_and_bridged() -> None:
 
 
 @pytest.mark.parametrize("effects", ["none", "offset", "drift"])
-def test_run_of_garbage_does_not_end_the_fit(effects: str) -> None:
+def test_run_of_garbage_does_not_end_the_fit(
+    effects: Literal["none", "offset", "drift"],
+) -> None:
     samples = runs(offset=0 * OFFSET, drift=0 * DRIFT)
     assert samples.run is not None
     own = samples.run == 3

@@ -198,7 +198,7 @@ class Design:
 
     def spread(self, basis: Sequence[np.ndarray]) -> Float[np.ndarray, "n m"]:
         """Return shapes of the values of each stated component over all unknowns."""
-        shapes = scipy.linalg.block_diag(*basis)
+        shapes = np.asarray(scipy.linalg.block_diag(*basis))
         result = np.zeros((self.size, shapes.shape[1]))
         result[np.concatenate([part.places for part in self.stated])] = shapes
         return result
@@ -207,7 +207,7 @@ class Design:
     def unheld(self) -> Float[np.ndarray, "n g"]:
         """Directions that neither rows nor smoothness hold, one per column."""
         priors = (prior.straight for prior, _, _ in self.stack.priors)
-        straight = scipy.linalg.block_diag(*priors)
+        straight = np.asarray(scipy.linalg.block_diag(*priors))
         return np.asarray(straight @ null_space(self.over(straight)))
 
     @property

@@ -282,9 +282,9 @@ class Plane(AbstractTable):
 
     def __post_init__(self) -> None:
         for key in ("masters", "start", "interval", "points"):
-            value = getattr(self, key)
-            if value is None and key != "masters":
+            if key != "masters" and getattr(self, key) is None:
                 continue
+            value: Any = getattr(self, key)
             if np.shape(value) != (2,):
                 msg = f"plane of {self.axis}: found {key} {value!r}, expected two, one per master"
                 raise FitError(msg)

@@ -132,7 +132,9 @@ class BacklashDraft(AbstractDraft):
     plan: BacklashPlan
     share: "Share"
 
-    needs = "Works from start-up on, referenced or not"
+    @property
+    def needs(self) -> str:
+        return "Works from start-up on, referenced or not"
 
     @property
     def width(self) -> float:

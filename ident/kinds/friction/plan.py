@@ -111,7 +111,9 @@ class FrictionDraft(AbstractDraft):
     view: FrictionView
     level: float
 
-    needs = "Works without referencing"
+    @property
+    def needs(self) -> str:
+        return "Works without referencing"
 
     @property
     def written(self) -> bool:

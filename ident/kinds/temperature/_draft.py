@@ -60,7 +60,9 @@ class TemperatureDraft(AbstractDraft):
     share: "Share"
     confounded: str = ""
 
-    needs = "Works once the axis is homed and the PLC program runs"
+    @property
+    def needs(self) -> str:
+        return "Works once the axis is homed and the PLC program runs"
 
     @property
     def written(self) -> bool:

@@ -58,9 +58,11 @@ class TemperaturePlan(AbstractPlan):
     tables: Tables
     chosen: Temperature | None = None
 
-    without_position = (
-        ", or sensors = { offset = … } where the error was measured at one position"
-    )
+    @property
+    def without_position(self) -> str:
+        return (
+            ", or sensors = { offset = … } where the error was measured at one position"
+        )
 
     @property
     def datum(self) -> float | None:
