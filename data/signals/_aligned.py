@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ._noise import NORMAL, resolution
+from ._noise import NORMAL, resolution, scatter_of
 
 _FOURTH = 0.05
 """Error of a cubic spline between samples, per fourth difference, at a jump of jerk."""
@@ -181,8 +181,7 @@ def travel_direction(place: Float[np.ndarray, " t"]) -> Int[np.ndarray, " t"]:
     digit = resolution(place)
     # Targets, and what moves on by the same from sample to sample, show no digit of an encoder.
     digit = digit if digit < min(0.25 * fastest, _FINE * whole) else 0.0
-    third = np.abs(np.diff(place, 3)) / 20.0**0.5
-    noise = NORMAL * float(np.median(third)) if third.size else 0.0
+    noise = scatter_of(place) if place.size > 3 else 0.0
     least = max(_FLICKER * noise, _DIGITS * digit, _SHORT * whole)
     low = high = float(place[0])
     turns, ways, way = [0], [0], 0

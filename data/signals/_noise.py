@@ -26,9 +26,15 @@ def noise_of(
     a step of the display stands for 1/√12 of it.
     """
     check_lengths("noise", values.size, least=8)
+    return max(scatter_of(values, time), resolution(values) / math.sqrt(12.0))
+
+
+def scatter_of(
+    values: Float[np.ndarray, " t"], time: Float[np.ndarray, " t"] | None = None
+) -> float:
+    """Return the noise as `noise_of`, of four values at least, whatever the resolution is."""
     third = np.diff(values, 3) / _THIRD if time is None else _divided(values, time)
-    spread = NORMAL * median(np.abs(third))
-    return max(spread, resolution(values) / math.sqrt(12.0))
+    return NORMAL * median(np.abs(third))
 
 
 def _divided(

@@ -102,9 +102,7 @@ def groups_of_passes(
     number = np.cumsum(np.diff(travel_direction(along), prepend=0) != 0) - 1
     if number[-1] < 0:
         return None
-    ends = np.stack(
-        [np.full(number[-1] + 1, -np.inf), np.full(number[-1] + 1, -np.inf)]
-    )
+    ends = np.full((2, number[-1] + 1), -np.inf)
     np.maximum.at(ends[0], number, along)
     np.maximum.at(ends[1], number, -along)
     whole = ends.sum(axis=0) > _WHOLE * np.ptp(along)
