@@ -275,3 +275,28 @@ def test_list_that_would_not_help_is_rejected(tmp_path: Path) -> None:
     assert [c.name for c in result.tables[0].gate if not c.passed] == ["gain"]
     assert not result.passed
     assert (tmp_path / "out/rejected/achskw1.lis").exists()
+
+
+@pytest.mark.parametrize("rate", [2e-3, 0.0])
+def test_steady_drift_is_told_from_lost_motion_by_what_it_adds_from_run_to_run(
+    tmp_path: Path, rate: float
+) -> None:
+    rng = np.random.default_rng(41)
+    there_and_back = np.concatenate([NODES, NODES[::-1]])
+    place = np.tile(there_and_back, 5)
+    cycle = np.repeat(np.arange(5), 2 * len(NODES))
+    passes = np.arange(len(place)) / len(NODES)
+    error = 1e-5 * place + rate * passes + 3e-4 * rng.standard_normal(len(place))
+    result = run(
+        tmp_path, place, error, cycle,
+        header="x,e,r", more=', "run" = "r"',
+        source='measurement = "a"\nbilateral = true',
+    )  # fmt: skip
+    words = [
+        r.message for r in result.tables[0].remarks if "Run after run" in r.message
+    ]
+    if rate:
+        assert "+4.0 µm" in words[0]
+        assert "lost motion of X" in words[0]
+    else:
+        assert words == []

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.special import stdtrit
 
 from ...exchange import AbstractTable
 from ..result._result import Remark, SampleView, some_of
@@ -41,6 +42,9 @@ SEEN, TINY = 5.0, 1e-3
 
 _OVERRUN = 0.01
 """Share of the travel by which a reading may lie beyond the limits: runs begin before them."""
+
+_IN_A_ROW, _SURELY = 4, 0.98
+"""Runs that tell a creep from chance, and how surely."""
 
 _MOST, _MOST_WILD = 6, 20
 """Nodes, and wild readings, that are named one by one."""
@@ -112,6 +116,7 @@ def fit_remarks(
             f" (offsets up to {largest:.1f} {unit}); the table keeps their"
             " mean."
         )
+        yield from _creep_remarks(draft)
     elif not draft.run_effects or draft.run_effects == "none":
         if count <= _SPARSE * fit.support.size:
             clause = "is not in the standard deviations"
@@ -127,6 +132,37 @@ def fit_remarks(
             )
     if not fit.converged or fit.loss != draft.fit.loss:
         yield Remark.warning(fit.message)
+
+
+def _creep_remarks(draft: "TableDraft") -> Iterator[Remark]:
+    """Return a doubt where run after run lies further on.
+
+    What goes on from run to run goes on within each of them, too, and there a table takes it
+    for the axis: for lost motion where a run turns, for a slope where it does not.
+    """
+    runs, readings = draft.estimate.runs, draft.readings
+    if len(runs) < _IN_A_ROW or readings.run is None:
+        return
+    begin = [
+        readings.order[readings.run == run.run].min(initial=np.inf) for run in runs
+    ]
+    offsets = np.array([run.offset for run in runs])[np.argsort(begin, kind="stable")]
+    place = np.arange(len(runs)) - (len(runs) - 1) / 2.0
+    step = float(place @ offsets / (place @ place))
+    rest = offsets - offsets.mean() - step * place
+    scatter = np.sqrt(np.sum(rest**2) / (len(runs) - 2) / (place @ place))
+    by_chance = np.sqrt(np.mean([run.offset_sd**2 for run in runs]) / (place @ place))
+    sure = float(max(stdtrit(len(runs) - 2, _SURELY) * scatter, 3.0 * by_chance))
+    if abs(step) <= max(sure, draft.estimate.noise, TINY):
+        return
+    unit = draft.job.spec.axes[draft.axis].small_unit
+    taken = "lost motion" if draft.plan.table.layout.branches > 1 else "slope"
+    yield Remark.warning(
+        f"Run after run lies {1e3 * step:+.1f} {unit} further on, as while a machine or an"
+        f" instrument warms up. Within a run it goes on as well, and the table holds up to"
+        f" {1e3 * abs(step):.1f} {unit} of it as {taken} of {draft.axis}. Let it come to rest,"
+        " and measure again."
+    )
 
 
 def _beyond_readings(draft: "TableDraft") -> Iterator[Remark]:
