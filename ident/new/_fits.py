@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from ..discover import Observed
 from ..job import Job, Trend, trend_through
@@ -20,6 +20,13 @@ _BOTH = 0.2
 """Share of the readings that each direction has where both were measured."""
 _MOVED = 1e-3
 """mm or °: what stays within has not moved."""
+_FOLLOWS, _MAINLY = 0.1, 0.5
+"""Shares of the variance of an error that an acceleration explains: from which on it is
+offered as a crosstalk, and from which on before what lies over a position."""
+_ADAPTED = 0.2
+"""Share of what is left from which on that it changes with a position is said."""
+_PUSHED = 1000
+"""Readings of a log that tell of accelerations: nobody reads them from place to place."""
 _WILD = 8.0
 """Deviations from the line through the errors from which a reading says nothing of it."""
 _FEW = 12
@@ -106,9 +113,13 @@ def _of_error(
         for each in moved
     )
     heat = [_of_heat(axis, warm, axis in moved, name, plain=few)] if warm else []
+    push = _of_push(data, axis, rows, moved, name)
     plain = not (few and warm)
     if few:
         yield from heat
+    if push is not None:
+        plain = plain and not push.plain
+        yield push
     if axis in moved:
         bilateral = _both(data, axis)
         why = f"the error of {axis} was measured along {axis}"
@@ -139,6 +150,53 @@ def _of_heat(
         keys = {"sensors": {"offset": warm[0]}}
     why = f"the error of {axis} was measured while {' and '.join(warm)} changed"
     return Suggestion("temperature", axis, (), keys, (name,), plain, why)
+
+
+def _of_push(
+    data: Observed,
+    axis: str,
+    rows: Bool[np.ndarray, " t"],
+    moved: Sequence[str],
+    name: str,
+) -> Suggestion | None:
+    """Return the crosstalk of the axis whose acceleration the error follows most."""
+    shares = {}
+    for master in moved:
+        if master != axis and master in data.acceleration:
+            shares[master] = _share(data, axis, rows, data.acceleration[master])
+    master = max(shares, key=lambda each: shares[each], default=None)
+    if master is None or shares[master] < _FOLLOWS:
+        return None
+    push, alike = data.acceleration[master], shares[master]
+    keys: dict[str, Any] = {"master": master}
+    why = f"the error of {axis} follows the acceleration of {master}"
+    adapted = {
+        place: _share(data, axis, rows, push, push * data.position[place])
+        for place in moved
+    }
+    place = max(adapted, key=lambda each: adapted[each])
+    if adapted[place] - alike > _ADAPTED * (1.0 - alike):
+        keys["adaptation"] = place
+        why += f", and how much changes with the position of {place}"
+    return Suggestion("crosstalk", axis, (), keys, (name,), alike > _MAINLY, why)
+
+
+def _share(
+    data: Observed,
+    axis: str,
+    rows: Bool[np.ndarray, " t"],
+    *columns: Float[np.ndarray, " t"],
+) -> float:
+    """Return which share of the variance of the error of an axis columns explain."""
+    known = np.flatnonzero(rows & np.isfinite(columns).all(axis=0))
+    known = known[:: max(1, len(known) // _MANY)]
+    if len(known) < _PUSHED:
+        return 0.0
+    error = data.error[axis][known]
+    error = np.clip(error, *np.percentile(error, [1.0, 99.0]))  # the wild ones
+    design = np.column_stack([np.ones(len(known)), *(each[known] for each in columns)])
+    left = error - design @ np.linalg.lstsq(design, error)[0]
+    return float(1.0 - np.var(left) / max(np.var(error), np.finfo(float).tiny))
 
 
 def _both(data: Observed, axis: str) -> bool:

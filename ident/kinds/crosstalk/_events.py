@@ -25,6 +25,8 @@ _LOBE = 0.15
 filter rings."""
 _SILENT = 0.002
 """Share of the peak of an event up to which nothing rings."""
+_STILL = 0.01
+"""mm within which an axis does not move during an event."""
 _LEAST_SPEED = 1e-12
 """mm/s: tells a direction and nothing else."""
 _ROWS = 4
@@ -33,6 +35,8 @@ _BLIND = 1e6
 """Variance of an event, relative to one reading, from which on it says nothing."""
 _DEARER = 4.0
 """Variance by impulses, in that of least squares, up to which impulses are preferred."""
+_BLURRED = 4.0
+"""Deviation, in the one at a fixed place, up to which an event is one whose size moves."""
 _FARTHEST = 0.02
 """s: a delay beyond this is another event."""
 _MOST_ROWS, _MOST_EVENTS = 25, 60
@@ -186,16 +190,24 @@ def cut_events(data: JointData, form: Crosstalk, over: Sequence[str] = ()) -> Ev
         raise FitError(msg)
     cut, error = [], data.error[form.axis]
     for event in _windows(data, form):
+        rows, weight = slice(event.start, event.stop), event.share**2
+        place, signal = weight @ places[rows] / weight.sum(), acceleration[rows]
         sound = _sound(event.design, error[event.rows])
-        size = _amplitude(event.design[sound], error[event.rows][sound])
+        within = places[event.rows] - place
+        shown = event.design[sound], error[event.rows][sound]
+        size = _amplitude(*shown, within[sound, :0])
+        # What changes with the place within an event is no drift, where that can be told.
+        moves = np.ptp(within, axis=0) > _STILL
+        if size is not None and moves.any():
+            moved = _amplitude(*shown, within[sound][:, moves])
+            if moved is not None and moved[1] <= _BLURRED * size[1]:
+                size = moved
         if size is None:
             # Which events there are depends on the motion alone, not on what the slave did.
             sound = np.ones(len(sound), bool)
-            size = _amplitude(event.design, error[event.rows])
+            size = _amplitude(event.design, error[event.rows], within[:, :0])
         if size is None:
             continue
-        rows, weight = slice(event.start, event.stop), event.share**2
-        place, signal = weight @ places[rows] / weight.sum(), acceleration[rows]
         peak = signal[np.argmax(np.abs(signal))]
         edges, wild = (event.start, event.stop), int((~sound).sum())
         cut.append((*edges, event.branch, place, peak, *size, wild, False))
@@ -369,9 +381,14 @@ def _sound(
 
 
 def _amplitude(
-    design: Float[np.ndarray, "w c"], error: Float[np.ndarray, " w"]
+    design: Float[np.ndarray, "w c"],
+    error: Float[np.ndarray, " w"],
+    within: Float[np.ndarray, "w k"],
 ) -> tuple[float, float] | None:
-    """Return the size of an event, and its deviation; None where it is open.
+    """Return the size of an event at its place, and its deviation; None where it is open.
+
+    Its size, and that of others nearby, may change as the place does (``within``, in mm from
+    the place of the event).
 
     Least squares make the factor too large where a filter has smeared the acceleration but not
     the error, and too small where the acceleration is noisy. What a filter keeps is the
@@ -379,11 +396,16 @@ def _amplitude(
     that hit the factor all the same (A. Wald, Ann. Math. Stat. 11, 1940). Where the master
     accelerates all the time they tell no level, and least squares have to do.
     """
+    events, level = design[:, :-2], design[:, -2:]
+    shown = events != 0
+    ways = (shown[:, :, None] * within[:, None, :]).reshape(len(error), -1)
+    sizes = np.repeat(events, within.shape[1], axis=1)
+    design = np.hstack([events, sizes * ways, level])
+    impulses = np.hstack([shown, ways, level])
     freedom = len(error) - design.shape[1]
     if freedom <= 0 or np.linalg.matrix_rank(design, 1.0 / _BLIND) < design.shape[1]:
         return None
-    impulses, solutions = design.copy(), []
-    impulses[:, :-2] = design[:, :-2] != 0
+    solutions = []
     for instruments in (design, impulses):
         matrix = instruments.T @ design
         if np.linalg.cond(matrix) > _BLIND**2:

@@ -14,6 +14,7 @@ from .instruments import (
     write_laser,
     write_motion,
     write_probe,
+    write_pushed,
     write_scope,
     write_straightness,
     write_thermal,
@@ -28,6 +29,7 @@ _WRITERS = {
     "scope": write_scope,
     "thermal": write_thermal,
     "motion": write_motion,
+    "pushed": write_pushed,
 }
 _ANSWERS = {
     "laser": ["number = 1", "datum = { at = 0.0 }"],
@@ -36,6 +38,7 @@ _ANSWERS = {
     "scope": ["number = 1", "rated_current = 9.0", "torque_unit = 0.001"],
     "thermal": ["number = 1"],
     "motion": ["number = 1", 'remove = "offset"'],
+    "pushed": ["number = 1", "number = 2"],
 }
 """What a person at the machine would type, in the order of the questions."""
 

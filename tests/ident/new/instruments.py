@@ -183,3 +183,30 @@ def _strokes(time: Array, marks: list[float], ends: list[float]) -> tuple[Array,
         place[inside] = ends[k] + way * (0.5 - 0.5 * np.cos(phase))
         speed[inside] = 0.5 * np.pi * way / length * np.sin(phase)
     return place, speed
+
+
+def pushed(acceleration: Array, place: Array) -> Array:
+    """Return how far a carriage pushes the axis that it carries, more at the far end."""
+    return 5e-6 * acceleration * (0.5 + place / 600.0)
+
+
+def write_pushed(path: Path) -> None:
+    """A scope trace: what Y does while X, recorded with its acceleration, moves sharply."""
+    rng = np.random.default_rng(17)
+    step, rest = 0.004, 60
+    parts, place = [np.zeros((rest, 2))], 0.0
+    for _ in range(60):
+        goal, hard = rng.uniform(0.0, 600.0), rng.uniform(800.0, 2000.0)
+        half = max(2, round(np.sqrt(abs(goal - place) / hard) / step))
+        push = (goal - place) / (half * step) ** 2
+        a = np.concatenate([np.full(half, push), np.full(half, -push), np.zeros(rest)])
+        v = step * np.cumsum(a)
+        parts.append(np.column_stack([a, place + step * np.cumsum(v - 0.5 * step * a)]))
+        place = goal
+    a, x = np.concatenate(parts).T
+    time = step * np.arange(a.size)
+    y = 150.0 + 100.0 * np.sin(time / 7.0)
+    error = 1e3 * pushed(a, x) + 0.5 * rng.normal(size=time.size)
+    header = "t [s],x [mm],x acceleration [mm/s^2],y [mm],dy [um]"
+    columns = np.column_stack([time, x, a, y, error])
+    np.savetxt(path, columns, "%.5f", ",", header=header, comments="")

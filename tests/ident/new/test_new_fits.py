@@ -11,7 +11,7 @@ from jaxtyping import Float
 from axcomp.data.lists import ListFile
 
 from .conftest import Answered
-from .instruments import CROSSING, GROWTH, beam, friction, screw, table
+from .instruments import CROSSING, GROWTH, beam, friction, pushed, screw, table
 
 SURE = 0.9
 """Share of the values within two standard deviations: 95 % on average, some of them
@@ -126,3 +126,17 @@ def test_the_place_of_a_wild_reading_is_told(
     fitted("probe")
     result = (written("probe").parent / "out" / "result.json").read_text()
     assert "Wild readings lie at X = 400, Y = 100." in result
+
+
+def test_an_error_that_follows_an_acceleration_becomes_a_crosstalk(
+    fitted: Answered,
+) -> None:
+    fit = fitted("pushed")
+    found = fit["parameters"]
+    assert found["mode"] == 2
+    place = np.array(found["positions"])[:, 0]
+    for way in ("acceleration", "deceleration"):
+        values = np.array(found["table"][f"{way}_in_positive_direction"])
+        # A tenth of a micrometre of noise in a mean of events, and 2 % between the tests.
+        truth = -pushed(np.full(place.size, found[way]), place)
+        assert np.allclose(values, truth, atol=2e-4, rtol=0.02)
