@@ -18,7 +18,17 @@ import numpy as np
 from jaxtyping import Float
 
 from ...data.lists import ListFile, new_list
-from ...data.measurements import MESH_FORMATS, Table, find_unit, read_table
+from ...data.measurements import (
+    MESH_FORMATS,
+    WORDS,
+    Table,
+    direction_of,
+    find_unit,
+    pieces,
+    read_table,
+    says_correction,
+    words_in,
+)
 from ...models import EquidistantNodes, Setpoints
 from ..kinds import kind
 from ._axis_models import AxisModels, load_model
@@ -254,10 +264,22 @@ _PLACES, _ENTRIES = ("position", "master 1", "master 2"), ("pos", "neg", "correc
 """Names of columns as `text_of` writes them, in their order."""
 _FOLLOWS = 0.02
 """Share of the travel within which entries of a table are positions themselves."""
-_HOLDS = {
-    "errors": re.compile(r"error|deviation|fehler|abweichung"),
-    "offsets": re.compile(r"offset|compensation|korrektur"),
-}
+
+
+def _held(names: Sequence[str]) -> str:
+    """Return ``errors`` or ``offsets``, where the names of the entries say so."""
+    words = words_in(names)
+    if any(map(says_correction, names)) or "offset" in words:
+        return "" if words & WORDS["error"] else "offsets"
+    return "errors" if words & WORDS["error"] else ""
+
+
+def _ways(names: Sequence[str]) -> list[str]:
+    """Return names of entries, those that name a direction as ``pos`` and ``neg``."""
+    ways = [{direction_of(piece) for piece in pieces(name)} - {None} for name in names]
+    if sorted(map(sorted, ways)) == [[-1], [1]]:
+        return ["pos" if way == {1} else "neg" for way in ways]
+    return [*names]
 
 
 def _of_csv(table: Table, stated: str) -> ExchangedTable:
@@ -268,6 +290,9 @@ def _of_csv(table: Table, stated: str) -> ExchangedTable:
     names = [column.name.casefold().strip() for column in table.columns]
     expect(len(names) in (2, 3), where, f"{len(names)} columns", expected)
     order = [*range(len(names))]
+    holds = _held(names)
+    if len(names) == 3 and not names[1].startswith("master"):
+        names[1:] = _ways(names[1:])
     if any(name in _PLACES for name in names):
         known = _PLACES + _ENTRIES
         order.sort(key=lambda k: known.index(names[k]) if names[k] in known else k + 9)
@@ -277,16 +302,15 @@ def _of_csv(table: Table, stated: str) -> ExchangedTable:
         alike = all(listed) or not any(listed)
         expect(alike, where, f"the columns {', '.join(values)}", "pos, or pos and neg")
         lone = "neg" in names and "pos" not in names
-        expect(not lone, where, "neg alone", "pos as well, or one column correction")
+        expect(not lone, where, "neg alone", "pos as well, or one column")
+    elif {*names[1:]} == {"pos", "neg"}:
+        order[1:] = [names.index("pos"), names.index("neg")]
     columns = [_lengths(table, k) for k in order]
     name = head["name"] if head else ""
     axis = int(head["axis"]) if head else None
     over = head["masters"] if head else None
     masters = tuple(map(int, over.split(", "))) if over else ()
     on_grid = not name and names[order[1]].startswith("master")
-    entries = [names[k] for k in order[1 + on_grid :]]
-    said = [held for held, words in _HOLDS.items() if any(map(words.search, entries))]
-    holds = said[0] if len(said) == 1 else ""
     if on_grid or MASTERS.get(name or stated) == 2:
         found = f"{len(columns)} columns"
         expect(len(columns) == 3, where, found, "two masters, entries")
@@ -299,6 +323,9 @@ def _of_csv(table: Table, stated: str) -> ExchangedTable:
     follows = any(np.abs(row - places).max() < near for row in rows)
     expected = "errors or offsets; a file of LinuxCNC ends in .comp"
     expect(not follows, where, "entries that follow the positions", expected)
+    ways = [names[k] for k in order[1:]]
+    told = len(ways) == 1 or ways == ["pos", "neg"]
+    expect(told, where, f"the columns {' and '.join(ways)}", "their names: pos and neg")
     for again in places[1:][np.diff(places) == 0]:
         raise ExchangeError(where, f"the position {again:g} twice", "each once")
     return ExchangedTable(name, axis, masters, (places,), np.stack(rows), modulo, holds)
@@ -328,7 +355,9 @@ def _linuxcnc(table: ExchangedTable, trim: bool) -> str:
 
 def _of_triplets(path: Path, trim: bool) -> ExchangedTable:
     rows: list[list[float]] = []
-    for number, line in enumerate(path.read_text(encoding="latin-1").splitlines(), 1):
+    for number, line in enumerate(
+        path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), 1
+    ):
         try:
             row = [float(cell) for cell in line.split()]
         except ValueError:

@@ -127,7 +127,7 @@ def test_a_spreadsheet_needs_to_be_told_what_it_holds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     sheet = tmp_path / "sheet.csv"
-    sheet.write_text("pos [mm];err [um]\n0,0;0,0\n50,0;12,3\n100,0;-4,5\n")
+    sheet.write_text("pos [mm];offset [um]\n0,0;0,0\n50,0;12,3\n100,0;-4,5\n")
     assert main(["convert", str(sheet), str(tmp_path / "a.lis")]) == 1
     assert "compensation: found ''" in capsys.readouterr().err
     stated = ["--compensation", "cross", "--axis", "2", "--master", "1"]
@@ -185,6 +185,8 @@ def stated(name: str | int, *masters: str | int) -> list[str]:
     [
         ("position,neg,pos\n0,3,1\n10,3,2\n", ["leadscrew"], [[1, 2], [3, 3]]),
         ("error,position\n3,10\n2,0\n", ["leadscrew"], [[2, 3]]),
+        ("position,down,up\n0,3,1\n10,3,2\n", ["leadscrew"], [[1, 2], [3, 3]]),
+        ("x,ab,auf\n0,3,1\n10,3,2\n", ["leadscrew"], [[1, 2], [3, 3]]),
         ("x,e\n20,3\n10,2\n0,1\n", ["leadscrew"], [[1, 2, 3]]),
         ("x,y,z\n0,0,1\n5,0,2\n0,5,3\n5,5,4\n", ["plane", 2, 3], [[1, 2], [3, 4]]),
         (
@@ -212,6 +214,9 @@ def test_columns_of_a_csv_are_told_by_their_names_where_they_have_some(
         ("x,e\n0,1\n10,2\n10.00001,3\n", ["leadscrew"], "each 0.1 µm or more above"),
         ("x,error\n0,1\n10,2\n", ["cross", 2], "found errors by their name, expected"),
         ("x,offset\n0,1\n10,2\n", ["leadscrew"], "found offsets by their name"),
+        ("x,correction\n0,1\n10,2\n", ["leadscrew"], "found offsets by their name"),
+        ("x,Korrektur\n0,1\n10,2\n", ["leadscrew"], "found offsets by their name"),
+        ("x,e1,e2\n0,5,1\n9,6,1\n", ["leadscrew"], "their names: pos and neg"),
         ("x,f,r\n0,0.01,0\n9,9.01,9\n", ["leadscrew"], "that follow the positions"),
         ("position,pos,neg\n0,1,2\n9,1,2\n", ["cross", 2], "a cross has no directions"),
         ("x,y,z\n0,0,1\n5,0,2\n0,0,3\n", ["plane", 2, 3], "found 1 places twice"),
