@@ -58,12 +58,21 @@ class Name:
 
 @dataclasses.dataclass(frozen=True)
 class Heading:
-    """What the heading of a column of a wide table says of its readings."""
+    """What the heading of a column of a wide table says of its readings.
+
+    Attributes:
+        run: Number of the run.
+        direction: +1 or −1.
+        kind: ``error`` or ``actual``.
+        named: It says more than a number.
+        axis: The axis whose readings they are, or the letter of a run.
+    """
 
     run: int | None
     direction: int | None
     kind: str | None
     named: bool
+    axis: str | None = None
 
 
 @functools.lru_cache(maxsize=1024)
@@ -205,6 +214,12 @@ def _with_axes(names: Sequence[Name], roles: Sequence[str | None]) -> list[str |
     ]
 
 
+def axis_of(name: Name) -> str | None:
+    """Return the one axis that a name holds: ``X``, ``X Soll``, ``Z-Achse``."""
+    axes = [word for word in pieces(name.stem) if re.fullmatch(AXIS, word.casefold())]
+    return axes[0].upper() if len(axes) == 1 else None
+
+
 def _axis_role(name: Name) -> str | None:
     if match := _DELTA.fullmatch(_plain(name.stem)):
         return f"{(match['axis'] or match['of']).upper()}.error"  # EYX: in Y, along X
@@ -233,7 +248,8 @@ def heading(text: str) -> Heading | None:
     words: set[int] = set()
     signs: set[int] = set()
     kind: str | None = None
-    named = axis = linear = False
+    named = linear = False
+    axis: str | None = None
     for token in _TOKENS.findall(text):
         if token in DIRECTIONS and token not in _NO_HEADING:
             (signs if token in "+-−" else words).add(DIRECTIONS[token])
@@ -244,7 +260,7 @@ def heading(text: str) -> Heading | None:
         elif (said := kind_said(token)) in ("error", "actual"):
             kind = said
         elif re.fullmatch("[xyzabcuvw]", token):
-            axis, linear = True, token in "xyz"
+            axis, linear = token.upper(), token in "xyz"
         elif said != "direction" and not says_nothing([token]):
             return None
     directions = words or signs  # "Lauf 1 - hin" holds a dash and no sign
@@ -253,9 +269,8 @@ def heading(text: str) -> Heading | None:
     run_of_letter = not linear and run is not None and signs  # "V1+"
     if axis and not (named or words or run_of_letter):
         return None  # "B 1" and "X+" are names of axes and of their ends
-    return Heading(
-        run, next(iter(directions), None), kind, named or bool(directions) or bool(kind)
-    )
+    side, named = next(iter(directions), None), named or bool(directions) or bool(kind)
+    return Heading(run, side, kind, named, axis)
 
 
 def other_direction(

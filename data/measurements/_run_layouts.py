@@ -14,6 +14,7 @@ from ._errors import LineError
 from ._header import (
     Heading,
     Name,
+    axis_of,
     bare_role,
     heading,
     numbered,
@@ -175,7 +176,53 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
         table = dataclasses.replace(table, remarks=(*table.remarks, remark))
     if len({(item.run, item.direction) for item in runs.values()}) < len(runs):
         runs = {at: dataclasses.replace(item, run=None) for at, item in runs.items()}
-    return _with_runs(table, target, numbered(runs))
+    along = axis_of(names[target])
+    named = [_named_axis(item, along) for item in runs.values()]
+    axes = {*named} - {None}
+    if len(axes) > 1 or (None in named and axes - {None, along}):
+        return None  # readings of two axes side by side are no runs of one
+    result = _with_runs(table, target, numbered(runs))
+    axis = axes.pop() if axes else None
+    if axis is None:
+        return result
+    if along not in (None, axis):
+        return straightness(result, axis, along, "names")
+    remark = f"The names of the runs say that the axis is {axis}."
+    return dataclasses.replace(result, axis=axis, remarks=(*result.remarks, remark))
+
+
+def _named_axis(item: Heading, along: str | None) -> str | None:
+    """Return the axis that a heading names; A, B, C and the like may be letters of runs."""
+    linear = item.axis in ("X", "Y", "Z")
+    return item.axis if linear or item.axis == along else None
+
+
+def straightness(table: Table, axis: str, along: str, source: str) -> Table:
+    """Return a table of runs, whose readings are of one axis and its targets of another.
+
+    Args:
+        table: One column per run.
+        axis: The one that deviates.
+        along: The one that moves.
+        source: What says so.
+    """
+    columns = [
+        dataclasses.replace(column, role=f"{axis}.error")
+        if column.run is not None
+        else dataclasses.replace(column, role=f"{along}.position")
+        if column.role == "position"
+        else column
+        for column in table.columns
+    ]
+    remark = f"Straightness: the {source} say that {along} moves and {axis} deviates."
+    return dataclasses.replace(
+        table,
+        format="CSV",
+        columns=tuple(columns),
+        axis=None,
+        across=True,
+        remarks=(*table.remarks, remark),
+    )
 
 
 def _with_runs(table: Table, target: int, headings: Mapping[int, Heading]) -> Table:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ._header import heading, unit_of_title
+from ._run_layouts import straightness
 from ._table import Column, Table
 from ._units import find_unit
 from ._words import WORDS, direction_of, kinds_in, words_in
@@ -47,6 +48,9 @@ def with_titles(table: Table, titles: Mapping[int, str]) -> Table:
         if axis is not None and table.axis is None and not table.across:
             remark = f"Line {line} says that the axis is {axis}."
             table = _noted(table, table.columns, remark, axis)
+        elif axis is not None and table.axis not in (None, axis) and not table.across:
+            if any(column.run is not None for column in table.columns):
+                table = straightness(table, table.axis, axis, "titles and names")
         pair = _PAIR.fullmatch(text)
         key = pair["key"].strip().casefold() if pair is not None else ""
         several = _SEVERAL.fullmatch(text)  # "Units: inch, tenths"

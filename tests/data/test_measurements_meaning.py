@@ -411,3 +411,50 @@ def test_an_error_without_unit_beside_inches_is_asked_for(tmp_path: Path) -> Non
     columns["X.error"] = ColumnSpec("err", "thou")
     found = measurement(read_table(path), columns)
     np.testing.assert_allclose(found.require("X.error"), [0.0254, 0.0508, 0.0762])
+
+
+TWO_RUNS = "0;1;2\n10;2;4\n20;3;5\n"
+
+
+@pytest.mark.parametrize(
+    ("top", "roles"),
+    [
+        ("X [mm];Z hin 1 [µm];Z rück 1 [µm]\n", ["X.position", "Z.error", "Z.error"]),
+        ("X Soll [mm];Z Lauf 1 [µm];Z Lauf 2 [µm]\n", ["X.position"] + ["Z.error"] * 2),
+        (
+            "Achse: X\nSoll [mm];Y up 1 [um];Y down 1 [um]\n",
+            ["X.position", "Y.error", "Y.error"],
+        ),
+    ],
+)
+def test_runs_of_an_axis_other_than_that_of_the_targets_are_a_straightness(
+    tmp_path: Path, top: str, roles: list[str]
+) -> None:
+    (tmp_path / "file.csv").write_text(top + TWO_RUNS)
+    table = read_table(tmp_path / "file.csv")
+    assert [column.role for column in table.columns] == roles
+    assert table.across
+
+
+@pytest.mark.parametrize(
+    ("top", "axis"),
+    [
+        ("Y Soll [mm];Y auf 1 [µm];Y ab 1 [µm]\n", "Y"),
+        ("Soll [mm];Z up [um];Z down [um]\n", "Z"),
+        ("B [deg];B up 1 [arcsec];B down 1 [arcsec]\n", "B"),
+        ("Soll [mm];A 1 up [um];A 1 down [um]\n", None),  # the letter of a run
+    ],
+)
+def test_names_of_runs_say_their_axis(
+    tmp_path: Path, top: str, axis: str | None
+) -> None:
+    (tmp_path / "file.csv").write_text(top + TWO_RUNS)
+    table = read_table(tmp_path / "file.csv")
+    assert table.axis == axis
+    assert table.format == "run table (wide)"
+
+
+def test_readings_of_two_axes_side_by_side_are_no_runs_of_one(tmp_path: Path) -> None:
+    (tmp_path / "file.csv").write_text("X [mm];Y up [um];Z up [um]\n" + TWO_RUNS)
+    table = read_table(tmp_path / "file.csv")
+    assert all(column.run is None for column in table.columns)
