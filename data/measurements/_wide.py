@@ -106,6 +106,9 @@ def _order(
     """Return the rows of a column in the order of measurement."""
     rows = np.arange(table.rows)
     spec = mapping.get(f"{role.partition('.')[0]}.position")
+    if spec is None:  # errors across the axis that moves
+        places = [s for name, s in mapping.items() if name.endswith(".position")]
+        spec = places[0] if len(places) == 1 else None
     if side is None or spec is None or not spec.column:
         return rows
     place = table.column(spec.column).values

@@ -436,6 +436,13 @@ def test_runs_of_an_axis_other_than_that_of_the_targets_are_a_straightness(
     assert table.across
 
 
+def test_runs_across_the_axis_that_moves_are_in_the_order_of_measurement(
+    tmp_path: Path,
+) -> None:
+    found = read(tmp_path, "X [mm];Z up 1 [um];Z down 1 [um]\n" + TWO_RUNS, axis=None)
+    assert found.require("X.position").tolist() == [0, 10, 20, 20, 10, 0]
+
+
 @pytest.mark.parametrize(
     ("top", "axis"),
     [
