@@ -1,0 +1,93 @@
+"""Tables from logs of an axis in motion: what neighbours in time and both ways share."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.signal import lfilter
+
+from axcomp.ident.job import run_job
+
+Array = Float[np.ndarray, " t"]
+CROSS = """compensation = "cross"
+axis = "Z"
+master = "X"
+start = 0.0
+interval = 20.0
+points = 16
+"""
+PLANE = """compensation = "plane"
+axis = "Z"
+masters = ["X", "Y"]
+start = [0.0, 0.0]
+interval = [30.0, 20.0]
+points = [11, 11]
+"""
+PER_LINE = 150
+
+
+def fit(folder: Path, table: str, x: Array, y: Array, error: Array) -> dict[str, Any]:
+    rows = np.column_stack([0.01 * np.arange(x.size), x, y, 1e3 * error])
+    header = "t [s],X.position [mm],Y.position [mm],Z.error [um]"
+    np.savetxt(folder / "log.csv", rows, "%.4f", ",", header=header, comments="")
+    axes = "".join(f"[axes.{name}]\nnumber = {k}\n" for k, name in enumerate("XYZ", 1))
+    measured = '[measurements.log]\nfile = "log.csv"\nactive = []\nremove = "none"\n'
+    own = f'[[fits]]\nmeasurement = "log"\n{table}'
+    (folder / "job.toml").write_text(axes + measured + own)
+    run_job(folder / "job.toml", folder / "out")
+    found: dict[str, Any] = json.loads((folder / "out" / "result.json").read_text())
+    return found["fits"][0]
+
+
+def there_and_back(passes: int) -> tuple[Array, Array]:
+    """Return the places of X on some passes over 300 mm, and its direction."""
+    there = np.linspace(0.0, 300.0, PER_LINE)
+    x = np.concatenate([there[:: (-1) ** k] for k in range(passes)])
+    return x, np.repeat([(-1.0) ** k for k in range(passes)], PER_LINE)
+
+
+def words(found: dict[str, Any]) -> str:
+    return " ".join(remark["message"] for remark in found["remarks"])
+
+
+def test_deviations_hold_what_neighbours_in_time_share(tmp_path: Path) -> None:
+    rng = np.random.default_rng(51)
+    x, _ = there_and_back(16)
+    air = lfilter([1e-3 * np.sqrt(0.1)], [1.0, -0.95], rng.standard_normal(x.size))
+    truth = 5e-3 * np.sin(x / 90.0)
+    noise = 2e-4 * rng.standard_normal(x.size)
+    found = fit(tmp_path, CROSS, x, np.zeros_like(x), truth + air + noise)
+    off = np.array(found["parameters"]["table"]) + 5e-3 * np.sin(
+        np.arange(16) * 20 / 90
+    )
+    deviation = np.array(found["standard_deviations"]["table"])
+    # Sixteen nodes, of which neighbours err together; white noise would give 3.
+    assert 0.4 < np.sqrt(np.mean((off / deviation) ** 2)) < 1.6
+    assert "follow each other err alike" in words(found)
+
+
+def test_lost_motion_does_not_become_waves_of_a_surface(tmp_path: Path) -> None:
+    rng = np.random.default_rng(52)
+    x, way = there_and_back(11)
+    y = np.repeat(20.0 * np.arange(11), PER_LINE)
+    truth = 2e-2 * np.sin(x / 90.0) * np.cos(y / 120.0)
+    error = truth + 3e-3 * way + 5e-4 * rng.standard_normal(x.size)
+    found = fit(tmp_path, PLANE, x, y, error)
+    nx, ny = np.meshgrid(30.0 * np.arange(11), 20.0 * np.arange(11))
+    off = np.array(found["parameters"]["table"]) + 2e-2 * np.sin(nx / 90) * np.cos(
+        ny / 120
+    )
+    # A tenth of the 6 µm between both ways, which the curvature of the surface hides.
+    assert np.std(off.mean(axis=1)) < 6e-4
+    assert "mean of both ways" in words(found)
+
+
+def test_both_ways_that_agree_stay_as_they_are(tmp_path: Path) -> None:
+    rng = np.random.default_rng(53)
+    x, _ = there_and_back(4 + 4)
+    error = 5e-3 * np.sin(x / 90.0) + 5e-4 * rng.standard_normal(x.size)
+    found = fit(tmp_path, CROSS, x, np.zeros_like(x), error)
+    assert "both ways" not in words(found)
+    assert "err alike" not in words(found)
