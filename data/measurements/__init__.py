@@ -101,6 +101,7 @@ from ._table import (
     Table as Table,
     TextForm as TextForm,
 )
+from ._turns import passed_end as passed_end
 from ._units import (
     UNITS as UNITS,
     Unit as Unit,

@@ -15,7 +15,7 @@ from ._dates import MOST_SECONDS, may_be_ms, seconds_of_dates
 from ._errors import MeasurementError, MissingRole
 from ._roles import ColumnSpec as ColumnSpec, Role, find_role, role as named_role
 from ._table import MESH_FORMATS, SCOPE_FORMAT, Column, Skipped, Table, TextForm
-from ._turns import unwound
+from ._turns import passed_end, unwound
 from ._units import Unit, find_unit
 from ._wide import unfolded
 from ._words import is_axis_column, is_leg, kinds_in, says_correction, words_in
@@ -298,6 +298,15 @@ def measurement(
                 gaps[text] = spec.sign * unit.to_library(column.values, scale)
         else:
             good[text] = values
+    for text, values in good.items():
+        own = text.partition(".")[0]
+        ends = units[text] != "deg" or own in (turns or {})
+        if not ends and (seen := passed_end(values)) is not None:
+            reason = (
+                f"{text}: found {seen[0]:.4g}° and then {seen[1]:.4g}° in motion, expected the"
+                f" job to say that {own} goes round: modulo = [0.0, 360.0] of its axis"
+            )
+            raise MeasurementError(source, reason)
     for found in (good, gaps):
         found |= unwound(found, turns or {})
     remarks += _turned_legs(table, mapping, good)

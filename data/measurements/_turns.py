@@ -8,6 +8,8 @@ from jaxtyping import Float
 _KINDS = ("position", "encoder", "actual")
 _WITHIN = 1.001
 """Turns that a display which begins anew covers at most: its noise passes the ends."""
+_ALIKE = 3.0
+"""Times a step in motion may be longer than the one beside it."""
 _LONGER = 1.5
 """A step through the end of the turn is no longer than this times the longest other one."""
 
@@ -36,6 +38,29 @@ def unwound(
             away = np.nan_to_num(np.median((first - place)[np.isfinite(first - place)]))
             found[role] = place + turn * np.round(away / turn)
     return found
+
+
+def passed_end(
+    place: Float[np.ndarray, " t"], turn: float = 360.0
+) -> tuple[float, float] | None:
+    """Return the first two positions between which a display begins anew in motion, or None.
+
+    In motion: the step through the end of the turn goes on as those before and after it.
+    """
+    shown = place[np.isfinite(place)]
+    if shown.size < 4 or np.ptp(shown) > _WITHIN * turn:
+        return None
+    steps = np.diff(shown)
+    before, through, after = steps[:-2], steps[1:-1], steps[2:]
+    wraps = np.abs(through) > 0.5 * turn
+    through = through - turn * np.round(through / turn)
+    for beside in (before, after):
+        wraps &= (through * beside > 0.0) & (np.abs(through) < _ALIKE * np.abs(beside))
+        wraps &= np.abs(beside) < _ALIKE * np.abs(through)
+    if not wraps.any():
+        return None
+    at = int(np.argmax(wraps)) + 1
+    return float(shown[at]), float(shown[at + 1])
 
 
 def _unwound(place: Float[np.ndarray, " t"], turn: float) -> Float[np.ndarray, " t"]:

@@ -17,9 +17,11 @@ from ...data.measurements import (
     Lines,
     MeasurementError,
     Table,
+    Unit,
     advice,
     find_role,
     find_unit,
+    passed_end,
     problems_of,
     read_table,
 )
@@ -29,7 +31,7 @@ from ..readings import Observation, observe
 from ._columns import Meaning, meaning_of, own_roles
 from ._fits import suggestions
 from ._text import JobPage, Question
-from ._write import Axis, Contents, Source, page_of, relative
+from ._write import WHOLE_TURN, Axis, Contents, Source, page_of, relative
 
 _DAMAGED = 20
 """Lines that a file may lack and still be measured."""
@@ -105,7 +107,7 @@ def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
         names = itertools.chain([name], (f"{name}_{k}" for k in itertools.count(2)))
         free = next(each for each in names if each not in taken)
         source = _source(free, file, axes)
-        if not any(_of_axis(text) for text, _ in _roles(source)):
+        if not any(_of_axis(text) for text, *_ in _roles(source)):
             columns = ", ".join(c.name for c in source.table.columns[:_SHOWN])
             reason = (
                 f"found columns {columns}, of which none names a role and fewer than two hold"
@@ -193,7 +195,7 @@ def _axes(
     """
     axes: dict[str, Axis] = {}
     for source in sources:
-        for text, unit in _roles(source):
+        for text, unit, column in _roles(source):
             role = find_role(text)
             axis = role.axis if role is not None else source.meaning.axis
             if axis is None:
@@ -201,9 +203,12 @@ def _axes(
             before = axes.get(axis, Axis(given.get(axis), {}))
             known = find_unit(unit or "")
             turns = known is not None and known.dimension.startswith("ang")
+            place = role is not None and role.kind in ("position", "encoder", "actual")
+            ends = known is not None and turns and place and _passes_end(known, column)
             axes[axis] = dataclasses.replace(
                 before,
                 rotary=before.rotary or turns,
+                endless=before.endless or ends,
                 assumed=before.assumed or source.meaning.assumed.get(axis),
             )
     for name, number in given.items():
@@ -227,12 +232,22 @@ def _axes(
     return axes
 
 
-def _roles(source: Source) -> list[tuple[str, str | None]]:
-    """Return each role that a file has, also without an axis, with the unit of its column."""
-    columns = source.meaning.likeliest
+def _passes_end(unit: Unit, column: Column | None) -> bool:
+    """Whether angles begin anew in motion."""
+    if column is None or column.text is not None or unit.dimension != "angle":
+        return False
+    return passed_end(unit.to_library(column.values)) is not None
+
+
+def _roles(source: Source) -> list[tuple[str, str | None, Column | None]]:
+    """Return each role that a file has, also without an axis, with unit and column."""
+    columns, table = source.meaning.likeliest, source.table
     if columns:
-        return [(text, each.unit) for text, each in columns.items()]
-    return [(c.role, c.unit) for c in source.table.columns if c.role is not None]
+        return [
+            (text, each.unit, table.column(each.column) if each.column else None)
+            for text, each in columns.items()
+        ]
+    return [(c.role, c.unit, c) for c in table.columns if c.role is not None]
 
 
 def _of_axis(text: str) -> bool:
@@ -272,7 +287,8 @@ def _provisional(
     values: dict[str, Any] = {"axes": {}, "measurements": {}}
     free = iter(range(65_000, 0, -1))
     for name, axis in axes.items():
-        kind_of = {"type": "rotary"} if axis.rotary else {}
+        kind_of: dict[str, Any] = {"type": "rotary"} if axis.rotary else {}
+        kind_of |= {"modulo": WHOLE_TURN} if axis.endless else {}
         values["axes"][name] = {"number": axis.number or next(free), **kind_of}
     for source in sources:
         columns = {

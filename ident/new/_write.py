@@ -36,6 +36,9 @@ class Source:
     damaged: Sequence[CellError] = ()
 
 
+WHOLE_TURN = [0.0, 360.0]
+
+
 @dataclasses.dataclass(frozen=True)
 class Axis:
     """What is known of an axis.
@@ -44,6 +47,7 @@ class Axis:
         number: Of the controller; None: not known.
         lists: Its files by key of the job, each as given and as read.
         rotary: Its positions are angles.
+        endless: They begin anew in motion.
         assumed: Column that is taken for its own although nobody says so, or None.
         span: Smallest and largest position in the measurements, or None.
     """
@@ -51,6 +55,7 @@ class Axis:
     number: int | None
     lists: Mapping[str, tuple[Path, ListFile]]
     rotary: bool = False
+    endless: bool = False
     assumed: str | None = None
     span: tuple[float, float] | None = None
 
@@ -148,15 +153,18 @@ def _write_axis(page: JobPage, job: Path, name: str, axis: Axis) -> None:
         )
     if axis.rotary:
         page.add(job_line("type", "rotary"))
+    if axis.endless:
+        page.key(job_line("modulo", WHOLE_TURN), "its positions begin anew in motion")
+    elif axis.rotary:
         page.ask(
             f"axes.{name}.modulo",
             f"Does {name} go round without end? Without an answer it has two ends. If it goes"
             f" round, a leadscrew table of {name} covers the whole turn: modulo = true, and"
             " points with both ends of it.",
-            ["modulo = [0.0, 360.0]"],
+            [job_line("modulo", WHOLE_TURN)],
             needed=False,
         )
-    if axis.span is not None:
+    if axis.span is not None and not axis.endless:
         low, high = (float(f"{end:.6g}") for end in axis.span)
         page.key(
             f"# limits = [{low:g}, {high:g}]", "software limits; here: as measured"

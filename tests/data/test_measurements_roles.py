@@ -18,6 +18,7 @@ from axcomp.data.measurements import (
     MeasurementError,
     MissingRole,
     RoleError,
+    Table,
     UnitError,
     derive_error,
     find_role,
@@ -427,3 +428,26 @@ def test_errors_survive_pickling(error: AxcompError) -> None:
 @pytest.mark.parametrize("text", ["X.position", "time", "temperature.bed", "C2.error"])
 def test_roles_read_back_as_written(text: str) -> None:
     assert str(find_role(text)) == text
+
+
+def turning(path: Path, angles: np.ndarray) -> Table:
+    rows = "".join(f"{0.01 * k:.2f},{angle:.3f}\n" for k, angle in enumerate(angles))
+    path.write_text("time [s],C.position [deg]\n" + rows)
+    return read_table(path)
+
+
+def test_an_angle_that_begins_anew_in_motion_is_of_an_axis_that_goes_round(
+    tmp_path: Path,
+) -> None:
+    table = turning(tmp_path / "c.csv", np.mod(np.arange(0.0, 500.0, 1.3), 360.0))
+    with pytest.raises(
+        MeasurementError, match=r"358.* in motion, .* that C goes round"
+    ):
+        measurement(table)
+    wound = measurement(table, turns={"C": 360.0}).require("C.position")
+    np.testing.assert_allclose(np.diff(wound), 1.3, atol=1e-9)
+
+
+def test_targets_that_begin_anew_with_each_run_are_no_turn(tmp_path: Path) -> None:
+    table = turning(tmp_path / "c.csv", np.tile(np.arange(0.0, 361.0, 5.0), 3))
+    assert measurement(table).require("C.position").max() == 360.0

@@ -787,3 +787,15 @@ def test_several_units_above_a_table_are_no_default(
     # Taken in mm and µm, the list was 25 times too small.
     assert main(["new", str(tmp_path / "a.csv")]) == 1
     assert "found unit 'inch, tenths'" in capsys.readouterr().err
+
+
+def test_an_axis_whose_angles_begin_anew_goes_round(tmp_path: Path) -> None:
+    rows = "".join(
+        f"{0.01 * k:.2f},{(1.3 * k) % 360:.3f},{k % 7}\n" for k in range(900)
+    )
+    (tmp_path / "c.csv").write_text("t [s],C.position [deg],C.error [mdeg]\n" + rows)
+    job = tmp_path / "job.toml"
+    assert main(["new", str(tmp_path / "c.csv"), "--out", str(job)]) == 0
+    written = job.read_text().splitlines()
+    assert any(line.startswith("modulo = [0.0, 360.0]") for line in written)
+    assert "modulo = true" in written
