@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ._header import heading, unit_of_title
+from ._roles import ColumnSpec
 from ._run_layouts import straightness
 from ._table import Column, Table
 from ._units import find_unit
@@ -36,6 +37,12 @@ _MOVES = re.compile(
 )
 _ISO = re.compile(r"\bE_?(?P<across>[XYZ])(?P<along>[XYZ])\b")
 """Straightness as ISO 230-1 writes it: EYX deviates in Y while X moves."""
+_LESS = re.compile(
+    r"(?i)\b(?:soll\w*|target|nominal|command(?:ed)?|setpoint)\s*(?:[-−–]|minus|less)\s*"
+    r"(?:ist\w*|actual|measured|laser)\b(?!\W*(?:vergleich|comparison))"
+)
+_CORRECTIONS = re.compile(r"(?i)\b(?:korrektur\w*|corrections?|trims?)\b")
+"""Targets less what was reached, and corrections where the title has their unit."""
 _INCHES = ("in", "thou", "uin")
 _WORD = re.compile(r"[^\W\d_]")
 
@@ -66,6 +73,12 @@ def with_titles(table: Table, titles: Mapping[int, str]) -> Table:
             unit in _INCHES or "error" in kinds_in(words_in([text]))
         ):
             table = _in_unit(table, line, unit)
+    for line, text in titles.items():
+        said, unit = _LESS.search(text), unit_of_title(text)
+        if said is None and unit is not None:
+            said = _CORRECTIONS.search(text)
+        if said is not None and not table.advice:
+            table = _of_unknown_sign(table, line, said[0], unit)
     inches = [f"'{c.name}'" for c in table.columns if c.unit in _INCHES]
     if inches:
         note = f"In inches, of which one is 25.4 mm: {', '.join(inches[:6])}."
@@ -111,6 +124,48 @@ def _in_unit(table: Table, line: int, text: str) -> Table:
     more = f" and {len(names) - 4} more" if len(names) > 4 else ""
     note = f"{', '.join(names[:4])}{more}, as line {line} says."
     return _noted(table, columns, note)
+
+
+def _of_unknown_sign(table: Table, line: int, text: str, unit: str | None) -> Table:
+    """Return the table with errors whose sign the job says, since a title calls them otherwise.
+
+    Args:
+        table: As read.
+        line: Of the title.
+        text: What it calls them.
+        unit: That it states for readings that have none.
+    """
+    numbers = [column for column in table.columns if column.text is None]
+    errors = [column for column in numbers if _kind_by_name(column) == "error"]
+    runs = [column for column in errors if column.run is not None]
+    others = [column for column in numbers if all(column is not e for e in errors)]
+    others.sort(key=lambda column: _kind_by_name(column) != "position")
+    if not others or not errors or (len(errors) > 1 and errors != runs):
+        return table
+    parts = tuple(
+        ColumnSpec(
+            column.header or column.name,
+            column.unit or unit,
+            sign=-1,
+            run=column.run,
+            direction=column.direction,
+        )
+        for column in errors
+    )
+    spec = ColumnSpec("", parts[0].unit, parts=parts) if runs else parts[0]
+    place = ColumnSpec(others[0].header or others[0].name, others[0].unit)
+    columns = [
+        dataclasses.replace(column, role=None, run=None, direction=None)
+        if any(column is each for each in (*errors, others[0]))
+        else column
+        for column in table.columns
+    ]
+    note = (
+        f"Line {line} says '{text}': sign = -1 makes errors of what is the negative of"
+        " them, and is left out where they are errors."
+    )
+    advice = {"position": place, "error": spec}
+    return dataclasses.replace(_noted(table, columns, note), advice=advice)
 
 
 def _in_direction(table: Table, line: int, text: str) -> Table:

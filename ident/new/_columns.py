@@ -140,6 +140,8 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     named = [each for c in table.columns if (each := _named(c, letters)) is not None]
     taken = {id(each.column) for each in named}
     unused = tuple(c.name for c in table.columns if id(c) not in taken)
+    if table.advice:  # it has the error
+        named = [each for each in named if each.kind != "error"]
     if table.format in MESH_FORMATS:
         return Meaning(axes[0] if axes else "Z", {}, {}, (), unused)
     named, outside = _with_encoders(table, named)
@@ -247,7 +249,8 @@ def _unnamed(
         turns: The positions of the owner are angles.
     """
     if table.advice:
-        return _advised(table, home, owner)
+        placed = any(each.kind == "position" for each in named)
+        return _advised(table, home, owner, turns=turns)[placed:]
     kinds, free = {each.kind for each in named}, _free(table, named)
     place, error = not kinds & _WITH_PLACE, not kinds & _READ
     if len(free) < place + error:
@@ -295,18 +298,33 @@ def _angles(table: Table, named: Sequence[_Named], home: str) -> set[str]:
     }
 
 
-def _advised(table: Table, home: str, owner: str) -> list[Unclear]:
+def _advised(table: Table, home: str, owner: str, *, turns: bool) -> list[Unclear]:
     """Return the questions that a reader has for its format."""
     place, error = table.advice["position"], table.advice["error"]
     if "inc" in (place.unit, error.unit):
         return []  # without the axis's increment nothing can be looked at
-    parts = tuple(dataclasses.replace(each, sign=1) for each in error.parts)
-    plain = dataclasses.replace(error, sign=1, parts=parts)
-    choices = [(f"{owner}.error", error), (f"{owner}.error", plain)]
     first, last = table.columns[0], table.columns[-1]
+    asks, units = {"role", "sign"}, [error.unit]
+    held = table.column((error.parts or (error,))[0].column)
+    if held.header and error.unit is None:
+        units = [
+            *_units(held, "error", turns=turns, places=[table.column(place.column)])
+        ]
+        asks |= {"unit"} if len(units) > 1 else set()
+        last = held
+    choices = []
+    for unit, sign in itertools.product(units, (-1, 1)):
+        parts = tuple(
+            dataclasses.replace(each, unit=each.unit or unit, sign=sign)
+            for each in error.parts
+        )
+        spec = dataclasses.replace(
+            error, unit=unit, sign=sign if not parts else 1, parts=parts
+        )
+        choices.append((f"{owner}.error", spec))
     return [
         _unclear(first, {"role"}, [(f"{home}.position", place)]),
-        _unclear(last, {"role", "sign"}, choices),
+        _unclear(last, asks, choices),
     ]
 
 

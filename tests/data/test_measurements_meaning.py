@@ -273,6 +273,35 @@ def test_targets_less_readings_and_corrections_are_no_errors_by_themselves(
     assert measurement(table, stated).require("X.error").tolist() == [-0.001, 0.002]
 
 
+@pytest.mark.parametrize(
+    ("title", "asked"),
+    [
+        ("Abweichung Soll - Ist in µm", True),
+        ("Target minus actual [um]", True),
+        ("Korrekturwerte in µm", True),
+        ("Korrekturwerte", False),  # of what, it does not say
+        ("Soll-Ist-Vergleich", False),
+        ("Abweichung Ist - Soll in µm", False),
+    ],
+)
+@pytest.mark.parametrize("names", ["Soll [mm];1 auf;1 ab", "X [mm];Fehler;T [°C]"])
+def test_a_title_of_another_sign_leaves_the_errors_to_the_job(
+    tmp_path: Path, title: str, asked: bool, names: str
+) -> None:
+    path = tmp_path / "file.csv"
+    path.write_text(f"{title}\n{names}\n0;1;2\n10;-2;1\n20;-4;3\n")
+    table = read_table(path)
+    assert bool(table.advice) == asked
+    if not asked:
+        return
+    with pytest.raises(MeasurementError, match=r"sign = -1"):
+        measurement(table, axis="X")
+    stated = {f"X.{kind}": spec for kind, spec in table.advice.items()}
+    error = measurement(table, stated).require("X.error")
+    unit = 1.0 if "um" not in title and "µm" not in title else 1e-3
+    assert error[:3].tolist() == [-1.0 * unit, 2.0 * unit, 4.0 * unit]
+
+
 def test_trims_of_linuxcnc_are_the_negative_of_errors(tmp_path: Path) -> None:
     path = tmp_path / "x.comp"
     path.write_text("0 0.001 -0.002\n10 0.002 -0.001\n20 0.003 -0.003\n")

@@ -476,6 +476,25 @@ def test_single_letters_beside_a_position_are_what_engineers_mean(
     assert "QUESTION" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("names", "units"),
+    [("Soll [mm];Abweichung [µm]", ["um"]), ("Soll [mm];1 auf;1 ab", ["um", "mm"])],
+)
+def test_where_a_title_says_target_less_actual_the_sign_is_asked_for(
+    tmp_path: Path, names: str, units: list[str]
+) -> None:
+    rows = "".join(f"{10 * k};{k % 3};{k % 4 + 1}\n" for k in range(9))
+    wide = names.count(";") > 1
+    body = rows if wide else "".join(f"{10 * k};{k % 3}\n" for k in range(9))
+    job = new(tmp_path, f"Soll minus Ist\n{names}\n{body}")
+    lines = [line for line in job.read_text().splitlines() if '"X.error"' in line]
+    signed = [line for line in lines if "sign = -1" in line]
+    assert all(line.startswith("#? ") for line in lines)
+    assert len(lines) == 2 * len(units)
+    assert len(signed) == len(units)
+    assert "less what was reached" in job.read_text().replace("\n# ", " ")
+
+
 def test_of_corrections_the_sign_is_asked_for(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
