@@ -23,7 +23,7 @@ from ._header import (
 )
 from ._roles import ColumnSpec
 from ._table import LASER_FORMAT, Column, Table, first_bad
-from ._words import is_leg
+from ._words import is_leg, is_mean
 
 _KINDS = {"actual": "actual positions", "error": "errors"}
 _FEWEST = 3
@@ -145,6 +145,9 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     certain = kinds[target] == "position" and len(runs) == len(names) - 1
     if not certain:
         runs = {at: item for at, item in runs.items() if item.named}
+    # A mean of the runs beside them is none; alone it is what there is.
+    single = {at: item for at, item in runs.items() if not is_mean(names[at].header)}
+    runs = single or runs
     if not runs or {"error", "actual"} & set(kinds):
         return None
     if (found := other_direction(names, runs)) is not None:

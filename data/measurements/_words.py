@@ -54,11 +54,13 @@ CLOCKS = {
 """Names of columns of instants: the date, the time of day, and both together."""
 _COUNTERS = frozenset("nr no nummer number num id".split())
 _AXIS = frozenset("axis achse axe asse eje".split())
+_MEAN = frozenset("mean mittel mittelwert average".split())
 _SAY_NOTHING = (
     _AXIS
     | _COUNTERS
+    | _MEAN
     | frozenset(
-        "of mean mittel mittelwert average travel linear positioning in der horizontal"
+        "of travel linear positioning in der horizontal"
         " vertical lateral horizontale vertikal vertikale".split()
     )
 )
@@ -133,6 +135,11 @@ def direction_of(text: str) -> int | None:
 def is_leg(text: str) -> bool:
     """Whether a cell names the way there or back, whichever way that goes."""
     return any(piece.casefold() in _LEGS for piece in pieces(text))
+
+
+def is_mean(name: str) -> bool:
+    """Whether a name says that it is of a mean: ``Mittel auf``, ``mean up``."""
+    return any(piece.casefold() in _MEAN for piece in pieces(name))
 
 
 def is_own_reading(name: str) -> bool:

@@ -494,3 +494,13 @@ def test_readings_of_two_axes_side_by_side_are_no_runs_of_one(tmp_path: Path) ->
     (tmp_path / "file.csv").write_text("X [mm];Y up [um];Z up [um]\n" + TWO_RUNS)
     table = read_table(tmp_path / "file.csv")
     assert all(column.run is None for column in table.columns)
+
+
+@pytest.mark.parametrize("words", ["Mittel auf;Mittel ab", "mean up;Mittelwert ↓"])
+def test_a_mean_beside_the_runs_is_none_of_them(tmp_path: Path, words: str) -> None:
+    runs = "1 auf [um];1 ab [um];2 auf [um];2 ab [um]"
+    rows = "0;0;1;2;3;1;2\n10;1;2;3;4;2;3\n20;2;3;4;5;3;4\n"
+    found = read(tmp_path, f"Soll [mm];{runs};{words}\n{rows}")
+    assert found.require("run").tolist() == [1] * 6 + [2] * 6
+    alone = read(tmp_path, f"Soll [mm];{words}\n0;1;2\n10;2;3\n20;3;4\n")
+    assert alone.require("X.direction").tolist() == [1, 1, 1, -1, -1, -1]
