@@ -126,6 +126,9 @@ def _of_error(
         why += ", in both directions" if bilateral else ", in one direction"
         keys: dict[str, Any] = {"bilateral": True} if bilateral else {}
         yield Suggestion("leadscrew", axis, (axis,), keys, (name,), plain, why)
+    if not moved and _both(data, axis):
+        why = f"the error of {axis} was measured at one place, from both sides"
+        yield Suggestion("backlash", axis, (), {}, (name,), plain, why)
     others_plain = plain and axis not in moved
     # A surface holds what a line over one of its axes would.
     for master in others if axis in moved or len(others) == 1 else ():

@@ -495,6 +495,15 @@ def test_where_a_title_says_target_less_actual_the_sign_is_asked_for(
     assert "less what was reached" in job.read_text().replace("\n# ", " ")
 
 
+@pytest.mark.parametrize("ways", ["+-", "++"])
+def test_a_dial_at_one_place_from_both_sides_asks_for_a_backlash(
+    tmp_path: Path, ways: str
+) -> None:
+    rows = "".join(f"200;{ways[k % 2]};{12 * (k % 2) + k % 3}\n" for k in range(10))
+    job = new(tmp_path, f"X Soll [mm];Richtung;X Abweichung [µm]\n{rows}")
+    assert ('compensation = "backlash"' in job.read_text()) == (ways == "+-")
+
+
 def test_of_corrections_the_sign_is_asked_for(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
