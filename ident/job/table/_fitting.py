@@ -418,7 +418,8 @@ def _as_passes_differ(
     words = (
         f"Readings of the log that follow each other err alike: the passes of a node differ by"
         f" {apart:.2g} {unit}, {factor:.0f} times as much as readings would that err by"
-        " themselves. The standard deviations hold that."
+        " themselves. The standard deviations hold that; more passes make them smaller, more"
+        " readings per second do not."
     )
     columns = fit.covariance
     if columns.columns.size:

@@ -7,9 +7,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.measurements import (
+    CellError,
     Measurement,
     MeasurementError,
     MissingRole,
+    RoleValues,
     derive_motion,
     recorded_motion,
 )
@@ -18,6 +20,7 @@ from ....data.signals import (
     SignalError,
     examine,
     filtered_motion,
+    read_clock,
     without_spikes,
 )
 from ...friction import DriveSamples
@@ -35,6 +38,8 @@ _NO_LIST = (
 _SHARE = 0.3
 """Of the sample rate, up to which a motion is derived: friction changes with the speed at
 once, so that a smoothed ramp shows another law."""
+_LEAST, _BRIDGED = 100, 4
+"""Samples of a recording, and those missed in a row, that are filled in at most."""
 _FINE = 1e-4
 """Median noise of a recorded velocity, as a share of the highest, that is none."""
 _SURE = 0.999
@@ -68,7 +73,7 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
             cannot be derived, or no sample tells of kinetic friction.
     """
     name, axis = fit.sources[0], fit.axis
-    measured = tables.measured(name, axis)
+    measured, dropped = _bridged(tables.measured(name, axis))
     source = str(measured.source)
     if len(fit.sources) > 1:
         reason = "found several recordings for a friction fit, expected one"
@@ -110,6 +115,12 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
         if finding.kind not in _NO_LIST
         and not (turned and finding.kind == "current opposes the motion")
     ]
+    if dropped:
+        words = (
+            f"{dropped} samples that the recorder dropped, of {measured.rows}, were filled in"
+            " from those beside them."
+        )
+        remarks.append(Remark.info(words))
     if spikes:
         words = (
             f"{spikes} of {len(current)} readings of the current lie far from those beside"
@@ -130,6 +141,36 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
         unsure=" ".join(faults),
         remarks=tuple(remarks),
     )
+
+
+def _bridged(measured: Measurement) -> tuple[Measurement, int]:
+    """Return a recording with the few samples that a recorder drops here and there filled in.
+
+    Each gap else ends a stretch that is filtered by itself, and dozens per second leave none.
+    """
+    time, values = measured.get("time"), dict[str, np.ndarray]()
+    with contextlib.suppress(CellError):
+        values = {role: np.asarray(measured.values[role]) for role in measured.values}
+    if time is None or len(time) < _LEAST or not values:
+        return measured, 0
+    clock = read_clock(np.asarray(time, dtype=float))
+    places = [np.arange(len(time), dtype=float)]
+    for jump in clock.jumps:
+        missed = round(jump.step / clock.sample_time) - 1
+        if jump.kind == "gap" and missed <= _BRIDGED:
+            places.append(jump.row - 1 + np.arange(1, missed + 1) / (missed + 1))
+    at = np.sort(np.concatenate(places))
+    nearest = np.round(at).astype(np.int64)
+    for role, column in values.items():
+        smooth = np.issubdtype(column.dtype, np.floating)
+        values[role] = np.interp(at, places[0], column) if smooth else column[nearest]
+    whole = dataclasses.replace(
+        measured,
+        values=RoleValues(values),
+        rows=len(at),
+        lines=measured.lines[nearest],
+    )
+    return whole, len(at) - len(time)
 
 
 def _motion(measured: Measurement, axis: str) -> Motion:

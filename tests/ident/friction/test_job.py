@@ -112,6 +112,21 @@ def test_law_and_load_come_back(done: tuple[Path, JobResult]) -> None:
     assert np.abs(mean - np.asarray(LAW(found.curve.speed)))[driven].max() < 0.15
 
 
+def test_samples_that_the_recorder_dropped_end_no_law(tmp_path: Path) -> None:
+    record(tmp_path)
+    head, *rows = (tmp_path / "trace.csv").read_text().splitlines()
+    kept = np.random.default_rng(9).random(len(rows)) > 0.05
+    rows = [row for row, keep in zip(rows, kept, strict=True) if keep]
+    (tmp_path / "trace.csv").write_text("\n".join([head, *rows]))
+    found = friction(run(tmp_path))
+    assert found.curve is not None
+    driven = found.curve.speed > 1.5
+    mean = found.curve.currents[:2].mean(axis=0)
+    # As of the whole recording, `test_law_and_load_come_back`.
+    assert np.abs(mean - np.asarray(LAW(found.curve.speed)))[driven].max() < 0.15
+    assert any("recorder dropped" in each.message for each in found.remarks)
+
+
 @pytest.mark.parametrize("recorded", [False, True])
 def test_sharp_ramps_at_a_slow_sample_rate_bend_no_law(
     tmp_path: Path, recorded: bool
