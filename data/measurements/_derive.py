@@ -50,6 +50,7 @@ def derive_error(
         error = np.asarray(measurement.values[error_role], dtype=np.float64)
         unit = measurement.units[error_role]
         _refuse_contradiction(measurement, axis, against)
+        _refuse_negative(measurement, axis)
     elif actual_role in measurement.values:
         recorded = [kind for kind in against if f"{axis}.{kind}" in measurement.values]
         role = f"{axis}.{[*recorded, 'position'][0]}"
@@ -90,6 +91,33 @@ def _refuse_contradiction(
             f"found '{axis}.error' {factor:.3g} times '{actual_role}' − '{role}', expected"
             f" once: state {remedy} of the column that is wrong (columns), or leave"
             f" '{actual_role}' out of them"
+        )
+        raise MeasurementError(str(measurement.source), reason)
+
+
+def _refuse_negative(measurement: Measurement, axis: str) -> None:
+    """Raise where the error is the command less the machine's own reading, at standstill.
+
+    That is no accident: the reading is what the instrument showed, and the error its
+    negative.
+
+    Raises:
+        MeasurementError: If it is.
+    """
+    roles = [f"{axis}.{kind}" for kind in ("error", "encoder", "position")]
+    if "time" in measurement.values or not {*roles} <= {*measurement.values}:
+        return
+    error, encoder, position = roles
+    try:
+        difference = measurement.values[encoder] - measurement.values[position]
+    except CellError:  # the error does without them
+        return
+    factor, alike = _times(np.asarray(measurement.values[error]), difference)
+    if alike <= -_ALIKE and 1.0 / _MULTIPLE < -factor < _MULTIPLE:
+        reason = (
+            f"found '{error}' {factor:.3g} times '{encoder}' − '{position}', expected an"
+            f" error that is actual − commanded: state sign = -1 of '{error}' (columns), or"
+            f" leave '{encoder}' out of them"
         )
         raise MeasurementError(str(measurement.source), reason)
 

@@ -308,6 +308,24 @@ def test_an_error_that_contradicts_the_positions_beside_it_is_refused(
 
 
 @pytest.mark.parametrize(
+    ("factor", "time", "fails"),
+    [(-1.0, "", True), (1.0, "", False), (-0.01, "", False), (-1.0, "time", False)],
+)
+def test_an_error_that_is_command_less_encoder_is_refused_at_standstill(
+    tmp_path: Path, factor: float, time: str, fails: bool
+) -> None:
+    errors = [0.012, -0.004, 0.007, 0.001, -0.009, 0.003, 0.011, -0.002, 0.005]
+    rows = [f"{k},{k + e},{factor * e + 0.02},{k}\n" for k, e in enumerate(errors)]
+    text = f"X.position,X.encoder,X.error,{time or 'note'}\n" + "".join(rows)
+    data = measurement(table_of(tmp_path, text))
+    if not fails:
+        assert derive_error(data, "X")[0] == pytest.approx(factor * 0.012 + 0.02)
+        return
+    with pytest.raises(MeasurementError, match=r"'X.encoder' − 'X.position', expected"):
+        derive_error(data, "X")
+
+
+@pytest.mark.parametrize(
     ("step", "unit", "said"),
     [("4", "", True), ("0.004", "", False), ("4", " [ms]", False)],
 )
