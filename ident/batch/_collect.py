@@ -193,9 +193,15 @@ def _table_rows(path: Path) -> list[dict[str, Any]]:
     try:
         if path.suffix.lower() == ".csv":
             text = read_utf8(path)
-            names = next(csv.reader(io.StringIO(text, newline="")), [])
-            texts = pv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
-            table = pv.read_csv(io.BytesIO(text.encode()), convert_options=texts)
+            head = text.partition("\n")[0]
+            mark = ";" if ";" in head and "," not in head else ","
+            lines = csv.reader(io.StringIO(text, newline=""), delimiter=mark)
+            types = dict.fromkeys(next(lines, []), pa.string())
+            table = pv.read_csv(
+                io.BytesIO(text.encode()),
+                parse_options=pv.ParseOptions(delimiter=mark),
+                convert_options=pv.ConvertOptions(column_types=types),
+            )
         else:
             table = pq.read_table(path)
     except TomlError as error:

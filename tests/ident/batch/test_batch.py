@@ -177,6 +177,20 @@ def test_a_table_of_jobs_says_the_same_as_the_job_files(
         assert job.spec.fits == load_job(tmp_path / "jobs" / f"{name}.toml").spec.fits
 
 
+@pytest.mark.parametrize("mark", [",", ";"])
+def test_cells_of_a_table_of_jobs_may_be_separated_by_semicolons(
+    tmp_path: Path, mark: str
+) -> None:
+    limits = "[0.0, 400.0]" if mark == ";" else '"[0.0, 400.0]"'
+    rows = [["job", "fits.0.axis", "axes.X.number", "axes.X.limits"]]
+    rows += [["one", "X", "7", limits]]
+    (tmp_path / "fleet.csv").write_text("\r\n".join(map(mark.join, rows)) + "\r\n")
+    (item,) = collect_jobs([tmp_path / "fleet.csv"], tmp_path / "out")
+    assert item.text is not None
+    axis = tomllib.loads(item.text)["axes"]["X"]
+    assert axis == {"number": 7, "limits": [0.0, 400.0]}
+
+
 def test_files_of_a_template_and_of_a_cell_lie_beside_them(tmp_path: Path) -> None:
     head = "[axes.X]\nnumber = 1\n[measurements.m]\n"
     (tmp_path / "own").mkdir()
