@@ -34,7 +34,7 @@ _TITLES = {
     "ColumnChoice": "A column: `[measurements.NAME.columns]`",
     "ColumnOfRun": "A column per run: `[measurements.NAME.columns]`",
     "Datum": "`datum`",
-    "Gate": "`[gate]`",
+    "GateLimits": "`[gate]`",
     "Verify": "`[verify]`",
     "FitSpec": "`[[fits]]`: keys of every compensation",
     "Plateau": "`steady`",

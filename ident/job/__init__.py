@@ -85,7 +85,7 @@ if TYPE_CHECKING:
         job_with_fits as job_with_fits,
         nodes_for as nodes_for,
     )
-    from .file._schema import Gate as Gate, JobFile as JobFile
+    from .file._schema import JobFile as JobFile
     from .joint import (
         AxisSum as AxisSum,
         EffectShare as EffectShare,

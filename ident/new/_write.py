@@ -11,7 +11,6 @@ from ...data.lists import ListFile
 from ...data.measurements import CellError, ColumnSpec, Table
 from .._job_text import job_line
 from ..job import (
-    Gate,
     Job,
     JobFile,
     asks_for_owner,
@@ -124,10 +123,9 @@ def page_of(contents: Contents) -> JobPage:
         )
     page.add("[gate]")
     page.note("Limits that a list must keep to be written; these are the defaults.")
-    for field in dataclasses.fields(GateLimits):
-        if field.default is not None:
-            words = Gate.model_fields[field.name].description or ""
-            page.key(f"# {job_line(field.name, field.default)}", words)
+    for name, limit in GateLimits():
+        if limit is not None:
+            page.key(f"# {job_line(name, limit)}", "")
     return page
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from ...data.units import small_unit
 from ...models import step_response
 from ..exchange import MOST_REVERSAL_CYCLES
+from ..kinds._keys import JobPart, Positive
 from ._dynamics import GateTable, acceleration, gradient, kink, place_of, slope, step
 
 MOST_CYCLES = 20
@@ -35,38 +36,36 @@ class GateCheck:
     where: str
 
 
-@dataclasses.dataclass(frozen=True)
-class GateLimits:
-    """Limits of the gate with their defaults; lengths in mm (or °).
+class GateLimits(JobPart, frozen=True):
+    """Limits of the gate."""
 
-    Attributes:
-        max_correction: Largest offset.
-        max_slope: Between neighbouring nodes, in µm per mm.
-        max_step: Between neighbouring nodes.
-        max_reversal: Jump of a bilateral table at reversal.
-        feed: In mm/min (°/min), at which the dynamics are judged.
-        max_velocity: That the table adds, in mm/s.
-        max_kink: Change of that velocity at a node, in mm/s.
-        max_acceleration: That the table adds, smoothed over 10 ms, in mm/s².
-        max_change: Against the existing list; None = not judged.
-        max_current: Of friction lists, as share of the rated value.
-        max_switching: In one cycle, where a compensation comes or goes (COMP ON/OFF,
-            homing, reload, start-up).
-        max_jump: In all, by which the axis moves by itself then.
-    """
-
-    max_correction: float = 1.0
-    max_slope: float = 20.0
-    max_step: float = 0.2
-    max_reversal: float = 0.1
-    feed: float = 30_000.0
-    max_velocity: float = 20.0
-    max_kink: float = 20.0
-    max_acceleration: float = 5_000.0
-    max_change: float | None = None
-    max_current: float = 0.5
-    max_switching: float = 0.02
-    max_jump: float = 0.5
+    max_correction: Positive = 1.0
+    """Largest entry in mm or °. Example: `0.2`."""
+    max_slope: Positive = 20.0
+    """Largest slope in µm per mm. Example: `5.0`."""
+    max_step: Positive = 0.2
+    """Largest step between neighbouring nodes in mm or °. Example: `0.05`."""
+    max_reversal: Positive = 0.1
+    """Largest jump at a reversal in mm or °. Example: `0.05`."""
+    feed: Positive = 30_000.0
+    """Feed in mm/min (°/min) at which the next three are judged. Example: `15000`."""
+    max_velocity: Positive = 20.0
+    """Largest velocity that is added, in mm/s or °/s. Example: `10.0`."""
+    max_kink: Positive = 20.0
+    """Largest change of that velocity at a node, in mm/s or °/s. Example: `10.0`."""
+    max_acceleration: Positive = 5_000.0
+    """Largest acceleration that is added, smoothed over 10 ms, in mm/s² or °/s². Example:
+    `2000`."""
+    max_change: Positive | None = None
+    """Largest change against the existing list in mm or °; left out: any. Example:
+    `0.1`."""
+    max_current: Positive = 0.5
+    """Friction: largest share of the rated current or torque. Example: `0.3`."""
+    max_switching: Positive = 0.02
+    """Largest step in one cycle where a compensation comes or goes (COMP ON/OFF, homing,
+    reload, start-up), in mm or °. Example: `0.01`."""
+    max_jump: Positive = 0.5
+    """Largest way that the axis moves by itself then, in mm or °. Example: `0.2`."""
 
     def check(self, name: str, value: float, unit: str, where: str) -> GateCheck:
         """Return a line of the gate; the first word of its name is that of its limit."""

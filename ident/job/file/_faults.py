@@ -11,13 +11,13 @@ import pydantic
 from ....data.toml import TomlError, line_of
 from ...kinds import NAMES, kind
 from ...kinds._keys import JobPart, KeyPath
+from ...proof import GateLimits
 from ._schema import (
     Axis,
     ColumnChoice,
     ColumnOfRun,
     Controller,
     Datum,
-    Gate,
     JobFile,
     Machine,
     MeasurementSpec,
@@ -53,7 +53,7 @@ def _part(where: KeyPath, values: Any) -> type[JobPart] | None:
         case ("controller",):
             return Controller
         case ("gate",):
-            return Gate
+            return GateLimits
         case ("verify",):
             return Verify
         case ("axes", _):

@@ -106,11 +106,10 @@ class Job:
         axes = self.spec.axes.values()
         return {a.number: (a.modulo[0], a.modulo[1]) for a in axes if a.modulo}
 
-    @functools.cached_property
+    @property
     def limits(self) -> GateLimits:
-        """Limits of the gate, defaults where the job names none."""
-        stated = {name: value for name, value in self.spec.gate if value is not None}
-        return GateLimits(**stated)
+        """Limits of the gate."""
+        return self.spec.gate
 
     @contextlib.contextmanager
     def blaming(self, where: KeyPath, start: str = "") -> Iterator[None]:

@@ -15,6 +15,7 @@ from ....data.units import small_unit
 from ...diagnosis import AXIS_WORD
 from ...kinds import NAMES, kind
 from ...kinds._keys import FitSpec, JobPart
+from ...proof import GateLimits
 
 if TYPE_CHECKING:  # both follow from the table of kinds
     Compensation = str
@@ -288,46 +289,6 @@ def _column_spec(choice: str | ColumnChoice | list[ColumnOfRun]) -> ColumnSpec:
     )
 
 
-Limit = Annotated[float, Field(gt=0)]
-
-
-class Gate(JobPart, frozen=True):
-    """Limits of the gate; the defaults stand in `axcomp.ident.proof.GateLimits`."""
-
-    max_correction: Limit | None = None
-    """Largest entry in mm or °; default 1. Example: `0.2`."""
-    max_slope: Limit | None = None
-    """Largest slope in µm per mm; default 20. Example: `5.0`."""
-    max_step: Limit | None = None
-    """Largest step between neighbouring nodes in mm or °; default 0.2. Example:
-    `0.05`."""
-    max_reversal: Limit | None = None
-    """Largest jump at a reversal in mm or °; default 0.1. Example: `0.05`."""
-    feed: Limit | None = None
-    """Feed in mm/min (°/min) at which the next three are judged; default 30000.
-    Example: `15000`."""
-    max_velocity: Limit | None = None
-    """Largest velocity that is added, in mm/s or °/s; default 20. Example: `10.0`."""
-    max_kink: Limit | None = None
-    """Largest change of that velocity at a node, in mm/s or °/s; default 20. Example:
-    `10.0`."""
-    max_acceleration: Limit | None = None
-    """Largest acceleration that is added, smoothed over 10 ms, in mm/s² or °/s²;
-    default 5000. Example: `2000`."""
-    max_change: Limit | None = None
-    """Largest change against the existing list in mm or °; default: any. Example:
-    `0.1`."""
-    max_current: Limit | None = None
-    """Friction: largest share of the rated current or torque; default 0.5. Example:
-    `0.3`."""
-    max_switching: Limit | None = None
-    """Largest step in one cycle where a compensation comes or goes, in mm or °; default
-    0.02. Example: `0.01`."""
-    max_jump: Limit | None = None
-    """Largest way that the axis moves by itself then, in mm or °; default 0.5. Example:
-    `0.2`."""
-
-
 class Verify(JobPart, frozen=True):
     """The job of a measurement that was made with the lists of this one loaded."""
 
@@ -352,7 +313,7 @@ class JobFile(JobPart, frozen=True):
     fits: list[AnyFit] = Field(default_factory=list)
     """The compensations to fit, in the order of the report; `discover` and `doctor`
     need none."""
-    gate: Gate = Gate()
+    gate: GateLimits = GateLimits()
     """Limits that a list must keep to be written."""
     verify: Verify | None = None
     """The second measurement."""
