@@ -75,7 +75,7 @@ def _clouds(fit: TableResult, scale: Scale) -> tuple[_Cloud, _Cloud]:
     readings = readings_of(fit, scale)
 
     def cloud(error: Float[np.ndarray, " t"], rows: Bool[np.ndarray, " t"]) -> _Cloud:
-        return readings.positions[rows], error[rows], readings.direction[rows]
+        return readings.positions[rows], error[rows], readings.signs[rows]
 
     before = cloud(readings.before, ~readings.wild)
     if (second := fit.measured) is None:

@@ -136,6 +136,7 @@ def _view(
         from_file=0.97 * left,
         predicted_sd=np.full(size, NOISE) * (1 + 0.2 * rng.random(size)),
         share=np.where(wild, 0.0, 1.0),
+        wild=wild,
     )
 
 

@@ -130,12 +130,25 @@ class SampleView(Readings):
             controller's rules.
         predicted_sd: Standard deviation predicted for a held-out reading.
         share: Weight that the loss left the reading, 0 (wild) to 1.
+        wild: Readings that the loss rejected.
     """
 
     predicted: Float[Array, " t"]
     from_file: Float[Array, " t"]
     predicted_sd: Float[Array, " t"]
     share: Float[Array, " t"]
+    wild: Bool[Array, " t"]
+
+    @property
+    def sound(self) -> Bool[Array, " t"]:
+        """Readings that are neither wild nor without a prediction."""
+        return np.asarray(~self.wild & np.isfinite(self.predicted))
+
+    @property
+    def signs(self) -> Int[Array, " t"]:
+        """Direction of each reading, ±1; 0 where the table does not ask for it."""
+        none = np.zeros(len(self.error), dtype=np.int64)
+        return none if self.direction is None else self.direction
 
     @property
     def before(self) -> Float[Array, " t"]:

@@ -261,6 +261,7 @@ class TableDraft(AbstractDraft):
             from_file=read.error + table.offset(back, *at) - plan.acted(*at),
             predicted_sd=self.left.standard_deviation,
             share=fit.share,
+            wild=fit.wild,
         )
         places: tuple[str, ...] = ()
         if self.log is None:

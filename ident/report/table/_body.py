@@ -28,7 +28,7 @@ def body(fit: TableResult, scale: Scale) -> Body:
         plots=[plot for plot in drawn if plot is not None],
         facts=[*how_it_was_made(fit, readings, scale)],
         wild=wild_rows(fit, readings, scale),
-        wild_count=readings.total_wild,
+        wild_count=fit.wild,
     )
 
 

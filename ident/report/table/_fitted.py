@@ -87,34 +87,6 @@ def say_drawn(drawn: int, total: int) -> str:
     return f" {grouped(drawn)} of {grouped(total)} readings are drawn."
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Readings(SampleView):
-    """The readings of one fit in display units (errors in µm, positions in mm).
-
-    Attributes:
-        direction: ±1 per reading; 0 where the table does not ask for it.
-        wild: Readings that the loss rejected.
-        total: Number of readings of the fit; of a log that was read in pieces these are
-            every n-th one.
-        total_wild: How many of all of them were rejected.
-    """
-
-    direction: Int[np.ndarray, " t"]
-    wild: Bool[np.ndarray, " t"]
-    total: int
-    total_wild: int
-
-    @property
-    def size(self) -> int:
-        """Number of readings that are shown."""
-        return len(self.before)
-
-    @property
-    def sound(self) -> Bool[np.ndarray, " t"]:
-        """Readings that are neither wild nor without a prediction."""
-        return np.asarray(~self.wild & np.isfinite(self.predicted))
-
-
 @dataclasses.dataclass(frozen=True)
 class Bins:
     """Mean of the readings in slices of a quantity, with its standard error.
@@ -148,21 +120,11 @@ class Bins:
         return bool(np.any(np.abs(self.mean[tested]) > usual * self.error[tested]))
 
 
-def readings_of(fit: TableResult, scale: Scale) -> Readings:
+def readings_of(fit: TableResult, scale: Scale) -> SampleView:
     """Return the readings of a fit in display units."""
-    samples = fit.samples
-    size = len(samples.before)
     errors = ("error", "predicted", "from_file", "predicted_sd")
-    direction = samples.direction
-    scaled = {name: getattr(samples, name) * scale.factor for name in errors}
-    scaled["order"] = np.asarray(samples.order, dtype=float)
-    scaled["direction"] = np.zeros(size, dtype=int) if direction is None else direction
-    return Readings(
-        **vars(samples) | scaled,
-        wild=fit.fit.wild,
-        total=fit.readings,
-        total_wild=fit.wild,
-    )
+    scaled = {name: getattr(fit.samples, name) * scale.factor for name in errors}
+    return dataclasses.replace(fit.samples, **scaled)
 
 
 def bin_means(

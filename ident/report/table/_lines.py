@@ -6,17 +6,17 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ...job import TableResult
+from ...job import SampleView, TableResult
 from .. import _style as style
 from .._body import Plot
 from .._scale import Scale, number
-from ._fitted import Fitted, Readings, branches_of, say_drawn, say_empty
+from ._fitted import Fitted, branches_of, say_drawn, say_empty
 
 _ERROR_BARS = 130
 """Up to this many nodes carry bars; more would run together, so they get a band."""
 
 
-def curve_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
+def curve_plot(fit: TableResult, readings: SampleView, scale: Scale) -> Plot:
     """Draw the measured error, the nodes with ± 2 sd, and the unmeasured ones."""
     branches = branches_of(fit, scale)
     figure, (axes,) = style.new_figure(3.4)
@@ -28,19 +28,19 @@ def curve_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     axes.set_ylabel(f"error of {fit.axis} in {scale.error}")
     axes.margins(x=0.02)
     figure.legend(*_unique(axes), loc="outside upper right", ncols=2)
-    caption = _say_curve(branches, readings, scale, drawn)
+    caption = _say_curve(branches, scale, drawn, fit.readings - fit.wild)
     return Plot("error-curve", "Measured error and the fitted table", figure, caption)
 
 
-def _draw_readings(axes: Axes, readings: Readings) -> int:
+def _draw_readings(axes: Axes, readings: SampleView) -> int:
     """Draw a sample of the sound readings behind the curve; return how many."""
-    chosen = style.thin(readings.size)
+    chosen = style.thin(len(readings.error))
     chosen = chosen[~readings.wild[chosen]]
     style.draw_cloud(
         axes,
         readings.positions[chosen, 0],
         readings.before[chosen],
-        readings.direction[chosen],
+        readings.signs[chosen],
         names=dict.fromkeys((1, -1, 0), "readings"),
         alpha=0.4,
         most=style.DRAWN_POINTS,
@@ -76,7 +76,7 @@ def _draw_branch(axes: Axes, branch: Fitted) -> None:
         )  # fmt: skip
 
 
-def _frame_curve(axes: Axes, branches: Sequence[Fitted], readings: Readings) -> None:
+def _frame_curve(axes: Axes, branches: Sequence[Fitted], readings: SampleView) -> None:
     """Choose the limits by what is sound; wild readings become marks at the edge."""
     sound = readings.before[~readings.wild]
     tops = [branch.value + 2 * branch.sd for branch in branches]
@@ -104,9 +104,7 @@ def _unique(axes: Axes) -> tuple[list[Any], list[str]]:
     return list(reversed(kept.values())), list(reversed(kept.keys()))
 
 
-def _say_curve(
-    branches: Sequence[Fitted], readings: Readings, scale: Scale, drawn: int
-) -> str:
+def _say_curve(branches: Sequence[Fitted], scale: Scale, drawn: int, sound: int) -> str:
     unit = scale.error
     names = {0: "The fitted error"} | {
         sign: f"{style.DIRECTION_NAME[sign].capitalize()} the error" for sign in (1, -1)
@@ -127,5 +125,4 @@ def _say_curve(
             f"{unit} (2 sd) or better, the worst to ± {number(2 * sd.max())} {unit}."
         )
     parts.append(say_empty(branches, "hollow marks"))
-    sound = readings.total - readings.total_wild
     return " ".join(parts) + say_drawn(drawn, sound)

@@ -11,24 +11,24 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from ...job import TableResult
+from ...job import SampleView, TableResult
 from .. import _style as style
 from .._body import Plot
 from .._scale import Scale, count, grouped, number
-from ._fitted import Fitted, Readings, branches_of, say_drawn, say_empty
+from ._fitted import Fitted, branches_of, say_drawn, say_empty
 
 _TALL = 3.8
 """Maps higher than this, in inches, are square rather than wide."""
 
 
-def error_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
+def error_map(fit: TableResult, readings: SampleView, scale: Scale) -> Plot:
     """Draw the fitted error with the measured points; unmeasured nodes hatched."""
     (table,) = branches_of(fit, scale)
     figure, (axes,) = style.new_figure(map_height(table) + 0.5)
     span = symmetric(table.value)
     mesh = heat(axes, table, table.value, (-span, span))
     bar(figure, mesh, [axes], f"error of {fit.axis} in {scale.error}")
-    drawn = min(readings.size, style.DRAWN_POINTS)
+    drawn = min(len(readings.error), style.DRAWN_POINTS)
     style.marks(
         axes, *readings.positions.T, color=style.INK, alpha=0.55, label="reading",
         size=float(np.clip(60 / np.sqrt(drawn), 0.9, 3)), most=drawn,
@@ -50,7 +50,7 @@ def error_map(fit: TableResult, readings: Readings, scale: Scale) -> Plot:
     figure.legend(handles=handles, loc="outside upper right", ncols=3, markerscale=2)
     caption = (
         f"{table.runs('At measured nodes the error', scale)}"
-        f" {say_empty([table], 'hatched')}{say_drawn(drawn, readings.total)}"
+        f" {say_empty([table], 'hatched')}{say_drawn(drawn, fit.readings)}"
     )
     return Plot("error-map", "Measured error of the surface", figure, caption)
 

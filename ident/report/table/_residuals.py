@@ -4,18 +4,18 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
-from ...job import TableResult
+from ...job import SampleView, TableResult
 from .. import _style as style
 from .._body import Plot
 from .._scale import Scale, number, percent
-from ._fitted import Bins, Readings, bin_means, say_drawn
+from ._fitted import Bins, bin_means, say_drawn
 
 _MOST_RUNS = 60
 """More runs than this are not looked at one by one."""
 
 
 def views_of(
-    fit: TableResult, readings: Readings, scale: Scale
+    fit: TableResult, readings: SampleView, scale: Scale
 ) -> dict[str, tuple[str, Float[np.ndarray, " t"]]]:
     """Return what to look over: each master, the time or the order, the runs.
 
@@ -36,7 +36,7 @@ def views_of(
     return views
 
 
-def residual_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot | None:
+def residual_plot(fit: TableResult, readings: SampleView, scale: Scale) -> Plot | None:
     """Draw the predicted remaining error over each master, the order, and the runs."""
     if not readings.sound.any():
         return None
@@ -62,7 +62,7 @@ def residual_plot(fit: TableResult, readings: Readings, scale: Scale) -> Plot | 
 
 
 def _draw_cloud(
-    axes: Axes, readings: Readings, where: Float[np.ndarray, " t"], limit: float
+    axes: Axes, readings: SampleView, where: Float[np.ndarray, " t"], limit: float
 ) -> Bins:
     keep = np.flatnonzero(readings.sound)
     keep = keep[style.thin(keep.size)]
@@ -71,7 +71,7 @@ def _draw_cloud(
         axes,
         where[keep],
         readings.predicted[keep],
-        readings.direction[keep],
+        readings.signs[keep],
         size=None,
         names={**names, 0: "reading"},
         alpha=0.4,
@@ -106,7 +106,7 @@ def _say_slices(fit: TableResult, beyond: list[str]) -> str:
 
 
 def _say_residuals(
-    fit: TableResult, readings: Readings, scale: Scale, limit: float, slices: str
+    fit: TableResult, readings: SampleView, scale: Scale, limit: float, slices: str
 ) -> str:
     sound = readings.sound
     value = readings.predicted[sound]
@@ -121,5 +121,5 @@ def _say_residuals(
     if outside:
         text.append(f"{percent(outside)} of the readings lie beyond the frame.")
     # Wild ones are not drawn here.
-    drawn = say_drawn(min(value.size, style.DRAWN_POINTS), readings.total)
+    drawn = say_drawn(min(value.size, style.DRAWN_POINTS), fit.readings)
     return " ".join(text) + drawn

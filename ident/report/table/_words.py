@@ -5,18 +5,17 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ...fit import RunEffect
-from ...job import TableResult, largest_wild
+from ...job import SampleView, TableResult, largest_wild
 from .. import _style as style
 from .._body import WildRow
 from .._scale import Scale, grouped, number, percent, place
-from ._fitted import Readings
 
 _INSIDE = 0.9545
 """Share of a normal distribution within ± 2 sd."""
 
 
 def how_it_was_made(
-    fit: TableResult, readings: Readings, scale: Scale
+    fit: TableResult, readings: SampleView, scale: Scale
 ) -> Iterator[tuple[str, str]]:
     """Return pairs of a heading and a plain sentence on how the table was found."""
     table, surface, more = fit.fit, "the table", ""
@@ -37,7 +36,7 @@ def how_it_was_made(
     yield ("Noise", f"{noise}, wild readings left out.{more}")
     if honesty := _calibration(readings, scale):
         yield ("Uncertainty", honesty)
-    yield ("Wild readings", _loss(table.loss, readings))
+    yield ("Wild readings", _loss(fit))
     yield ("Smoothness", _smoothness(table.smoothness))
     if table.runs:
         yield ("Runs", _runs(table.runs, scale))
@@ -50,7 +49,7 @@ def how_it_was_made(
             f"{grouped(fit.readings)} readings were read in pieces, and the table and the "
             "errors above rest on all of them. What is drawn of single readings, and said of "
             f"slices and cells, is one reading in {grouped(fit.every)} "
-            f"({grouped(readings.size)})."
+            f"({grouped(len(readings.error))})."
         )
         yield ("Shown", text)
     if fit.cycles is not None:
@@ -71,8 +70,8 @@ def _fit_message(message: str, converged: bool) -> str:
     return f"The iterations did NOT reach their tolerance. {text}".strip()
 
 
-def _loss(loss: str, readings: Readings) -> str:
-    wild, size = readings.total_wild, readings.total
+def _loss(fit: TableResult) -> str:
+    loss, wild, size = fit.fit.loss, fit.wild, fit.readings
     how = {
         "student": "Readings far from the others count less (Student's t)",
         "huber": "Readings far from the others count less (Huber)",
@@ -114,7 +113,7 @@ def _runs(effects: Sequence[RunEffect], scale: Scale) -> str:
     return text + " This belongs to the runs and is kept out of the table."
 
 
-def _calibration(readings: Readings, scale: Scale) -> str:
+def _calibration(readings: SampleView, scale: Scale) -> str:
     """Return how far residuals scatter against what was predicted; empty: too few are."""
     keep = readings.sound & np.isfinite(readings.predicted_sd)
     keep &= readings.predicted_sd > 0
@@ -143,13 +142,13 @@ def _calibration(readings: Readings, scale: Scale) -> str:
     return f"{text}the error bars in this report {honesty}."
 
 
-def wild_rows(fit: TableResult, readings: Readings, scale: Scale) -> list[WildRow]:
+def wild_rows(fit: TableResult, readings: SampleView, scale: Scale) -> list[WildRow]:
     """Return the largest rejected readings, at most a dozen."""
     rows = []
     for row in largest_wild(readings.before, readings.wild).tolist():
         spots = zip(fit.masters, readings.positions[row], strict=True)
         where = ", ".join(f"{name} = {place(float(at))}" for name, at in spots)
-        sign = int(readings.direction[row])
+        sign = int(readings.signs[row])
         direction = f", {style.DIRECTION_NAME[sign]}" if sign else ""
         run = "" if readings.run is None else str(int(readings.run[row]))
         place_in_log = row if fit.every is None else int(readings.order[row])
