@@ -26,6 +26,7 @@ from ._format import (
     UnknownEntryError as UnknownEntryError,
 )
 from ._listfile import ListFile as ListFile, Value as Value
+from ._names import full_name as full_name
 from ._parameter import Parameter as Parameter
 from ._registry import (
     BuildError as BuildError,

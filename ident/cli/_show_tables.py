@@ -6,7 +6,13 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from ...data.lists import ListFile, OffsetCurve, offset_curves, registry
+from ...data.lists import (
+    ListFile,
+    OffsetCurve,
+    full_name,
+    offset_curves,
+    registry,
+)
 from ..kinds import Kind, kind, kinds
 from ..report._scale import count
 from ._console import table_of
@@ -79,11 +85,9 @@ def _parameters(file: ListFile) -> Table:
         structure = key.rpartition(".")[0]
         metric = file.boolean(f"{structure}.unit") is True
         for indices, at in rows.last.items():
-            name = key
-            for index in indices:
-                name = name.replace("[]", f"[{index}]", 1)
             unit = "" if row is None else row.unit[0]
             converted = _with_unit(rows.integers[at], unit, metric)
+            name = full_name(key, indices)
             lines.append((name, rows.texts[at], converted, meaning))
     heads = ("entry", "value", " ", "meaning")
     return table_of(heads, lines, numbers=heads[1:3], plain=True)

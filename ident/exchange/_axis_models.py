@@ -204,7 +204,9 @@ def write_lists(
         )
         if entries:
             name = compensation_file(axis_models.axis)
-            drafts[name] = _with_entries(existing, axis_models.axis, entries)
+            title = f"Compensation list of axis {axis_models.axis}, {_WRITTEN}"
+            edited = with_tables(existing, axis_models.axis, entries, title)
+            drafts[name] = edited.listing
         machine = existing_lists.machine.get(axis_models.axis)
         if axis_entries and machine is not None:
             drafts[axis_file(axis_models.axis)] = machine.merge(axis_entries)
@@ -245,17 +247,3 @@ def _refuse_other_rules(
             where = f"the {use.name} of axis {use.axis}"
             expected = f"{read}, as the controller (or conventions) has it"
             expect(own == read, where, f"{rule} = {own}, which no list holds", expected)
-
-
-def _with_entries(
-    existing: ListFile | None, axis: int, entries: Mapping[str, Value]
-) -> ListFile:
-    """Return a new list, or the existing one whose tables are replaced."""
-    begin = [
-        f"{record.prefix}.{part}"
-        for record in kinds()
-        if any(name.startswith(f"{record.prefix}.") for name in entries)
-        for part in record.entries.stale
-    ]
-    title = f"Compensation list of axis {axis}, {_WRITTEN}"
-    return with_tables(existing, axis, entries, begin, title).listing

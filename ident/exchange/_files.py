@@ -3,7 +3,8 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 
-from ...data.lists import ListFile, Value, new_list
+from ...data.lists import ListFile, Value, full_name, new_list
+from ..kinds import kinds
 
 
 def compensation_file(number: int) -> str:
@@ -45,17 +46,15 @@ def with_tables(
     existing: ListFile | None,
     number: int,
     entries: Mapping[str, Value],
-    prefixes: Sequence[str],
     *comment: str,
     name: str | None = None,
 ) -> Edited:
-    """Return a list with new entries in place of those that begin with the prefixes.
+    """Return a list with new entries in place of the tables that these are of.
 
     Args:
         existing: The list, all else in which stays; None: a new one is made.
         number: Of its axis, which is added where the list does not say it.
         entries: What it is to hold.
-        prefixes: Beginnings of the entries that go where they are not new.
         comment: Lines at the top of a new list.
         name: Of the axis, for a new list.
     """
@@ -63,24 +62,18 @@ def with_tables(
         head: dict[str, Value] = {"kopf.achs_nr": number}
         head |= {} if name is None else {"kopf.log_achs_name": name}
         return Edited(new_list(head | dict(entries), comment=comment), [], [])
-    present = _names(existing)
-    begin = tuple(prefixes)
+    columns = existing.columns.items()
+    names = (full_name(key, at) for key, rows in columns for at in rows.last)
+    present = dict.fromkeys(names)
+    begin = tuple(
+        f"{record.prefix}.{part}"
+        for record in kinds()
+        if any(name.startswith(f"{record.prefix}.") for name in entries)
+        for part in record.entries.stale
+    )
     stale = [name for name in present if name.startswith(begin) and name not in entries]
     values = dict(entries)
     if "kopf.achs_nr" not in present:
         values = {"kopf.achs_nr": number} | values
     added = [name for name in values if name not in present]
     return Edited(existing.remove(stale).merge(values), added, stale)
-
-
-def _names(listing: ListFile) -> dict[str, None]:
-    """Return the canonical names of all entries, in order of their keys."""
-    names: dict[str, None] = {}
-    for key, rows in listing.columns.items():
-        parts = key.split("[]")
-        for indices in rows.last:
-            name = parts[0]
-            for index, part in zip(indices, parts[1:], strict=True):
-                name += f"[{index}]{part}"
-            names[name] = None
-    return names

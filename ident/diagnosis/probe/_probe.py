@@ -242,7 +242,7 @@ def make_probe(
         name = axes[number].name
         title = f"Probe list of {name}: 10 um plateaus, not for machining."
         if entries:
-            made = with_tables(None, number, entries, (), title, name=name).listing
+            made = with_tables(None, number, entries, title, name=name).listing
             lists[number] = dataclasses.replace(made, source=compensation_file(number))
         added: dict[str, Value] = {"kopf.achs_nr": number}
         for table in mine:

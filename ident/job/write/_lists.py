@@ -224,7 +224,6 @@ def _listing(
         existing,
         spec.number,
         entries,
-        [f"{d.kind.prefix}.{name}" for d in drafts for name in d.kind.entries.stale],
         f"Compensation list of axis {name}, written by axcomp",
         f"Job: {job.spec.title or job.path.name}",
         name=name,
