@@ -62,14 +62,18 @@ def collect_jobs(arguments: Sequence[str | Path], out: Path) -> tuple[Task, ...]
         out: Folder of the batch, where the job files of tables go.
 
     Raises:
-        BatchError: If something does not exist, or there is no job at all.
+        BatchError: If something does not exist, a table cannot be read, a name is no name,
+            or there is no job at all.
     """
     files: dict[Path, Path] = {}
     tasks: list[Task] = []
     for argument in arguments:
         for path in _files(str(argument)):
             if path.suffix.lower() in _TABLES:
-                tasks += read_job_table(path, out / "jobs")
+                rows = list(_tasks(path, out / "jobs"))
+                if all(task.fault is not None for task in rows):
+                    raise BatchError(str(path), str(rows[0].fault))
+                tasks += rows
             else:
                 # Its files lie beside it, also where it is a link to a job elsewhere.
                 files.setdefault(path.parent.resolve() / path.name, path)
@@ -130,23 +134,13 @@ _PATHS = {"conventions", "list", "machine_data", "file", "files", "job"}
 _WITH_FILES = ("machine", "axes", "measurements", "verify")
 
 
-def read_job_table(path: Path, jobs: Path) -> list[Task]:
-    """Return the job of every row; that of a row that makes none has its fault.
+def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
+    """Yield the job of every row of a table; that of a row that makes none has its fault.
 
     Args:
         path: CSV or Parquet; paths in it are relative to it.
         jobs: Folder that the job files are going to lie in.
-
-    Raises:
-        BatchError: If the table cannot be read, a name is no name, or no row makes a job.
     """
-    tasks = list(_tasks(path, jobs))
-    if all(task.fault is not None for task in tasks):
-        raise BatchError(str(path), str(tasks[0].fault))
-    return tasks
-
-
-def _tasks(path: Path, jobs: Path) -> Iterator[Task]:
     templates: dict[Path, dict[str, Any]] = {}
     named: dict[str, int] = {}
     for number, row in enumerate(_table_rows(path), start=1):

@@ -1,13 +1,13 @@
 """Every fit of a job: all of them planned, then fitted in the order that they need."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ..core import FitError
 from ..kinds._keys import FitSpec
 from ..readings import Tables
 from ._acting import hand_on, leftovers
-from ._draft import AbstractDraft, AbstractPlan
+from ._draft import AbstractDraft
 from .file._load import Job
 
 if TYPE_CHECKING:
@@ -56,7 +56,12 @@ def fit_all(
         for member in shares.values():
             hand_on(member, order, left)
     undetermined: dict[int, FitError] = {}
-    confounded = _confounded_single(tables, single)
+    confounded: dict[int, str] = {}
+    several = len({fits[k].axis for k in single}) < len(single)
+    if several or any(fits[k].kind.often_open for k in single):
+        from .joint import confounded as examined
+
+        confounded = examined(tables, single)
     for place, k in enumerate(order):
         draft = None
         if k not in confounded or fits[k].kind.partial:
@@ -99,16 +104,3 @@ def _refuse_streams(job: Job, grouped: frozenset[int]) -> None:
                     f"found true, but {words} needs its log in memory, expected it for"
                     " plane, cross and leadscrew fits of their own",
                 )
-
-
-def _confounded_single(
-    tables: Tables, single: Mapping[int, AbstractPlan]
-) -> dict[int, str]:
-    """Return which fits of no group their readings do not tell apart, and why."""
-    fits = tables.job.spec.fits
-    several = len({fits[k].axis for k in single}) < len(single)
-    if not several and not any(fits[k].kind.often_open for k in single):
-        return {}
-    from .joint import confounded
-
-    return confounded(tables, single)

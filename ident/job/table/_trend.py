@@ -48,20 +48,6 @@ class Trend:
     reach: Float[np.ndarray, " d"]
     remainder: float
 
-    def is_significant(self, negligible: float) -> bool:
-        """Return whether the constant or a slope asks whose it is.
-
-        It must be surely there (three standard deviations), and larger than what a reading
-        is off the line anyway: every error has a mean and a slope, and where they do not
-        stand out of its scatter and shape, a list without them is no other list.
-
-        Args:
-            negligible: Size that is never significant, in mm or °.
-        """
-        sure = np.append(self.slope_deviations * self.reach, self.constant_deviation)
-        stands_out = self.sizes > max(self.remainder, negligible)
-        return bool(np.any(stands_out & (self.sizes > _SURE * sure)))
-
     @property
     def sizes(self) -> Float[np.ndarray, " n"]:
         """Rms of each slope over the nodes, and the constant, in mm or °."""
@@ -189,8 +175,15 @@ def _unstated(plan: Plan) -> list[str]:
 
 
 def asks_for_owner(job: Job, trend: Trend) -> bool:
-    """Return whether a job must say whose the constant and the slopes of an error are."""
-    return trend.is_significant(_NEGLIGIBLE * job.limits.max_correction)
+    """Return whether a job must say whose the constant and the slopes of an error are.
+
+    One of them must be surely there (three standard deviations), and larger than what a
+    reading is off the line anyway: every error has a mean and a slope, and where they do not
+    stand out of its scatter and shape, a list without them is no other list.
+    """
+    sure = np.append(trend.slope_deviations * trend.reach, trend.constant_deviation)
+    least = max(trend.remainder, _NEGLIGIBLE * job.limits.max_correction)
+    return bool(np.any(trend.sizes > np.maximum(_SURE * sure, least)))
 
 
 def is_negligible(job: Job, trend: Trend) -> bool:
