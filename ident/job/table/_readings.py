@@ -1,12 +1,10 @@
 """Readings of a table: what other lists add taken into account; their zero, their runs."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....data.measurements import Measurement
 from ...exchange import AbstractTable
 from ...kinds._keys import FitSpec
 from ...proof import RunTable
@@ -15,7 +13,7 @@ from .._draft import Leftovers
 from ..file._load import Job
 from ..joint._recording import read_group
 from ..result._result import Remark
-from ._remarks import LOG, wander_remarks
+from ._remarks import wander_remarks
 
 if TYPE_CHECKING:
     from ._plan import Plan
@@ -56,37 +54,9 @@ def read_fit(
     every = np.ones(len(error), dtype=bool)
     readings = recording.readings(plan.positions, axis, error, every)
     unit = plan.job.spec.axes[axis].small_unit
-    remarks += _wander(
-        [rows.measured for rows in recording.rows.values()], readings, unit
-    )
+    measured = [rows.measured for rows in recording.rows.values()]
+    remarks += wander_remarks(measured, readings, unit)
     return dataclasses.replace(readings, late=late), remarks
-
-
-def _wander(
-    measured: Sequence[Measurement], readings: Readings, unit: str
-) -> Iterator[Remark]:
-    """Return a doubt where readings without runs change from one visit of a place to the next.
-
-    A place is that of all axes, approached in one direction.
-    """
-    if readings.run is not None or len(readings.error) >= LOG:
-        return
-    every = []
-    for values in (one.values.with_gaps() for one in measured):
-        roles = (role for role in values if role.endswith(".position"))
-        every.append(
-            {role: values[role] for role in roles if role not in values.unusable}
-        )
-    columns = []
-    for name in {name for places in every for name in places}:
-        pairs = zip(every, measured, strict=True)
-        parts = [places.get(name, np.zeros(one.rows)) for places, one in pairs]
-        columns.append(np.concatenate(parts))
-    if readings.direction is not None:
-        columns.append(readings.direction)
-    yield from wander_remarks(
-        readings.error, np.column_stack(columns), readings.order, unit
-    )
 
 
 def zero_at(

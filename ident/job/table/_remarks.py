@@ -7,7 +7,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import stdtrit
 
+from ....data.measurements import Measurement
 from ...exchange import AbstractTable
+from ...readings import Readings
 from ..result._result import Remark, SampleView, some_of
 
 if TYPE_CHECKING:
@@ -212,21 +214,29 @@ def limit_remarks(
 
 
 def wander_remarks(
-    error: Float[np.ndarray, " t"],
-    places: Float[np.ndarray, "t d"],
-    order: Float[np.ndarray, " t"],
-    unit: str,
+    measured: Sequence[Measurement], readings: Readings, unit: str
 ) -> Iterator[Remark]:
-    """Return a doubt where readings of one place change from one visit to the next.
+    """Return a doubt where readings without runs change from one visit of a place to the next.
 
-    What white noise makes of the readings of a place does not go on to the next place.
-
-    Args:
-        error: Of the readings, in mm or °.
-        places: Where each was taken, its branch among the columns.
-        order: When.
-        unit: Small one of the errors.
+    A place is that of all axes, approached in one direction. What white noise makes of its
+    readings does not go on to the next place. The unit is a small one, of the errors.
     """
+    if readings.run is not None or len(readings.error) >= LOG:
+        return
+    every = []
+    for values in (one.values.with_gaps() for one in measured):
+        roles = (role for role in values if role.endswith(".position"))
+        every.append(
+            {role: values[role] for role in roles if role not in values.unusable}
+        )
+    columns = []
+    for name in {name for places in every for name in places}:
+        pairs = zip(every, measured, strict=True)
+        parts = [places.get(name, np.zeros(one.rows)) for places, one in pairs]
+        columns.append(np.concatenate(parts))
+    if readings.direction is not None:
+        columns.append(readings.direction)
+    error, order, places = readings.error, readings.order, np.column_stack(columns)
     _, number, counts = np.unique(
         places.round(6), axis=0, return_inverse=True, return_counts=True
     )
