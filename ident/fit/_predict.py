@@ -142,9 +142,9 @@ def leave_out(
 
 
 def spatial_blocks(
-    layout: TableLayout, samples: Samples, count: int
+    layout: TableLayout, samples: Samples, count: int = 5
 ) -> Int[np.ndarray, " t"]:
-    """Return a group for each reading: interleaved blocks of neighbouring cells.
+    """Return a group for each reading, so many in all: interleaved blocks of neighbouring cells.
 
     For data without runs. Each axis is cut into about four blocks per group so that what is
     left out is bridged from around it and not extrapolated.

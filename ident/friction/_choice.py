@@ -180,7 +180,6 @@ def choose_law(
     *,
     inertia: float | None = None,
     loss: str = "trim",
-    decimate: int | None = None,
     windows: int = WINDOWS,
 ) -> Choice:
     """Choose among kinds of law by windows held out (one standard error rule).
@@ -198,13 +197,12 @@ def choose_law(
             not compete.
         inertia: In drive units per mm/s², where it is known.
         loss: As for `fit_inverse`.
-        decimate: As for `fit_inverse`.
         windows: Stretches to hold out in turn.
 
     Raises:
         FitError: If the recording is too short to hold out windows.
     """
-    recording = record(samples, inertia, decimate)
+    recording = record(samples, inertia, None)
     window = _windows(recording, windows)
     edges, reach = window.searchsorted(range(windows + 1)), recording.lowpass.reach
     # Rows beside a window share samples with it by the filter.

@@ -33,7 +33,6 @@ from ._gate import (
 )
 from ._heldout import (
     HeldOut as HeldOut,
-    blocks_of as blocks_of,
     groups_of_passes as groups_of_passes,
     groups_of_runs as groups_of_runs,
     held_out as held_out,

@@ -8,16 +8,7 @@ from jaxtyping import Float, Int
 
 from ...data.signals import travel_direction
 from ..exchange import LIST_UNITS, AbstractTable
-from ..fit import (
-    Samples,
-    TableFit,
-    TableLayout,
-    deviations,
-    spatial_blocks,
-)
-
-_BLOCKS = 5
-"""Groups of spatial blocks where there are no runs."""
+from ..fit import Samples, TableFit, deviations
 
 _WHOLE, _FEWEST = 0.8, 2
 """Share of the travel that a pass goes over at least, and passes there and back that tell."""
@@ -78,11 +69,6 @@ def held_out(
     rounding = 1 / (12 * LIST_UNITS**2)
     deviation = np.sqrt(spread**2 + noise[fold_of_reading] + of_run + rounding)
     return HeldOut(before + offset - active, deviation, by_run)
-
-
-def blocks_of(layout: TableLayout, samples: Samples) -> Int[np.ndarray, " t"]:
-    """Return the spatial block of each reading, of which one at a time is left out."""
-    return spatial_blocks(layout, samples, count=_BLOCKS)
 
 
 def groups_of_passes(

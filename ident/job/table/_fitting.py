@@ -18,10 +18,10 @@ from ...fit import (
     doubt_of_means,
     fit_table,
     leave_out,
+    spatial_blocks,
 )
 from ...proof import (
     HeldOut,
-    blocks_of,
     groups_of_passes,
     groups_of_runs,
     held_out,
@@ -219,7 +219,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         passes, along = None, readings.positions
         if along.shape[1] == 1 and len(along) >= LOG:
             passes = groups_of_passes(along[:, 0], readings.order)
-        groups = blocks_of(fit.layout, samples) if passes is None else passes
+        groups = spatial_blocks(fit.layout, samples) if passes is None else passes
     folds = dict(leave_out(fit, samples, groups))
     heldout = held_out(
         table, samples, folds, groups, plan.integers, before, acted, by_run=repeated

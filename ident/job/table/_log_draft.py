@@ -9,8 +9,15 @@ import numpy as np
 from jaxtyping import Int
 
 from ...exchange import Model
-from ...fit import Grouping, Samples, StreamedFit, fit_streamed, predict
-from ...proof import ErrorFigures, ErrorTally, blocks_of, held_out
+from ...fit import (
+    Grouping,
+    Samples,
+    StreamedFit,
+    fit_streamed,
+    predict,
+    spatial_blocks,
+)
+from ...proof import ErrorFigures, ErrorTally, held_out
 from ...readings import Readings, joined
 from ..result._result import STAGES, Remark, largest_wild
 from ._draft import TableDraft
@@ -108,7 +115,7 @@ def fit_log(readings: LogReadings) -> TableDraft:
     """
     plan = readings.plan
     spec, table = plan.fit, plan.table
-    grouping = partial(blocks_of, table.layout)
+    grouping = partial(spatial_blocks, table.layout)
     streamed = fit_streamed(
         table.layout,
         readings.parts,
