@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from ...data.lists import ListFile
 from ...models import Conventions, TemperatureLine
 from ..kinds import Kind, kind, kinds
-from ._identity import Increments, axis_number, not_negative
+from ._identity import Increments, axis_number, flag, not_negative
 from ._nodes import Ranges
 from ._units import ExchangeError, expect
 
@@ -89,7 +89,8 @@ class MachineLists:
         uses: dict[tuple[int, str], InUse] = {}
         for number, record, listing in self._contents(heated):
             axis, masters = record.entries.axes(listing, number, conventions)
-            key, manual = (axis, record.name), record.entries.is_manual(listing)
+            key = axis, record.name
+            manual = record.manual is not None and flag(listing, record.manual)
             if record.holder == "compensation" and axis in self.machine:
                 if not record.entries.is_activated(self.machine[axis]):
                     continue

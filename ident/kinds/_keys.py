@@ -112,10 +112,6 @@ class FitSpec(JobPart, frozen=True):
         """Yield what is wrong beyond the types of its keys; `where` is the key of this fit."""
         yield from ()
 
-    def faults_in_group(self, where: KeyPath) -> Iterator[Fault]:
-        """Yield what no fit of a group may ask for; arguments as `faults`."""
-        yield from ()
-
 
 def unkept(constraints: list[Any], solver: str, where: KeyPath) -> Iterator[Fault]:
     """Yield that the solver of a fit keeps no constraints; `where` is the key of the fit."""
@@ -165,13 +161,11 @@ class TableSpec(FitSpec, frozen=True):
         """Return what the user must make sure of."""
         return []
 
-    def faults_in_group(self, where: KeyPath) -> Iterator[Fault]:
-        if self.constraints:
-            reason = "found in a group, expected a fit of its own, which keeps them"
-            yield (*where, "constraints"), reason
-
     def faults(self, job: "JobFile", where: KeyPath) -> Iterator[Fault]:
         yield from unkept(self.constraints, self.solver, where)
+        if self.constraints and self.group is not None:
+            reason = "found in a group, expected a fit of its own, which keeps them"
+            yield (*where, "constraints"), reason
         grid = {key: getattr(self, key) for key in ("start", "interval", "points")}
         given = [key for key, value in grid.items() if value is not None]
         missing = [key for key in grid if key not in given]

@@ -106,10 +106,6 @@ class AbstractEntries(abc.ABC):
         """Return the entry of an axis list that switches it on."""
         return {self.kind.activation: 1}
 
-    def is_manual(self, listing: ListFile) -> bool:
-        """Whether it waits for COMP ON in the NC program."""
-        return self.kind.manual is not None and flag(listing, self.kind.manual)
-
     def named_masters(self, listing: ListFile) -> Axes:
         """Return the axes that a list names as its masters; none: it looks at its own."""
         return ()

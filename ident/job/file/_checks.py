@@ -221,8 +221,6 @@ def _unlike(job: JobFile, name: str, members: tuple[int, ...]) -> Iterator[Fault
                 f" (fits[{members[0]}]) has {', '.join(first.sources)}, expected the"
                 " same measurements for all",
             )
-    for k in members:
-        yield from job.fits[k].faults_in_group(("fits", k))
     for source in first.sources:
         measured = job.measurements.get(source)
         if measured is not None and measured.datum is not None:

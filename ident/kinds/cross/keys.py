@@ -1,5 +1,6 @@
 """The keys of a cross table in a job."""
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Literal
 
@@ -30,27 +31,21 @@ class Spec(LineSpec, frozen=True):
         yield from master_faults(job, self, (*where, "master"))
 
     def refuse(self, job: "Job", index: int, table: "AbstractTable") -> None:
-        self._refuse_short(job, index, table)
+        limits = job.spec.axes[self.master].limits or (math.inf, -math.inf)
+        first, last = table.nodes[0].positions[[0, -1]]
+        short = first > limits[0] + 1e-9 or last < limits[1] - 1e-9
+        if short and not table.periodic:  # S-12
+            raise job.error(
+                ("fits", index),
+                f"found nodes from {first:g} to {last:g}, expected them to reach the"
+                f" software limits of {self.master}, {limits[0]:g} to {limits[1]:g}:"
+                " what the controller does outside a cross table is not documented",
+            )
         if job.conventions.cross_list == "master":
             raise job.error(
                 ("fits", index),
                 "found the convention cross_list = 'master', expected 'slave': cross"
                 " tables are written into the list of the compensated axis",
-            )
-
-    def _refuse_short(self, job: "Job", index: int, table: "AbstractTable") -> None:
-        """Raise where the table ends inside its master's software limits (S-12)."""
-        limits = job.spec.axes[self.master].limits
-        if limits is None or table.periodic:
-            return
-        ends = table.nodes[0].positions[[0, -1]]
-        if ends[0] > limits[0] + 1e-9 or ends[1] < limits[1] - 1e-9:
-            raise job.error(
-                ("fits", index),
-                f"found nodes from {ends[0]:g} to {ends[1]:g}, expected them to reach"
-                f" the software limits of {self.master}, {limits[0]:g} to"
-                f" {limits[1]:g}: what the controller does outside a cross table is"
-                " not documented",
             )
 
     def warnings(self, job: "Job") -> list[str]:

@@ -86,6 +86,12 @@ class Spec(FitSpec, frozen=True):
             yield where, f"{found}, expected the same one for all that are joined"
         for name in measured:
             yield from self._of_measurement(job, name)
+        if self.steady is not None and self.group is not None:
+            reason = (
+                f"found in group {self.group!r}, whose other fits need all readings,"
+                " expected no steady"
+            )
+            yield (*where, "steady"), reason
 
     def _of_measurement(self, job: "JobFile", name: str) -> Iterator[Fault]:
         measured = job.measurements[name]
@@ -103,14 +109,6 @@ class Spec(FitSpec, frozen=True):
                 "found temperature active while measuring: what it added is known to"
                 " the PLC alone, expected a measurement with COMP OFF TEMP",
             )
-
-    def faults_in_group(self, where: KeyPath) -> Iterator[Fault]:
-        if self.steady is not None:
-            reason = (
-                f"found in group {self.group!r}, whose other fits need all readings,"
-                " expected no steady"
-            )
-            yield (*where, "steady"), reason
 
 
 def plain_name(text: str) -> str:

@@ -58,16 +58,7 @@ def how_it_was_made(
             f"The jump between the two directions is spread over {fit.cycles} "
             "cycles (n_backlash_cyc, P-AXIS-00243).",
         )
-    yield ("The fit itself", _fit_message(table.message, table.converged))
-
-
-def _fit_message(message: str, converged: bool) -> str:
-    text = message.strip()
-    if text and text[-1] not in ".!?":
-        text += "."
-    if converged:
-        return text or "The iterations reached their tolerance."
-    return f"The iterations did NOT reach their tolerance. {text}".strip()
+    yield ("The fit itself", table.message)
 
 
 def _loss(fit: TableResult) -> str:
@@ -76,7 +67,7 @@ def _loss(fit: TableResult) -> str:
         "student": "Readings far from the others count less (Student's t)",
         "huber": "Readings far from the others count less (Huber)",
         "gauss": "All readings count fully (Gauss)",
-    }.get(loss, f"Loss {loss}")
+    }[loss]
     if not wild:
         return f"{how}; none of {grouped(size)} was rejected as wild."
     verb = "was" if wild == 1 else "were"
