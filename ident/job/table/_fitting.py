@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Int
 
-from ....data.signals import travel_direction
 from ...core import CellCovariance, FitError
 from ...exchange import LIST_UNITS
 from ...fit import (
@@ -33,6 +32,7 @@ from ._draft import TableDraft
 from ._layout import grid_words, suit
 from ._log_draft import fit_log
 from ._log_readings import in_pieces
+from ._passes import as_passes_differ, nearest_node, of_both_ways
 from ._plan import Plan
 from ._readings import read_fit
 from ._remarks import LOG, SEEN, TINY, doubt_of_places, limit_remarks, outside
@@ -41,12 +41,6 @@ from ._trend import refuse_unowned_trend
 if TYPE_CHECKING:
     from ..joint._share import Share
 
-_PASS, _PASSES, _ALIKE = 0.5, 10, 1.5
-"""Share of the longest pass of a node that one has at least; passes beyond the first that
-tell how they differ; and how much more, in what white noise does, is said."""
-_LOOSE, _FAINT = 1e-6, 1e-3
-"""Smoothness of a table that only fills what was not read; mean square of what is left of ±½
-by both ways from which on it tells how much they differ."""
 _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
 
@@ -188,7 +182,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     )
     fit = fit_to(samples)
     if run is None and branch is None:
-        samples, apart = _of_both_ways(plan, readings, samples, fit)
+        samples, apart = of_both_ways(plan, readings, samples, fit)
         remarks += apart
         fit = fit_to(samples) if apart else fit
     if floating:  # with the zero that the others give them
@@ -211,7 +205,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
     estimate = _doubted(plan, readings, samples, estimate)
-    estimate, alike = _as_passes_differ(plan, readings, samples, estimate)
+    estimate, alike = as_passes_differ(plan, readings, samples, estimate)
     remarks += alike
     if run is not None and repeated:
         groups = groups_of_runs(run)
@@ -251,7 +245,7 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
     refuse_unowned_trend(plan, fit)
     if share.constant:
         fit = _doubted(plan, readings, samples, fit)
-    fit, alike = _as_passes_differ(plan, readings, samples, fit)
+    fit, alike = as_passes_differ(plan, readings, samples, fit)
     spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
     heldout = HeldOut(
         residual=share.predicted[share.rows],
@@ -305,141 +299,6 @@ def _doubted(
     return dataclasses.replace(fit, standard_deviation=np.sqrt(squares))
 
 
-def _of_both_ways(
-    plan: Plan, readings: Readings, samples: Samples, fit: TableFit
-) -> tuple[Samples, list[Remark]]:
-    """Return the readings of a log as the mean of both ways of the axis that moves most.
-
-    A table of one direction cannot hold what differs between them. Where each line of a
-    surface was passed one way only, it would take that for waves from line to line.
-    """
-    order = np.argsort(readings.order, kind="stable")
-    if len(order) < LOG:
-        return samples, []
-    places = samples.positions[order]
-    most = int(np.argmax(np.abs(np.diff(places, axis=0)).sum(axis=0)))
-    way = np.empty(len(order), np.int64)
-    way[order] = travel_direction(places[:, most])
-    if len(np.unique(way)) < 2 or (way == 0).any():
-        return samples, []
-    apart, deviation = _difference(plan, samples, fit, 0.5 * way, most)
-    if abs(apart) < max(SEEN * deviation, fit.noise, TINY):
-        return samples, []
-    unit, mover = plan.job.spec.axes[plan.axis].small_unit, plan.fit.over[most]
-    words = (
-        f"Readings taken while {mover} moves in positive direction lie {1e3 * apart:+.2g} {unit}"
-        " from those on the way back: lost motion, or an instrument that is late. This table"
-        " knows no direction and is the mean of both ways, each of which keeps half of that."
-    )
-    error = samples.error - 0.5 * apart * way
-    return dataclasses.replace(samples, error=error), [Remark.warning(words)]
-
-
-def _difference(
-    plan: Plan,
-    samples: Samples,
-    fit: TableFit,
-    way: Float[np.ndarray, " t"],
-    most: int,
-) -> tuple[float, float]:
-    """Return by how much both ways of an axis differ, and its standard deviation.
-
-    By what a table leaves of the readings of a place that was passed both ways, and else by
-    the second differences from line to line, which are large for waves and small for a shape.
-    """
-    keep = ~np.asarray(fit.wild)
-    kept = dataclasses.replace(samples.take(keep), run=None, order=None)
-    shape, waves = (
-        fit_table(
-            plan.table.layout,
-            dataclasses.replace(kept, error=error[keep]),
-            smoothness=_LOOSE,
-            loss="gauss",
-            allow_gaps=True,
-        )
-        for error in (np.asarray(samples.error), way)
-    )
-    pairs = [(np.asarray(waves.residual), np.asarray(shape.residual))]
-    for axis in range(shape.values.ndim):
-        if axis != shape.values.ndim - 1 - most and shape.values.shape[axis] > 2:
-            lines = (
-                np.diff(fitted.values, 2, axis=axis).ravel()
-                for fitted in (waves, shape)
-            )
-            pairs.append((*lines,))
-    total = weight = 0.0
-    for pattern, seen in pairs:
-        square = float(pattern @ pattern)
-        if square < _FAINT * pattern.size:
-            continue
-        size = float(pattern @ seen) / square
-        variance = float(np.mean((seen - size * pattern) ** 2)) / square
-        total, weight = total + size / variance, weight + 1.0 / variance
-    return (total / weight, weight**-0.5) if weight else (0.0, np.inf)
-
-
-def _as_passes_differ(
-    plan: Plan, readings: Readings, samples: Samples, fit: TableFit
-) -> tuple[TableFit, list[Remark]]:
-    """Return the fit of a log whose readings err alike with what that adds, and the words for it.
-
-    Neighbours in time share what air, vibration and heat do. Then the passes of a node differ
-    by more than readings that err by themselves would make them differ, and so does what the
-    table makes of them.
-    """
-    residual = np.asarray(fit.residual)
-    keep = np.isfinite(residual) & ~np.asarray(fit.wild)
-    if keep.sum() < LOG or not fit.noise:
-        return fit, []
-    order = np.argsort(readings.order[keep], kind="stable")
-    node, left = _nearest(plan, samples)[keep][order], residual[keep][order]
-    number = np.concatenate([[0], np.cumsum(np.diff(node) != 0)])
-    size = np.bincount(number)
-    place, mean = (
-        node[np.flatnonzero(np.diff(number, prepend=-1))],
-        np.bincount(number, left),
-    )
-    longest = np.zeros(place.max() + 1)
-    np.maximum.at(longest, place, size)
-    whole = size >= _PASS * longest[place]  # others only touch the edge of a node
-    place, size, mean = place[whole], size[whole], (mean / size)[whole]
-    count = np.bincount(place)
-    readings_of = np.maximum(np.bincount(place, size), 1)
-    middle = np.bincount(place, size * mean) / readings_of
-    free = float((count[count > 0] - 1).sum())
-    if free < _PASSES:
-        return fit, []
-    differ = float(np.sum(size * (mean - middle[place]) ** 2)) / free
-    factor = np.sqrt(differ) / fit.noise
-    if factor < _ALIKE:
-        return fit, []
-    unit = plan.job.spec.axes[plan.axis].small_unit
-    apart = 1e3 * np.sqrt(differ / float(np.median(size)))
-    words = (
-        f"Readings of the log that follow each other err alike: the passes of a node differ by"
-        f" {apart:.2g} {unit}, {factor:.0f} times as much as readings would that err by"
-        " themselves. The standard deviations hold that; more passes make them smaller, more"
-        " readings per second do not."
-    )
-    columns = fit.covariance
-    if columns.columns.size:
-        columns = columns.scaled(np.full(len(columns.columns), factor))
-    deviation = np.asarray(fit.standard_deviation) * factor
-    wider = dataclasses.replace(fit, standard_deviation=deviation, covariance=columns)
-    return wider, [Remark.info(words)]
-
-
-def _nearest(plan: Plan, samples: Samples) -> Int[np.ndarray, " t"]:
-    """Return the number of the node that is nearest to each reading, by direction."""
-    at: list[np.ndarray] = [] if samples.branch is None else [samples.branch]
-    for nodes, places in zip(
-        reversed(plan.table.nodes), reversed(samples.positions.T), strict=True
-    ):
-        middles = 0.5 * (nodes.positions[1:] + nodes.positions[:-1])
-        at.append(np.searchsorted(middles, places))
-    return np.ravel_multi_index(tuple(at), plan.table.layout.shape)
-
-
 def _patterns(
     plan: Plan, readings: Readings, samples: Samples, fit: TableFit
 ) -> list[Float[np.ndarray, " t"]]:
@@ -476,7 +335,7 @@ def _doubt(
     What the datum takes off does not count; nodes without readings get the rms of the others.
     """
     shape = plan.table.layout.shape
-    index = _nearest(plan, samples)
+    index = nearest_node(plan, samples)
     size = int(np.prod(shape))
     count = np.bincount(index, minlength=size)
     mean = np.bincount(index, pattern, minlength=size) / np.maximum(count, 1)

@@ -22,6 +22,7 @@ from ...readings import Readings, joined
 from ..result._result import STAGES, Remark, largest_wild
 from ._draft import TableDraft
 from ._log_readings import LogReadings
+from ._passes import as_passes_differ
 from ._remarks import outside
 
 _SHOWN = 20_000
@@ -133,27 +134,22 @@ def fit_log(readings: LogReadings) -> TableDraft:
         table, samples, streamed.folds, grouping(samples), plan.integers, before,
         plan.acted(*at),
     )  # fmt: skip
+    estimate = dataclasses.replace(
+        estimate, residual=residual, share=judged.share, wild=judged.wild
+    )
+    shown = Readings(
+        positions=samples.positions,
+        error=before,
+        direction=None if samples.branch is None else 1 - 2 * samples.branch,
+        run=None,
+        order=row.astype(float),
+        timed=False,
+        slices={},
+    )
+    estimate, alike = as_passes_differ(plan, shown, samples, estimate)
+    remarks = (*readings.remarks, *_of_the_route(log), *alike)
     return TableDraft(
-        plan.job,
-        plan.index,
-        spec,
-        plan,
-        dataclasses.replace(
-            estimate, residual=residual, share=judged.share, wild=judged.wild
-        ),
-        "none",
-        Readings(
-            positions=samples.positions,
-            error=before,
-            direction=None if samples.branch is None else 1 - 2 * samples.branch,
-            run=None,
-            order=row.astype(float),
-            timed=False,
-            slices={},
-        ),
-        heldout,
-        (*readings.remarks, *_of_the_route(log)),
-        log,
+        plan.job, plan.index, spec, plan, estimate, "none", shown, heldout, remarks, log
     )
 
 

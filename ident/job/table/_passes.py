@@ -1,0 +1,152 @@
+"""Logs of an axis in motion: what the readings of a pass share, and what both ways differ by."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ....data.signals import travel_direction
+from ...fit import Samples, TableFit, fit_table
+from ...readings import Readings
+from ..result._result import Remark
+from ._plan import Plan
+from ._remarks import LOG, SEEN, TINY
+
+_PASS, _PASSES, _ALIKE = 0.5, 10, 2.0
+"""Share of the longest pass of a node that one has at least; passes beyond the first of each
+node that tell how they differ; and the variance, in that of white noise, from which on they do."""
+_LOOSE, _FAINT = 1e-6, 1e-3
+"""Smoothness of a table that only fills what was not read; mean square of what is left of ±½
+by both ways from which on it tells how much they differ."""
+
+
+def as_passes_differ(
+    plan: Plan, readings: Readings, samples: Samples, fit: TableFit
+) -> tuple[TableFit, list[Remark]]:
+    """Return the fit of a log with what its readings share in its deviations, and the words for it.
+
+    Neighbours in time share what air, vibration and heat do. Then the passes of a node differ
+    by more than the scatter within them would make them differ, and so does what the table
+    makes of them: the mean of so many passes, and not of so many readings.
+    """
+    residual = np.asarray(fit.residual)
+    keep = np.isfinite(residual) & ~np.asarray(fit.wild)
+    if keep.sum() < LOG:
+        return fit, []
+    order = np.argsort(readings.order[keep], kind="stable")
+    node, left = nearest_node(plan, samples)[keep][order], residual[keep][order]
+    number = np.concatenate([[0], np.cumsum(np.diff(node) != 0)])
+    size = np.bincount(number)
+    place = node[np.flatnonzero(np.diff(number, prepend=-1))]
+    mean, square = (np.bincount(number, each) / size for each in (left, left**2))
+    longest = np.zeros(place.max() + 1)
+    np.maximum.at(longest, place, size)
+    whole = (size > 1) & (
+        size >= _PASS * longest[place]
+    )  # others touch the edge of a node
+    place, size, mean, square = (each[whole] for each in (place, size, mean, square))
+    passes = np.bincount(place, minlength=fit.values.size)
+    middle = np.bincount(place, size * mean) / np.maximum(np.bincount(place, size), 1)
+    free = int((passes[passes > 0] - 1).sum())
+    if free < _PASSES:
+        return fit, []
+    within = float(np.sum(size * (square - mean**2)) / np.sum(size - 1))
+    between = float(np.sum(size * (mean - middle[place]) ** 2)) / free
+    if between <= _ALIKE * within:
+        return fit, []
+    apart = (between - within) / float(np.mean(size))
+    unit = plan.job.spec.axes[plan.axis].small_unit
+    words = (
+        "Readings of the log that follow each other err alike: the passes of a node differ by"
+        f" {1e3 * np.sqrt(apart):.2g} {unit} more than the scatter within them explains. The"
+        " standard deviations hold that; more passes make them smaller, more readings per"
+        " second do not."
+    )
+    shared = apart / np.where(passes > 0, passes, np.median(passes[passes > 0]))
+    variance = np.square(np.asarray(fit.standard_deviation))
+    deviation = np.sqrt(variance + shared.reshape(variance.shape))
+    return dataclasses.replace(fit, standard_deviation=deviation), [Remark.info(words)]
+
+
+def nearest_node(plan: Plan, samples: Samples) -> Int[np.ndarray, " t"]:
+    """Return the number of the node that is nearest to each reading, by direction."""
+    at: list[np.ndarray] = [] if samples.branch is None else [samples.branch]
+    for nodes, places in zip(
+        reversed(plan.table.nodes), reversed(samples.positions.T), strict=True
+    ):
+        middles = 0.5 * (nodes.positions[1:] + nodes.positions[:-1])
+        at.append(np.searchsorted(middles, places))
+    return np.ravel_multi_index(tuple(at), plan.table.layout.shape)
+
+
+def of_both_ways(
+    plan: Plan, readings: Readings, samples: Samples, fit: TableFit
+) -> tuple[Samples, list[Remark]]:
+    """Return the readings of a log as the mean of both ways of the axis that moves most.
+
+    A table of one direction cannot hold what differs between them. Where each line of a
+    surface was passed one way only, it would take that for waves from line to line.
+    """
+    order = np.argsort(readings.order, kind="stable")
+    if len(order) < LOG:
+        return samples, []
+    places = samples.positions[order]
+    most = int(np.argmax(np.abs(np.diff(places, axis=0)).sum(axis=0)))
+    way = np.empty(len(order), np.int64)
+    way[order] = travel_direction(places[:, most])
+    if len(np.unique(way)) < 2 or (way == 0).any():
+        return samples, []
+    apart, deviation = _difference(plan, samples, fit, 0.5 * way, most)
+    if abs(apart) < max(SEEN * deviation, fit.noise, TINY):
+        return samples, []
+    unit, mover = plan.job.spec.axes[plan.axis].small_unit, plan.fit.over[most]
+    words = (
+        f"Readings taken while {mover} moves in positive direction lie {1e3 * apart:+.2g} {unit}"
+        " from those on the way back: lost motion, or an instrument that is late. This table"
+        " knows no direction and is the mean of both ways, each of which keeps half of that."
+    )
+    error = samples.error - 0.5 * apart * way
+    return dataclasses.replace(samples, error=error), [Remark.warning(words)]
+
+
+def _difference(
+    plan: Plan,
+    samples: Samples,
+    fit: TableFit,
+    way: Float[np.ndarray, " t"],
+    most: int,
+) -> tuple[float, float]:
+    """Return by how much both ways of an axis differ, and its standard deviation.
+
+    By what a table leaves of the readings of a place that was passed both ways, and else by
+    the second differences from line to line, which are large for waves and small for a shape.
+    """
+    keep = ~np.asarray(fit.wild)
+    kept = dataclasses.replace(samples.take(keep), run=None, order=None)
+    shape, waves = (
+        fit_table(
+            plan.table.layout,
+            dataclasses.replace(kept, error=error[keep]),
+            smoothness=_LOOSE,
+            loss="gauss",
+            allow_gaps=True,
+        )
+        for error in (np.asarray(samples.error), way)
+    )
+    pairs = [(np.asarray(waves.residual), np.asarray(shape.residual))]
+    for axis in range(shape.values.ndim):
+        if axis != shape.values.ndim - 1 - most and shape.values.shape[axis] > 2:
+            lines = (
+                np.diff(fitted.values, 2, axis=axis).ravel()
+                for fitted in (waves, shape)
+            )
+            pairs.append((*lines,))
+    total = weight = 0.0
+    for pattern, seen in pairs:
+        square = float(pattern @ pattern)
+        if square < _FAINT * pattern.size:
+            continue
+        size = float(pattern @ seen) / square
+        variance = float(np.mean((seen - size * pattern) ** 2)) / square
+        total, weight = total + size / variance, weight + 1.0 / variance
+    return (total / weight, weight**-0.5) if weight else (0.0, np.inf)
