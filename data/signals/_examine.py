@@ -27,6 +27,8 @@ Kind = Literal[
 
 _SLOW = 0.02
 """Share of the fastest speed below which a sample is slow, where no speed is given."""
+_RAMPS = 0.003
+"""Share of the samples that are slow in any recording, on the ramps between speeds."""
 _FEW = 20
 """Fewer samples than that count as none."""
 _HELD = 0.2
@@ -167,8 +169,7 @@ def _slow_samples(
         return []
     fastest = quantile(moving, 0.99)
     bound = _SLOW * fastest if slow is None else slow
-    count = np.count_nonzero(moving <= bound)
-    if count >= _FEW:
+    if quantile(moving, _RAMPS) <= bound:
         return []
     slowest = quantile(moving, 0.01)
     sentence = (

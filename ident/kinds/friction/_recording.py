@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -40,6 +41,8 @@ _SHARE = 0.3
 once, so that a smoothed ramp shows another law."""
 _LEAST, _BRIDGED = 100, 4
 """Samples of a recording, and those missed in a row, that are filled in at most."""
+_APART, _SAME = 10.0, 0.05
+"""s between recordings of one fit, and the share that their sample times may differ by."""
 _FINE = 1e-4
 """Median noise of a recorded velocity, as a share of the highest, that is none."""
 _SURE = 0.999
@@ -69,15 +72,14 @@ def read_drive(tables: Tables, fit: Spec) -> DriveRecording:
     """Return the recording of a friction fit.
 
     Raises:
-        MeasurementError: If a role is missing, there are several measurements, the motion
-            cannot be derived, or no sample tells of kinetic friction.
+        MeasurementError: If a role is missing, several measurements differ in sample time or
+            units, the motion cannot be derived, or no sample tells of kinetic friction.
     """
-    name, axis = fit.sources[0], fit.axis
-    measured, dropped = _bridged(tables.measured(name, axis))
+    axis = fit.axis
+    parts = [_bridged(tables.measured(name, axis)) for name in fit.sources]
+    measured = _one_after_another([part for part, _ in parts])
+    dropped = sum(count for _, count in parts)
     source = str(measured.source)
-    if len(fit.sources) > 1:
-        reason = "found several recordings for a friction fit, expected one"
-        raise MeasurementError(source, reason)
     role = f"{axis}.current"
     purpose = f"for the friction fit of {axis}"
     recorded = np.asarray(measured.require(role, purpose), dtype=float)
@@ -171,6 +173,40 @@ def _bridged(measured: Measurement) -> tuple[Measurement, int]:
         lines=measured.lines[nearest],
     )
     return whole, len(at) - len(time)
+
+
+def _one_after_another(parts: Sequence[Measurement]) -> Measurement:
+    """Return several recordings as one, whose clock jumps from each to the next."""
+    first = parts[0]
+    if len(parts) == 1:
+        return first
+    shared = [r for r in first.values if all(r in part.values for part in parts)]
+    columns: dict[str, list[np.ndarray]] = {role: [] for role in shared}
+    end = step = 0.0
+    for part in parts:
+        clock = np.asarray(part.require("time", "for several recordings"), dtype=float)
+        own = read_clock(clock).sample_time
+        step = step or own
+        if abs(own - step) > _SAME * step:
+            found = f"found {1e3 * own:.4g} ms a sample, expected {1e3 * step:.4g} ms"
+            raise MeasurementError(str(part.source), f"{found} as in {first.name}")
+        for role in shared:
+            found, expected = part.units.get(role), first.units.get(role)
+            if found != expected:
+                words = f"{role}: found {found}, expected {expected} as in {first.name}"
+                raise MeasurementError(str(part.source), words)
+            columns[role].append(np.asarray(part.values[role]))
+        columns["time"][-1] = clock - clock[0] + end
+        end += float(clock[-1] - clock[0]) + _APART
+    values = {role: np.concatenate(column) for role, column in columns.items()}
+    remarks = dict.fromkeys(words for part in parts for words in part.remarks)
+    return dataclasses.replace(
+        first,
+        values=RoleValues(values),
+        rows=sum(part.rows for part in parts),
+        lines=np.concatenate([part.lines for part in parts]),
+        remarks=tuple(remarks),
+    )
 
 
 def _motion(measured: Measurement, axis: str) -> Motion:

@@ -112,6 +112,38 @@ def test_law_and_load_come_back(done: tuple[Path, JobResult]) -> None:
     assert np.abs(mean - np.asarray(LAW(found.curve.speed)))[driven].max() < 0.15
 
 
+def test_several_recordings_make_one_law(tmp_path: Path) -> None:
+    speeds = (1, 2, 4, 8, 16, 40, 100)
+    for name, part in (("slow", speeds[:4]), ("fast", speeds[4:])):
+        record(tmp_path, velocity=motion(part))
+        (tmp_path / "trace.csv").rename(tmp_path / f"{name}.csv")
+    head, own = friction_job(FULL, file="slow.csv").split("[[fits]]")
+    second = head[head.index("[measurements") :]
+    second = second.replace("trace", "other").replace("slow.csv", "fast.csv")
+    own = own.replace('measurement = "trace"', 'measurements = ["trace", "other"]')
+    (tmp_path / "job.toml").write_text(f"{head}{second}[[fits]]{own}")
+    found = friction(run_job(tmp_path / "job.toml", tmp_path / "out"))
+    assert found.curve is not None
+    assert found.curve.speed.max() > 90.0
+    driven = found.curve.speed > 1.5
+    mean = found.curve.currents[:2].mean(axis=0)
+    # As of the whole recording, `test_law_and_load_come_back`.
+    assert np.abs(mean - np.asarray(LAW(found.curve.speed)))[driven].max() < 0.15
+
+
+def test_recordings_of_different_sample_times_are_not_joined(tmp_path: Path) -> None:
+    record(tmp_path)
+    head, *rows = (tmp_path / "trace.csv").read_text().splitlines()
+    (tmp_path / "slow.csv").write_text("\n".join([head, *rows[::2]]))
+    top, own = friction_job(FULL).split("[[fits]]")
+    second = top[top.index("[measurements") :].replace("trace.csv", "slow.csv")
+    second = second.replace(".trace", ".other")
+    own = own.replace('measurement = "trace"', 'measurements = ["trace", "other"]')
+    (tmp_path / "job.toml").write_text(f"{top}{second}[[fits]]{own}")
+    with pytest.raises(MeasurementError, match=r"found 4 ms a sample, expected 2 ms"):
+        run_job(tmp_path / "job.toml", tmp_path / "out")
+
+
 def test_samples_that_the_recorder_dropped_end_no_law(tmp_path: Path) -> None:
     record(tmp_path)
     head, *rows = (tmp_path / "trace.csv").read_text().splitlines()
