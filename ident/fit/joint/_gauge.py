@@ -21,12 +21,15 @@ from scipy.sparse.linalg import spsolve
 
 from ..._recording import JointData
 from ...core import AbstractPrior
-from .._identifiable import Shapes, null_space, pivoted
+from .._identifiable import SINGULAR, Shapes, null_space, pivoted
 from ._design import Design, design_of
 from ._effect import Rank
 
 _NOTHING = 1e-7
 """Size of a direction, relative to all, below which a component has no part in it."""
+_APART = float(np.sqrt(SINGULAR))
+"""Size of what a direction that rows leave open has beside those of any data: less is what
+rounding makes of weak information."""
 _ANYWHERE = np.nan, np.nan
 """Range of an input that makes a difference at any size."""
 _DEGREE = 4
@@ -114,10 +117,14 @@ class Rules:
         unheld = design.unheld
         if not unheld.shape[1]:
             return self
-        excess = unheld - self.null @ np.linalg.lstsq(self.null, unheld, rcond=None)[0]
-        basis, sizes, _ = pivoted(excess / np.linalg.norm(unheld, axis=0))
+        # Each unknown by what a reading sees of it: values may be lengths, rates, coefficients.
+        scale = np.where(design.diagonal > 0, np.sqrt(design.diagonal), 1.0)[:, None]
+        scale /= np.sqrt(max(len(design.rows), 1))
+        known, new = self.null * scale, unheld * scale
+        excess = new - known @ np.linalg.lstsq(known, new, rcond=None)[0]
+        basis, sizes, _ = pivoted(excess / np.linalg.norm(new, axis=0))
         # The new ones begin where the rule so far puts them.
-        free = self.project(basis[:, sizes > _NOTHING])
+        free = self.project(basis[:, sizes > _APART] / scale)
         fixed = _eliminated(design, free)
         return Rules(np.hstack([self.null, free]), np.vstack([self.functionals, fixed]))
 
