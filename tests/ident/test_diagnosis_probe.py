@@ -374,3 +374,23 @@ def test_friction_is_probed_at_a_low_level_of_what_is_loaded() -> None:
     coarse = ListFile.parse(FRICTION.replace("1000", "4").encode(), "achskw1.lis")
     with pytest.raises(ExchangeError, match="scaling_factor: found 4, expected 10 or"):
         probed_in([coarse], RULES)
+
+
+def test_axes_of_a_gantry_are_moved_and_switched_together() -> None:
+    axes = {
+        1: ProbeAxis(1, "X", (0.0, 500.0)),
+        2: ProbeAxis(2, "Y", (0.0, 500.0), partner="V"),
+        5: ProbeAxis(5, "V", (0.0, 500.0), partner="Y"),
+    }
+    probed = [Probed(n, "leadscrew", (n,)) for n in (2, 5)] + [Probed(1, "cross", (2,))]
+    probe = make_probe(axes, probed, RULES)
+    (program,) = probe_programs(probe).values()
+    blocks = program.splitlines()
+    # Whose program moves one of them alone twists the gantry, and so does its COMP.
+    assert not any(
+        "G0" in block and ("Y=" in block or "V=" in block) for block in blocks
+    )
+    assert any("Lead Y and V together to 150." in block for block in blocks)
+    assert any("Y[COMP ON LEAD] V[COMP ON LEAD]" in block for block in blocks)
+    assert any("Y[COMP OFF_ALL] V[COMP OFF_ALL]" in block for block in blocks)
+    assert "Y and V: always both axes of a gantry together" in probe_text(probe)

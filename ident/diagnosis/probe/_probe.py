@@ -46,6 +46,7 @@ class ProbeAxis:
         rotary: Positions are in °.
         modulo: The travel is one turn.
         channel: Whose NC programs know its name.
+        partner: Word of the other axis of its gantry, or None.
     """
 
     number: int
@@ -54,6 +55,7 @@ class ProbeAxis:
     rotary: bool = False
     modulo: bool = False
     channel: int = 1
+    partner: str | None = None
 
     @property
     def grid(self) -> ListNodes:

@@ -29,6 +29,7 @@ class ProbeStep:
         outcomes: What may be seen.
         channel: Of the axis.
         elsewhere: Channel of each axis that another channel moves, by name.
+        partners: Other axis of its gantry, by name: nobody moves or switches one alone.
     """
 
     axis: str
@@ -43,12 +44,33 @@ class ProbeStep:
     outcomes: tuple[Outcome, ...]
     channel: int
     elsewhere: Mapping[str, int]
+    partners: Mapping[str, str]
+
+    @property
+    def both(self) -> tuple[str, ...]:
+        """The axis, and its partner in a gantry."""
+        return (self.axis, *filter(None, [self.partners.get(self.axis)]))
+
+    @property
+    def on(self) -> str:
+        """The NC commands that switch it on, at once."""
+        return " ".join(f"{word}[COMP ON {self.keyword}]" for word in self.both)
+
+    @property
+    def off(self) -> str:
+        """The NC commands that switch all off, at once."""
+        return " ".join(f"{word}[COMP OFF_ALL]" for word in self.both)
 
     @property
     def sentence(self) -> str:
         """What to do, in words."""
-        logged = " or ".join(self.readings)
-        on = f"{self.axis}[COMP ON {self.keyword}]"
+        pairs = (f"{one} and {other}" for one, other in self.partners.items())
+        words = f" ({', '.join(pairs)}: always both axes of a gantry together)"
+        return self._sentence + words * bool(self.partners)
+
+    @property
+    def _sentence(self) -> str:
+        logged, on = " or ".join(self.readings), self.on
         if self.steady:
             return (
                 f"{self.axis}, {self.compensation}: {' '.join(self.checks)} Then switch it on"
@@ -62,10 +84,9 @@ class ProbeStep:
                 f" goes, and log {logged} with velocity and acceleration."
             )
         return (
-            f"{self.axis}, {self.compensation}: switch all off ({self.axis}[COMP"
-            f" OFF_ALL]), come from {places_text(self.start)} to {places_text(self.end)}, set the"
-            f" gauge on {self.axis} to zero, switch it on ({on}) and read the gauge, or"
-            f" log {logged}."
+            f"{self.axis}, {self.compensation}: switch all off ({self.off}), come from"
+            f" {places_text(self.start)} to {places_text(self.end)}, set the gauge on"
+            f" {self.axis} to zero, switch it on ({on}) and read the gauge, or log {logged}."
         )
 
 
@@ -105,6 +126,7 @@ def _step(one: Probed, axes: Mapping[int, ProbeAxis]) -> ProbeStep:
         ),
         channel=axis.channel,
         elsewhere={m.name: m.channel for m in masters if m.channel != axis.channel},
+        partners={m.name: m.partner for m in (axis, *masters) if m.partner},
     )
 
 
@@ -152,8 +174,8 @@ def probe_programs(probe: Probe) -> dict[str, str]:
 def _program(steps: Sequence[ProbeStep]) -> str:
     blocks: list[str] = []
     for step in steps:
-        blocks += [f"; {step.axis}: {step.compensation}", f"{step.axis}[COMP OFF_ALL]"]
-        on = f"{step.axis}[COMP ON {step.keyword}]"
+        blocks += [f"; {step.axis}: {step.compensation}", step.off]
+        on = step.on
         way, before = "G00" if step.moving else "G01", step.moving or step.steady
         rest = "G04 1"
         blocks += [*_way("G01", step, step.start), rest]
@@ -163,9 +185,12 @@ def _program(steps: Sequence[ProbeStep]) -> str:
         if not before:
             blocks += [on, rest]
         blocks += [*_way(way, step, step.start), rest]
-    words = dict.fromkeys(step.axis for step in steps)
+    words = dict.fromkeys(word for step in steps for word in step.both)
     states = [CompState(word, facts.keyword) for word in words for facts in kinds()]
-    after = ["; As it was", *(f"{word}[COMP OFF_ALL]" for word in words)]
+    after = [
+        "; As it was",
+        *{frozenset(step.both): step.off for step in steps}.values(),
+    ]
     for state in states:
         on = f"{state.word}[COMP ON {state.keyword}]"
         after += state.where_it_was(on=True, block=on)
@@ -185,13 +210,19 @@ def _program(steps: Sequence[ProbeStep]) -> str:
 
 
 def _way(way: str, step: ProbeStep, places: Mapping[str, float]) -> list[str]:
-    """Return the blocks that lead to a place; axes of other channels are led by a person."""
-    own = {name: at for name, at in places.items() if name not in step.elsewhere}
-    other = {
-        f"{name} of channel {step.elsewhere[name]}": at
-        for name, at in places.items()
+    """Return the blocks that lead to a place.
+
+    A person leads axes of other channels, and those of a gantry, whose program moves one only.
+    """
+    led = {
+        name: f"{name} of channel {step.elsewhere[name]}"
         if name in step.elsewhere
+        else f"{name} and {step.partners[name]} together to"
+        for name in places
+        if name in step.elsewhere or name in step.partners
     }
+    own = {name: at for name, at in places.items() if name not in led}
+    other = {words: places[name] for name, words in led.items()}
     blocks = [f"M00 ; Lead {places_text(other)}."] if other else []
     return blocks + ([_block(way, own)] if own else [])
 

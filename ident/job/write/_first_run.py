@@ -47,7 +47,7 @@ def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
     for draft in sorted(drafts, key=lambda draft: draft.index):
         channel, kind = job.spec.axes[draft.axis].channel, draft.kind
         # Both axes of a gantry at once: one of them alone would twist it.
-        step = steps.setdefault((channel, _together(job, draft.axis), kind), [])
+        step = steps.setdefault((channel, together(job, draft.axis), kind), [])
         step.append(CompState(job.spec.nc_word(draft.axis), kind.keyword))
     channels: dict[int, list[_Step]] = {}
     for (channel, _, kind), states in steps.items():
@@ -59,7 +59,7 @@ def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
     }
 
 
-def _together(job: Job, axis: str) -> frozenset[str]:
+def together(job: Job, axis: str) -> frozenset[str]:
     """Return an axis with its partners in a gantry of the same channel."""
     axes = job.spec.axes
     return frozenset(

@@ -15,7 +15,7 @@ from ..file._load import Job
 from ..result._job_result import LoadStep
 from ..result._result import AbstractResult
 from ..result._verdict import Code, Verdict
-from ._first_run import nameless
+from ._first_run import nameless, together
 from ._lists import AxisFiles
 
 
@@ -28,7 +28,11 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
     open_ = [reason for reason in judged.reasons if reason.code is Code.ASSUMED]
     expected = result.expectation if open_ else None
     worse = judged.has(Code.DIAGNOSED) or judged.has(Code.NO_BETTER)
+    words = [job.spec.nc_word(axis) for axis in sorted(together(job, draft.axis))]
     line = {
+        "pair": words if len(words) > 1 else [],
+        "off": " ".join(f"{each}[COMP OFF {kind.keyword}]" for each in words),
+        "on": " ".join(f"{each}[COMP ON {kind.keyword}]" for each in words),
         "name": draft.fit.name,
         "axis": draft.axis,
         "word": word,
@@ -64,7 +68,18 @@ def load_sheet(
     drafts = sorted((d for axis in files for d in axis.drafts), key=lambda d: d.index)
     pairs = [(d, r) for d, r in zip(drafts, results, strict=True) if d.written]
     lines = [_line(job, draft, result) for draft, result in pairs]
-    let_out = [axis for axis in files if axis.lists and not axis.failed]
+    # What the job asked for is not known: the list in the folder is a part of it.
+    withheld = {
+        draft.axis: reason.fields["message"]
+        for draft, result in pairs
+        for reason in result.judgement.reasons
+        if reason.code is Code.ERROR
+    }
+    let_out = [
+        axis
+        for axis in files
+        if axis.lists and not axis.failed and axis.axis not in withheld
+    ]
     axes = [axis.axis for axis in let_out]
     written = [line for line in lines if line["axis"] in axes]
     changed = [
@@ -81,7 +96,8 @@ def load_sheet(
         rejected=[axis.axis for axis in files if axis.failed],
         refuted=[line["name"] for line in written if line["refuted"]],
         files=let_out,
-        unsettled=[line for line in lines if line["conventions"]],
+        withheld=withheld,
+        unsettled=[line for line in written if line["conventions"]],
         plc_objects={
             axis.axis: " and ".join(
                 name for name in axis.extra if name.endswith(".TcPOU")
