@@ -12,6 +12,7 @@ in any unit.
   moving axis; `standing`: where it does not move.
 * `find_polarity`, `find_saturation`, `without_spikes`, `examine`: what a recording of a
   current is worth.
+* `strokes_alike`: whether accelerations stand at one place each.
 * `median`, `quantile`: NumPy's for one array, faster.
 """
 
@@ -58,3 +59,4 @@ from ._motion import (
 )
 from ._noise import noise_of as noise_of, resolution as resolution
 from ._order import median as median, quantile as quantile
+from ._strokes import strokes_alike as strokes_alike

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ...data.signals import strokes_alike
 from ._data import Observed, Rejected
 from ._terms import CHANNELS, HEAT, Kind, Term
 
@@ -255,6 +256,10 @@ def _lacking(view: AxisView, term: Term) -> str:
             return f"no {channel} of {subject} is known"
         if not present:
             return f"{subject} was read at one {channel} only"
+    if term.kind is Kind.PUSH_PLACE:
+        mover, place = term.masters
+        if strokes_alike(view.data.acceleration[mover], view.data.position[place]):
+            return f"{mover} always speeds up at one position of {place}, and slows down at one"
     return ""
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ...data.signals import strokes_alike
 from ..discover import Observed
 from ..job import Job, Trend, trend_through
 from ..readings import Observation, without_zero
@@ -176,9 +177,10 @@ def _of_push(
     adapted = {
         place: _share(data, axis, rows, push, push * data.position[place])
         for place in moved
+        if not strokes_alike(push[rows], data.position[place][rows])
     }
-    place = max(adapted, key=lambda each: adapted[each])
-    if adapted[place] - alike > _ADAPTED * (1.0 - alike):
+    place = max(adapted, key=lambda each: adapted[each], default=master)
+    if adapted.get(place, 0.0) - alike > _ADAPTED * (1.0 - alike):
         keys["adaptation"] = place
         why += f", and how much changes with the position of {place}"
     return Suggestion("crosstalk", axis, (), keys, (name,), alike > _MAINLY, why)

@@ -17,6 +17,7 @@ from axcomp.data.signals import (
     read_clock,
     resolution,
     smoothed_motion,
+    strokes_alike,
     zero_phase,
 )
 
@@ -229,3 +230,20 @@ def test_a_long_record_takes_seconds() -> None:
     filtered_motion(time, position, cutoff=100.0)
     # Some 0.2 s; a loop over samples in Python would take minutes.
     assert stopwatch.perf_counter() - begun < 10.0
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_strokes_that_begin_and_end_at_the_same_places_are_alike(alike: bool) -> None:
+    rng = np.random.default_rng(19)
+    step, parts, place = 0.004, [], 0.0
+    for k in range(40):
+        end = 200.0 * ((k + 1) % 2) if alike else rng.uniform(0.0, 200.0)
+        count = 120
+        phase = (np.arange(count) + 0.5) / count
+        parts.append(place + (end - place) * (0.5 - 0.5 * np.cos(np.pi * phase)))
+        parts.append(np.full(30, end))
+        place = end
+    x = np.concatenate(parts)
+    # Hard near the ends of its strokes: cubes of what the cosine does.
+    a = np.gradient(np.gradient(x, step), step) ** 3
+    assert strokes_alike(a, x) is alike

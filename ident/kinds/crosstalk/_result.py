@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ....data.signals import strokes_alike
 from ....models import Crosstalk
 from ...job.result._result import AbstractResult, Remark
 from . import BRANCHES
@@ -142,6 +143,16 @@ def remarks_of(draft: "CrosstalkDraft") -> Iterator[Remark]:
         yield from _of_the_list(draft)
     else:
         yield from _why_nothing(draft.found)
+    master, log = draft.fit.master, draft.log
+    speed = np.nan_to_num(log.velocity[master])
+    gone = np.cumsum(speed * np.gradient(log.clock_for(draft.fit.name)))
+    if strokes_alike(log.acceleration[master], gone):
+        yield Remark.warning(
+            f"All strokes of {master} begin and end at the same places: what else the error of"
+            f" {draft.axis} does there, over the position of {master} or at its reversals, counts"
+            " as crosstalk, and no standard deviation holds it. Record strokes of different"
+            " lengths."
+        )
     if reason := draft.plan.unread:
         yield Remark.warning(
             f"The new crosstalk replaces one that cannot be read: {reason}"

@@ -258,6 +258,33 @@ def test_the_direction_in_a_crosstalk_is_seen(virtual: ModuleType) -> None:
     ]
 
 
+def test_strokes_that_are_all_alike_adapt_no_crosstalk_to_their_own_place(
+    virtual: ModuleType,
+) -> None:
+    step = 0.01
+    hard = np.repeat([1.0, 0.0, -1.0, 0.0], [20, 60, 20, 20]) * 1500.0
+    cycle = np.concatenate([hard, -hard])
+    a = np.tile(cycle, 100)
+    v = step * np.cumsum(a)
+    x = 20.0 + step * np.cumsum(v)
+    rest = np.zeros_like(a)
+    still = {"X": x, "Z": rest}
+    motion = virtual.Motion(
+        step * np.arange(len(a)),
+        still,
+        {"X": v, "Z": rest},
+        {"X": a, "Z": rest},
+        {"X": virtual.held_sign(v), "Z": rest + 1.0},
+        {},
+    )
+    effects = {"Z": [virtual.crosstalk("X", 8e-3), lambda m: 6e-3 * np.cos(x / 25.0)]}
+    recorded = virtual.observe(motion, effects, 1, drift=0.0, wild=0.0)
+    found = discover(recorded, ("X", "Z"))
+    keys = {one.compensation: one.keys for one in found.found}
+    # The strokes begin and end at the same places: place and sign are one and the same.
+    assert keys["crosstalk"] == {"master": "X", "mode": 1}
+
+
 def test_masters_that_moved_together_are_said_and_not_guessed(
     virtual: ModuleType,
 ) -> None:
