@@ -111,6 +111,7 @@ def read_iso230(
     table = read_table(path)
     if not columns:
         axis = axis or _only_axis(table)
+    axis = axis or table.axis
     name = axis or "axis"
     data = measurement(table, columns or {}, axis=name)
     position = data.require(f"{name}.position", "for an ISO 230-2 evaluation")

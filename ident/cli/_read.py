@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -217,7 +218,7 @@ def new(
     if as_json:
         print_json({"job": str(out), "fits": job.fits, "questions": job.questions})
     else:
-        _print_questions(out, job)
+        _print_questions(out, job, lists or [])
 
 
 def _numbered(text: str) -> tuple[str, int | None]:
@@ -228,7 +229,7 @@ def _numbered(text: str) -> tuple[str, int | None]:
     return match[1], int(match[3]) if match[3] else None
 
 
-def _print_questions(out: Path, job: "NewJob") -> None:
+def _print_questions(out: Path, job: "NewJob", lists: Sequence[Path]) -> None:
     typer.echo(f"Job: {out}")
     if not job.fits:
         typer.echo(
@@ -246,4 +247,11 @@ def _print_questions(out: Path, job: "NewJob") -> None:
         typer.echo(
             f"  {out}:{question.line}: QUESTION {number}{optional}: {question.words}"
         )
-    typer.echo(f"Then: axcomp fit {shlex.quote(str(out))}")
+    name = shlex.quote(str(out))
+    if any((path.parent / "result.json").exists() for path in lists):
+        # Measured again with what a job wrote: a fit of its own would write onto that.
+        typer.echo(
+            f"Then, with the job that wrote the list: axcomp fit JOB --after {name}"
+        )
+        return
+    typer.echo(f"Then: axcomp fit {name}")

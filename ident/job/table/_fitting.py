@@ -169,7 +169,8 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
                 f"found no reading in {missing} direction of {plan.axis}, expected both"
                 " directions for bilateral = true"
             )
-            raise plan.refusal(reason)
+            notes = [each.message for each in remarks]
+            raise plan.refusal(". ".join([reason, " ".join(notes)]).rstrip(". "))
     finer = fewest < table.layout.effect.size // table.branches
     fit_to = functools.partial(
         fit_table,

@@ -50,4 +50,6 @@ def test_the_first_list_is_made_loaded_and_verified(
                 measured_again(tmp_path)
                 job = Path("after.toml")
             assert main(words) == 0, f"{line}: {capsys.readouterr().err}"
+            if job.name == "after.toml" and words[0] == "new":
+                assert "axcomp fit JOB --after after.toml" in capsys.readouterr().out
     assert "verified" in capsys.readouterr().out.casefold()
