@@ -12,7 +12,7 @@ from ..result._result import Remark
 from ._plan import Plan
 from ._remarks import LOG, SEEN, TINY
 
-_PASS, _PASSES, _ALIKE = 0.5, 10, 2.0
+_PASS, _PASSES, _ALIKE = 0.25, 10, 2.0
 """Share of the longest pass of a node that one has at least; passes beyond the first of each
 node that tell how they differ; and the variance, in that of white noise, from which on they do."""
 _LOOSE, _FAINT = 1e-6, 1e-3
@@ -64,7 +64,10 @@ def as_passes_differ(
     )
     shared = apart / np.where(passes > 0, passes, np.median(passes[passes > 0]))
     variance = np.square(np.asarray(fit.standard_deviation))
-    deviation = np.sqrt(variance + shared.reshape(variance.shape))
+    # A node that hangs on few readings makes more of what they share than its passes show.
+    swell = between / float(np.average(square, weights=size))
+    wider = np.maximum(variance + shared.reshape(variance.shape), swell * variance)
+    deviation = np.sqrt(wider)
     return dataclasses.replace(fit, standard_deviation=deviation), [Remark.info(words)]
 
 
