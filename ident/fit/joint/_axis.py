@@ -39,6 +39,8 @@ Smoothness = str | float | Mapping[str, Mapping[str, float]]
 """``"auto"``, a number, or weights by name of the table."""
 Vector = Float[np.ndarray, " _n"]
 
+_SURE = 2.0
+"""Deviations that a lag differs from none by, at least."""
 _LAG_STARTS, _LAG_ROUNDS = 5, 6
 """Lags that the first is chosen from; rounds of lags and everything else, which end where no lag
 moves any more."""
@@ -240,7 +242,19 @@ def fit_axis(
     else:
         # Nothing to find, or no end to it.
         fit = dataclasses.replace(fit, converged=fit.converged and not sensors)
-    return AxisFit(data, identified(design, data, drift), fit, lags)
+    found = AxisFit(data, identified(design, data, drift), fit, lags)
+    vague = [
+        s for s, lag in lags.items() if _SURE * found.lag_deviation[s] > lag.value > 0.0
+    ]
+    if not vague:
+        return found
+    # Noise with a memory looks like a lag that may as well be none.
+    values |= dict.fromkeys(vague, 0.0)
+    design = lagging(design, data, values)
+    kept = {s: dataclasses.replace(lag, value=values[s]) for s, lag in lags.items()}
+    none = {s: dataclasses.replace(kept[s], deviation=0.0) for s in vague}
+    fit = estimated(design, fit)
+    return AxisFit(data, identified(design, data, drift), fit, kept | none)
 
 
 def _start(

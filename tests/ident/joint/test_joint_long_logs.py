@@ -1,7 +1,10 @@
-"""Rounding of long logs makes no freedoms of the sum."""
+"""Long logs: rounding is no freedom of the sum, and noise with a memory is no lag."""
+
+import dataclasses
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from axcomp.ident.fit.joint import (
     Backlash,
@@ -70,3 +73,17 @@ def test_what_rounding_adds_to_an_open_direction_is_none(
     open_[place, 0] += size * np.linalg.norm(open_[:, 0])
     vars(design)["unheld"] = open_
     assert rules.beside(design).null.shape[1] == freedoms
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_noise_with_a_memory_is_no_lag(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    data = drifting_log(5_000)
+    air = lfilter([1.5e-3 * np.sqrt(0.1)], [1.0, -0.95], rng.standard_normal(5_000))
+    sensor = data.temperature["scale"] + 0.02 * rng.standard_normal(5_000)
+    data = dataclasses.replace(
+        data, error={"X": data.error["X"] + air}, temperature={"scale": sensor}
+    )
+    growth = Temperature("X", {"coefficient": "scale"}, 0.0, lag="fit")
+    fit = fit_joint(data, [*EFFECTS[:2], growth])
+    assert fit.part(growth.name).lags == {"scale": (0.0, 0.0)}
