@@ -141,6 +141,18 @@ def read_group(
         parts.append(_columns(rows, members, axes, alone))
         every[name] = rows
         remarks += [Remark.info(words) for words in dict.fromkeys(rows.remarks)]
+    moving = frozenset(
+        axis
+        for rows, part in zip(every.values(), parts, strict=True)
+        for axis in rows.moving & set(part.velocity)
+    )
+    # Beside a log in motion, what was read from place to place stood still.
+    parts = [
+        dataclasses.replace(
+            part, velocity={a: np.zeros(len(part)) for a in moving} | {**part.velocity}
+        )
+        for part in parts
+    ]
     counts = [len(part) for part in parts]
     columns = {table: stacked(parts, table, counts) for table in CHANNELS}
     own_zero = _own_zero(tables.job, lead.sources, parts)
@@ -182,11 +194,7 @@ def read_group(
         run=run,
         fold=fold,
         by_run=by_run,
-        moving=frozenset(
-            axis
-            for rows, part in zip(every.values(), parts, strict=True)
-            for axis in rows.moving & set(part.velocity)
-        ),
+        moving=moving,
         drift=max(spec.drift for spec in specs),
         remarks=tuple(remarks),
         rows=every,
