@@ -277,7 +277,7 @@ def _held(names: Sequence[str]) -> str:
 def _ways(names: Sequence[str]) -> list[str]:
     """Return names of entries, those that name a direction as ``pos`` and ``neg``."""
     ways = [{direction_of(piece) for piece in pieces(name)} - {None} for name in names]
-    if sorted(map(sorted, ways)) == [[-1], [1]]:
+    if {1} in ways and {-1} in ways and len(ways) == 2:
         return ["pos" if way == {1} else "neg" for way in ways]
     return [*names]
 

@@ -164,12 +164,13 @@ def _of_push(
     name: str,
 ) -> Suggestion | None:
     """Return the crosstalk of the axis whose acceleration the error follows most."""
-    shares = {}
-    for master in moved:
-        if master != axis and master in data.acceleration:
-            shares[master] = _share(data, axis, rows, data.acceleration[master])
-    master = max(shares, key=lambda each: shares[each], default=None)
-    if master is None or shares[master] < _FOLLOWS:
+    shares = {
+        each: _share(data, axis, rows, data.acceleration[each])
+        for each in moved
+        if each != axis and each in data.acceleration
+    }
+    master = max(shares, key=lambda each: shares[each], default=axis)
+    if shares.get(master, 0.0) < _FOLLOWS:
         return None
     push, alike = data.acceleration[master], shares[master]
     keys: dict[str, Any] = {"master": master}

@@ -15,6 +15,8 @@ from ._remarks import LOG, SEEN, TINY
 _PASS, _PASSES, _ALIKE = 0.25, 10, 2.0
 """Share of the longest pass of a node that one has at least; passes beyond the first of each
 node that tell how they differ; and the variance, in that of white noise, from which on they do."""
+_NOTHING = 1e-18
+"""mm²: variance of what readings without any noise tell."""
 _LOOSE, _FAINT = 1e-6, 1e-3
 """Smoothness of a table that only fills what was not read; mean square of what is left of ±½
 by both ways from which on it tells how much they differ."""
@@ -44,7 +46,8 @@ def as_passes_differ(
     whole = (size > 1) & (
         size >= _PASS * longest[place]
     )  # others touch the edge of a node
-    place, size, mean, square = (each[whole] for each in (place, size, mean, square))
+    place, size = place[whole], size[whole]
+    mean, square = mean[whole], square[whole]
     passes = np.bincount(place, minlength=fit.values.size)
     middle = np.bincount(place, size * mean) / np.maximum(np.bincount(place, size), 1)
     free = int((passes[passes > 0] - 1).sum())
@@ -139,17 +142,14 @@ def _difference(
     pairs = [(np.asarray(waves.residual), np.asarray(shape.residual))]
     for axis in range(shape.values.ndim):
         if axis != shape.values.ndim - 1 - most and shape.values.shape[axis] > 2:
-            lines = (
-                np.diff(fitted.values, 2, axis=axis).ravel()
-                for fitted in (waves, shape)
-            )
-            pairs.append((*lines,))
+            bends = [np.diff(each.values, 2, axis=axis) for each in (waves, shape)]
+            pairs.append((bends[0].ravel(), bends[1].ravel()))
     total = weight = 0.0
     for pattern, seen in pairs:
         square = float(pattern @ pattern)
         if square < _FAINT * pattern.size:
             continue
         size = float(pattern @ seen) / square
-        variance = float(np.mean((seen - size * pattern) ** 2)) / square
+        variance = max(float(np.mean((seen - size * pattern) ** 2)) / square, _NOTHING)
         total, weight = total + size / variance, weight + 1.0 / variance
     return (total / weight, weight**-0.5) if weight else (0.0, np.inf)

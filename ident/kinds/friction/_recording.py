@@ -188,8 +188,8 @@ def _one_after_another(parts: Sequence[Measurement]) -> Measurement:
         own = read_clock(clock).sample_time
         step = step or own
         if abs(own - step) > _SAME * step:
-            found = f"found {1e3 * own:.4g} ms a sample, expected {1e3 * step:.4g} ms"
-            raise MeasurementError(str(part.source), f"{found} as in {first.name}")
+            words = f"found {1e3 * own:.4g} ms a sample, expected {1e3 * step:.4g} ms"
+            raise MeasurementError(str(part.source), f"{words} as in {first.name}")
         for role in shared:
             found, expected = part.units.get(role), first.units.get(role)
             if found != expected:
