@@ -49,7 +49,8 @@ class Spec(LineSpec, frozen=True):
             )
 
     def warnings(self, job: "Job") -> list[str]:
-        if job.spec.axes[self.master].limits is not None:
+        master = job.spec.axes[self.master]
+        if master.limits is not None or master.modulo is not None:
             return []
         return [
             f"No software limits of {self.master} are given: make sure that the nodes"

@@ -199,7 +199,7 @@ def _caption(fit: FrictionResult, curve: LawCurve) -> str:
     text += " The list is the same for both directions"
     if curve.difference > 0.02:
         return f"{text}; they differ by {share} on average, which it cannot say."
-    return f"{text}, which differ by no more than {share} on average."
+    return f"{text}, whose mean difference is {share}."
 
 
 def residual_plot(fit: FrictionResult, scale: Scale) -> Plot | None:
