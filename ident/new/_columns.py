@@ -16,6 +16,7 @@ from ...data.measurements import (
     WORDS,
     Column,
     ColumnSpec,
+    MeasurementError,
     Table,
     all_position,
     direction_of,
@@ -144,6 +145,8 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         named = [each for each in named if each.kind != "error"]
     if table.format in MESH_FORMATS:
         return Meaning(axes[0] if axes else "Z", {}, {}, (), unused)
+    if not axes:
+        _refuse_tilts(table, named)
     named, outside = _with_encoders(table, named)
     named, drift = _with_drift(named)
     named, probed = _with_probed(named)
@@ -213,6 +216,35 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     }
     unused = tuple(name for name in unused if name not in offered)
     return Meaning(None, assumed, columns, tuple(unclear), unused)
+
+
+def _refuse_tilts(table: Table, named: Sequence[_Named]) -> None:
+    """Refuse a file of angles alone over positions in mm, as of a level or an autocollimator.
+
+    Raises:
+        MeasurementError: If no column of it can be the error that a list corrects.
+    """
+    units = [(column, find_unit(column.unit or "")) for column in table.columns]
+    kinds = {id(c): unit.dimension for c, unit in units if unit is not None}
+    tilts = [c.name for c in table.columns if kinds.get(id(c)) == "angle"]
+    owned = any(
+        each.axis or each.kind in _PLACES
+        for each in named
+        if kinds.get(id(each.column)) == "angle"
+    )
+    owned |= any(
+        each.kind == "error" for each in named if kinds.get(id(each.column)) == "length"
+    )
+    lengths = [each for each in kinds.values() if each == "length"]
+    unstated = [c for c, unit in units if unit is None and c.text is None]
+    if tilts and len(lengths) == 1 and not owned and not unstated:
+        reason = (
+            f"found {' and '.join(tilts)} in an angle beside positions in a length, expected the"
+            " error of an axis: lists correct positions, and no tilt (pitch, yaw, roll). Of a"
+            " straightness, give the deviations that the readings add up to; of a rotary axis,"
+            " its name: --axis"
+        )
+        raise MeasurementError(str(table.path), reason)
 
 
 _OWNED = frozenset(KINDS)

@@ -827,3 +827,15 @@ def test_an_axis_whose_angles_begin_anew_goes_round(tmp_path: Path) -> None:
     written = job.read_text().splitlines()
     assert any(line.startswith("modulo = [0.0, 360.0]") for line in written)
     assert "modulo = true" in written
+
+
+@pytest.mark.parametrize("name", ["Neigung", "pitch error", "Nick"])
+def test_angles_over_a_length_are_no_error_of_an_axis(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    rows = "".join(f"{50 * k};{k % 4},5\n" for k in range(10))
+    (tmp_path / "level.csv").write_text(f"X [mm];{name} [arcsec]\n{rows}")
+    out = tmp_path / "job.toml"
+    assert main(["new", str(tmp_path / "level.csv"), "--out", str(out)]) == 1
+    assert "lists correct positions, and no tilt" in capsys.readouterr().err
+    assert not out.exists()
