@@ -300,3 +300,15 @@ def test_steady_drift_is_told_from_lost_motion_by_what_it_adds_from_run_to_run(
         assert "lost motion of X" in words[0]
     else:
         assert words == []
+
+
+def test_no_dial_is_asked_for_what_it_cannot_show(tmp_path: Path) -> None:
+    rng = np.random.default_rng(43)
+    place, cycle = np.tile(NODES, 6), np.repeat(np.arange(6), len(NODES))
+    error = 3.5e-4 * np.sin(place / 60.0) + 5e-5 * rng.standard_normal(len(place))
+    result = run(
+        tmp_path, place, error, cycle, header="x,e,r", more=', "run" = "r"'
+    )  # fmt: skip
+    first = result.load_sheet[0]
+    assert "Settle the sign" in first.action
+    assert "set a dial" not in first.detail

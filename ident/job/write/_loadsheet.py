@@ -18,6 +18,9 @@ from ..result._verdict import Code, Verdict
 from ._first_run import nameless, together
 from ._lists import AxisFiles
 
+_DIAL = 1e-3
+"""mm or °: what a dial does not show settles no sign."""
+
 
 def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, Any]:
     """Return what the sheet says of a written fit.
@@ -27,6 +30,8 @@ def _line(job: Job, draft: AbstractDraft, result: AbstractResult) -> dict[str, A
     kind, word, judged = draft.kind, job.spec.nc_word(draft.axis), result.judgement
     open_ = [reason for reason in judged.reasons if reason.code is Code.ASSUMED]
     expected = result.expectation if open_ else None
+    if expected is not None and not kind.adds_current and abs(expected.value) < _DIAL:
+        expected = None
     worse = judged.has(Code.DIAGNOSED) or judged.has(Code.NO_BETTER)
     words = [job.spec.nc_word(axis) for axis in sorted(together(job, draft.axis))]
     line = {
