@@ -300,8 +300,9 @@ def measurement(
             good[text] = values
     for text, values in good.items():
         own = text.partition(".")[0]
-        ends = units[text] != "deg" or own in (turns or {})
-        if not ends and (seen := passed_end(values)) is not None:
+        if units[text] != "deg" or own in (turns or {}):
+            continue
+        if (seen := passed_end(values)) is not None:
             reason = (
                 f"{text}: found {seen[0]:.4g}° and then {seen[1]:.4g}° in motion, expected the"
                 f" job to say that {own} goes round: modulo = [0.0, 360.0] of its axis"

@@ -168,8 +168,6 @@ def _probe_of_job(
     job = load_job(file)
     spec = job.spec
     axes, paths = {}, []
-    pairs = [(n, axis.gantry) for n, axis in spec.axes.items() if axis.gantry]
-    partners = {n: spec.nc_word(m) for a, b in pairs for n, m in ((a, b), (b, a))}
     for name, axis in spec.axes.items():
         between = travel.get(axis.number) or axis.modulo or axis.limits
         paths += [job.file(name) for name in axis.files.values()]
@@ -181,7 +179,7 @@ def _probe_of_job(
                 rotary=axis.kind != "linear",
                 modulo=axis.modulo is not None and axis.number not in travel,
                 channel=axis.channel,
-                partner=partners.get(name),
+                partner=next(map(spec.nc_word, spec.partners(name)), None),
             )
     lists = read_lists(paths)
     probed = {(use.axis, use.name): use for use in probed_in(lists, job.conventions)}

@@ -355,9 +355,8 @@ def _linuxcnc(table: ExchangedTable, trim: bool) -> str:
 
 def _of_triplets(path: Path, trim: bool) -> ExchangedTable:
     rows: list[list[float]] = []
-    for number, line in enumerate(
-        path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), 1
-    ):
+    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    for number, line in enumerate(lines, 1):
         try:
             row = [float(cell) for cell in line.split()]
         except ValueError:

@@ -363,13 +363,8 @@ def _with_partner(
 
     Lists of the axes that are stopped are not let out.
     """
-    axes, by_axis, axis = job.spec.axes, {item.axis: item for item in files}, whole.axis
-    partners = [
-        name
-        for name, spec in axes.items()
-        if name == axes[axis].gantry or spec.gantry == axis
-    ]
-    for partner in partners:
+    by_axis, axis = {item.axis: item for item in files}, whole.axis
+    for partner in job.spec.partners(axis):
         fitted, mine = by_axis.get(partner), by_axis[axis].after
         theirs = fitted.after if fitted else job.lists[partner]
         waits, others = _waiting(mine), _waiting(theirs)

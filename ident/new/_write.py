@@ -36,6 +36,7 @@ class Source:
 
 
 WHOLE_TURN = [0.0, 360.0]
+"""Range in ° of an axis whose display begins anew."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -251,10 +251,9 @@ def fit_axis(
     # Noise with a memory looks like a lag that may as well be none.
     values |= dict.fromkeys(vague, 0.0)
     design = lagging(design, data, values)
-    kept = {s: dataclasses.replace(lag, value=values[s]) for s, lag in lags.items()}
-    none = {s: dataclasses.replace(kept[s], deviation=0.0) for s in vague}
+    none = {s: dataclasses.replace(lags[s], value=0.0, deviation=0.0) for s in vague}
     fit = estimated(design, fit)
-    return AxisFit(data, identified(design, data, drift), fit, kept | none)
+    return AxisFit(data, identified(design, data, drift), fit, lags | none)
 
 
 def _start(

@@ -322,6 +322,14 @@ class JobFile(JobPart, frozen=True):
         """Return the word of an axis in NC programs: ``nc_name``, or its key."""
         return self.axes[axis].nc_name or axis
 
+    def partners(self, axis: str) -> tuple[str, ...]:
+        """Return the other axes of the gantry of an axis, whichever of them says so."""
+        return tuple(
+            name
+            for name, other in self.axes.items()
+            if name == self.axes[axis].gantry or other.gantry == axis
+        )
+
     @property
     def groups(self) -> dict[str, tuple[int, ...]]:
         """The fits of each group, by its name.

@@ -43,9 +43,8 @@ def as_passes_differ(
     mean, square = (np.bincount(number, each) / size for each in (left, left**2))
     longest = np.zeros(place.max() + 1)
     np.maximum.at(longest, place, size)
-    whole = (size > 1) & (
-        size >= _PASS * longest[place]
-    )  # others touch the edge of a node
+    # Others touch the edge of a node.
+    whole = (size > 1) & (size >= _PASS * longest[place])
     place, size = place[whole], size[whole]
     mean, square = mean[whole], square[whole]
     passes = np.bincount(place, minlength=fit.values.size)

@@ -62,12 +62,8 @@ def first_run_programs(job: Job, files: Sequence[AxisFiles]) -> dict[str, str]:
 def together(job: Job, axis: str) -> frozenset[str]:
     """Return an axis with its partners in a gantry of the same channel."""
     axes = job.spec.axes
-    return frozenset(
-        name
-        for name, other in axes.items()
-        if other.channel == axes[axis].channel
-        and (name == axis or other.gantry == axis or axes[axis].gantry == name)
-    )
+    every = (axis, *job.spec.partners(axis))
+    return frozenset(n for n in every if axes[n].channel == axes[axis].channel)
 
 
 def nameless(job: Job, axes: Sequence[str]) -> tuple[str, ...]:
