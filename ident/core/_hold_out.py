@@ -73,7 +73,8 @@ def sums_by_group(
     for label in np.unique(groups).tolist():
         mask = groups == label
         group = readings.take(mask)
-        sums[label], _ = sums_of(stack, group, about, loss, design=design[mask])
+        whole, _ = sums_of(stack, group, about, loss, design=design[mask])
+        sums[label] = whole.alike(estimate.times)
     return sums
 
 

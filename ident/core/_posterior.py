@@ -65,6 +65,15 @@ class Problem:
         """Return the problem of sums of the same matrix about another estimate."""
         return dataclasses.replace(self, sums=sums, theta=theta, gain=gain)
 
+    def alike(self, times: float) -> "Problem":
+        """Return the problem if only one reading in so many told something of its own."""
+        return dataclasses.replace(
+            self,
+            sums=self.sums.alike(times),
+            density=self.density / times,
+            held=self.held / times,
+        )
+
     @property
     def stack(self) -> Stack:
         """The effects."""

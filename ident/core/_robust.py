@@ -68,6 +68,7 @@ class Estimate:
         about: Estimate about which that pass was.
         converged: Whether nothing moved any more.
         stated: Whether the weights of the prior were given, and not found by evidence.
+        times: Of so many readings in the sums one tells something of its own.
     """
 
     posterior: Posterior
@@ -75,6 +76,7 @@ class Estimate:
     about: Vector
     converged: bool
     stated: bool = False
+    times: float = 1.0
 
     @property
     def values(self) -> Vector:
@@ -134,9 +136,25 @@ class Estimate:
         uneven = 1.0 + self.loss.unevenness * share
         return np.asarray(squares * degrees / (degrees - 2.0) * uneven**2)
 
+    def alike(self, times: float) -> "Estimate":
+        """Return what the same readings tell where only one in so many is news.
+
+        Errors that readings share are no news: weights chosen for each reading by itself follow
+        them. Weights that were stated stay.
+
+        Raises:
+            FitError: If so few readings determine nothing.
+        """
+        post, stated = self.posterior, self.stated
+        problem = post.problem.alike(times)
+        fewer = problem.at(post.weights / times) if stated else choose_weights(problem)
+        if fewer is None:
+            raise FitError(NOT_DETERMINED)
+        return dataclasses.replace(self, posterior=fewer, times=self.times * times)
+
     def message(self, count: int) -> str:
         """Return one sentence or more on how the fit of so many readings went."""
-        wild = count - int(self.posterior.problem.count)
+        wild = count - round(self.times * self.posterior.problem.count)
         used = f"{count} readings, {self.posterior.used:.1f} effective parameters."
         rejected = f"{wild} wild readings were left out." if wild > 0 else ""
         care = "The iterations did not settle; treat the result with care."

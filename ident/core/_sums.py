@@ -88,6 +88,17 @@ class Sums:
             self.support + other.support,
         )
 
+    def alike(self, times: float) -> "Sums":
+        """Return these sums as if only one reading in so many told something of its own."""
+        return dataclasses.replace(
+            self,
+            diagonals=self.diagonals / times,
+            cross=self.cross / times,
+            border=self.border / times,
+            right=self.right / times,
+            tally=self.tally / times,
+        )
+
     def with_matrix(self, other: "Sums") -> "Sums":
         """Return these sums with the matrix and the support of others."""
         right, tally, histogram = self.right, self.tally, self.histogram

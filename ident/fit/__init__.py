@@ -19,6 +19,7 @@ from ._inequalities import (
     most_probable as most_probable,
 )
 from ._predict import (
+    as_alike as as_alike,
     deviations as deviations,
     leave_out as leave_out,
     mean_row as mean_row,

@@ -16,7 +16,7 @@ from ..core import (
     one_blas_thread,
     sums_by_group,
 )
-from ._result import fold_of
+from ._result import fold_of, residual_of, result_of
 from ._types import Samples, TableFit, TableLayout
 
 
@@ -139,6 +139,33 @@ def leave_out(
         posteriors = leave_one_out(estimate, sums, present, {})
         folds = [(label, fold_of(fit, post)) for label, post in posteriors.items()]
     yield from folds
+
+
+def as_alike(fit: TableFit, samples: Samples, times: float) -> TableFit:
+    """Return what readings tell of a table if only one in so many is news: `Estimate.alike`.
+
+    Raises:
+        FitError: If so few readings determine nothing.
+    """
+    assert fit.estimate is not None  # every fit of `fit_table` has one
+    with one_blas_thread():
+        estimate = fit.estimate.alike(times)
+        runs = [run.run for run in fit.runs]
+        told = result_of(fit.layout, estimate, fit.loss, count=len(fit.wild), runs=runs)
+        stack = estimate.posterior.problem.stack
+        residual = residual_of(stack, samples.readings, estimate.values)
+    names = told.smoothness.items()
+    return dataclasses.replace(
+        fit,
+        values=told.values,
+        standard_deviation=np.maximum(told.standard_deviation, fit.standard_deviation),
+        noise=told.noise,
+        smoothness={name: times * weight for name, weight in names},
+        residual=residual,
+        runs=told.runs,
+        covariance=told.covariance,
+        estimate=estimate,
+    )
 
 
 def spatial_blocks(

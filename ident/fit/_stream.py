@@ -10,6 +10,7 @@ import itertools
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from typing import Any, final
 
 import numpy as np
@@ -67,14 +68,24 @@ class StreamedFit:
         count: Number of readings.
         wild: How many of them are wild.
         crowded: Nodes at which wild readings stand side by side.
-        folds: By group, the table fitted to all readings but those of the group.
+        groups: Sums over the readings of each group.
     """
 
     fit: TableFit
     count: int
     wild: int
     crowded: int
-    folds: Mapping[int, TableFit]
+    groups: Mapping[int, Sums]
+
+    @cached_property
+    def folds(self) -> dict[int, TableFit]:
+        """By group, the table fitted to all readings but those of the group."""
+        estimate = self.fit.estimate
+        assert estimate is not None
+        groups = {k: sums.alike(estimate.times) for k, sums in self.groups.items()}
+        with one_blas_thread():
+            posteriors = leave_one_out(estimate, groups, {}, {}) if groups else {}
+        return {label: fold_of(self.fit, post) for label, post in posteriors.items()}
 
     def judged(self, samples: Samples) -> Judged:
         """Return what the loss leaves of some readings."""
@@ -145,10 +156,8 @@ def fit_streamed(
             nodes, crowds = last.nodes, int(crowded(last.nodes).sum())
         spread = float(np.ptp(first))
         fit = result_of(layout, fitted, loss, count=count, spread=spread, nodes=nodes)
-        posteriors = {} if not grouping else leave_one_out(fitted, last.groups, {}, {})
-        folds = {label: fold_of(fit, post) for label, post in posteriors.items()}
         wild = count - int(fitted.posterior.problem.count)
-        return StreamedFit(fit, count, wild, crowds, folds)
+        return StreamedFit(fit, count, wild, crowds, last.groups)
 
     with one_blas_thread():
         result, remark = attempt(loss), ""

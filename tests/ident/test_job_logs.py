@@ -91,3 +91,25 @@ def test_both_ways_that_agree_stay_as_they_are(tmp_path: Path) -> None:
     found = fit(tmp_path, CROSS, x, np.zeros_like(x), error)
     assert "both ways" not in words(found)
     assert "err alike" not in words(found)
+
+
+def test_a_scanned_surface_does_not_follow_what_its_neighbours_in_time_share(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(52)
+    x, _ = there_and_back(21)
+    y = np.repeat(np.linspace(0.0, 200.0, 21), PER_LINE)
+    # 3 µm of air, alike for some ten readings, of which each node has about twenty.
+    air = lfilter([3e-3 * np.sqrt(0.19)], [1.0, -0.9], rng.standard_normal(x.size))
+
+    def truth(x: Array, y: Array) -> Array:
+        return 0.02 * np.sin(x / 150.0) * np.cos(y / 120.0)
+
+    found = fit(tmp_path, PLANE, x, y, truth(x, y) + air)
+    off = np.array(found["parameters"]["table"])
+    off += truth(np.arange(11) * 30.0, np.arange(11)[:, None] * 20.0)
+    deviation = np.array(found["standard_deviations"]["table"])
+    # 1.1 µm; a smoothness that takes each reading for news follows the air by 2.5 µm.
+    assert 1e3 * np.sqrt(np.mean(off**2)) < 1.5
+    # Of 121 nodes that are smoothed together some twenty tell something of their own.
+    assert 0.6 < np.sqrt(np.mean((off / deviation) ** 2)) < 1.5

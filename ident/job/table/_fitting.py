@@ -193,6 +193,8 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         samples = dataclasses.replace(samples, error=error)
         readings = dataclasses.replace(readings, error=error)
         fit = fit_to(samples)
+    fit, alike = as_passes_differ(plan, readings.order, samples, fit)
+    remarks += alike
     if finer:
         words = "There are more nodes than readings: the prior fills in between."
         places = [*readings.positions.T]
@@ -206,8 +208,6 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     before = readings.error - zero
     acted = plan.acted(readings.positions, branch)
     estimate = _doubted(plan, readings, samples, estimate)
-    estimate, alike = as_passes_differ(plan, readings, samples, estimate)
-    remarks += alike
     if run is not None and repeated:
         groups = groups_of_runs(run)
     else:
@@ -246,7 +246,7 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
     refuse_unowned_trend(plan, fit)
     if share.constant:
         fit = _doubted(plan, readings, samples, fit)
-    fit, alike = as_passes_differ(plan, readings, samples, fit)
+    fit, alike = as_passes_differ(plan, readings.order, samples, fit)
     spread = float(np.hypot(share.noise, 1 / (np.sqrt(12.0) * LIST_UNITS)))
     heldout = HeldOut(
         residual=share.predicted[share.rows],

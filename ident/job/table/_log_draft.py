@@ -124,19 +124,22 @@ def fit_log(readings: LogReadings) -> TableDraft:
         smoothness=spec.smoothness,
         loss=spec.loss,
     )
-    zero, estimate = plan.zeroed(streamed.fit)
-    log = FittedLog(readings, streamed, grouping, zero)
+    log = FittedLog(readings, streamed, grouping, plan.zeroed(streamed.fit)[0])
     samples, row = log.shown()
-    at, before = (samples.positions, samples.branch), samples.error - zero
-    judged = streamed.judged(samples)
+    at, judged = (samples.positions, samples.branch), streamed.judged(samples)
     residual = samples.error - predict(streamed.fit, *at)[0]
+    fit = dataclasses.replace(
+        streamed.fit, residual=residual, share=judged.share, wild=judged.wild
+    )
+    fit, alike = as_passes_differ(plan, row.astype(float), samples, fit, log.every)
+    zero, estimate = plan.zeroed(fit)
+    streamed = dataclasses.replace(streamed, fit=fit)
+    log = dataclasses.replace(log, streamed=streamed, zero=zero)
+    before = samples.error - zero
     heldout = held_out(
         table, samples, streamed.folds, grouping(samples), plan.integers, before,
         plan.acted(*at),
     )  # fmt: skip
-    estimate = dataclasses.replace(
-        estimate, residual=residual, share=judged.share, wild=judged.wild
-    )
     shown = Readings(
         positions=samples.positions,
         error=before,
@@ -146,7 +149,6 @@ def fit_log(readings: LogReadings) -> TableDraft:
         timed=False,
         slices={},
     )
-    estimate, alike = as_passes_differ(plan, shown, samples, estimate)
     remarks = (*readings.remarks, *_of_the_route(log), *alike)
     return TableDraft(
         plan.job, plan.index, spec, plan, estimate, "none", shown, heldout, remarks, log

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....data.signals import travel_direction
-from ...fit import Samples, TableFit, fit_table
+from ...fit import Samples, TableFit, as_alike, fit_table
 from ...readings import Readings
 from ..result._result import Remark
 from ._plan import Plan
@@ -15,6 +15,8 @@ from ._remarks import LOG, SEEN, TINY
 _PASS, _PASSES, _ALIKE = 0.25, 10, 2.0
 """Share of the longest pass of a node that one has at least; passes beyond the first of each
 node that tell how they differ; and the variance, in that of white noise, from which on they do."""
+_CHANCE = 2.0
+"""Standard deviations of a correlation up to which it is chance."""
 _NOTHING = 1e-18
 """mm²: variance of what readings without any noise tell."""
 _LOOSE, _FAINT = 1e-6, 1e-3
@@ -23,20 +25,32 @@ by both ways from which on it tells how much they differ."""
 
 
 def as_passes_differ(
-    plan: Plan, readings: Readings, samples: Samples, fit: TableFit
+    plan: Plan,
+    order: Float[np.ndarray, " t"],
+    samples: Samples,
+    fit: TableFit,
+    every: int = 1,
 ) -> tuple[TableFit, list[Remark]]:
-    """Return the fit of a log with what its readings share in its deviations, and the words for it.
+    """Return the fit of a log whose readings share some of their error, and the words for it.
 
     Neighbours in time share what air, vibration and heat do. Then the passes of a node differ
-    by more than the scatter within them would make them differ, and so does what the table
-    makes of them: the mean of so many passes, and not of so many readings.
+    by more than the scatter within them would make them differ. The table must not follow
+    that, and its deviations hold it: it is the mean of so many passes, and not of so many
+    readings.
+
+    Args:
+        plan: Of the table.
+        order: When each reading was taken.
+        samples: The readings.
+        fit: Of the readings, or of all of which these are one in so many.
+        every: Of so many readings one is given.
     """
     residual = np.asarray(fit.residual)
     keep = np.isfinite(residual) & ~np.asarray(fit.wild)
     if keep.sum() < LOG:
         return fit, []
-    order = np.argsort(readings.order[keep], kind="stable")
-    node, left = nearest_node(plan, samples)[keep][order], residual[keep][order]
+    when = np.argsort(order[keep], kind="stable")
+    node, left = nearest_node(plan, samples)[keep][when], residual[keep][when]
     number = np.concatenate([[0], np.cumsum(np.diff(node) != 0)])
     size = np.bincount(number)
     place = node[np.flatnonzero(np.diff(number, prepend=-1))]
@@ -61,16 +75,33 @@ def as_passes_differ(
     words = (
         "Readings of the log that follow each other err alike: the passes of a node differ by"
         f" {1e3 * np.sqrt(apart):.2g} {unit} more than the scatter within them explains. The"
-        " standard deviations hold that; more passes make them smaller, more readings per"
-        " second do not."
+        " table is smoothed for it and the standard deviations hold it; more passes make them"
+        " smaller, more readings per second do not."
     )
-    shared = apart / np.where(passes > 0, passes, np.median(passes[passes > 0]))
-    variance = np.square(np.asarray(fit.standard_deviation))
-    # A node that hangs on few readings makes more of what they share than its passes show.
-    swell = between / float(np.average(square, weights=size))
-    wider = np.maximum(variance + shared.reshape(variance.shape), swell * variance)
-    deviation = np.sqrt(wider)
+    times = max(between / float(np.average(square, weights=size)), 1.0)
+    if fit.estimate is None:  # one of a group was told with the others
+        deviation = np.sqrt(times) * np.asarray(fit.standard_deviation)
+    else:
+        fit = as_alike(fit, samples, every * times)
+        deviation = np.asarray(fit.standard_deviation)
+    deviation = (
+        np.sqrt(_times_alike(np.sqrt(size) * (mean - middle[place]))) * deviation
+    )
     return dataclasses.replace(fit, standard_deviation=deviation), [Remark.info(words)]
+
+
+def _times_alike(errors: Float[np.ndarray, " t"]) -> float:
+    """Return how many times as uncertain as that of independent errors the mean of these is.
+
+    In variance: one and twice the correlations with those before, as far as they are seen.
+    """
+    square, count, times = max(float(errors @ errors), _NOTHING), len(errors), 1.0
+    for lag in range(1, count // 4):
+        alike = float(errors[lag:] @ errors[:-lag]) / square
+        if alike <= _CHANCE / np.sqrt(count):
+            break
+        times += 2.0 * alike
+    return times
 
 
 def nearest_node(plan: Plan, samples: Samples) -> Int[np.ndarray, " t"]:
