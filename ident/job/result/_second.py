@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import KDTree
 
 from ....data.errors import FoundError
 from ....data.measurements import Iso230, iso230
@@ -26,6 +27,9 @@ SHOWN = 0.5
 
 _LEFT = 5.0
 """Scatter of a reading that the mean of a place exceeds where an entry is another."""
+
+_BESIDE = 4
+"""Neighbours, itself among them, that judge a place that was read once."""
 
 _WHOLE = 0.8
 """Share of the travel from which on a second measurement speaks for all of it."""
@@ -81,10 +85,18 @@ def near_of(
     )
     slopes = np.column_stack([np.ones(len(error)), positions])
     rest = error - slopes @ np.linalg.lstsq(slopes, error)[0]
-    mean = np.bincount(at.reshape(-1), rest) / counts
-    size = np.where(counts > 1, np.abs(mean), 0.0)
-    worst = int(np.argmax(size))
-    spread = np.ptp(rest[at.reshape(-1) == worst])
+    if counts.max() > 1 or len(error) < _BESIDE:
+        mean = np.bincount(at.reshape(-1), rest) / counts
+        size = np.where(counts > 1, np.abs(mean), 0.0)
+        worst = int(np.argmax(size))
+        spread = np.ptp(rest[at.reshape(-1) == worst])
+    else:  # each place was read once: it is judged with those beside it
+        travel = np.maximum(np.ptp(columns, axis=0), 1e-9)
+        beside = KDTree(columns / travel).query(columns / travel, _BESIDE)[1]
+        size = np.abs(rest[beside].mean(axis=1))
+        size[np.ptp(rest[beside], axis=1) > size] = 0.0
+        worst, spread = int(np.argmax(size)), 0.0
+        places = columns
     # One reading that is off, or several that differ, are no fault of the list.
     if size[worst] <= max(_LEFT * scatter, spread):
         return ""

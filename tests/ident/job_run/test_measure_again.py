@@ -12,7 +12,7 @@ from axcomp.data.measurements import measurement, read_table
 from axcomp.ident.cli import main
 from axcomp.ident.exchange import read_conventions
 from axcomp.ident.job import run_job
-from axcomp.ident.job.result._second import part_of
+from axcomp.ident.job.result._second import near_of, part_of
 
 from .screw import (
     offsets,
@@ -263,6 +263,21 @@ def test_an_entry_that_is_another_shows_where_the_same_list_acted_both_times(
     assert fit(path, "--after", str(after)) == 1
     (screw,) = result(path)["fits"]
     assert {"code": "near", "where": "X = 200, positive"} in screw["reasons"]
+
+
+def test_places_that_were_read_once_are_judged_with_those_beside_them() -> None:
+    rng = np.random.default_rng(61)
+    places = rng.uniform(0.0, (400.0, 300.0), (300, 2))
+    error = 7e-4 * rng.standard_normal(300)
+    assert not near_of(("X", "Y"), places, error, None, 7e-4)
+    alone = error.copy()
+    alone[7] += 0.03  # one reading is the instrument's fault
+    assert not near_of(("X", "Y"), places, alone, None, 7e-4)
+    corner = (places > (300.0, 200.0)).all(axis=1)  # and one in twelve is none
+    said = near_of(("X", "Y"), places, error + 0.03 * corner, None, 7e-4)
+    x, y = (float(word.split("= ")[1]) for word in said.split(", "))
+    assert x > 300.0
+    assert y > 200.0
 
 
 @pytest.mark.parametrize(
