@@ -38,8 +38,14 @@ _GROUPED = {
         r"[+-]?\d{1,3}(?:(?P<mark>[.' ])\d{3})(?:(?P=mark)\d{3})*(?:,\d+)?"
     ),
 }
-_WHOLE = re.compile(r"[+-]?[1-9]\d{2}")
-_GROUP_OF_NONE = re.compile(r"(?<![\d.])[+-]?[1-9]\d{0,2}(?:\.\d{3})*\.\d00(?![\d.])")
+_WHOLE = re.compile(r"[+-]?[1-9]\d{2}|0")
+_GROUP_OF_NONE = {
+    mark: re.compile(
+        rf"(?<![\d{mark}])[+-]?[1-9]\d{{0,2}}(?:[{mark}]\d{{3}})*[{mark}]\d00(?![\d{mark}])"
+    )
+    for mark in (".", ",")
+}
+_OTHER = {".": ",", ",": "."}
 # Cells that stand for a number which is not there.
 _NO_NUMBER = re.compile(
     r"[+-]?(?:nan|inf|infinity)|n/?a|#n/a|#nv|null|none|-+|k\.?a\.?|#?div/0!?",
@@ -199,34 +205,38 @@ def sniff(lines: Sequence[str]) -> Dialect:
         score = _score(dialect, lines)
         if score > best_score:
             best, best_score = dialect, score
-    if best.decimal == "." and _grouped_whole(best, lines):
-        return Dialect(best.separator, ",", ".")
+    if _grouped_whole(best, lines):
+        return Dialect(best.separator, _OTHER[best.decimal], best.decimal)
     return dataclasses.replace(best, thousands=_group_mark(best, lines))
 
 
 def _grouped_whole(dialect: Dialect, lines: Sequence[str]) -> bool:
-    """Whether all points of a table stand in whole numbers, as of 250, 500, 1.000, 1.500.
+    """Whether all marks of a table stand in whole numbers, as of 0, 500, 1.000, 1.500.
 
-    Nobody writes decimals of 1.000 and none of 500.
+    Nobody writes decimals of 1.000 and none of 500 or 0.
     """
-    if not any(_GROUP_OF_NONE.search(line) for line in lines):
+    mark, other = dialect.decimal, _OTHER[dialect.decimal]
+    of_none = _GROUP_OF_NONE[mark]
+    if not any(of_none.search(line) for line in lines):
         return False
     rows = [dialect.split(line) for line in itertools.islice(lines, 400)]
     cells = [cell for row in rows for cell in row if dialect.is_number(cell)]
-    pointed = [cell for cell in cells if "." in cell]
-    if not all(_GROUPED[","].fullmatch(cell) for cell in pointed):
+    marked = [cell for cell in cells if mark in cell]
+    if not all(
+        _GROUPED[other].fullmatch(cell) and cell.lstrip("+-")[0] != "0"
+        for cell in marked
+    ):
         return False
     columns = itertools.zip_longest(*rows, fillvalue="")
     return any(
-        any(map(_WHOLE.fullmatch, column))
-        and any(map(_GROUP_OF_NONE.fullmatch, column))
+        any(map(_WHOLE.fullmatch, column)) and any(map(of_none.fullmatch, column))
         for column in columns
     )
 
 
 def _group_mark(dialect: Dialect, lines: Sequence[str]) -> str:
     """Return the mark between groups of digits, from numbers that can only be such."""
-    other = "." if dialect.decimal == "," else ","
+    other = _OTHER[dialect.decimal]
     if not any(mark in line for line in lines for mark in (other, "'", " ")):
         return ""
     for line in itertools.islice(lines, 100):

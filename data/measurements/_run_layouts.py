@@ -4,7 +4,7 @@ One column or one row per run, the trims of LinuxCNC, four bare columns of a las
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -23,7 +23,7 @@ from ._header import (
 )
 from ._roles import ColumnSpec
 from ._table import LASER_FORMAT, Column, Table, first_bad
-from ._words import is_leg, is_mean
+from ._words import is_leg, is_mean, kinds_in, words_in
 
 _KINDS = {"actual": "actual positions", "error": "errors"}
 _FEWEST = 3
@@ -127,22 +127,26 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     headings = [heading(name.header) for name in names]
     kinds = [bare_role(name) for name in names]
     roles, _ = roles_of(names)
-    target = next(
-        (
-            at
-            for at, kind in enumerate(kinds)
-            if kind == "position" or (roles[at] or "").endswith(".position")
-        ),
-        0 if names and not headings[0] and not kinds[0] else None,
-    )
-    if target is None or table.columns[target].text is not None:
+    targets = [
+        at
+        for at, kind in enumerate(kinds)
+        if kind == "position" or (roles[at] or "").endswith(".position")
+    ] or [0] * bool(names and not headings[0] and not kinds[0])
+    if not targets or table.columns[targets[0]].text is not None:
         return None
+    target = targets[0]
+    targets += [  # "Reverse target", beside a "Forward target"
+        at
+        for at, name in enumerate(names)
+        if at > target and headings[at] is None and not kinds[at]
+        if kinds_in(words_in([name.header])) == ["position"]
+    ]
     runs = {
         at: item
         for at, item in enumerate(headings)
-        if item is not None and at != target and table.columns[at].text is None
+        if item is not None and at not in targets and table.columns[at].text is None
     }
-    certain = kinds[target] == "position" and len(runs) == len(names) - 1
+    certain = kinds[target] == "position" and len(runs) == len(names) - len(targets)
     if not certain:
         runs = {at: item for at, item in runs.items() if item.named}
     # A mean of the runs beside them is none; alone it is what there is.
@@ -161,6 +165,11 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
         table = dataclasses.replace(table, remarks=(*table.remarks, remark))
     if len(runs) < 2:
         return None
+    if len(targets) > 1:
+        beside = _at_targets(table, targets, runs)
+        if beside is None:
+            return None
+        table = beside
     place = table.columns[target].values
     legs = [
         at for at, item in runs.items() if item.direction and is_leg(names[at].header)
@@ -192,6 +201,31 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
         return straightness(result, axis, along, "names")
     remark = f"The names of the runs say that the axis is {axis}."
     return dataclasses.replace(result, axis=axis, remarks=(*result.remarks, remark))
+
+
+def _at_targets(
+    table: Table, targets: Sequence[int], runs: Iterable[int]
+) -> Table | None:
+    """Return a table whose runs all stand beside its first targets; None: they cannot.
+
+    Runs behind further targets were read at those, in the order in which they were reached.
+
+    Args:
+        table: As read.
+        targets: Columns of targets, ascending.
+        runs: Columns of readings.
+    """
+    columns, place = list(table.columns), table.columns[targets[0]].values
+    for at in runs:
+        own = max((each for each in targets if each < at), default=targets[0])
+        there = columns[own].values
+        order = np.empty(table.rows, np.int64)
+        order[np.argsort(place, kind="stable")] = np.argsort(there, kind="stable")
+        if columns[own].text is not None or not np.array_equal(there[order], place):
+            return None
+        values = columns[at].values[order]
+        columns[at] = dataclasses.replace(columns[at], values=values)
+    return dataclasses.replace(table, columns=tuple(columns))
 
 
 def _named_axis(item: Heading, along: str | None) -> str | None:

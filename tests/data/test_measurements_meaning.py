@@ -504,3 +504,38 @@ def test_a_mean_beside_the_runs_is_none_of_them(tmp_path: Path, words: str) -> N
     assert found.require("run").tolist() == [1] * 6 + [2] * 6
     alone = read(tmp_path, f"Soll [mm];{words}\n0;1;2\n10;2;3\n20;3;4\n")
     assert alone.require("X.direction").tolist() == [1, 1, 1, -1, -1, -1]
+
+
+@pytest.mark.parametrize(
+    ("separator", "mark", "quote"), [(",", ",", '"'), (";", ",", ""), (";", ".", "")]
+)
+def test_targets_of_which_only_zero_has_no_mark_are_thousands(
+    tmp_path: Path, separator: str, mark: str, quote: str
+) -> None:
+    rows = [
+        ("0", "-1", "+"),
+        *((f"{quote}{k}{mark}000{quote}", f"{k}", "+") for k in range(1, 6)),
+    ]
+    lines = [
+        separator.join(row) for row in [("Target [mm]", "Error [um]", "Dir"), *rows]
+    ]
+    (tmp_path / "file.csv").write_text("\n".join(lines) + "\n")
+    table = read_table(tmp_path / "file.csv")
+    assert table.columns[0].values.tolist() == [0.0, 1e3, 2e3, 3e3, 4e3, 5e3]
+    # With less than one before the mark it is that of decimals.
+    (tmp_path / "file.csv").write_text(
+        "\n".join(lines).replace(f"1{mark}000", f"0{mark}500")
+    )
+    assert read_table(tmp_path / "file.csv").columns[0].values[-1] == 5.0
+
+
+def test_runs_behind_targets_of_their_own_stand_at_those(tmp_path: Path) -> None:
+    top = "Vorwärts;;Rückwärts;\nSoll [mm];Abw. [µm];Soll [mm];Abw. [µm]\n"
+    rows = "0;1;300;8\n100;2;200;7\n200;3;100;6\n300;4;0;5\n"
+    (tmp_path / "file.csv").write_text(top + rows)
+    table = read_table(tmp_path / "file.csv")
+    assert [column.direction for column in table.columns] == [None, 1, None, -1]
+    assert table.columns[3].values.tolist() == [5.0, 6.0, 7.0, 8.0]
+    # Other places are no targets of the same table.
+    (tmp_path / "file.csv").write_text(top + rows.replace("300;8", "310;8"))
+    assert read_table(tmp_path / "file.csv").columns[3].direction is None
