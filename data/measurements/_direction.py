@@ -118,6 +118,8 @@ def _groups(
     groups = [order[run == number] for number in dict.fromkeys(run.tolist())]
     if time is not None:
         return [rows[np.argsort(time[rows], kind="stable")] for rows in groups]
+    if (blocks := _passes_one_way(finder, run)) is not None:
+        return blocks
     for group in groups:
         if group[-1] - group[0] + 1 != group.size:
             reason = (
@@ -126,6 +128,30 @@ def _groups(
             )
             raise finder.unknown(reason)
     return groups
+
+
+def _passes_one_way(
+    finder: "_Finder", run: np.ndarray
+) -> list[Int[np.ndarray, " _"]] | None:
+    """Return the rows of each pass where all runs forward stand above all runs back, or None."""
+    starts = np.flatnonzero(np.diff(run) != 0) + 1
+    blocks = np.split(np.arange(run.size), starts)
+    if len(blocks) != 2 * len(np.unique(run)):
+        return None
+    position = finder.measurement.require(f"{finder.axis}.position", "")
+    ways = [_way_of(position[rows]) for rows in blocks]
+    for number in np.unique(run):
+        if {
+            w for w, rows in zip(ways, blocks, strict=True) if run[rows[0]] == number
+        } != {-1, 1}:
+            return None
+    return blocks
+
+
+def _way_of(path: Float[np.ndarray, " n"]) -> int:
+    """Return ±1 for positions that only rise or fall, else 0."""
+    steps = np.unique(np.sign(np.diff(path)))
+    return int(steps[0]) if len(steps) == 1 else 0
 
 
 def _refuse_restart(finder: "_Finder", time: Float[np.ndarray, " t"]) -> None:

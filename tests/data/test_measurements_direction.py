@@ -275,3 +275,14 @@ def test_signs_against_the_motion_in_some_runs_are_refused(tmp_path: Path) -> No
     mixed = measurement(read_table(tmp_path / "m.csv"))
     with pytest.raises(MeasurementError, match=r"found in run 2, 4 'X\.direction'"):
         derive_direction(mixed, "X")
+
+
+def test_all_runs_forward_above_all_runs_back_have_their_directions(
+    tmp_path: Path,
+) -> None:
+    there = [0, 50, 100]
+    position = [*there, *there, *there[::-1], *there[::-1]]
+    run = np.repeat([1, 2, 1, 2], 3)
+    assert directions(tmp_path, position, run=run.tolist()) == [1] * 6 + [-1] * 6
+    with pytest.raises(DirectionUnknown):  # pieces of a run, by which no order is told
+        directions(tmp_path, [0, 50, 100] * 4, run=run.tolist())

@@ -262,6 +262,17 @@ def test_readings_beyond_the_table_are_counted(tmp_path: Path) -> None:
     assert any(words in r.message for r in result.tables[0].remarks)
 
 
+def test_readings_that_stand_there_twice_are_named(tmp_path: Path) -> None:
+    noise = 1e-3 * np.random.default_rng(36).standard_normal((2, len(PLACE)))
+    words = f"Each of {len(PLACE)} readings stands there 2 times"
+    pasted = run(tmp_path, np.tile(PLACE, 2), np.tile(BOW + noise[0], 2))
+    assert any(words in r.message for r in pasted.tables[0].remarks)
+    again = run(tmp_path, np.tile(PLACE, 2), (BOW + noise).ravel())
+    dial = run(tmp_path, np.tile(PLACE, 2), np.tile((BOW + noise[0]).round(2), 2))
+    for result in (again, dial):  # a dial of 10 µm shows few values, and these again
+        assert not any("stands there" in r.message for r in result.tables[0].remarks)
+
+
 def test_list_that_would_not_help_is_rejected(tmp_path: Path) -> None:
     rng = np.random.default_rng(37)
     cycle = np.repeat([1, 2, 3], len(NODES))

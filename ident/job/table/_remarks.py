@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.special import stdtrit
 
 from ....data.measurements import Measurement
@@ -48,6 +48,8 @@ _OVERRUN = 0.01
 _IN_A_ROW, _SURELY = 4, 0.98
 """Runs that tell a creep from chance, and how surely."""
 
+_COPIED = 8
+"""Different readings from which on it is no chance that all of them come again."""
 _MOST, _MOST_WILD = 6, 20
 """Nodes, and wild readings, that are named one by one."""
 
@@ -76,6 +78,7 @@ def fit_remarks(
         )
     yield from _beyond_readings(draft)
     yield from _log_remarks(draft)
+    yield from _copies(draft)
     yield from _turn_remarks(draft)
     for name, nodes in zip(draft.fit.over, draft.plan.table.nodes, strict=True):
         limits, (low, high) = draft.job.spec.axes[name].limits, nodes.positions[[0, -1]]
@@ -254,6 +257,30 @@ def wander_remarks(
             " deviations do not hold that: state what was a run of its own (run), or that the"
             " instrument drifts (drift, with a group)."
         )
+
+
+def _copies(draft: "TableDraft") -> Iterator[Remark]:
+    """Return a doubt where every reading stands there again, to the last digit."""
+    readings = draft.readings
+    columns = [*readings.positions.T, readings.error]
+    if readings.direction is not None:
+        columns.append(readings.direction)
+    rows, counts = np.unique(
+        np.stack(columns, axis=1).round(9), axis=0, return_counts=True
+    )
+    # A dial of coarse steps shows few values, and these again.
+    values = np.unique(rows[:, readings.positions.shape[1]])
+    if counts.min() > 1 and 2 * len(values) > len(rows) > _COPIED:
+        yield Remark.warning(
+            f"Each of {len(rows)} readings stands there {_times(counts)}, the same to the last"
+            " digit: written more than once? Copies tell nothing; take them out, or all"
+            " standard deviations are too small."
+        )
+
+
+def _times(counts: Int[np.ndarray, " n"]) -> str:
+    low, high = int(counts.min()), int(counts.max())
+    return f"{low} times" if low == high else f"{low} to {high} times"
 
 
 def _log_remarks(draft: "TableDraft") -> Iterator[Remark]:
