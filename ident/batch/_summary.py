@@ -48,37 +48,45 @@ WITH sizes AS (
 )
 SELECT job, machine_id AS machine, axis, compensation, stage, rms,
     exp(size - middle) AS times, unit
-FROM judged WHERE fits >= 10 AND size > middle + 5 * greatest(width, 0.1)
-ORDER BY times DESC
+FROM judged WHERE fits >= 10 AND (size > middle + 5 * greatest(width, 0.1)
+    OR stage = 'before' AND size < middle - greatest(5 * width, ln(20)))
+ORDER BY abs(ln(times)) DESC
 """
-"""Five robust standard deviations of the logarithm above the median of the kind.
+"""Five robust standard deviations of the logarithm above the median of the kind; or as far
+below it, and less than a twentieth of it, as measured: readings in another unit than stated.
 
 Their least is 0.1: a fleet of one make may be so alike that any difference stands out.
 """
 _TRENDS = """
-WITH days AS (
-    SELECT machine_id AS machine, axis, compensation, unit, measured_at AS first,
-        arg_max(before_rms, place) AS rms
-    FROM (SELECT *, row_number() OVER () AS place FROM every)
-    WHERE machine_id IS NOT NULL AND measured_at IS NOT NULL GROUP BY ALL
+WITH figures AS (
+    SELECT *, row_number() OVER () AS place, 'rms' AS figure, before_rms AS size FROM every
+    UNION ALL
+    SELECT *, row_number() OVER () AS place, 'B' AS figure, before_B AS size FROM every
+), days AS (
+    SELECT machine_id AS machine, axis, compensation, unit, figure, measured_at AS first,
+        arg_max(size, place) AS size
+    FROM figures
+    WHERE machine_id IS NOT NULL AND measured_at IS NOT NULL AND size IS NOT NULL
+    GROUP BY ALL
 ), pairs AS (
     SELECT *, days.first AS day, later.first AS last,
-        (later.rms - days.rms) / (later.first - days.first) AS slope
-    FROM days JOIN days AS later USING (machine, axis, compensation, unit)
+        (later.size - days.size) / (later.first - days.first) AS slope
+    FROM days JOIN days AS later USING (machine, axis, compensation, unit, figure)
     WHERE later.first > days.first
 ), judged AS (
-    SELECT *, median(slope) OVER (PARTITION BY machine, axis, compensation, unit) AS middle
+    SELECT *, median(slope)
+        OVER (PARTITION BY machine, axis, compensation, unit, figure) AS middle
     FROM pairs
 )
-SELECT machine, axis, compensation, 1 + count(DISTINCT day) AS measurements,
+SELECT machine, axis, compensation, figure, 1 + count(DISTINCT day) AS measurements,
     min(day)::VARCHAR AS first, max(last)::VARCHAR AS last,
     365.25 * any_value(middle) AS per_year, unit
-FROM judged GROUP BY machine, axis, compensation, unit
+FROM judged GROUP BY machine, axis, compensation, unit, figure
 HAVING measurements >= 4 AND per_year <> 0
     AND avg((sign(slope) = sign(middle))::INTEGER) >= 0.9
 ORDER BY abs(per_year) DESC
 """
-"""Axes whose error moves one way, by the medians of all slopes.
+"""Axes whose error, or its lost motion, moves one way, by the medians of all slopes.
 
 Source: P. K. Sen, J. Am. Stat. Assoc. 63, 1968 (slope); M. G. Kendall, 1938 (pairs).
 """
@@ -109,8 +117,10 @@ class Summary:
             the sign.
         spreads: Errors (rms) by ``compensation`` and ``unit``: ``count`` of the fits, and by
             stage median, 90th and 99th percentile, and maximum.
-        outliers: Fits whose error is ``times`` the median of their kind, worst first.
-        trends: Axes whose measured error grows or shrinks steadily, fastest first.
+        outliers: Fits whose error is ``times`` the median of their kind, worst first; also
+            those that measured next to nothing.
+        trends: Axes whose measured error (``figure``: rms, or B of ISO 230-2) grows or shrinks
+            steadily, fastest first.
         twins: Jobs of different axes that hold the same readings: one has the file of another.
     """
 

@@ -74,6 +74,9 @@ def query_results(
     import duckdb
 
     table = read_results(Path(folder))
+    names = [name.strip() for name in select.split(",")]
+    if set(names) <= set(table.column_names):  # one of them, table, is a word of SQL
+        select = ", ".join(f'"{name}"' for name in names)
     text = f"SELECT {select} FROM results"
     text += f" WHERE {where}" if where else ""
     text += f" ORDER BY {order}" if order else ""

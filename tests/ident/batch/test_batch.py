@@ -556,6 +556,11 @@ def test_questions_to_the_table_are_answered_on_the_command_line(
     assert "expected the folder of a finished batch" in capfd.readouterr().err
 
 
+def test_every_column_can_be_asked_for_by_its_name(batch: Path) -> None:
+    every = query_results(batch / "out").column_names
+    assert query_results(batch / "out", select=", ".join(every)).column_names == every
+
+
 def test_a_question_cannot_reach_other_files(batch: Path) -> None:
     with pytest.raises(BatchError, match=r"does not exist|disabled"):
         query_results(batch / "out", select="(SELECT count(*) FROM '/etc/passwd')")
@@ -603,6 +608,39 @@ def test_a_trend_needs_several_measurements_that_agree(tmp_path: Path) -> None:
     assert (trend["machine"], trend["measurements"]) == ("wears", 5)
     # 1 µm a month of 28 to 31 days is 12 µm a year, by the median within one.
     assert trend["per_year"] == pytest.approx(0.012, abs=0.001)
+
+
+def test_lost_motion_that_grows_is_a_trend_before_the_error_is_one(
+    tmp_path: Path,
+) -> None:
+    def row(month: int) -> dict[str, object]:
+        return {
+            "job": f"{month}", "state": "done", "passed": True, "axis": "X",
+            "verified": True, "machine_id": "m", "compensation": "leadscrew",
+            "measured_at": f"2026-{month:02d}-01", "unit": "mm", "gate_failed": [],
+            "before_rms": 0.010 + 0.001 * (month % 2), "before_B": 0.002 + 0.001 * month,
+        }  # fmt: skip
+
+    write_results(tmp_path, [row(month) for month in range(1, 7)])
+    (trend,) = summarise(tmp_path).trends
+    assert trend["figure"] == "B"
+    assert trend["per_year"] == pytest.approx(0.012, abs=0.001)
+
+
+def test_a_fit_that_measured_next_to_nothing_stands_out(tmp_path: Path) -> None:
+    def row(number: int, rms: float) -> dict[str, object]:
+        return {
+            "job": f"{number}", "state": "done", "passed": True, "axis": "X",
+            "verified": True, "compensation": "leadscrew", "unit": "mm",
+            "before_rms": rms, "from_file_rms": rms / 10, "gate_failed": [],
+        }  # fmt: skip
+
+    sizes = [0.010 + 0.001 * (k % 5) for k in range(11)]
+    write_results(tmp_path, [row(k, rms) for k, rms in enumerate([*sizes, 12e-6])])
+    found = [(one["job"], one["stage"]) for one in summarise(tmp_path).outliers]
+    assert found == [
+        ("11", "before")
+    ]  # in mm, where µm were stated; a good fit is none
 
 
 @pytest.mark.slow
