@@ -197,7 +197,7 @@ class _Axis:
             acceleration=values.get("max_acceleration", float("nan")),
             jump=float("nan") if jump is None else jump.value,
             error={
-                f"{one.measurement}, {one.compensation}": {
+                f"{one.measurement}, {' and '.join(one.fitted)}": {
                     stage: getattr(one, stage) for stage in stages
                 }
                 for one in readings
@@ -245,7 +245,7 @@ class _Axis:
         self, loaded: AxisLists, names: tuple[str, ...], remarks: list[Remark]
     ) -> list[Together]:
         """Return what is left of each measurement; remarks of what cannot be told."""
-        before, together = self.files.existing, []
+        before, together = self.files.existing, list[Together]()
         for draft, source, reading in self._measured:
             spec = self.job.spec.measurements[source]
             if isinstance(reading, str):
@@ -281,7 +281,15 @@ class _Axis:
                 over = [measured.positions[axes[k].number] for k in draft.fit.over]
                 added = {k: without_zero(v, over, "line") for k, v in added.items()}
             about_zero = spec.remove == "none" and spec.datum is None and not still
-            fitted = draft.compensation, measured.error, added, draft.predicted
+            group = draft.fit.group
+            own = tuple(
+                each.compensation
+                for each in self.drafts
+                if each is draft or (group is not None and each.fit.group == group)
+            )
+            if any((source, own) == (one.measurement, one.fitted) for one in together):
+                continue  # by another fit of its group
+            fitted = own, measured.error, added, draft.predicted
             together.append(judge_together(source, *fitted, about_zero))
         return together
 
@@ -333,7 +341,9 @@ class _Axis:
         return readings
 
     def _doubled(self, comparison: Together, names: tuple[str, ...]) -> Remark:
-        others = [name for name in names if name != comparison.compensation]
+        others = [name for name in names if name not in comparison.fitted]
+        own = " and ".join(comparison.fitted)
+        leaves = "leaves" if len(comparison.fitted) == 1 else "leave"
         follows = any("temperature" in kind(name).follows for name in names)
         warm = f" {_WARM}" if follows else ""
         fits = [draft.fit for draft in self.drafts if draft.compensation in names]
@@ -347,9 +357,9 @@ class _Axis:
         group = 'identify them together (the same group = "…" in their [[fits]]), '
         return Remark.error(
             f"With all that will act on {self.name}, {comparison.together:.4g} {self.unit} rms"
-            f" are left of measurement {comparison.measurement!r}, where the"
-            f" {comparison.compensation} alone leaves {comparison.alone:.4g} {self.unit}: it and"
-            f" {' and '.join(others)} correct the same error. State in"
+            f" are left of measurement {comparison.measurement!r}, where the {own} alone"
+            f" {leaves} {comparison.alone:.4g} {self.unit}: it and {' and '.join(others)} correct"
+            " the same error. State in"
             f" [measurements.{comparison.measurement}] what was on while measuring (active),"
             f" {'' if jointly else group}or switch one of them off in the axis list of"
             f" {self.name} (machine_data).{warm}",

@@ -209,19 +209,19 @@ def _nodes(
 
 @dataclasses.dataclass(frozen=True)
 class Together:
-    """What is left of the error of one measurement, by one list alone and by all.
+    """What is left of the error of one measurement, by what was fitted to it alone and by all.
 
     Attributes:
         measurement: Its name.
-        compensation: The fit that was made of it.
+        fitted: Compensations that were fitted to it as one.
         before: rms of the error as measured, in mm or °.
-        alone: rms with this list alone.
+        alone: rms with these alone.
         together: rms with all that will act on the axis.
         limit: Largest rms that passes.
     """
 
     measurement: str
-    compensation: str
+    fitted: tuple[str, ...]
     before: float
     alone: float
     together: float
@@ -265,17 +265,17 @@ def added_beyond(
 
 def judge_together(
     name: str,
-    compensation: str,
+    fitted: tuple[str, ...],
     error: Column,
     added: dict[str, Column],
     predicted: float | None,
     about_zero: bool,
 ) -> Together:
-    """Return what is left of a measurement by one list alone, and by all together.
+    """Return what is left of a measurement by what was fitted to it, and by all together.
 
     Args:
         name: Of the measurement.
-        compensation: Of the fit that was made of it.
+        fitted: Compensations that were fitted to it as one: several of a group.
         error: As measured, in mm or °.
         added: By compensation (`added_beyond`).
         predicted: rms on readings that the fit did not see, or None.
@@ -286,14 +286,15 @@ def judge_together(
         middle = 0.0 if about_zero else float(np.median(values[sound]))
         return float(np.sqrt(np.mean(np.square(values[sound] - middle))))
 
-    error_alone = error + added.get(compensation, 0.0)
+    own = [added[compensation] for compensation in fitted if compensation in added]
+    error_alone = error + np.sum(own, axis=0)
     error_together = error + np.sum(list(added.values()), axis=0)
     sound = ~wild_readings(error_alone, least=1.0 / LIST_UNITS)
     rms_alone = rms(error_alone)
     tolerance = _SLACK + _SURE / np.sqrt(2.0 * max(sound.sum(), 1))
     return Together(
         measurement=name,
-        compensation=compensation,
+        fitted=fitted,
         before=rms(error),
         alone=rms_alone,
         together=rms(error_together),

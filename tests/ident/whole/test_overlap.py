@@ -163,3 +163,27 @@ def test_right_list_beside_a_wrong_one_is_not_to_be_taken_out(
     fits = json.loads((tmp_path / "out" / "result.json").read_text())["fits"]
     assert [one["reasons"][0]["code"] for one in fits] == ["diagnosed", "beside"]
     assert "the cross of Z is wrong" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_group_beside_an_old_table_is_held_to_what_it_leaves_as_a_whole(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(14)
+    x = np.tile(np.concatenate([X, X[::-1]]), 6)
+    way = np.tile(np.repeat([1, -1], len(X)), 6)
+    y, run = (np.repeat(each, 2 * len(X)) for each in (Y[1:7], np.arange(1, 7)))
+    error = 6e-3 * np.sin(x / 60.0) + 5e-3 * way + NOISE * rng.standard_normal(len(x))
+    table(tmp_path / "x.csv", "x,y,ex,way,run", x, y, error, way, run)
+    # Off while measuring, and 4 µm rms when it is on: less than the backlash alone.
+    (tmp_path / "x.lis").write_text(cross_list(number=1, size=6e-3))
+    read = measured("x", "active = []").replace('"Z.error" = "dz"', '"X.error" = "ex"')
+    screw = 'compensation = "leadscrew"\nstart = 0.0\ninterval = 50.0\n'
+    fits = [f"{screw}points = {len(X)}\n", 'compensation = "backlash"\n']
+    own = '[[fits]]\naxis = "X"\ngroup = "g"\nmeasurement = "x"\n'
+    job = AXES.replace("[axes.Y]", 'list = "x.lis"\n[axes.Y]') + read
+    job += '"X.direction" = "way"\nrun = "run"\n' + "".join(own + each for each in fits)
+    assert fit(tmp_path, job) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "the leadscrew and backlash alone leave" in said
+    assert "it and cross correct the same error" in said
+    assert not (tmp_path / "out" / "achskw1.lis").exists()
