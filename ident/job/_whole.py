@@ -246,6 +246,7 @@ class _Axis:
     ) -> list[Together]:
         """Return what is left of each measurement; remarks of what cannot be told."""
         before, together = self.files.existing, list[Together]()
+        seen = list[tuple[str, tuple[str, ...]]]()
         for draft, source, reading in self._measured:
             spec = self.job.spec.measurements[source]
             if isinstance(reading, str):
@@ -287,8 +288,9 @@ class _Axis:
                 for each in self.drafts
                 if each is draft or (group is not None and each.fit.group == group)
             )
-            if any((source, own) == (one.measurement, one.fitted) for one in together):
+            if (source, own) in seen:
                 continue  # by another fit of its group
+            seen.append((source, own))
             fitted = own, measured.error, added, draft.predicted
             together.append(judge_together(source, *fitted, about_zero))
         return together

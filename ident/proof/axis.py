@@ -213,7 +213,8 @@ class Together:
 
     Attributes:
         measurement: Its name.
-        fitted: Compensations that were fitted to it as one.
+        fitted: Compensations that were fitted to it as one, or that of them which leaves less
+            alone.
         before: rms of the error as measured, in mm or °.
         alone: rms with these alone.
         together: rms with all that will act on the axis.
@@ -275,7 +276,8 @@ def judge_together(
 
     Args:
         name: Of the measurement.
-        fitted: Compensations that were fitted to it as one: several of a group.
+        fitted: Compensations that were fitted to it as one: several of a group. All that acts
+            is to leave no more than these, and than each of them.
         error: As measured, in mm or °.
         added: By compensation (`added_beyond`).
         predicted: rms on readings that the fit did not see, or None.
@@ -286,19 +288,24 @@ def judge_together(
         middle = 0.0 if about_zero else float(np.median(values[sound]))
         return float(np.sqrt(np.mean(np.square(values[sound] - middle))))
 
-    own = [added[compensation] for compensation in fitted if compensation in added]
-    error_alone = error + np.sum(own, axis=0)
-    error_together = error + np.sum(list(added.values()), axis=0)
-    sound = ~wild_readings(error_alone, least=1.0 / LIST_UNITS)
-    rms_alone = rms(error_alone)
+    def under(names: Iterable[str]) -> Column:
+        own = [added[name] for name in names if name in added]
+        return np.asarray(error + np.sum(own, axis=0))
+
+    error_together = under(added)
+    sound = ~wild_readings(under(fitted), least=1.0 / LIST_UNITS)
+    promised = max(rms(under(fitted)), predicted or 0.0)
+    parts = {(name,): rms(under([name])) for name in fitted if len(fitted) > 1}
+    promises = {fitted: promised} | parts
+    least = min(promises, key=promises.__getitem__)
     tolerance = _SLACK + _SURE / np.sqrt(2.0 * max(sound.sum(), 1))
     return Together(
         measurement=name,
-        fitted=fitted,
+        fitted=least,
         before=rms(error),
-        alone=rms_alone,
+        alone=rms(under(least)),
         together=rms(error_together),
-        limit=float(max(rms_alone, predicted or 0.0) * tolerance) + 1.0 / LIST_UNITS,
+        limit=float(promises[least] * tolerance) + 1.0 / LIST_UNITS,
     )
 
 
