@@ -262,6 +262,14 @@ def test_readings_beyond_the_table_are_counted(tmp_path: Path) -> None:
     assert any(words in r.message for r in result.tables[0].remarks)
 
 
+def test_readings_in_a_small_part_of_the_table_ask_for_their_unit(
+    tmp_path: Path,
+) -> None:
+    for unit in (25.4, 1000.0):  # inches and metres that are taken as mm
+        with pytest.raises(JobError, match=r"is the unit of X\.position right"):
+            run(tmp_path, np.tile(PLACE, 2) / unit, np.tile(BOW, 2))
+
+
 def test_readings_that_stand_there_twice_are_named(tmp_path: Path) -> None:
     noise = 1e-3 * np.random.default_rng(36).standard_normal((2, len(PLACE)))
     words = f"Each of {len(PLACE)} readings stands there 2 times"

@@ -41,6 +41,8 @@ from ._trend import refuse_unowned_trend
 if TYPE_CHECKING:
     from ..joint._share import Share
 
+_PART = 0.1
+"""Share of a table over which readings must lie at least."""
 _DRIFT_NEEDS = 4
 """Readings that every run must have, so that a drift is more than a guess."""
 
@@ -135,6 +137,7 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
         ExchangeError: If the result fits no list.
     """
     table, spec, remarks = plan.table, plan.fit, [*remarks]
+    _refuse_small_part(plan, readings)
     remarks += limit_remarks(plan.job, plan.fit.over, readings.positions)
     run, floating = readings.run, readings.floating
     nodes = tuple(line.positions for line in table.nodes)
@@ -225,6 +228,25 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     )
 
 
+def _refuse_small_part(plan: Plan, readings: Readings) -> None:
+    """Raise where readings lie in so small a part of the table that their unit must be wrong."""
+    if plan.table.periodic:
+        return
+    lines = zip(plan.fit.over, plan.table.nodes, readings.positions.T, strict=True)
+    for name, nodes, places in lines:
+        low, high = float(places.min()), float(places.max())
+        first, last = nodes.positions[[0, -1]].tolist()
+        # Inches are a 25th of millimetres. Those of a single place are refused as such.
+        if 0.0 < high - low < _PART * (last - first):
+            words = (
+                f"found readings at {name} = {low:.6g} to {high:.6g}, expected them over"
+                f" more than a tenth of the table, which goes from {first:g} to {last:g}: is"
+                f" the unit of {name}.position right (columns)? A table for that part alone"
+                " holds its edge beyond it"
+            )
+            raise plan.refusal(words)
+
+
 def _constrained(plan: Plan, shifts: Float[np.ndarray, "..."]) -> Remark:
     """Return by how much entries were shifted so that they keep the constraints."""
     unit = plan.job.spec.axes[plan.axis].small_unit
@@ -240,6 +262,7 @@ def draft_of_share(plan: Plan, share: "Share") -> TableDraft:
     """Return the table of a group as one that was fitted alone."""
     recording = share.recording
     readings = share.readings(plan.fit.over, plan.table.branches == 2)
+    _refuse_small_part(plan, readings)
     branch = plan.branch(readings.direction)
     samples = Samples(readings.positions, readings.error, branch, run=readings.run)
     fit = _fit_of_share(plan, share)
