@@ -12,7 +12,7 @@ import numpy as np
 import scipy.ndimage
 from jaxtyping import Bool, Float, Int, Shaped
 
-from ..core import Estimate, Readings, Stack
+from ..core import Estimate, Readings, Stack, TableEffect
 from ._result import nearest_nodes
 
 _LIGHT = 1e-6
@@ -40,6 +40,42 @@ def at_medians(stack: Stack, readings: Readings, estimate: Estimate) -> Estimate
         start[:size] += _medians(node, readings.value - design @ start, size)
     posterior = dataclasses.replace(estimate.posterior, values=start)
     return dataclasses.replace(estimate, posterior=posterior)
+
+
+def lost(
+    table: TableEffect,
+    node: Int[np.ndarray, " t"],
+    residual: Float[np.ndarray, " t"],
+    wild: Bool[np.ndarray, " t"],
+) -> Float[np.ndarray, " n"]:
+    """Return by how much a table is off at its nodes if wild readings are right that agree.
+
+    They are a neighbourhood of nodes that lost most of their readings, all to one side: a
+    shape that the table does not have, or something that befell the instrument there. Nobody
+    can tell these apart but by measuring again. Zero elsewhere.
+
+    Args:
+        table: The table.
+        node: Nearest node of each reading.
+        residual: Reading less table.
+        wild: Which readings were left out.
+    """
+    size = table.size
+    count, off = (
+        np.bincount(node, minlength=size),
+        np.bincount(node[wild], minlength=size),
+    )
+    places = np.unique(node[wild])
+    shift = np.zeros(size)
+    shift[places] = scipy.ndimage.median(residual[wild], node[wild], places)
+    side = table.to_table(np.where(2 * off > count, np.sign(shift), 0.0))
+    result = np.zeros(side.shape)
+    for sign in (-1.0, 1.0):
+        labels, found = scipy.ndimage.label(side == sign)
+        members = scipy.ndimage.sum_labels(side == sign, labels, np.arange(found + 1))
+        at = (labels > 0) & (members[labels] >= _FEW)
+        result[at] = table.to_table(shift)[at]
+    return np.asarray(table.to_values(result))
 
 
 def reconsidered(

@@ -28,8 +28,15 @@ from ..core import (
 )
 from ..core._posterior import FILL, Vector
 from ._once import judge_once
-from ._reconsider import at_medians, crowded, reconsidered
-from ._result import NONE_LEFT_OUT, Judged, far_runs, residual_of, result_of
+from ._reconsider import at_medians, crowded, lost, reconsidered
+from ._result import (
+    NONE_LEFT_OUT,
+    Judged,
+    far_runs,
+    nearest_nodes,
+    residual_of,
+    result_of,
+)
 from ._steps import Steps
 from ._types import (
     Extent,
@@ -106,7 +113,12 @@ def fit_table(
             fit = dataclasses.replace(fit, message=f"{fit.message} {NONE_LEFT_OUT}")
     # Where the user sets the smoothness, or readings are held out, nothing is to be judged.
     judged = isinstance(smoothness, str) and not allow_gaps
-    return judge_once(fit, samples) if judged else fit
+    fit = judge_once(fit, samples) if judged else fit
+    if not fit.wild.any():
+        return fit
+    with one_blas_thread():
+        node = nearest_nodes(Stack((layout.effect,)), samples.readings)
+    return fit.doubted(np.square(lost(layout.effect, node, fit.residual, fit.wild)))
 
 
 def fit_values(

@@ -243,13 +243,15 @@ class TableFit:
     )
     keeps: "Callable[[TableFit], TableFit] | None" = None
 
-    def doubted(self, variance: float) -> "TableFit":
-        """Return it with a further variance of every node by itself, in mm² or °²."""
-        columns = self.covariance.columns.copy()
-        columns[:, 0] += variance
+    def doubted(self, variance: float | Float[Array, " n"]) -> "TableFit":
+        """Return it with a further variance of every node, or each, by itself, in mm² or °²."""
+        effect, columns = self.layout.effect, self.covariance.columns.copy()
+        more = np.broadcast_to(variance, effect.size)
+        columns[: effect.size, 0] += more
+        squares = np.square(self.standard_deviation) + effect.to_table(more)
         return dataclasses.replace(
             self,
-            standard_deviation=np.sqrt(np.square(self.standard_deviation) + variance),
+            standard_deviation=np.sqrt(squares),
             covariance=dataclasses.replace(self.covariance, columns=columns),
         )
 

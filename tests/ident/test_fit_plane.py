@@ -269,3 +269,26 @@ def test_of_many_lone_readings_only_a_far_one_is_named() -> None:
         assert 70 in fit_table(layout, Samples(places, error)).suspect_nodes
     # By chance in one of a hundred; three of 176 sound ones lie beyond three deviations.
     assert sum(named) <= 1
+
+
+def test_readings_that_agree_with_each_other_and_no_others_are_a_doubt_of_the_table() -> (
+    None
+):
+    rng = np.random.default_rng(21)
+    nodes = (np.arange(0.0, 401.0, 50.0), np.arange(0.0, 301.0, 50.0))
+    x, y = (
+        g.ravel() for g in np.meshgrid(np.arange(0, 401, 25.0), np.arange(0, 301, 25.0))
+    )
+    error = 0.01 * np.sin(x / 120.0) * np.cos(y / 90.0) + 7e-4 * rng.normal(size=x.size)
+    corner = (x >= 300.0) & (y >= 250.0)  # 30 µm, of the machine or of the instrument
+    fit = fit_table(
+        TableLayout(nodes), Samples(np.stack([x, y], axis=1), error + 0.03 * corner)
+    )
+    assert fit.wild[corner].all()
+    there = np.ix_(nodes[1] >= 250.0, nodes[0] >= 300.0)
+    assert (fit.standard_deviation[there] > 0.02).all()
+    assert fit.standard_deviation[:4].max() < 1e-3
+    error[7] += 0.03  # one is the instrument's
+    lone = fit_table(TableLayout(nodes), Samples(np.stack([x, y], axis=1), error))
+    assert lone.wild.sum() == 1
+    assert lone.standard_deviation.max() < 2e-3

@@ -106,7 +106,14 @@ def fit_remarks(
         yield Remark.info(words)
     if fit.suspect_nodes:
         words = some_of([_node(draft, k) for k in fit.suspect_nodes], _MOST)
-        yield Remark.warning(f"Readings contradict their surroundings at {words}.")
+        lost = float(fit.standard_deviation.ravel()[[*fit.suspect_nodes]].max())
+        again = (
+            " Those beside each other agree: if they are right, and no fault of the"
+            f" instrument, the table is off there by up to {1e3 * lost:.2g} {unit}, which its"
+            " standard deviations hold. Measure there again."
+        )
+        words += "." + again * (lost > SEEN * fit.noise)
+        yield Remark.warning(f"Readings contradict their surroundings at {words}")
     if fit.suspect_runs:
         runs = ", ".join(str(run) for run in fit.suspect_runs)
         counts = "does not count in their mean"
