@@ -93,7 +93,7 @@ def _draw_clouds(
     for panel, (positions, error, direction) in zip(panels, both, strict=True):
         style.draw_cloud(panel, positions[:, 0], error, direction, size=2.4)
         panel.axhline(0, color=style.INK, linewidth=0.7)
-        panel.set_xlabel(f"{fit.masters[0]} in {scale.position}")
+        panel.set_xlabel(f"{fit.masters[0]} in {fit.units[0]}")
     every = np.concatenate([error for _, error, _ in both])
     low, high = float(every.min()), float(every.max())
     margin = 0.08 * (high - low or 1.0)
@@ -117,7 +117,7 @@ def _draw_maps(
         for panel, mean in zip(panels, means, strict=True)
     ]
     for panel in panels:
-        label(panel, table, scale)
+        label(panel, table)
     bar(figure, layers[0], panels, f"error in {scale.error}")
 
 

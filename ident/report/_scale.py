@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Iterable, Sequence
 
 from ...data.units import small_unit
 
@@ -54,6 +55,15 @@ def place(value: float) -> str:
     """Return a position for reading, without trailing zeros."""
     text = f"{value:.3f}".rstrip("0").rstrip(".")
     return _with_minus(text)
+
+
+def spot(names: Sequence[str], places: Iterable[float], units: Sequence[str]) -> str:
+    """Return where axes stand, in words; a unit that all share stands once."""
+    every = [f"{name} = {place(at)}" for name, at in zip(names, places, strict=True)]
+    if len({*units}) == 1:
+        every[-1] += f" {units[0]}"
+        return ", ".join(every)
+    return ", ".join(f"{one} {unit}" for one, unit in zip(every, units, strict=True))
 
 
 def count(value: int, noun: str, plural: str | None = None) -> str:

@@ -85,6 +85,7 @@ def _fit(
         axis=axis,
         axis_number=3,
         masters=masters,
+        units=("mm",) * len(masters),
         unit="mm",
         nodes=layout.nodes,
         table=entries,

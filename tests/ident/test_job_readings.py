@@ -180,7 +180,7 @@ def test_readings_at_whole_seconds_are_shown_over_time(
     clock = 10.0 * np.arange(PLACE.size)
     found = run(tmp_path, PLACE, BOW, clock, header="x,e,t", more=more).tables[0]
     scale = scale_of(found.unit)
-    views = views_of(found, readings_of(found, scale), scale)
+    views = views_of(found, readings_of(found, scale))
     labels = [words for words, _ in views.values()]
     assert labels[-1] == label
 

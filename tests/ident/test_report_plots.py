@@ -19,7 +19,12 @@ from axcomp.ident.report._body import Plot
 from axcomp.ident.report._scale import number, percent, place, scale_of
 from axcomp.ident.report._section import section_of
 from axcomp.ident.report._style import house_style
-from axcomp.ident.report.table._fitted import Fitted, bin_means, readings_of
+from axcomp.ident.report.table._fitted import (
+    Fitted,
+    bin_means,
+    branches_of,
+    readings_of,
+)
 from axcomp.ident.report.table._lines import curve_plot
 from axcomp.ident.report.table._maps import coverage_maps, error_map, hatch
 from axcomp.ident.report.table._residuals import residual_plot
@@ -132,7 +137,7 @@ def test_what_is_hatched_is_what_has_no_readings(rows: list[list[bool]]) -> None
     nodes = np.arange(7.0) * 30.0, np.arange(float(len(mask))) * 20.0
     none = np.zeros(mask.shape)
     axes = Figure().subplots()
-    table = Fitted(("X", "Y"), nodes, 0, none, none, np.where(mask, 0, 3))
+    table = Fitted(("X", "Y"), ("mm", "mm"), nodes, 0, none, none, np.where(mask, 0, 3))
     hatch(axes, table)
     if mask.any():
         np.testing.assert_array_equal(hatched(axes, nodes), mask)
@@ -251,12 +256,19 @@ def test_nothing_is_cut_off_and_every_axis_has_a_unit(
                 assert not text or any(unit in text for unit in units), text
 
 
-def test_rotary_axes_are_shown_in_thousandths_of_a_degree(cross: Make) -> None:
-    fit = dataclasses.replace(cross(), unit="deg")
+@pytest.mark.parametrize(
+    ("unit", "of_master", "error"), [("deg", "mm", "m°"), ("mm", "°", "µm")]
+)
+def test_masters_are_shown_in_their_own_unit_whatever_that_of_the_error(
+    cross: Make, unit: str, of_master: str, error: str
+) -> None:
+    fit = dataclasses.replace(cross(), unit=unit, units=(of_master,))
     scale = scale_of(fit.unit)
     (axes,) = curve_plot(fit, readings_of(fit, scale), scale).figure.axes
-    assert axes.get_xlabel() == "X in °"
-    assert axes.get_ylabel() == "error of Y in m°"
+    assert axes.get_xlabel() == f"X in {of_master}"
+    assert axes.get_ylabel() == f"error of Y in {error}"
+    place = branches_of(fit, scale)[0].where(0)
+    assert place.endswith(of_master)
 
 
 @pytest.mark.parametrize(

@@ -263,7 +263,8 @@ class TableResult(AbstractResult):
     Attributes:
         masters: Axes whose positions enter the table (leadscrew: the axis itself),
             master 1 first.
-        nodes: Node positions per master in ``unit``.
+        units: Of each one's positions, ``mm`` or ``°``.
+        nodes: Node positions per master in its unit.
         table: Written table by branch name in ``unit`` and with the sign of the list
             entries: ``{"": …}`` for plane (shape ``[j, i]``) and cross,
             ``{"pos": …, "neg": …}`` for a bilateral leadscrew, ``{"pos": …}`` for a
@@ -281,6 +282,7 @@ class TableResult(AbstractResult):
     """
 
     masters: tuple[str, ...]
+    units: tuple[str, ...]
     nodes: tuple[Float[Array, " _n"], ...]
     table: Mapping[str, Float[Array, "..."]]
     standard_deviation: Mapping[str, Float[Array, "..."]]

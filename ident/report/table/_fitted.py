@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...job import SampleView, TableResult
-from .._scale import Scale, count, grouped, number, place
+from .._scale import Scale, count, grouped, number, spot
 
 
 @dataclasses.dataclass(frozen=True)
@@ -16,7 +16,8 @@ class Fitted:
 
     Attributes:
         masters: Names of the masters.
-        nodes: Positions per master in mm.
+        units: Of their positions, as shown.
+        nodes: Positions per master in its unit.
         direction: ±1, or 0 for a table that serves both.
         value: Error in µm.
         sd: Its standard deviation in µm.
@@ -24,6 +25,7 @@ class Fitted:
     """
 
     masters: tuple[str, ...]
+    units: tuple[str, ...]
     nodes: tuple[Float[np.ndarray, " _n"], ...]
     direction: int
     value: Float[np.ndarray, "*n"]
@@ -38,8 +40,8 @@ class Fitted:
     def where(self, index: int) -> str:
         """Return the place of a node, by its flat index, in words."""
         at = reversed(np.unravel_index(index, self.value.shape))
-        every = zip(self.masters, self.nodes, at, strict=True)
-        return ", ".join(f"{name} = {place(nodes[k])}" for name, nodes, k in every)
+        places = [float(nodes[k]) for nodes, k in zip(self.nodes, at, strict=True)]
+        return spot(self.masters, places, self.units)
 
     def runs(self, start: str, scale: Scale) -> str:
         """Return between which values the error runs, where it is measured if anywhere."""
@@ -47,15 +49,14 @@ class Fitted:
         indices = np.flatnonzero(measured) if measured.any() else np.arange(value.size)
         ends = [int(indices[pick(value[indices])]) for pick in (np.argmin, np.argmax)]
         low, high = (
-            f"{number(value[k])} {scale.error} ({self.where(k)} {scale.position})"
-            for k in ends
+            f"{number(value[k])} {scale.error} ({self.where(k)})" for k in ends
         )
         return f"{start} runs from {low} to {high}."
 
 
 def branches_of(fit: TableResult, scale: Scale) -> tuple[Fitted, ...]:
     """Return a fitted table in display units; errors, not list entries."""
-    table, masters = fit.fit, tuple(fit.masters)
+    table = fit.fit
     nodes = tuple(table.layout.nodes)
     shape = (table.layout.branches, *(len(line) for line in reversed(nodes)))
     arrays = (
@@ -65,7 +66,8 @@ def branches_of(fit: TableResult, scale: Scale) -> tuple[Fitted, ...]:
     )
     directions = (1, -1) if table.layout.branches == 2 else (0,)
     return tuple(
-        Fitted(masters, nodes, *row) for row in zip(directions, *arrays, strict=True)
+        Fitted(fit.masters, fit.units, nodes, *row)
+        for row in zip(directions, *arrays, strict=True)
     )
 
 

@@ -24,7 +24,7 @@ def curve_plot(fit: TableResult, readings: SampleView, scale: Scale) -> Plot:
     for branch in branches:
         _draw_branch(axes, branch)
     _frame_curve(axes, branches, readings)
-    axes.set_xlabel(f"{fit.masters[0]} in {scale.position}")
+    axes.set_xlabel(f"{fit.masters[0]} in {fit.units[0]}")
     axes.set_ylabel(f"error of {fit.axis} in {scale.error}")
     axes.margins(x=0.02)
     figure.legend(*_unique(axes), loc="outside upper right", ncols=2)
@@ -115,8 +115,8 @@ def _say_curve(branches: Sequence[Fitted], scale: Scale, drawn: int, sound: int)
         widest = int(np.argmax(np.abs(gap)))
         parts.append(
             f"The two directions differ by {number(float(np.mean(gap)))} {unit} on "
-            f"average (+ minus −), most at {branches[0].where(widest)} "
-            f"{scale.position}: {number(gap[widest])} {unit}."
+            f"average (+ minus −), most at {branches[0].where(widest)}: "
+            f"{number(gap[widest])} {unit}."
         )
     sd = np.concatenate([branch.sd[branch.measured] for branch in branches])
     if sd.size:

@@ -42,7 +42,7 @@ def error_map(fit: TableResult, readings: SampleView, scale: Scale) -> Plot:
             label="wild reading",
         )  # fmt: skip
     hatch(axes, table)
-    label(axes, table, scale)
+    label(axes, table)
     handles, _ = axes.get_legend_handles_labels()
     if not table.measured.all():
         look: dict[str, Any] = {"facecolor": "none", "edgecolor": "#444444"}
@@ -77,8 +77,8 @@ def coverage_maps(fit: TableResult, scale: Scale) -> Plot:
     below.set_title("readings that touch it")
     hatch(above, table)
     hatch(below, table, colour="white")
-    label(above, table, scale)
-    label(below, table, scale)
+    label(above, table)
+    label(below, table)
     caption = _say_coverage(table, scale)
     return Plot("coverage", "How well each node is known", figure, caption)
 
@@ -94,8 +94,7 @@ def _say_coverage(table: Fitted, scale: Scale) -> str:
     text = (
         f"Half of the measured nodes have an sd of {number(float(np.median(sd)))} "
         f"{scale.error} or less, the worst {number(float(sd.max()))} "
-        f"{scale.error} ({table.where(worst)} "
-        f"{scale.position}); each has {readings}."
+        f"{scale.error} ({table.where(worst)}); each has {readings}."
     )
     if not measured.all():
         text += (
@@ -152,9 +151,9 @@ def bar(figure: Figure, mesh: QuadMesh, panels: list[Axes], label: str) -> Color
     return drawn
 
 
-def label(axes: Axes, table: Fitted, scale: Scale) -> None:
-    axes.set_xlabel(f"{table.masters[0]} in {scale.position}")
-    axes.set_ylabel(f"{table.masters[1]} in {scale.position}")
+def label(axes: Axes, table: Fitted) -> None:
+    axes.set_xlabel(f"{table.masters[0]} in {table.units[0]}")
+    axes.set_ylabel(f"{table.masters[1]} in {table.units[1]}")
 
 
 def _ratio(table: Fitted) -> float:

@@ -15,15 +15,15 @@ _MOST_RUNS = 60
 
 
 def views_of(
-    fit: TableResult, readings: SampleView, scale: Scale
+    fit: TableResult, readings: SampleView
 ) -> dict[str, tuple[str, Float[np.ndarray, " t"]]]:
     """Return what to look over: each master, the time or the order, the runs.
 
     By its name in the caption, the label of its axis and a value per reading.
     """
     views = {
-        name: (f"{name} in {scale.position}", readings.positions[:, column])
-        for column, name in enumerate(fit.masters)
+        name: (f"{name} in {unit}", readings.positions[:, column])
+        for column, (name, unit) in enumerate(zip(fit.masters, fit.units, strict=True))
     }
     if readings.timed:
         views["time"] = "time in s", readings.order
@@ -40,7 +40,7 @@ def residual_plot(fit: TableResult, readings: SampleView, scale: Scale) -> Plot 
     """Draw the predicted remaining error over each master, the order, and the runs."""
     if not readings.sound.any():
         return None
-    views = views_of(fit, readings, scale)
+    views = views_of(fit, readings)
     rows = len(views)
     figure, axes = style.new_figure(1.9 * rows + 0.5, rows, sharey=True)
     # All but a few of them lie within.

@@ -8,7 +8,7 @@ from ...fit import RunEffect
 from ...job import SampleView, TableResult, largest_wild
 from .. import _style as style
 from .._body import WildRow
-from .._scale import Scale, grouped, number, percent, place
+from .._scale import Scale, grouped, number, percent, spot
 
 _INSIDE = 0.9545
 """Share of a normal distribution within ± 2 sd."""
@@ -137,13 +137,12 @@ def wild_rows(fit: TableResult, readings: SampleView, scale: Scale) -> list[Wild
     """Return the largest rejected readings, at most a dozen."""
     rows = []
     for row in largest_wild(readings.before, readings.wild).tolist():
-        spots = zip(fit.masters, readings.positions[row], strict=True)
-        where = ", ".join(f"{name} = {place(float(at))}" for name, at in spots)
+        where = spot(fit.masters, readings.positions[row], fit.units)
         sign = int(readings.signs[row])
         direction = f", {style.DIRECTION_NAME[sign]}" if sign else ""
         run = "" if readings.run is None else str(int(readings.run[row]))
         place_in_log = row if fit.every is None else int(readings.order[row])
         error = f"{number(float(readings.before[row]), signed=True)} {scale.error}"
-        where = f"{where} {scale.position}{direction}"
+        where = f"{where}{direction}"
         rows.append(WildRow(grouped(place_in_log + 1), where, run, error))
     return rows
