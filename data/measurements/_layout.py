@@ -148,6 +148,11 @@ def _layout_by_lines(path: Path, text: str, rules: Lines = _AS_SHOWN) -> Layout:
         for at, cell in enumerate(cells[:width]):
             unit = unit_in(cell) or cell.strip("[]()- ")
             if unit and not is_format(cell):
+                stated = None if names[at].doubtful else names[at].unit
+                if None not in (stated, unit_in(cell)) and stated != unit:
+                    found = f"the unit {unit} below {names[at].header!r}"
+                    advice = f"skip = [{head.lines[units]}]"
+                    raise head.error(units, found, f"one unit, as {stated}", advice)
                 names[at] = dataclasses.replace(names[at], unit=unit, doubtful=False)
     above = top[0] if top else (first if units is None else units)
     refuse_numbers(head, above)
