@@ -142,9 +142,7 @@ def test_a_line_of_units_may_hold_some_that_the_library_lacks(tmp_path: Path) ->
 def test_a_line_of_units_that_contradicts_the_names_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "file.csv"
     path.write_text("Target [mm];Error [mm]\nmm;um\n0;1\n50;2\n100;3\n")
-    with pytest.raises(
-        LineError, match=r":2: found the unit um below 'Error \[mm\]'"
-    ):
+    with pytest.raises(LineError, match=r":2: found the unit um below 'Error \[mm\]'"):
         read_table(path)
     path.write_text("Target [mm];Error [µm]\nmm;um\n0;1\n50;2\n100;3\n")
     assert [column.unit for column in read_table(path).columns] == ["mm", "um"]

@@ -52,9 +52,14 @@ def record(
     return time, path(time), reference
 
 
-def test_delay_and_rate_lie_within_their_deviations_beside_error_and_backlash() -> None:
+@pytest.mark.parametrize(
+    "seeds", [range(1), pytest.param(range(1, 5), marks=pytest.mark.heavy)]
+)
+def test_delay_and_rate_lie_within_their_deviations_beside_error_and_backlash(
+    seeds: range,
+) -> None:
     scores, rates = [], []
-    for seed in range(5):
+    for seed in seeds:
         found = estimate_instrument(*record(seed))
         assert found.determined
         true = LATE + RATE * found.middle
@@ -90,6 +95,7 @@ def test_backlash_at_one_speed_is_not_told_from_a_delay() -> None:
     assert found.statement.startswith("the delay of the instrument cannot be told")
 
 
+@pytest.mark.heavy  # what it moves is small beside one scatter
 def test_side_from_which_an_axis_came_to_its_start_moves_no_delay() -> None:
     coarse, rest = 0.004, 0.6  # as noisy as the backlash is large: nothing stands out
     scores = []
@@ -285,7 +291,10 @@ def test_readings_at_a_stop_are_of_the_direction_in_which_the_axis_came(
     assert np.mean(lost > 0.0) > 0.99
 
 
-def test_play_beside_a_coarse_instrument_is_no_delay() -> None:
+@pytest.mark.parametrize(
+    "seeds", [range(2), pytest.param(range(2, 7), marks=pytest.mark.heavy)]
+)
+def test_play_beside_a_coarse_instrument_is_no_delay(seeds: range) -> None:
     ends = 20.0 + 560.0 * (np.arange(13) % 2)
     marks = np.cumsum([0.0, *np.repeat([9.0, 6.0, 14.0, 5.0, 7.5, 5.5], 2)])
 
@@ -297,13 +306,13 @@ def test_play_beside_a_coarse_instrument_is_no_delay() -> None:
         return ends[stroke] + way * (0.5 - 0.5 * np.cos(np.pi * share)), np.sign(way)
 
     time, scores = 0.004 * np.arange(23_000), []
-    for seed in range(5):
+    for seed in seeds:
         (now, _), (late, _) = strokes(time), strokes(time - LATE)
         way = strokes(time - LATE + 0.01)[1]  # it gives before the encoder has turned
         noise = 0.002 * np.random.default_rng(seed).standard_normal(time.size)
         found = estimate_instrument(time, now, late + 0.0025 * way + noise)
         assert found.determined
         scores.append((found.delay - LATE) / found.standard_deviation)
-    # Their mean scatters by 0.45; with the rows at the turns, whose direction is not known to
-    # the sample, it was -2.7.
+    # Their mean scatters by 0.7 and 0.45; with the rows at the turns, whose direction is not
+    # known to the sample, it was -2.7.
     assert abs(np.mean(scores)) < 1.35
