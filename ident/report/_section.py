@@ -28,7 +28,7 @@ _ROWS = {
     "rms, all": "with wild readings",
     "max, all": "with wild readings",
     "A": "accuracy of positioning: everything, both directions",
-    "R": "repeatability: scatter, which no table can remove",
+    "R": "repeatability: scatter, which no table takes away, and what both directions differ by",
     "B": "reversal value: largest difference of the directions",
     "E": "systematic positional deviation: range of the means",
     "M": "range of the mean of both directions",

@@ -113,7 +113,8 @@ def front_of(fits: Sequence[tuple[str, AbstractResult]], worst: Verdict) -> Fron
 _APART = 10.0
 """Times the scatter of a reading from which on runs that lie apart have zeros of their own."""
 _NO_GAIN = {
-    "run": " What was measured is scatter or drift, which no table takes away.",
+    "run": " What was measured is scatter, drift, or runs that contradict each other, which no"
+    " table takes away.",
     # A block that is left out takes all readings of its nodes with it: that shows what the
     # surroundings tell of a place, not whether the place would repeat.
     "block": " It is scatter, or an error that changes from node to node, which its"
