@@ -1,12 +1,10 @@
 """The friction of one axis: law, list within the controller's limits, proof."""
 
 import dataclasses
-import functools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, final
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from ....data.lists import Value
 from ....data.units import small_unit
@@ -16,6 +14,7 @@ from ...job._draft import AbstractDraft, AbstractPlan, Foreseen, Leftovers
 from ...job.result._result import STAGES, Remark
 from ...proof import CircularTest, GateCheck, circular_test
 from ...readings import Tables
+from ._changes import changes
 from ._identify import Identified, identify
 from ._listing import (
     FIRST_LEVEL,
@@ -34,14 +33,6 @@ if TYPE_CHECKING:
     from ...job.write._lists import AxisFiles
 
 _ENTRIES = 20
-_LOOKED_AT, _PARTS = 3_000, 5
-"""Samples by which a load that changes with the position is looked for, and parts of the
-recording that have to agree on it."""
-_BY_PLACE = 0.05
-"""Share of the friction from which on such a load is told."""
-_BY_TIME, _BOTH = 0.1, 0.1
-"""Share of the friction by which it changes over a recording before that is told, and of the
-samples of a part that each direction has."""
 _SURE = 3.0
 """Standard deviations from which on an inertia or a load is one."""
 
@@ -216,8 +207,8 @@ class FrictionDraft(AbstractDraft):
                 " this offset leaves the least of the current."
             )
         if fit.has_law:
-            yield from self._of_place()
-            yield from self._of_time()
+            samples, unit = self.recording.samples, self.recording.unit
+            yield from changes(samples, fit.friction, unit)
         if self.recording.unsure:
             yield Remark.error(f"No list is written. {self.recording.unsure}")
         elif not fit.has_law:
@@ -238,64 +229,6 @@ class FrictionDraft(AbstractDraft):
             )
         if self.knots is not None and self.curve is not None:
             yield from self._unsaid(self.curve, self.knots)
-
-    @functools.cached_property
-    def _looked_at(self) -> Int[np.ndarray, " r"]:
-        """Rows in motion that are enough to see what the law does not say."""
-        rows = np.flatnonzero(self.recording.samples.in_motion)
-        return rows[:: -(-len(rows) // _LOOKED_AT)]
-
-    def _by_part(self, *columns: Float[np.ndarray, " r"]) -> Float[np.ndarray, " p"]:
-        """Return the factor of the first column in the current of each part of the recording.
-
-        A constant, the other columns and the acceleration stand beside it.
-        """
-        samples, rows = self.recording.samples, self._looked_at
-        every = [*columns, np.ones(len(rows))]
-        if samples.acceleration is not None:
-            every.append(samples.acceleration[rows])
-        design, current = np.stack(every, axis=1), samples.current[rows]
-        parts = np.array_split(np.arange(len(rows)), _PARTS)
-        return np.array(
-            [np.linalg.lstsq(design[part], current[part])[0][0] for part in parts]
-        )
-
-    def _of_place(self) -> Iterator[Remark]:
-        """Return that the load changes with the position, which no law of friction knows."""
-        samples, rows = self.recording.samples, self._looked_at
-        if samples.position is None:
-            return
-        place, speed = samples.position[rows], samples.velocity[rows]
-        friction = self.found.fit.friction(speed)
-        slopes = self._by_part(place, friction, np.sign(speed))
-        mean, scatter = float(np.mean(slopes)), float(np.std(slopes))
-        change = abs(mean) * float(np.ptp(place))
-        size = float(np.sqrt(np.mean(friction**2)))
-        if abs(mean) > _SURE * scatter / _PARTS**0.5 and change > _BY_PLACE * size:
-            yield Remark.warning(
-                f"The load changes by {change:.3g} {self.recording.unit} over the positions"
-                " driven, as a spring, a cable or a lever does: that is no friction, and the"
-                " law, the inertia and what differs between the directions hold a part of"
-                " it. Record on a short way to and fro."
-            )
-
-    def _of_time(self) -> Iterator[Remark]:
-        """Return that friction changes over the recording, as it does while an axis warms."""
-        speed = self.recording.samples.velocity[self._looked_at]
-        ahead = np.array([np.mean(part > 0) for part in np.array_split(speed, _PARTS)])
-        if np.minimum(ahead, 1.0 - ahead).min() < _BOTH:
-            return  # a constant load is no friction only where both directions show it
-        shares = self._by_part(self.found.fit.friction(speed))
-        # A straight line over the parts, and how far they lie beside it.
-        when = np.linspace(-0.5, 0.5, _PARTS)
-        line, (beside,), *_ = np.polyfit(when, shares, 1, full=True)
-        scatter = float(np.sqrt(beside / (_PARTS - 2) / (when @ when)))
-        if abs(line[0]) > max(_SURE * scatter, _BY_TIME):
-            yield Remark.warning(
-                f"Friction {'falls' if line[0] < 0 else 'grows'} by {abs(line[0]):.0%} over the"
-                " recording, as it does while an axis warms: the list holds the mean. Run the"
-                " axis warm first, and record it then."
-            )
 
     def _unsaid(self, curve: LawCurve, knots: Knots) -> Iterator[Remark]:
         """Return what the list cannot say of the law."""

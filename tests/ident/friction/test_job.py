@@ -249,6 +249,28 @@ def test_friction_that_changes_while_it_is_recorded_is_told(
     assert not told or re.search(r"falls by (2\d|3\d)%", told[0])
 
 
+@pytest.mark.parametrize("kind", ["step", "place", "none"])
+def test_a_load_that_steps_and_friction_of_the_place_are_told(
+    tmp_path: Path, kind: str
+) -> None:
+    # The same speeds at two places, and the way from one to the other.
+    seconds = 0.002 * np.arange(1600)
+    over = np.interp(seconds, [0.0, 0.1, 3.1, 3.2], [0.0, 100.0, 100.0, 0.0])
+    both = [motion(), over, motion(), -over]
+    record(tmp_path, velocity=np.tile(np.concatenate(both), 3))
+    path = tmp_path / "trace.csv"
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    place, way = table[:, 1], np.sign(np.gradient(table[:, 1]))
+    if kind == "step":  # somebody clamps a workpiece
+        table[:, 2] += 0.6 * (np.arange(len(table)) > len(table) // 2)
+    if kind == "place":
+        table[:, 2] += way * (place > 150.0)
+    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    said = " ".join(remark.message for remark in friction(run(tmp_path)).remarks)
+    assert ("The constant load changes by 0.6" in said) == (kind == "step")
+    assert ("larger about" in said) == (kind == "place")
+
+
 def test_list_takes_what_the_law_takes(done: tuple[Path, JobResult]) -> None:
     error = friction(done[1]).error
     assert error["before"].rms > 2.0
