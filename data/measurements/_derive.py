@@ -179,7 +179,9 @@ def derive_motion(
     try:
         clock = read_clock(time)
         _refuse_repeats(clock, time.size)
-        cutoff = min(share / clock.sample_time, 100.0) if cutoff is None else cutoff
+        if cutoff is None:  # a spline follows no more than a quarter of the rate
+            share = share if clock.uniform else min(share, 0.25)
+            cutoff = min(share / clock.sample_time, 100.0)
         if clock.uniform:
             return filtered_motion(time, position, cutoff=cutoff, clock=clock)
         return smoothed_motion(time, position, bandwidth=cutoff, clock=clock)

@@ -38,9 +38,12 @@ def test_encoder_counts_before_the_commanded_position(tmp_path: Path) -> None:
 
 def test_uneven_clock_takes_the_spline(tmp_path: Path) -> None:
     time = np.cumsum(np.where(np.arange(2000) % 3 == 0, 0.012, 0.010))
-    motion = derive_motion(load(tmp_path, time=time, X_position=5.0 * time), "X")
+    found = load(tmp_path, time=time, X_position=5.0 * time)
+    motion = derive_motion(found, "X")
     assert motion.bandwidth == pytest.approx(10.0)  # a tenth of 100 Hz
     assert np.allclose(motion.velocity, 5.0, rtol=0, atol=1e-6)
+    # A spline follows no more than a quarter, whatever the share that a filter would.
+    assert derive_motion(found, "X", share=0.3).bandwidth == pytest.approx(25.0)
 
 
 def test_measurement_without_time_is_refused(tmp_path: Path) -> None:
