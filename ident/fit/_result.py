@@ -124,11 +124,12 @@ def result_of(
     if nodes is not None:
         nearest, weight, _ = nodes
         # A share of 0.5 is the Student weight at two scales. A lone reading must be further off,
-        # and of many the furthest lies far off by chance.
-        lone = max(int(np.sum(nearest == 1)), 1)
-        far = estimate.noise / estimate.loss.scale * float(-ndtri(0.5 * _CHANCE / lone))
-        least = min(0.5 * _TRUSTED, float(estimate.loss.share(np.array([far]))[0]))
-        limit = np.where(nearest > 1, _TRUSTED, least) * nearest
+        # and of many nodes the furthest lies far off by chance, the less the more readings it has.
+        read = np.maximum(nearest, 1)
+        chance = float(-ndtri(0.5 * _CHANCE / max(int(np.sum(nearest > 0)), 1)))
+        far = estimate.noise / estimate.loss.scale * chance / np.sqrt(read)
+        least = np.where(read > 1, _TRUSTED, 0.5 * _TRUSTED)
+        limit = np.minimum(least, estimate.loss.share(far)) * nearest
         doubted = (nearest > 0) & (weight < limit)
         suspects = np.flatnonzero(table.to_table(doubted).reshape(-1)).tolist()
     return TableFit(

@@ -292,3 +292,22 @@ def test_readings_that_agree_with_each_other_and_no_others_are_a_doubt_of_the_ta
     lone = fit_table(TableLayout(nodes), Samples(np.stack([x, y], axis=1), error))
     assert lone.wild.sum() == 1
     assert lone.standard_deviation.max() < 2e-3
+
+
+def test_places_read_twice_are_named_where_both_readings_are_off_and_not_by_chance() -> (
+    None
+):
+    nodes = (np.arange(0.0, 401.0, 50.0), np.arange(0.0, 301.0, 50.0))
+    x, y = (np.tile(g.ravel(), 2) for g in np.meshgrid(*nodes))
+    run = np.repeat([0, 1], x.size // 2)
+    place = np.stack([x, y], axis=1)
+    truth = 0.01 * np.sin(x / 120.0) * np.cos(y / 90.0)
+    off = 5e-3 * ((x == 200.0) & (y == 150.0))
+    for seed in range(8):  # of 63 nodes in each; one in a hundred planes may have one
+        noise = 7e-4 * np.random.default_rng(seed).normal(size=x.size)
+        fit = fit_table(TableLayout(nodes), Samples(place, truth + noise, run=run))
+        assert fit.suspect_nodes == ()
+        fit = fit_table(
+            TableLayout(nodes), Samples(place, truth + noise + off, run=run)
+        )
+        assert fit.suspect_nodes == (3 * 9 + 4,)
