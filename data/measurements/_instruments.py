@@ -8,10 +8,12 @@ import numpy as np
 
 from ._csv import read_body
 from ._errors import CellError, LineError, MeasurementError
-from ._header import parse_name
+from ._header import parse_name, unit_of_title
 from ._layout import find_layout
 from ._roles import ColumnSpec
 from ._table import Column, Skipped, Table, number_columns
+from ._titles import with_titles
+from ._units import find_unit
 
 _SECTION = re.compile(r"\s*(?P<name>[A-Z][A-Z0-9 -]*)::\s*")
 _SETTING = re.compile(r"\s*(?P<key>[A-Za-z][\w -]*?)\s*:\s*(?P<value>.*?)\s*")
@@ -19,6 +21,15 @@ _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _WHOLE = re.compile(r"[+-]?\d+")
 _ADDRESS = r"([A-Za-z]{1,3})\s*[=:]?\s*([+-]?\d+(?:[.,]\d+)?)"
 _ADDRESSES = re.compile(rf"\s*{_ADDRESS}(?:[\s;]+{_ADDRESS})+\s*;?\s*")
+_ROTARY = re.compile(
+    r"(?i)[ABC]\d?|.*(?:rotary|rotation|rundachse|rundtisch|drehachse|drehtisch|xr20|rx10).*"
+)
+"""Names of axes, and titles, of which the targets are angles."""
+_TILT = re.compile(
+    r"(?i)\b(?:yaw|roll|angular|tilt|gieren|gierwinkel|nicken|nickwinkel|rollen|rollwinkel"
+    r"|pitch(?!\W*(?:error|comp\w*|fehler|of)\b))\b"
+)
+"""Titles of angles by which a linear axis tilts; the pitch error is that of its screw."""
 _LOOK = 60
 """Lines that tell whether a text consists of addresses."""
 
@@ -72,27 +83,69 @@ def read_renishaw(path: Path, text: str) -> Table:
         expected = f"{count} runs of {len(targets)} targets"
         raise LineError(str(path), rows[-1][0], found, expected)
     body = _readings(passes, [target for target, _ in targets])
+    return _with_kind(path, body, settings)
+
+
+def _with_kind(
+    path: Path, body: np.ndarray, settings: dict[str, tuple[str, int]]
+) -> Table:
+    """Return the readings with what axis and title say that was measured.
+
+    Positions of a linear axis are in mm and deviations in µm, also those of a straightness.
+    Those of a rotary axis are in °, and the file does not state the unit of the deviations;
+    tilts of a linear axis are angles.
+    """
+    axis, axis_line = settings.get("axis", ("", 0))
+    title, line = settings.get("title", ("", 0))
+    stated = find_unit(unit_of_title(title) or "")
+    angle = stated.name if stated and stated.dimension == "angle" else None
+    turns = bool(_ROTARY.fullmatch(axis) or _ROTARY.fullmatch(title))
+    tilt = None if turns else _TILT.search(title)
+    place, unit = "mm", "um" if not turns else angle
+    if turns:
+        place = "deg"
+        remark = f"Targets of {axis or 'the axis'}, a rotary one, are taken in °."
+        if unit is None:
+            remark += (
+                " The file does not state the unit of its deviations: the job's columns say"
+                ' it, unit = "arcsec", "urad" or another.'
+            )
+    elif tilt or angle:
+        unit = angle or "arcsec"
+        remark = (
+            f"Line {line} says '{tilt[0] if tilt else title}': the deviations are taken for"
+            " angles by which the axis tilts, and those are no errors of its position."
+        )
+    else:
+        remark = (
+            "Targets are taken in mm and deviations in µm, as the files of linear and"
+            " straightness measurements have them; the file does not state units."
+        )
     names = (
-        ("target", "position", "mm"),
-        ("error", "error", "um"),
+        ("target", "position", place),
+        ("error", "error", unit),
         ("run", "run", None),
         ("direction", "direction", None),
     )
-    axis = settings.get("axis", ("", 0))[0]
     details = [f"{key}: {value}" for key, (value, _) in settings.items() if value]
-    return Table(
+    form = "Renishaw laser file"
+    target, error, *others = number_columns(body, names)
+    target = dataclasses.replace(target, doubtful_unit=turns)
+    error = dataclasses.replace(error, role="error" if unit else None)
+    table = Table(
         path=path,
-        format="Renishaw laser file",
-        columns=number_columns(body, names),
+        format=form,
+        columns=(target, error, *others),
         rows=len(body),
         lines=body[:, 4].astype(np.int64),
-        remarks=(
-            "Targets are taken in mm and deviations in µm, as the files of linear and"
-            " straightness measurements have them; the file does not state units.",
-            f"The file says: {'; '.join(details)[:300]}.",
-        ),
-        axis=axis if re.fullmatch(r"[A-Za-z]\w*", axis) else None,
+        remarks=(remark, f"The file says: {'; '.join(details)[:300]}."),
     )
+    if not (turns or tilt or angle):
+        titles = {axis_line: f"Axis: {axis}", line: title}
+        table = with_titles(table, {at: text for at, text in titles.items() if at})
+    if not table.across and re.fullmatch(r"[A-Za-z]\w*", axis):
+        table = dataclasses.replace(table, axis=axis)
+    return dataclasses.replace(table, format=form)
 
 
 _Lines = dict[str, list[tuple[int, list[str]]]]

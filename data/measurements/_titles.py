@@ -179,7 +179,9 @@ def _in_direction(table: Table, line: int, text: str) -> Table:
     if side is None or stated or "position" not in kinds or "direction" in kinds:
         return table
     values = np.full(table.rows, float(side))
-    column = Column("direction", "direction", None, values, header="direction")
+    place = next(c.role or "" for c in table.columns if c.kind == "position")
+    role = place.replace("position", "direction")
+    column = Column("direction", role, None, values, header="direction")
     remark = f"Line {line} says '{text}': direction {side:+d} in all rows."
     return _noted(table, (*table.columns, column), remark)
 
@@ -190,7 +192,12 @@ def _straight(table: Table, titles: str) -> Table:
     Its errors are across the motion: those of a laser table would be of the wrong axis.
     """
     across, along = _axes_of_straightness(titles)
-    axes = {"position": along, "error": across, "actual": across}
+    axes = {
+        "position": along,
+        "direction": along,
+        "error": across,
+        "actual": across,
+    }
     names = " ".join(column.header for column in table.columns)
     kinds = [_kind_by_name(column) for column in table.columns]
     is_straightness = (across and along) or _STRAIGHT.search(f"{titles} {names}")

@@ -64,7 +64,7 @@ _LONGEST = 2e4
 """Units that values of a drive which are no mm ask among, and mm from which on they are none."""
 _INCHES = ("thou", "in")
 """Units among which the error asks beside positions in inches."""
-_UNSTATED_ANGLE = ("mdeg", "arcsec", "deg")
+_UNSTATED_ANGLE = ("mdeg", "arcsec", "urad", "deg")
 """Units among which the error of a rotary axis asks."""
 
 
@@ -236,7 +236,12 @@ def _refuse_tilts(table: Table, named: Sequence[_Named]) -> None:
         each.kind == "error" for each in named if kinds.get(id(each.column)) == "length"
     )
     lengths = [each for each in kinds.values() if each == "length"]
-    unstated = [c for c, unit in units if unit is None and c.text is None]
+    counts = {id(e.column) for e in named if e.kind in ("run", "direction")}
+    unstated = [
+        column
+        for column, unit in units
+        if unit is None and column.text is None and id(column) not in counts
+    ]
     if tilts and len(lengths) == 1 and not owned and not unstated:
         reason = (
             f"found {' and '.join(tilts)} in an angle beside positions in a length, expected the"

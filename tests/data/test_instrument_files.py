@@ -10,6 +10,7 @@ import pytest
 from axcomp.data.errors import AxcompError
 from axcomp.data.measurements import (
     Measurement,
+    Table,
     derive_error,
     explain_direction,
     measurement,
@@ -191,3 +192,37 @@ def test_every_real_file_reads_at_the_first_try() -> None:
     assert formats["axis_capture_500Hz.json.gz"] == "JSON capture"
     assert formats["linuxcnc_sim_screwcompX.dat"] == "LinuxCNC triplets"
     assert formats["centroid_cnc7_v1_real_lasercomp.tab"] == "Centroid table"
+
+
+def renishaw(folder: Path, axis: str, title: str) -> Table:
+    """Return the Renishaw file of an axis with a title."""
+    lines = f"Axis: {axis}\r\nTitle: {title}".encode("cp1252")
+    return read_table(put(folder, FILES["Renishaw"].content.replace(b"Axis: X", lines)))
+
+
+@pytest.mark.parametrize(
+    ("axis", "title", "units"),
+    [
+        ("X", "X leadscrew pitch error", "mm um"),
+        ("C", "XR20", "deg None"),
+        ("4", "Rundtisch", "deg None"),
+        ("B", "B axis [arcsec]", "deg arcsec"),
+        ("X", "X pitch", "mm arcsec"),
+        ("X", "deviations [urad]", "mm urad"),
+    ],
+)
+def test_axis_and_title_of_a_renishaw_file_say_what_is_an_angle(
+    tmp_path: Path, axis: str, title: str, units: str
+) -> None:
+    table = renishaw(tmp_path, axis, title)
+    assert " ".join(str(column.unit) for column in table.columns[:2]) == units
+    # Without its unit a deviation is no error, and the job is asked for it.
+    known = table.column("error").unit is not None
+    assert (table.column("error").role == "error") == known
+
+
+def test_a_straightness_in_a_renishaw_file_is_of_the_axis_across(
+    tmp_path: Path,
+) -> None:
+    found = measurement(renishaw(tmp_path, "X", "X straightness in Y direction"))
+    assert {"X.position", "Y.error", "run", "X.direction"} == {*found.values}

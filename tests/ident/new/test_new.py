@@ -219,6 +219,14 @@ def test_a_straightness_whose_axes_nobody_names_is_no_leadscrew(
     assert questions >= {"axes.X.number", "axes.Y.number"}
 
 
+def test_the_direction_of_a_straightness_is_that_of_the_axis_that_moves(
+    tmp_path: Path,
+) -> None:
+    rows = "".join(f"{50 * k};{k * k % 17};+\n" for k in range(21))
+    text = f"Straightness of Y along X\nPosition [mm];Error [µm];Direction\n{rows}"
+    assert "[axes.Z]" not in new(tmp_path, text).read_text()
+
+
 def test_a_zero_within_the_shape_of_the_error_is_asked_for_and_may_stay_open(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -245,10 +253,10 @@ def test_a_unit_that_the_file_lacks_is_asked_for_the_likelier_first(
 @pytest.mark.parametrize(
     ("head", "size", "units"),
     [
-        ("c [deg],error", 12.3, ["mdeg", "arcsec", "deg"]),
-        ("c [deg],error", 0.0123, ["deg", "arcsec", "mdeg"]),
-        ("target [deg],channel2", 12.3, ["mdeg", "arcsec", "deg"]),
-        ("angle [deg],Up 1", 12.3, ["mdeg", "arcsec", "deg"]),
+        ("c [deg],error", 12.3, ["mdeg", "arcsec", "urad", "deg"]),
+        ("c [deg],error", 0.0123, ["deg", "urad", "arcsec", "mdeg"]),
+        ("target [deg],channel2", 12.3, ["mdeg", "arcsec", "urad", "deg"]),
+        ("angle [deg],Up 1", 12.3, ["mdeg", "arcsec", "urad", "deg"]),
         ("c [deg],dz", 12.3, ["um", "mm"]),
     ],
 )
@@ -829,11 +837,12 @@ def test_an_axis_whose_angles_begin_anew_goes_round(tmp_path: Path) -> None:
     assert "modulo = true" in written
 
 
-@pytest.mark.parametrize("name", ["Neigung", "pitch error", "Nick"])
+@pytest.mark.parametrize("name", ["Neigung", "pitch error", "Nick", "Lauf;Nick"])
 def test_angles_over_a_length_are_no_error_of_an_axis(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
-    rows = "".join(f"{50 * k};{k % 4},5\n" for k in range(10))
+    run = "1;" * name.count(";")
+    rows = "".join(f"{50 * k};{run}{k % 4},5\n" for k in range(10))
     (tmp_path / "level.csv").write_text(f"X [mm];{name} [arcsec]\n{rows}")
     out = tmp_path / "job.toml"
     assert main(["new", str(tmp_path / "level.csv"), "--out", str(out)]) == 1
