@@ -76,6 +76,7 @@ from ._measurement import (
     measurement as measurement,
     own_roles as own_roles,
 )
+from ._mesh import PROBED_HEIGHTS as PROBED_HEIGHTS
 from ._moving import (
     is_log as is_log,
     with_error as with_error,

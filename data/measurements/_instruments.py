@@ -10,6 +10,7 @@ from ._csv import read_body
 from ._errors import CellError, LineError, MeasurementError
 from ._header import parse_name, unit_of_title
 from ._layout import find_layout
+from ._mesh import PROBED_HEIGHTS
 from ._roles import ColumnSpec
 from ._table import Column, Skipped, Table, number_columns
 from ._titles import with_titles
@@ -306,4 +307,9 @@ def read_addresses(path: Path, text: str, encoding: str) -> Table:
     layout = find_layout(path, body)
     layout = dataclasses.replace(layout, names=tuple(map(parse_name, keys)))
     table = read_body(path, layout, body, encoding)
-    return dataclasses.replace(table, format="lines of letters with numbers")
+    remarks = table.remarks
+    if "Z" in keys:
+        probed = "A probed Z is an error only where the job's columns say so."
+        remarks = (*remarks, f"{probed} {PROBED_HEIGHTS}")
+    form = "lines of letters with numbers"
+    return dataclasses.replace(table, format=form, remarks=remarks)

@@ -12,6 +12,10 @@ from ._dialect import NUMBER
 from ._errors import CellError, LineError, MeasurementError
 from ._table import Skipped, Table, number_columns
 
+PROBED_HEIGHTS = (
+    "Heights that the machine's own probe reads on a flat reference are the negative of the"
+    " error: sign = -1 in columns."
+)
 _KLIPPER = re.compile(r"(?m)^\s*(?:#\*#)?\s*\[bed_mesh\b[^\]]*\]")
 _RRF = re.compile(r"\s*RepRapFirmware height map", re.IGNORECASE)
 _ABSENT = re.compile(r"|[+-]?nan", re.IGNORECASE)
@@ -265,6 +269,9 @@ def surface(
         raise MeasurementError(
             str(path), "found no probed point, expected at least one"
         )
+    taken = (
+        "Heights are taken as errors as they stand, + where the axis stands too high."
+    )
     body = np.array(rows, dtype=np.float64)
     roles = (*(f"{name.upper()}.position" for name in names), "Z.error")
     return Table(
@@ -274,5 +281,5 @@ def surface(
         rows=len(rows),
         lines=body[:, 3].astype(np.int64),
         skipped=tuple(skipped),
-        remarks=tuple(remarks),
+        remarks=(*remarks, f"{taken} {PROBED_HEIGHTS}"),
     )

@@ -76,8 +76,9 @@ class Unclear:
         column: Its name.
         asks: What there is to say: ``unit``, ``instrument``, ``column`` (which of those that
             name the role), ``role`` (which of those that name none), ``sign``, ``drift``,
-            ``probed`` (an error, or a position), ``direction`` (of runs), ``positive`` (which
-            of two words or numbers is a direction towards +).
+            ``probed`` (an error, or a position), ``height`` (with the sign of an error, or of
+            the machine's own probe), ``direction`` (of runs), ``positive`` (which of two words
+            or numbers is a direction towards +).
         choices: Role and column of each possible answer, the likeliest first.
         largest: Largest absolute value, in the unit of the file.
         apart: How far every second run lies from the others on the mean, and the scatter of
@@ -192,7 +193,10 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
             name = options[0][0]
             options = [(name, _spec(each.column, unit)) for unit in _HUGE[each.kind]]
         if each.column is probed:
-            asks |= {"probed"}
+            asks |= {"probed", "height"}
+            options += [
+                (text, dataclasses.replace(spec, sign=-1)) for text, spec in options
+            ]
             options += [(f"{each.axis}.position", _spec(each.column, each.column.unit))]
         if asks:
             unclear.append(_unclear(each.column, asks, options))
@@ -304,13 +308,16 @@ def _unnamed(
             for each in fine
             if owner == home and any(_follows(each, one) for one in places)
         ]
+        surface = owner != home and len(_places(named)) > 1
+        signs = (1, -1) if surface else (1,)
         choices += [
             (f"{owner}.error", _spec(each, unit, sign))
             for each in fine
             for unit in _units(each, "error", turns=turns, places=places)
-            for sign in ((-1, 1) if says_correction(each.name) else (1,))
+            for sign in ((-1, 1) if says_correction(each.name) else signs)
         ]
         asks = {"role"} if fine[0].unit else {"role", "unit"}
+        asks |= {"height"} if surface else set()
         asks |= {"sign"} if says_correction(fine[0].name) else set()
         questions.append(_unclear(fine[0], asks, choices))
     return questions

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...data.lists import ListFile
-from ...data.measurements import CellError, ColumnSpec, Table
+from ...data.measurements import PROBED_HEIGHTS, CellError, ColumnSpec, Table
 from .._job_text import job_line
 from ..job import (
     Job,
@@ -249,6 +249,8 @@ def _unclear_words(each: Unclear) -> str:
             f'No column says that it is an error: beside the other positions "{each.column}"'
             " hardly moves, and is taken for what was probed."
         )
+    if "height" in each.asks:
+        words.append(PROBED_HEIGHTS)
     if "sign" in each.asks:
         words.append(
             "Corrections (trims), and targets less what was reached, are the negative of"

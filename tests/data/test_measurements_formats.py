@@ -161,7 +161,15 @@ def test_bed_mesh_takes_the_default_profile_and_says_so(tmp_path: Path) -> None:
     assert table.format == "Klipper bed mesh"
     body = np.column_stack([column.values for column in table.columns])
     assert body.tolist() == [[0, 0, 1], [1, 0, 2], [0, 2, 3], [1, 2, 4]]
-    assert table.remarks == ("Profile 'default' was taken; the file also holds cold.",)
+    assert table.remarks[0] == "Profile 'default' was taken; the file also holds cold."
+
+
+def test_heights_say_how_they_are_taken(tmp_path: Path) -> None:
+    mesh = read_table(put(tmp_path, MESH))
+    assert "Heights are taken as errors as they stand" in mesh.remarks[-1]
+    lines = read_table(put(tmp_path, "X0 Y0 Z0.1\nX9 Y0 Z0.2\nX0 Y9 Z0.1\n"))
+    for said in (mesh.remarks[-1], lines.remarks[-1]):
+        assert "on a flat reference are the negative of the error: sign = -1" in said
 
 
 def test_bed_mesh_profile_can_be_chosen(tmp_path: Path) -> None:

@@ -317,10 +317,24 @@ def test_probed_points_ask_whether_the_still_coordinate_is_the_error(
     answers = [line for line in job.read_text().splitlines() if line.startswith("#? ")]
     assert '"Z.error" = { column = "Z' in "\n".join(answers)
     assert '"Z.position"' in answers[-1]
+    assert "sign = -1" in answers[-2]
+    assert "own probe reads on a flat reference are the negative" in " ".join(
+        job.read_text().replace("\n# ", " ").split()
+    )
     assert 'compensation = "plane"' in job.read_text()
     # Without the likely answer there is nothing to fit.
     assert main(["fit", str(job), "--out", str(tmp_path / "none")]) == 1
     assert "Z.error" in capsys.readouterr().err
+
+
+def test_heights_of_a_probe_ask_for_their_sign(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{x};{y};{x * y / 1e5}\n" for x in (0, 20, 40) for y in (0, 20))
+    new(tmp_path, f"X [mm];Y [mm];Höhe [mm]\n{rows}")
+    question = asked(tmp_path, capsys)[-1]
+    assert "own probe" in str(question["words"])
+    assert str(question["answers"]).count("sign = -1") == 1
 
 
 def test_a_rotary_axis_is_asked_whether_it_goes_round(
