@@ -41,8 +41,22 @@ _LESS = re.compile(
     r"(?i)\b(?:soll\w*|target|nominal|command(?:ed)?|setpoint)\s*(?:[-−–]|minus|less)\s*"
     r"(?:ist\w*|actual|measured|laser)\b(?!\W*(?:vergleich|comparison))"
 )
-_CORRECTIONS = re.compile(r"(?i)\b(?:korrektur\w*|corrections?|trims?)\b")
+_CORRECTIONS = re.compile(
+    r"(?i)\b(?:\w*korrektur\w*|\w*kompensation\w*|corrections?|compensations?|trims?)\b"
+)
 """Targets less what was reached, and corrections where the title has their unit."""
+_OF_CORRECTIONS = re.compile(
+    r"(?i)(?:\b\w*(?:korrektur|kompensations?)(?:werte?|tabelle|daten|liste)\b"
+    r"|\b(?:correction|compensation|trim|offset)\W+(?:values?|table|data|list)\b)"
+    r"(?!\s*[:=]\s*\S)"
+    r"|^\W*(?:korrektur(?:en)?|kompensation(?:en)?|corrections?|compensations?|trims?)\W*$"
+)
+"""Titles of a table of corrections, and not of the one that was on: ``table: achskw1.lis``."""
+_STATE = re.compile(
+    r"(?i)\b(?:before|after|with|without|off|no|not|active|inactive|vor|nach|mit|ohne|aus"
+    r"|keine?|aktiv|inaktiv|(?:on|an|ein)(?!\s+\w))\b"
+)
+"""Words of titles that say with which corrections something was measured."""
 _INCHES = ("in", "thou", "uin")
 _WORD = re.compile(r"[^\W\d_]")
 
@@ -75,8 +89,8 @@ def with_titles(table: Table, titles: Mapping[int, str]) -> Table:
             table = _in_unit(table, line, unit)
     for line, text in titles.items():
         said, unit = _LESS.search(text), unit_of_title(text)
-        if said is None and unit is not None:
-            said = _CORRECTIONS.search(text)
+        if said is None and not _STATE.search(text):
+            said = (_CORRECTIONS if unit else _OF_CORRECTIONS).search(text)
         if said is not None and not table.advice:
             table = _of_unknown_sign(table, line, said[0], unit)
     inches = [f"'{c.name}'" for c in table.columns if c.unit in _INCHES]
@@ -137,6 +151,8 @@ def _of_unknown_sign(table: Table, line: int, text: str, unit: str | None) -> Ta
     """
     numbers = [column for column in table.columns if column.text is None]
     errors = [column for column in numbers if _kind_by_name(column) == "error"]
+    if not errors and any(_kind_by_name(column) == "position" for column in numbers):
+        errors = [column for column in numbers if not _kind_by_name(column)]
     runs = [column for column in errors if column.run is not None]
     others = [column for column in numbers if all(column is not e for e in errors)]
     others.sort(key=lambda column: _kind_by_name(column) != "position")

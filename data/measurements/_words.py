@@ -12,8 +12,8 @@ WORDS: dict[str, frozenset[str]] = {
     kind: frozenset(words.split())
     for kind, words in {
         "lag": "following lag schlepp schleppfehler diff posdiff cont contour ffw",
-        "correction": "correction corrections korrektur korrekturwert korrekturen"
-        " compensation kompensation trim correzione corrección",
+        "correction": "correction corrections corr korr compensation compensations comp komp"
+        " trim trims correzione corrección",
         "error": "error err deviation dev fehler abweichung abw messabweichung"
         " erreur écart ecart errore scostamento deviazione desviación desviacion"
         " positionsabweichung positionierabweichung positionsfehler straightness geradheit"
@@ -97,6 +97,10 @@ DIRECTIONS = {
 }
 """Direction of approach, +1 or −1, by the words and signs of files."""
 _LEGS = frozenset(f"{_THERE} {_BACK}".split())
+_CORRECTS = re.compile(r"\w*(?:korrektur|kompensation)\w*")
+"""Words such as Fehlerkorrektur and Kompensationswert."""
+_OFFSET = frozenset(("offset", "offsets"))
+_VALUE = frozenset("value values wert werte table tabelle".split())
 _MINUS = re.compile(r"[-−–]|minus")
 _PIECE = re.compile(r"[A-Za-z0-9À-ÿ]+")
 _CAMEL = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+")
@@ -198,10 +202,13 @@ def is_difference(words: Iterable[str]) -> bool:
 
 
 def says_correction(name: str) -> bool:
-    """Whether a name is that of corrections, or of targets less what was reached."""
+    """Whether a name is that of corrections, of offsets, or of targets less what was reached."""
     words = words_in([name])
-    return bool(words & WORDS["correction"]) or (
-        is_difference(words) and kind_said(name) is None
+    return (
+        bool(words & WORDS["correction"])
+        or any(map(_CORRECTS.fullmatch, words))
+        or bool(words & _OFFSET and words <= _OFFSET | _VALUE)
+        or (is_difference(words) and kind_said(name) is None)
     )
 
 

@@ -1,5 +1,6 @@
 """What titles, headings and words of a table say of its columns, and how it is written."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -257,7 +258,12 @@ def test_directions_that_no_order_tells_are_left_to_the_job(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     ("name", "role"),
-    [("Ist - Soll", "error"), ("Soll-Ist", None), ("Korrektur", None)],
+    [
+        ("Ist - Soll", "error"),
+        *((name, None) for name in ("Soll-Ist", "Korrektur", "Komp.", "Offset value")),
+        ("Pitch error comp", None),
+        ("Fehlerkorrektur", None),
+    ],
 )
 def test_targets_less_readings_and_corrections_are_no_errors_by_themselves(
     tmp_path: Path, name: str, role: str | None
@@ -267,7 +273,9 @@ def test_targets_less_readings_and_corrections_are_no_errors_by_themselves(
     table = read_table(path)
     assert table.columns[1].role == role
     if role is None:
-        with pytest.raises(MeasurementError, match=rf'"{name} \[um\]", sign = -1 }}'):
+        with pytest.raises(
+            MeasurementError, match=rf'"{re.escape(name)} \[um\]", sign = -1 }}'
+        ):
             measurement(table, axis="X")
     stated = {"X.error": ColumnSpec(f"{name} [um]", sign=-1)}
     assert measurement(table, stated).require("X.error").tolist() == [-0.001, 0.002]
@@ -279,7 +287,11 @@ def test_targets_less_readings_and_corrections_are_no_errors_by_themselves(
         ("Abweichung Soll - Ist in µm", True),
         ("Target minus actual [um]", True),
         ("Korrekturwerte in µm", True),
-        ("Korrekturwerte", False),  # of what, it does not say
+        ("Korrekturwerte", True),
+        ("Pitch error compensation data", True),
+        ("Compensation table: achskw1.lis", False),  # what was on
+        ("Correction values off", False),
+        ("Abweichung nach Korrektur [µm]", False),
         ("Soll-Ist-Vergleich", False),
         ("Abweichung Ist - Soll in µm", False),
     ],
@@ -300,6 +312,14 @@ def test_a_title_of_another_sign_leaves_the_errors_to_the_job(
     error = measurement(table, stated).require("X.error")
     unit = 1.0 if "um" not in title and "µm" not in title else 1e-3
     assert error[:3].tolist() == [-1.0 * unit, 2.0 * unit, 4.0 * unit]
+
+
+def test_a_title_of_corrections_is_also_that_of_values_that_name_nothing(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "file.csv"
+    path.write_text("Korrekturwerte\nSoll [mm];Wert [um]\n0;1\n10;-2\n20;-4\n")
+    assert read_table(path).advice["error"] == ColumnSpec("Wert [um]", "um", sign=-1)
 
 
 def test_trims_of_linuxcnc_are_the_negative_of_errors(tmp_path: Path) -> None:
