@@ -147,7 +147,7 @@ def _print_fit(
 
 
 def _print_figures(console: "Console", fit: "AbstractResult") -> None:
-    from ..report._section import figures_of
+    from ..report._section import figures_of, keeps_wild
 
     over = f" over {', '.join(fit.over)}" if fit.over else ""
     scale = scale_of(fit.unit)
@@ -157,7 +157,10 @@ def _print_figures(console: "Console", fit: "AbstractResult") -> None:
     rows = []
     for name, row in figures.items():
         cells = ("–" if v is None else f"{scale.factor * v:{digits}}" for v in row)
-        rows.append((name.replace("all", "wild kept"), *cells))
+        label = name.replace("all", "wild kept")
+        rows.append(
+            (f"{label}, wild kept" * keeps_wild(name, figures) or label, *cells)
+        )
     title = f"{fit.compensation} of {fit.axis}{over}, {scale.error}"
     console.print(table_of(["error", *heads], rows, numbers=heads, title=title))
 

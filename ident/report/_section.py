@@ -33,6 +33,12 @@ _ROWS = {
     "E": "systematic positional deviation: range of the means",
     "M": "range of the mean of both directions",
 }
+_ISO = "AREBM"
+
+
+def keeps_wild(name: str, figures: Mapping[str, Sequence[float | None]]) -> bool:
+    """Whether a figure is one of ISO 230-2, which knows no wild readings, beside some."""
+    return name in _ISO and "rms, all" in figures
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,14 +77,17 @@ class Section:
         """What each figure means, and its values as they are printed."""
         figure = self.scale.figure
         return {
-            name: (_ROWS[name], ["–" if v is None else figure(v) for v in values])
+            name: (
+                _ROWS[name] + "; with wild readings" * keeps_wild(name, self.figures),
+                ["–" if v is None else figure(v) for v in values],
+            )
             for name, values in self.figures.items()
         }
 
     @property
     def iso(self) -> bool:
         """Whether figures of ISO 230-2 are among them."""
-        return any(name in "AREBM" for name in self.figures)
+        return any(name in _ISO for name in self.figures)
 
 
 def section_of(fit: AbstractResult, place: int) -> Section:

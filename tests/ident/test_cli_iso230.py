@@ -1,6 +1,7 @@
 """The command ``axcomp iso230`` and its chart."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -263,6 +264,21 @@ def test_chart_overlays_before_predicted_and_verified(tmp_path: Path) -> None:
     figure.draw_without_rendering()
     for text in figure.axes[0].texts:  # nothing is cut off
         assert text.get_window_extent().x1 <= figure.bbox.x1, text.get_text()
+
+
+def test_a_wild_reading_is_named_beside_the_figures_that_hold_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = laser(tmp_path)
+    assert main(["iso230", str(path), "--json"]) == 0
+    assert "All figures hold it" not in capsys.readouterr().out
+    rows = path.read_text().splitlines()
+    cells = rows[12].split(",")
+    rows[12] = ",".join([cells[0], "9.999", *cells[2:]])
+    path.write_text("\n".join(rows) + "\n")
+    assert main(["iso230", str(path)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert re.search(rf"At {float(cells[0]):g} a reading lies up to 999\d µm", said)
 
 
 def test_chart_of_one_direction_marks_what_exists() -> None:

@@ -24,6 +24,7 @@ from axcomp.ident.job import (
 )
 from axcomp.ident.proof import Diagnosis
 from axcomp.ident.report import write_report
+from axcomp.ident.report._section import section_of
 
 Make = Callable[..., TableResult]
 MakeJob = Callable[..., JobResult]
@@ -300,6 +301,20 @@ def test_wild_readings_are_counted_and_named_by_row(
 
 
 @pytest.mark.usefixtures("no_drawing")
+@pytest.mark.parametrize("wild", [False, True])
+def test_figures_of_the_standard_say_that_they_hold_wild_readings(
+    leadscrew: Make, wild: bool
+) -> None:
+    fit = leadscrew()
+    before = fit.error["before"]
+    if wild:
+        before = dataclasses.replace(before, without_wild=before)
+    fit = dataclasses.replace(fit, error={**fit.error, "before": before})
+    meanings = {name: said for name, (said, _) in section_of(fit, 1).rows.items()}
+    assert ("with wild readings" in meanings["A"]) == wild
+    assert "wild" not in meanings["rms"]
+
+
 def test_no_half_written_page_is_left_behind(
     cross: Make, job: MakeJob, tmp_path: Path
 ) -> None:

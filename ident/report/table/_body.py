@@ -50,4 +50,6 @@ def _iso_plot(fit: TableResult) -> Plot | None:
         tests[fit.measured_as] = proven
     figure = draw_iso_chart(tests, axis=fit.axis, unit=fit.unit, caption=False)
     caption = iso_chart_sentence(tests, unit=fit.unit)
+    if any(each.without_wild is not None for each in fit.error.values()):
+        caption += " Wild readings are in all of it: the standard leaves none out."
     return Plot("iso-230-2", "ISO 230-2: all runs and their means", figure, caption)
