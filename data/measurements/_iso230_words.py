@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 
+from ..units import small_unit
 from ._iso230_types import Iso230, Iso230Position
 
 
@@ -99,8 +100,8 @@ def with_arrows(name: str) -> str:
 
 
 def amount(value: float, unit: str) -> str:
-    """Return a deviation in mm or ° as text: µm with one decimal, ° with four."""
-    return f"{value:.4f}°" if unit == "deg" else f"{value * 1e3:.1f} µm"
+    """Return a deviation in mm or ° as text, in µm or m° with one decimal."""
+    return f"{value * 1e3:.1f} {small_unit(unit)}"
 
 
 def _doubt_of_means(test: Iso230) -> float:

@@ -266,6 +266,12 @@ def test_chart_overlays_before_predicted_and_verified(tmp_path: Path) -> None:
         assert text.get_window_extent().x1 <= figure.bbox.x1, text.get_text()
 
 
+def test_figures_of_a_rotary_axis_are_in_thousandths_of_a_degree() -> None:
+    words = iso_chart_sentence({"": figures("before")}, unit="deg")
+    # E is 28 m° where 0.2 m° per ° and a reversal of 8 m° were planted.
+    assert re.search(r"the means alone span 2\d\.\d m°", words)
+
+
 def test_a_wild_reading_is_named_beside_the_figures_that_hold_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,6 +1,7 @@
 """A crosstalk job: from a log of master and slave to the tests of the list."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -429,7 +430,23 @@ def test_result_and_report_show_tests_and_events(tmp_path: Path) -> None:
     assert "Crosstalk of Z over X, Y" in text
     assert "accelerating +" in text
     assert "NaN" not in text
+    assert "One between two tests counts at both." in text
     assert len(plots) == 2
+
+
+def test_events_of_entries_that_both_directions_share_are_counted_once(
+    tmp_path: Path,
+) -> None:
+    log(tmp_path, moves=16)
+    path = tmp_path / "job.toml"
+    keys = "velocity_dependent = false"
+    path.write_text(JOB.format(axis="", active="[]", keys=keys, columns=""))
+    page, *_ = write_report(run_job(path, tmp_path / "out"), tmp_path / "out")
+    text = page.read_text()
+    counts = [int(each) for each in re.findall(r"\((\d+) events\)", text)]
+    # Two entries, each of half of the events.
+    assert counts == [32, 32]
+    assert "64 accelerations cut out of the log" in text
 
 
 def test_group_gives_decelerations_entries_of_their_own_whatever_undirected_means(

@@ -35,15 +35,19 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
         f" full at {form.acceleration:g} and {form.deceleration:g} mm/s² and in"
         f" proportion below; {directions}.".replace("-", "−"),
     )
+    names = (
+        SHORT if form.velocity_dependent else ("accelerating", "", "decelerating", "")
+    )
     numbers = fit.entries, fit.standard_deviation, fit.support
     for k, point in enumerate(fit.points):
         pairs = zip(fit.adaptation, map(place, point), strict=True)
         where = ", ".join(f"{name} = {value}" for name, value in pairs)
-        rows = zip(SHORT, *(column[:, k] for column in numbers), strict=True)
+        rows = zip(names, *(column[:, k] for column in numbers), strict=True)
         parts = [
             f"{name} {number(entry * scale.factor, signed=True)} ± {scale.shown(sd)}"
             f" ({count(int(support), 'event')})"
             for name, entry, sd, support in rows
+            if name  # what both directions share rests on the events of both
         ]
         where = f" at {where} mm" if where else ""
         yield (f"Test {k + 1}{where}", "; ".join(parts) + ".")
@@ -52,7 +56,9 @@ def _facts(fit: CrosstalkResult, scale: Scale) -> Iterator[tuple[str, str]]:
         yield (
             "Events",
             f"{count(len(crosstalk.events), 'acceleration')} cut out of the log; one scatters"
-            f" by {scale.shown(float(noise.max()))} (1 sd) about the list at most.",
+            f" by {scale.shown(float(noise.max()))} (1 sd) about the list at most."
+            + " One between two tests counts at both."
+            * (len(fit.points) > 1),
         )
 
 
