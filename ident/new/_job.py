@@ -81,7 +81,7 @@ def new_job(
     sources = _sources(files, tuple(given))
     known = _axes(sources, given, lists)
     job = _provisional(path, sources, known)
-    observation = observe(job)
+    observation = _observed(job, sources)
     suggested = [
         dataclasses.replace(
             fit,
@@ -302,6 +302,30 @@ def _provisional(
         values["measurements"][source.name] = keys | {"columns": columns}
     spec = JobFile.model_validate(values)
     return Job(path, spec)
+
+
+def _observed(job: Job, sources: Sequence[Source]) -> Observation:
+    """Return the readings, seen through the likeliest answers.
+
+    Raises:
+        MeasurementError: If they are none of an axis; where no column names one, it says so.
+    """
+    try:
+        return observe(job)
+    except MeasurementError as error:
+        taken = [
+            f"'{column}' for {axis}"
+            for source in sources
+            for axis, column in source.meaning.assumed.items()
+        ]
+        if not taken:
+            raise
+        reason = (
+            "found no column that names its axis, expected names such as 'x [mm]' and 'dx [um]';"
+            f" taken {' and '.join(taken)}, it says:"
+            f" {str(error).removeprefix(f'{error.source}: ')}"
+        )
+        raise MeasurementError(error.source, reason) from error
 
 
 def _with_spans(axes: Mapping[str, Axis], observation: Observation) -> dict[str, Axis]:

@@ -227,6 +227,20 @@ def test_the_direction_of_a_straightness_is_that_of_the_axis_that_moves(
     assert "[axes.Z]" not in new(tmp_path, text).read_text()
 
 
+def test_a_log_whose_axis_is_a_guess_is_refused_as_one_that_names_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(
+        f"{0.01 * k:.2f},{2 * k},{2 * k + k % 3 / 100}\n" for k in range(100)
+    )
+    file = tmp_path / "log.csv"
+    file.write_text(f"time [s],first,second\n{rows}")
+    assert main(["new", str(file), "--out", str(tmp_path / "job.toml")]) == 1
+    said = capsys.readouterr().err
+    assert "found no column that names its axis" in said
+    assert re.search(r"taken '\w+' for X, it says: line \d+: found X moving", said)
+
+
 def test_a_zero_within_the_shape_of_the_error_is_asked_for_and_may_stay_open(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -544,6 +558,7 @@ def test_beside_temperatures_an_axis_at_rest_shows_its_drift(
     answers = asked(tmp_path, capsys)[-1]["answers"]
     assert isinstance(answers, list)
     assert answers[0] == '"Z.error" = { column = "mcu_pos_z", unit = "um" }'
+    assert answers[-1] == '"Z.error" = { column = "mcu_pos_z", unit = "inc" }'
     assert '"temperature.frame" = "frame_t"' in job.read_text()
     assert 'compensation = "temperature"' in job.read_text()
 
