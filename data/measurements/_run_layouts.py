@@ -126,6 +126,7 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     """Return a table of one column per run and direction with its meaning, or None."""
     headings = [heading(name.header) for name in names]
     kinds = [bare_role(name) for name in names]
+    headings = _with_first(headings, kinds)
     roles, _ = roles_of(names)
     targets = [
         at
@@ -152,16 +153,17 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     # A mean of the runs beside them is none; alone it is what there is.
     single = {at: item for at, item in runs.items() if not is_mean(names[at].header)}
     runs = single or runs
-    if not runs or {"error", "actual"} & set(kinds):
+    others = {kind for at, kind in enumerate(kinds) if at not in runs}
+    if not runs or {"error", "actual"} & others:
         return None
     if (found := other_direction(names, runs)) is not None:
-        word, others = found
-        sign = "+" if others[min(others)].direction == 1 else "−"
+        word, back = found
+        sign = "+" if back[min(back)].direction == 1 else "−"
         remark = (
             f"The columns of '{word}' have the runs and the unit of those in the other"
             f" direction: they are taken for the {sign} direction."
         )
-        runs = dict(sorted((runs | others).items()))
+        runs = dict(sorted((runs | back).items()))
         table = dataclasses.replace(table, remarks=(*table.remarks, remark))
     if len(runs) < 2:
         return None
@@ -196,11 +198,35 @@ def one_column_per_run(table: Table, names: Sequence[Name]) -> Table | None:
     result = _with_runs(table, target, numbered(runs))
     axis = axes.pop() if axes else None
     if axis is None:
-        return result
+        return dataclasses.replace(result, axis=result.axis or along)
     if along not in (None, axis):
         return straightness(result, axis, along, "names")
     remark = f"The names of the runs say that the axis is {axis}."
     return dataclasses.replace(result, axis=axis, remarks=(*result.remarks, remark))
+
+
+def _with_first(
+    headings: Sequence[Heading | None], kinds: Sequence[str | None]
+) -> list[Heading | None]:
+    """Return headings, one more where ``Reading`` stands before ``Reading 2``, ``Reading 3``."""
+    result = list(headings)
+    for kind in _KINDS:
+        first = [
+            at for at, each in enumerate(kinds) if each == kind and headings[at] is None
+        ]
+        runs = [
+            item.run
+            for item in headings
+            if item and item.kind == kind and not item.direction and item.run
+        ]
+        if (
+            len(first) == 1
+            and runs
+            and sorted(runs) == [*range(min(runs), max(runs) + 1)]
+        ):
+            if min(runs) in (1, 2):  # "Reading.1" where names were made to differ
+                result[first[0]] = Heading(min(runs) - 1, None, kind, True)
+    return result
 
 
 def _at_targets(

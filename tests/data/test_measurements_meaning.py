@@ -466,6 +466,33 @@ TWO_RUNS = "0;1;2\n10;2;4\n20;3;5\n"
 
 
 @pytest.mark.parametrize(
+    ("names", "runs", "sides"),
+    [
+        ("X Target;Reading;Reading 2;Reading 3", [1, 2, 3], [None] * 3),
+        ("X Target;Reading;Reading.1;Reading.2", [0, 1, 2], [None] * 3),
+        ("X Pos;Dev+ (um);Dev- (um)", [1, 1], [1, -1]),
+    ],
+)
+def test_readings_of_a_kind_side_by_side_are_runs(
+    tmp_path: Path, names: str, runs: list[int], sides: list[int | None]
+) -> None:
+    path = tmp_path / "file.csv"
+    cells = names.count(";")
+    rows = "".join(f"{10 * k}" + f";{10 * k}.01" * cells + "\n" for k in range(4))
+    path.write_text(f"{names}\n{rows}")
+    table = read_table(path)
+    assert table.axis == "X"
+    assert [column.run for column in table.columns[1:]] == runs
+    assert [column.direction for column in table.columns[1:]] == sides
+
+
+def test_an_error_beside_that_of_another_sensor_is_no_run(tmp_path: Path) -> None:
+    path = tmp_path / "file.csv"
+    path.write_text("X Target;Error;Error 4\n0;1;2\n10;2;3\n20;2;2\n")
+    assert all(column.run is None for column in read_table(path).columns)
+
+
+@pytest.mark.parametrize(
     ("top", "roles"),
     [
         ("X [mm];Z hin 1 [µm];Z rück 1 [µm]\n", ["X.position", "Z.error", "Z.error"]),
