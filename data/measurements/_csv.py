@@ -405,6 +405,25 @@ def number_column(name: Name, values: np.ndarray, bad: BadCell | None) -> Column
     )
 
 
+_SEXAGESIMAL = re.compile(
+    r"(?P<sign>[-+]?)(?P<deg>\d+)[:°]\s*(?P<min>[0-5]?\d)[:'\u2032]?\s*"
+    r"(?:(?P<sec>[0-5]?\d(?:[.,]\d+)?)(?:''|[\"\u2033])?)?"
+)
+"""An angle as ``30:15:00`` or ``30°15'00"``."""
+
+
 def _text_column(name: Name, cells: tuple[str, ...]) -> Column:
+    if name.unit == "deg":
+        matches = [_SEXAGESIMAL.fullmatch(cell.strip()) for cell in cells]
+        angles = [_degrees(match) for match in matches if match is not None]
+        if len(angles) == len(cells):
+            return number_column(name, np.array(angles), None)
     values = np.full(len(cells), np.nan)
     return Column(name.name, None, None, values, cells, None, name.header)
+
+
+def _degrees(match: re.Match[str]) -> float:
+    """Return an angle of degrees, minutes and seconds in °."""
+    seconds = float((match["sec"] or "0").replace(",", "."))
+    size = int(match["deg"]) + int(match["min"]) / 60.0 + seconds / 3600.0
+    return -size if match["sign"] == "-" else size

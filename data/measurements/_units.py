@@ -139,8 +139,9 @@ _ALIASES = {
         "degF": "F",
         "deg": "degree degrees grad",
         "mdeg": "0.001deg millidegree millidegrees",
-        "arcmin": "arcminutes arcmins Winkelminuten",
-        "arcsec": "arcseconds arcsecs '' ″ Winkelsekunden",
+        "arcmin": "arcminutes arcmins arc-min minutesofarc Winkelminuten Bogenminuten",
+        "arcsec": "arcseconds arcsecs arc-sec asec secondsofarc '' ″ Winkelsekunden"
+        " Bogensekunden",
         "um": "micron microns micrometer micrometre micrometers micrometres Mikrometer"
         " 0.001mm",
         "nm": "nanometer nanometers nanometre nanometres Nanometer",

@@ -322,6 +322,18 @@ def test_a_title_of_corrections_is_also_that_of_values_that_name_nothing(
     assert read_table(path).advice["error"] == ColumnSpec("Wert [um]", "um", sign=-1)
 
 
+@pytest.mark.parametrize(
+    "cells", ["0:00:00 30:15:00 -0:30:36", "0°00'00\" 30°15'00\" -0°30'36\""]
+)
+def test_degrees_minutes_and_seconds_are_angles(tmp_path: Path, cells: str) -> None:
+    path = tmp_path / "file.csv"
+    rows = "".join(f"{cell};{k}\n" for k, cell in enumerate(cells.split()))
+    path.write_text(f"Target [deg];Deviation [asec]\n{rows}", encoding="utf-8")
+    found = measurement(read_table(path), axis="C")
+    assert found.require("C.position").tolist() == pytest.approx([0.0, 30.25, -0.51])
+    assert found.require("C.error").tolist() == pytest.approx([0.0, 1 / 3600, 2 / 3600])
+
+
 def test_trims_of_linuxcnc_are_the_negative_of_errors(tmp_path: Path) -> None:
     path = tmp_path / "x.comp"
     path.write_text("0 0.001 -0.002\n10 0.002 -0.001\n20 0.003 -0.003\n")
