@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ._dialect import Dialect, sniff, usual_width
-from ._errors import MeasurementError
+from ._errors import LineError, MeasurementError
 from ._head_lines import (
     Head,
     any_number,
@@ -38,6 +38,10 @@ _FIRST = re.compile(rf"(?:[^\n]*+\n){{1,{_BELOW}}}+")
 _LONGEST_HEADER = 10_000
 """Characters of a header line that one look is enough for."""
 _AS_SHOWN = Lines()
+_WITH_UNIT = re.compile(
+    r"\s*[-+]?\d[\d.,']*\s?(?:mm|[uµ\u03bc]m|nm|m?°|deg|mdeg|arcsec)\s*[;\t|]"
+)
+"""A row whose first cell holds a number with its unit."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,6 +125,13 @@ def _layout_by_lines(path: Path, text: str, rules: Lines = _AS_SHOWN) -> Layout:
     if not content:
         reason = "found only comments or blank lines, expected rows of numbers"
         raise MeasurementError(str(path), reason)
+    with_units = [at for at in content if _WITH_UNIT.match(lines[at])]
+    if 2 * len(with_units) > len(content):
+        at = with_units[0]
+        cell = (_WITH_UNIT.match(lines[at]) or [""])[0].strip(" ;\t|")
+        found = f"'{cell}', a number with its unit"
+        expected = "numbers alone, and units in the header, as in 'Soll [mm]'"
+        raise LineError(str(path), at + 1, found, expected)
     rows = [dialect.split(lines[at]) for at in content]
     width = usual_width(dialect, rows)
     while width > 1 and not any(row[-1] for row in rows if len(row) == width):

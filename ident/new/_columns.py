@@ -225,7 +225,9 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
 
 
 def _refuse_tilts(table: Table, named: Sequence[_Named]) -> None:
-    """Refuse a file of angles alone over positions in mm, as of a level or an autocollimator.
+    """Refuse angles alone over positions in mm, and lengths over angles of no axis.
+
+    As of a level or an autocollimator, and as of a ball bar.
 
     Raises:
         MeasurementError: If no column of it can be the error that a list corrects.
@@ -254,6 +256,19 @@ def _refuse_tilts(table: Table, named: Sequence[_Named]) -> None:
             " error of an axis: lists correct positions, and no tilt (pitch, yaw, roll). Of a"
             " straightness, give the deviations that the readings add up to; of a rotary axis,"
             " its name: --axis"
+        )
+        raise MeasurementError(str(table.path), reason)
+    over = [
+        each
+        for each in named
+        if each.kind in _PLACES and kinds.get(id(each.column)) == "angle"
+    ]
+    nameless = table.axis is None and not any(each.axis for each in named)
+    if len(tilts) == len(over) == 1 and lengths and nameless:
+        reason = (
+            f"found lengths over {tilts[0]}, an angle, expected the axes that moved and erred: of a"
+            " ball bar or a roundness no list is made, measure each axis with a laser; of a rotary"
+            " axis, names such as 'C [deg]' and 'dZ [um]', or --axis"
         )
         raise MeasurementError(str(table.path), reason)
 

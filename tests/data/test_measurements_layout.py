@@ -235,3 +235,11 @@ def test_a_second_header_of_the_same_units_is_left_out(
     table = read_table(two_blocks(tmp_path, "Soll [mm];Abweichung [um]", second))
     assert table.rows == 6
     assert [item.reason for item in table.skipped] == ["the header line again"]
+
+
+def test_units_behind_the_numbers_of_cells_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "file.csv"
+    path.write_text("Soll;Abw.\n0,000 mm;-0,08 µm\n50,000 mm;1,2 µm\n")
+    expected = r":2: found '0,000 mm', a number with its unit, expected numbers alone"
+    with pytest.raises(LineError, match=expected):
+        read_table(path)

@@ -205,8 +205,15 @@ def trend_words(job: Job, fit: TableSpec, trend: Trend) -> str:
         words.append(
             f"a slope of {_amount(scale * slope, scale * deviation)} {unit}/{per}{over}"
         )
-    absurd = np.any(np.abs(trend.slopes) > _ABSURD)
-    return " and ".join(words) + (" (is a unit wrong?)" if absurd else "")
+    doubt = ""
+    if np.any(np.abs(trend.slopes) > _ABSURD):
+        doubt = " (is a unit wrong?)"
+    alone = tuple(fit.over) == (fit.axis,)
+    if alone and np.any(np.abs(trend.slopes + 2.0) < _ABSURD):
+        doubt = (
+            " (does the instrument count the other way? sign = -1 beside its column)"
+        )
+    return " and ".join(words) + doubt
 
 
 def _amount(value: float, deviation: float) -> str:

@@ -877,3 +877,27 @@ def test_angles_over_a_length_are_no_error_of_an_axis(
     assert main(["new", str(tmp_path / "level.csv"), "--out", str(out)]) == 1
     assert "lists correct positions, and no tilt" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_ball_bar_is_refused_as_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{5 * k},{k % 4},{k % 5}\n" for k in range(73))
+    file = tmp_path / "circle.csv"
+    file.write_text(f"Angle (deg),CW (um),CCW (um)\n{rows}")
+    out = tmp_path / "job.toml"
+    assert main(["new", str(file), "--out", str(out)]) == 1
+    assert "of a ball bar or a roundness no list is made" in capsys.readouterr().err
+    # Of a rotary axis that is named, the same are runs.
+    assert main(["new", str(file), "--axis", "C=4", "--out", str(out)]) == 1
+    assert "ball bar" not in capsys.readouterr().err
+
+
+def test_an_instrument_that_counts_the_other_way_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{50 * k};{-50.001 * k:.4f}\n" for k in range(13))
+    new(tmp_path, f"X cmd [mm];X laser [mm]\n{rows}")
+    words = " ".join(str(each["words"]) for each in asked(tmp_path, capsys))
+    assert "does the instrument count the other way? sign = -1" in words
+    assert "is a unit wrong" not in words
