@@ -27,7 +27,9 @@ def without_foot(layout: Layout, text: str) -> tuple[str, list[tuple[int, str]]]
     foot = len(tail)
     for at in range(len(tail) - 1, 0, -1):
         if tail[at].strip():
-            if not _is_foot(layout, tail[at], after_gap=not tail[at - 1].strip()):
+            if not _is_foot(
+                layout, tail[at], after_gap=_is_after_gap(layout, tail, at)
+            ):
                 break
             foot = at
     if foot == len(tail):
@@ -36,6 +38,14 @@ def without_foot(layout: Layout, text: str) -> tuple[str, list[tuple[int, str]]]
     line = body.count("\n") + 1 - text[: layout.body].count("\n") + layout.body_line
     notes = [(line + k, words) for k, words in enumerate(tail[foot:])]
     return body, [(number, words.strip()) for number, words in notes if words.strip()]
+
+
+def _is_after_gap(layout: Layout, lines: Sequence[str], at: int) -> bool:
+    """Whether a line stands below an empty one, or in a block of words that does."""
+    above = at - 1
+    while layout.numeric[0] and above > 0 and lines[above].strip()[:1].isalpha():
+        above -= 1
+    return not lines[above].strip()
 
 
 def _is_foot(layout: Layout, line: str, *, after_gap: bool) -> bool:

@@ -243,3 +243,16 @@ def test_units_behind_the_numbers_of_cells_are_named(tmp_path: Path) -> None:
     expected = r":2: found '0,000 mm', a number with its unit, expected numbers alone"
     with pytest.raises(LineError, match=expected):
         read_table(path)
+
+
+@pytest.mark.parametrize(
+    "foot",
+    ["Mittelwert;;9\nUmkehrspanne B;8,0", "A;29,1;um\nR;2,3;um", "T Anfang;20,1;C"],
+)
+def test_statistics_in_a_block_below_the_rows_are_none(
+    tmp_path: Path, foot: str
+) -> None:
+    path = tmp_path / "file.csv"
+    rows = "".join(f"{10 * k},0;{k},5;{k},1\n" for k in range(5))
+    path.write_text(f"Soll;Lauf 1;Lauf 2\n{rows}\n{foot}\n")
+    assert read_table(path).rows == 5
