@@ -172,8 +172,8 @@ _ENDINGS = {
 _MOST = 256
 """Points that LinuxCNC takes (EMCMOT_COMP_SIZE)."""
 _HEAD = re.compile(
-    r"#\s*(?P<name>\w+) of axis (?P<axis>\d+)(?: over (?P<masters>[\d, ]+))?"
-    r"(?P<modulo>, modulo)?"
+    r"#\s*(?P<name>leadscrew|cross|plane|\w+(?= of axis \d))(?: of axis (?P<axis>\d+))?"
+    r"(?: over (?P<masters>[\d, ]+))?(?P<modulo>, modulo)?"
 )
 _UNEVEN = 1e-3
 
@@ -243,7 +243,8 @@ def _number(value: float) -> str:
 
 
 def _csv(table: ExchangedTable) -> str:
-    head = f"# {table.compensation} of axis {table.axis}"
+    head = f"# {table.compensation}"
+    head += "" if table.axis is None else f" of axis {table.axis}"
     if table.masters:
         head += f" over {', '.join(map(str, table.masters))}"
     head += ", modulo" * table.modulo
@@ -307,7 +308,7 @@ def _of_csv(table: Table, stated: str) -> ExchangedTable:
         order[1:] = [names.index("pos"), names.index("neg")]
     columns = [_lengths(table, k) for k in order]
     name = head["name"] if head else ""
-    axis = int(head["axis"]) if head else None
+    axis = int(head["axis"]) if head and head["axis"] else None
     over = head["masters"] if head else None
     masters = tuple(map(int, over.split(", "))) if over else ()
     on_grid = not name and names[order[1]].startswith("master")
@@ -371,6 +372,11 @@ def _of_triplets(path: Path, trim: bool) -> ExchangedTable:
     )
     ascend = len(nodes) > 1 and bool(np.all(np.diff(nodes) > 0))
     expect(ascend, str(path), description, "two or more, ascending")
+    values_of = np.array(values)
+    trims = np.abs(values_of).max() < np.abs(values_of - nodes).max()
+    found = "values near 0, which are no positions"
+    expected = "forward and reverse positions; of trims (COMP_FILE_TYPE = 1): --trim"
+    expect(trim or not trims, str(path), found, expected)
     entries = np.stack([-column if trim else column - nodes for column in values])
     if np.allclose(entries[0], entries[1], 0.0, 1e-9):
         entries = entries[:1]

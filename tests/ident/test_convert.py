@@ -10,6 +10,7 @@ from axcomp.data.measurements import read_table
 from axcomp.ident.cli import main
 from axcomp.ident.exchange import (
     ExchangedTable,
+    ExchangeError,
     list_with,
     table_in,
     table_of_file,
@@ -65,6 +66,22 @@ def test_a_screw_comes_back_from_linuxcnc_byte_for_byte(
     triplets = convert(listing, tmp_path / "screw.comp", *trim)
     back = convert(triplets, tmp_path / "back.lis", "--axis", "3", *trim)
     assert back.read_bytes() == listing.read_bytes()
+
+
+def test_a_screw_without_an_axis_comes_back_from_a_csv(tmp_path: Path) -> None:
+    listing = written(tmp_path, TABLES["leadscrew"])
+    triplets = convert(listing, tmp_path / "screw.comp")
+    table = convert(triplets, tmp_path / "screw.csv")
+    assert table.read_text().splitlines()[0] == "# leadscrew"
+    back = convert(table, tmp_path / "back.lis", "--axis", "3")
+    assert back.read_bytes() == listing.read_bytes()
+
+
+def test_trims_that_are_taken_for_positions_are_named(tmp_path: Path) -> None:
+    listing = written(tmp_path, TABLES["leadscrew"])
+    trims = convert(listing, tmp_path / "screw.comp", "--trim")
+    with pytest.raises(ExchangeError, match=r"COMP_FILE_TYPE = 1\): --trim"):
+        table_of_file(trims)
 
 
 @pytest.mark.parametrize("form", ["bed-mesh", "height-map"])
