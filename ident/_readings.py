@@ -28,6 +28,7 @@ from ..data.measurements import (
     nearest,
     read_table,
     recorded_motion,
+    restart_of,
     without_motion,
 )
 from .core import FitError
@@ -273,7 +274,7 @@ def recording_of(
             msg = "run: found numbers beside names or None, expected one or the other"
             raise FitError(msg) from None
     heated = [one.axis for one in stack if isinstance(one, Temperature)]
-    return JointData(
+    data = JointData(
         **tables,
         time=given.get("time"),
         run=run,
@@ -281,3 +282,11 @@ def recording_of(
         clock_number=None,
         own_zero=None,
     )
+    time = data.time
+    if heated and time is not None and (row := restart_of(time, run)) is not None:
+        msg = (
+            f"time: goes back to {time[row]:g} s at index {row}: two recordings, or a clock"
+            " that was set back, expected one clock for what follows a temperature"
+        )
+        raise FitError(msg)
+    return data

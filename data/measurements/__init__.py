@@ -25,6 +25,7 @@ from ._direction import (
     Directions as Directions,
     derive_direction as derive_direction,
     explain_direction as explain_direction,
+    restart_of as restart_of,
 )
 from ._errors import (
     CellError as CellError,

@@ -18,7 +18,8 @@ from ._measurement import Measurement
 from ._moving import is_log
 
 _RESTARTS = 0.01
-"""Share of rows up to which a clock that goes back begins anew; more, and rows have no order."""
+"""Share of rows (one in any case) in which a clock that goes back begins anew; in more, and rows
+have no order."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,19 +155,38 @@ def _way_of(path: Float[np.ndarray, " n"]) -> int:
     return int(steps[0]) if len(steps) == 1 else 0
 
 
+def restart_of(
+    time: Float[np.ndarray, " t"], run: Int[np.ndarray, " t"] | None = None
+) -> int | None:
+    """Return the row in which a clock begins anew, or None: by it rows of both would be mixed.
+
+    Args:
+        time: In s, NaN = not known. Where it goes back in many rows, rows have no order; where
+            all that follows is earlier, the newest rows come first.
+        run: Of each row: a clock that begins anew with each run does so in many rows.
+    """
+    known = np.flatnonzero(np.isfinite(time))
+    back = np.flatnonzero(np.diff(time[known]) < 0) + 1
+    each = run is not None and bool(
+        (run[known[back]] != run[known[np.maximum(back, 1) - 1]]).all()
+    )
+    if not each and back.size > max(1.0, _RESTARTS * known.size):
+        return None
+    parts = np.split(time[known], back)
+    for start, earlier, later in zip(back, parts, parts[1:], strict=False):
+        if later.max() > earlier.min():
+            return int(known[start])
+    return None
+
+
 def _refuse_restart(finder: "_Finder", time: Float[np.ndarray, " t"]) -> None:
-    """Raise where the clock begins anew: rows of both recordings would be mixed by it."""
-    starts = np.flatnonzero(np.diff(time) < 0) + 1
-    if not 0 < starts.size <= _RESTARTS * time.size:
-        return
-    parts = np.split(time, starts)
-    for start, earlier, later in zip(starts, parts, parts[1:], strict=False):
-        if later.max() > earlier.min():  # else the newest rows come first
-            reason = (
-                f"the time goes back in line {finder.measurement.lines[start]}: these are"
-                " two recordings, or rows written twice"
-            )
-            raise finder.unknown(reason)
+    """Raise where the clock begins anew."""
+    if (row := restart_of(time)) is not None:
+        reason = (
+            f"the time goes back in line {finder.measurement.lines[row]}: these are"
+            " two recordings, or rows written twice"
+        )
+        raise finder.unknown(reason)
 
 
 class _Finder:

@@ -46,7 +46,8 @@ def observe(job: "Job") -> Observation:
     """Return the readings of all measurements of a job.
 
     Raises:
-        MeasurementError: If a file holds nothing usable.
+        MeasurementError: If a file holds nothing usable, or its clock begins anew beside a
+            temperature.
         JobError: If a measurement does not suit.
     """
     from ..discover import Observed, stack  # takes long to load
@@ -59,6 +60,8 @@ def observe(job: "Job") -> Observation:
         measured = tables.measured(name)
         with_error = [axis for axis in axes if has_error(measured, axis)]
         rows = Rows(job, name, measured, with_error, gaps=True)
+        if rows.sensors:
+            rows.refuse_restart()
         run, zeros = rows.run, np.zeros(len(rows), dtype=np.int64)
         position = rows.positions(PLACES)
         currents = {axis: rows.current(axis) for axis in axes}

@@ -17,6 +17,7 @@ from ...data.measurements import (
     is_log,
     recorded_motion,
     reduce_length,
+    restart_of,
     with_error,
     without_motion,
 )
@@ -121,6 +122,21 @@ class Rows:
     def time(self) -> Float[np.ndarray, " t"] | None:
         """Instants in s, or None."""
         return self._numbers("time")
+
+    def refuse_restart(self) -> None:
+        """Raise where the clock begins anew: what follows a temperature late would be mixed.
+
+        Raises:
+            MeasurementError: With what to give.
+        """
+        if self.time is None or (row := restart_of(self.time, self.run)) is None:
+            return
+        reason = (
+            f"the time goes back in line {self.measured.lines[row]}: two recordings, or a clock"
+            " that was set back, expected one clock for what follows a temperature: correct the"
+            " times, or give each recording as a measurement of its own (its lines by header, rows)"
+        )
+        raise MeasurementError(str(self.measured.source), reason)
 
     @property
     def run(self) -> Int[np.ndarray, " t"] | None:

@@ -15,6 +15,7 @@ from axcomp.data.measurements import (
     explain_direction,
     measurement,
     read_table,
+    restart_of,
 )
 
 
@@ -240,6 +241,17 @@ def test_two_recordings_on_one_clock_are_not_mixed(tmp_path: Path) -> None:
     later = (0.05 * np.arange(200, 400)).tolist()
     found = directions(tmp_path, place, time=later + time)
     assert found == [-1] + [1] * 199 + [-1] * 200
+
+
+def test_where_a_clock_begins_anew() -> None:
+    first, second = np.arange(5.0), np.arange(5.0, 10.0)
+    assert restart_of(np.concatenate([first, first])) == 5
+    assert restart_of(np.concatenate([[0.0, np.nan], first])) is None
+    assert restart_of(np.concatenate([second, first])) is None
+    runs = np.tile(first, 3)
+    assert restart_of(runs) is None  # rows without an order
+    assert restart_of(runs, np.repeat([1, 2, 3], 5)) == 5
+    assert restart_of(np.array([0.0, 2.0, 1.0, 4.0, 3.0]), np.ones(5, int)) is None
 
 
 def test_run_of_one_target_is_refused(tmp_path: Path) -> None:

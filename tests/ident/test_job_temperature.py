@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from axcomp.data.lists import ListFile, check
+from axcomp.data.measurements import MeasurementError
 from axcomp.ident._recording import lagged
 from axcomp.ident.cli import main
 from axcomp.ident.job import (
@@ -239,6 +240,24 @@ group = "all"
     # All of them count, as in the joint fit; they tell less than so many would.
     assert len(found.before) == len(rows)
     assert found.fit.independent < 0.5 * len(rows)
+
+
+def test_a_clock_that_goes_back_is_refused_with_its_line(tmp_path: Path) -> None:
+    warm_up(tmp_path, lag=900.0)
+    rows = np.genfromtxt(tmp_path / "warm.csv", delimiter=",", names=True)
+    rows["t"][100:] -= 3600.0  # summer time ends
+    columns = tuple(rows[name] for name in "t x e frame".split())
+    write(tmp_path, ("t", "x", "e", "frame"), columns)
+    with pytest.raises(
+        MeasurementError, match="time goes back in line 102: two recordings"
+    ):
+        run(tmp_path, AUTO)
+    # The newest rows first are one recording.
+    warm_up(tmp_path)
+    rows = np.genfromtxt(tmp_path / "warm.csv", delimiter=",", names=True)[::-1]
+    columns = tuple(rows[name] for name in "t x e frame".split())
+    write(tmp_path, ("t", "x", "e", "frame"), columns)
+    assert run(tmp_path).error["from_file"].rms < 1.1 * NOISE
 
 
 def test_two_sensors_share_one_table(tmp_path: Path) -> None:

@@ -559,6 +559,15 @@ def test_temperatures_of_a_law_may_be_a_list() -> None:
         axcomp.Temperature("X", sensor="a", law={"offset": np.array([25.0, 20.0])})
 
 
+def test_a_clock_that_goes_back_beside_a_temperature_is_refused() -> None:
+    warm, time = np.linspace(20.0, 25.0, 40), 60.0 * np.arange(40.0)
+    data = {"X.error": 1e-3 * warm, "temperature.scale": warm, "time": time}
+    effect = axcomp.Temperature("X", sensors={"offset": "scale"})
+    axcomp.fit([effect], data)
+    with pytest.raises(FitError, match="time: goes back to 300 s at index 20"):
+        axcomp.fit([effect], data | {"time": time - 900.0 * (time >= 1200.0)})
+
+
 def test_lags_of_several_sensors_are_no_job(tmp_path: Path) -> None:
     warm, position = np.repeat([20.0, 22.0, 25.0], 5), np.tile(np.arange(5.0), 3)
     data = {

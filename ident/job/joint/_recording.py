@@ -269,6 +269,9 @@ def _columns(
         error[axis] = rows.error(axis, position, lengths=lengths, against=against)
         change = rows.change.get(axis)
         rows.remarks += reference_words(rows.name, rows.spec, axis, lengths, change)
+    sensors = _unique(member.sensors for member in members)
+    if sensors:
+        rows.refuse_restart()
     driven = _unique(member.accelerating for member in members)
     velocity = {axis: rows.motion(axis, "velocity") for axis in driven}
     for axis in rows.moving:
@@ -282,7 +285,7 @@ def _columns(
         acceleration={axis: rows.motion(axis, "acceleration") for axis in driven},
         temperature={
             sensor: _without_glitches(rows.temperature(sensor, why))
-            for sensor in _unique(member.sensors for member in members)
+            for sensor in sensors
         },
         time=rows.time,
         run=rows.run,

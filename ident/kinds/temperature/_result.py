@@ -170,7 +170,7 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
         level = "warning" if fit.meeting in _UNSURE else "info"
         yield Remark(level, _meeting_words(fit))
     for lag in fit.lags:
-        if lag.applied or draft.fit.lag == "auto":
+        if lag.applied or (draft.fit.lag == "auto" and fit.data.time is not None):
             yield Remark.info(_lag_words(lag))
     if wild := int(fit.wild.sum()):
         yield Remark.warning(f"{wild} wild readings were left out.")
