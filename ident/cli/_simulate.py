@@ -31,8 +31,9 @@ if TYPE_CHECKING:
     from ..exchange import AxisOffsets, ControllerEvent, Motion, StoredConventions
 
 _RELOAD = "RELOAD "
-_WARMED = r"(?P<file>.+?)(?::(?P<sensor>[A-Za-z_][\w-]*))?"
-"""What stands behind ``A1=``: a temperature table, and one sensor of it."""
+_SENSOR = r"[A-Za-z_][\w-]*"
+_WARMED = rf"(?P<file>.+?)(?::(?P<sensors>{_SENSOR}(?:,{_SENSOR})?))?"
+"""What stands behind ``A1=``: a temperature table, and one sensor of it, or two."""
 _SLACK = 1e-9
 """s: times are written in decimals."""
 
@@ -67,7 +68,8 @@ def simulate(
             output.
         temperature (A1=T.csv): Temperature table of an axis as the PLC follows it
             (temperature_X.csv of a job), for the column temperature.<sensor> of the motion;
-            A1=T.csv:frame where there are several sensors.
+            A1=T.csv:frame where there are several sensors; A1=T.csv:frame,scale where the offset
+            follows the first and the coefficient the second (left out: as the table says).
         events (E.csv): What happens meanwhile: columns time, axis (empty: all) and event, which
             is COMP ON CROSS, COMP OFF LEAD TEMP, COMP OFF_ALL, HOMED, NOT HOMED, PROGRAM END or
             RELOAD FILE.lis. Left out: the column event of the motion, if it has one.
@@ -128,8 +130,9 @@ def _lines(
     lines, sensors = {}, list(motion.temperatures)
     for axis, match in tables.items():
         path, machine = Path(match["file"]), machines.get(axis)
+        followed = match["sensors"].split(",") if match["sensors"] else ()
         lines[axis] = read_temperature_table(
-            path, sensors, match["sensor"], conventions, machine
+            path, sensors, followed, conventions, machine
         )
     return lines
 

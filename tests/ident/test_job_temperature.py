@@ -18,7 +18,10 @@ from axcomp.ident.job import (
     Verdict,
     run_job,
 )
-from axcomp.ident.kinds.temperature.entries import temperature_from_list
+from axcomp.ident.kinds.temperature.entries import (
+    read_temperature_table,
+    temperature_from_list,
+)
 from axcomp.ident.report import headline_of, write_report
 from axcomp.ident.report._scale import Scale
 from axcomp.models import Conventions
@@ -281,6 +284,15 @@ def test_two_sensors_share_one_table(tmp_path: Path) -> None:
     at = np.interp(26.0, found.law.temperature, found.law.offset)
     # 0.05 % of 12 µm and the state at 20 °C: well inside 0.3 µm.
     assert at == pytest.approx(-0.012, abs=3e-4)
+    # 26 °C of the spindle 12 µm; 24 °C of the scale 40 µm/m, over 500 mm.
+    table = tmp_path / "out" / "temperature_X.csv"
+    listing = ListFile.read(tmp_path / "out" / "achsmds1.add.lis")
+    warm = np.array([[20.0, 0.0, 26.0], [24.0, 1.0, 20.0], [24.0, 1.0, 26.0]])
+    line = read_temperature_table(
+        table, ("scale", "oil", "spindle"), (), Conventions(), listing
+    )
+    moved = np.asarray(line.offset(np.full(3, 1000.0), warm))
+    assert moved == pytest.approx([-0.012, -0.020, -0.032], abs=5e-4)
 
 
 def test_missed_readings_and_missed_steps_are_set_aside(tmp_path: Path) -> None:

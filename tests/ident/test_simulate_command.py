@@ -24,13 +24,18 @@ MOTION = (
 )
 TABLE = "temperature,offset_0,coefficient\n20,0,0\n30,0.004,10\n"
 
+TWO = (
+    "temperature,offset_0,coefficient,offset_0_sensor,coefficient_sensor\n"
+    "20,0,0,frame,air\n30,0.004,10,frame,air\n"
+)
+
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     for name, text in (
         ("achskw1.lis", LIST), ("achsmds1.lis", AXIS), ("m.csv", MOTION),
-        ("t.csv", TABLE),
+        ("t.csv", TABLE), ("two.csv", TWO),
     ):  # fmt: skip
         (tmp_path / name).write_text(text)
     return tmp_path
@@ -67,6 +72,19 @@ def test_temperature_table_friction_and_sum_have_their_columns(folder: Path) -> 
     np.testing.assert_array_equal(found["A1.friction"], [0.0, 0.0, 0.0, 50.0])
 
 
+def test_offset_and_coefficient_of_a_table_follow_a_sensor_each(folder: Path) -> None:
+    (folder / "m.csv").write_text(
+        "A1.position,temperature.frame,temperature.air\n50,30,20\n50,20,30\n"
+    )
+    one_each = [0.004, 0.0005]
+    assert run("--out", "o.csv", "--temperature", "A1=t.csv:frame,air") == 0
+    assert columns(folder)["A1.temperature"] == pytest.approx(one_each)
+    assert run("--out", "o.csv", "--temperature", "A1=two.csv") == 0
+    assert columns(folder)["A1.temperature"] == pytest.approx(one_each)
+    assert run("--out", "o.csv", "--temperature", "A1=two.csv:air,frame") == 0
+    assert columns(folder)["A1.temperature"] == pytest.approx(one_each[::-1])
+
+
 def test_conventions_of_the_machine_are_taken(folder: Path) -> None:
     (folder / "c.toml").write_text(
         "[verified]\nleadscrew_sign = 1\nfriction_sign = -1\n"
@@ -91,6 +109,13 @@ def test_conventions_of_the_machine_are_taken(folder: Path) -> None:
             "temperature.air in the motion, expected one",
             1,
         ),
+        (
+            ["--temperature", "A1=two.csv:air"],
+            "found a law whose offset follows frame and whose coefficient air, expected a"
+            " sensor for each, as in :frame,air",
+            1,
+        ),
+        (["--temperature", "A1=t.csv:frame,oil"], "in the motion, expected oil", 1),
         (["--temperature", "A1=t.csv:oil"], "in the motion, expected oil", 1),
         (["--temperature", "A1=m.csv:air"], "expected temperature, offset_0, coeff", 1),
         (["--temperature", "t.csv"], "expected an axis and its file as in A1=T.csv", 2),

@@ -192,7 +192,7 @@ def _loaded(mill: WorkingMachine, job: JobResult, folder: Path) -> WorkingMachin
         sensor, name = next(iter(fit.fit.sensors)), f"achsmds{number}.add.lis"
         listing = next(file for file in lists if file.source.endswith(name))
         lines[number] = read_temperature_table(
-            folder / table, mill.sensors, sensor, Conventions(), listing
+            folder / table, mill.sensors, (sensor,), Conventions(), listing
         )
         lags[sensor] = max((lag.time_constant for lag in fit.fit.lags), default=0.0)
     machine = mill.machine.with_lists(lists, lines)

@@ -108,7 +108,8 @@ class TemperatureDraft(AbstractDraft):
         table, program, *_ = temperature_names(self.axis)
         plc = self._program
         objects = {f"{name}.TcPOU": text for name, text in plc_objects(plc).items()}
-        texts = {table: self._law.csv(), program: structured_text(plc)} | objects
+        law = self._law.csv(*self._followed)
+        texts = {table: law, program: structured_text(plc)} | objects
         return {name: text.encode() for name, text in texts.items()}
 
     @property

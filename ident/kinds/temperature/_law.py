@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from ..._templates import templates
 from ._line import TemperatureFit
-from .entries import COLUMNS
+from .entries import COLUMNS, SENSORS
 from .keys import block_names, plain_name
 
 _SAME = 1e-3
@@ -62,11 +62,15 @@ class ThermalLaw:
         values = self.offset_deviation, self.coefficient_deviation
         return dict(zip(COLUMNS[1:], values, strict=True))
 
-    def csv(self) -> str:
-        """Return the table as CSV."""
+    def csv(self, offset_sensor: str, coefficient_sensor: str) -> str:
+        """Return the table as CSV; it names the sensors where they are two."""
         rows = zip(*self.columns.values(), strict=True)
         lines = [f"{warm:.4f},{offset:.6f},{slope:.4f}" for warm, offset, slope in rows]
-        return "\n".join([",".join(COLUMNS), *lines]) + "\n"
+        head = [*COLUMNS]
+        if offset_sensor != coefficient_sensor:
+            head += SENSORS
+            lines = [f"{line},{offset_sensor},{coefficient_sensor}" for line in lines]
+        return "\n".join([",".join(head), *lines]) + "\n"
 
     def largest(self, distance: Float[np.ndarray, " p"]) -> tuple[float, float, int]:
         """Return the largest correction in mm, its temperature in °C, and where.

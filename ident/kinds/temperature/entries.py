@@ -5,7 +5,7 @@ The table that a PLC follows (``temperature_<axis>.csv``) makes such a line, too
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from jaxtyping import Float
@@ -19,8 +19,13 @@ from ...exchange._units import LIST_UNITS, SGN32, ExchangeError, expect, round_t
 from .._protocol import AbstractEntries, Axes
 from . import KIND
 
+if TYPE_CHECKING:
+    from ....data.measurements import Table as MeasuredTable
+
 COLUMNS = ("temperature", "offset_0", "coefficient")
 """Of the table of a PLC: in °C, mm and µm/m."""
+SENSORS = ("offset_0_sensor", "coefficient_sensor")
+"""Further columns where offset and coefficient follow different ones: the name in each row."""
 Table = Mapping[str, Float[np.ndarray, " n"]]
 """Columns of the table of a PLC by name."""
 _PER_METRE = 1e-6
@@ -29,7 +34,7 @@ _PER_METRE = 1e-6
 def read_temperature_table(
     path: Path,
     sensors: Sequence[str],
-    sensor: str | None,
+    followed: Sequence[str],
     conventions: Conventions,
     machine: ListFile | None = None,
 ) -> TemperatureLine:
@@ -38,9 +43,11 @@ def read_temperature_table(
     Linear between the temperatures of the table and held outside.
 
     Args:
-        path: CSV with the columns ``temperature``, ``offset_0`` and ``coefficient``.
+        path: CSV with the columns ``temperature``, ``offset_0`` and ``coefficient``, and
+            `SENSORS` where these follow different ones.
         sensors: Sensors of the motion, in the order of its temperatures.
-        sensor: The one that the PLC looks at; None: the only one.
+        followed: Those that offset and coefficient follow, one for both; empty: those that the
+            table names, else the only one.
         conventions: Sign of the line.
         machine: Axis list with the reference position and the filter; None: 0 and none.
 
@@ -48,14 +55,33 @@ def read_temperature_table(
         ExchangeError: If a column is missing or the temperatures do not ascend, or it
             is open which sensor counts.
     """
-    table = read_columns(path)
-    chosen = sensors[0] if sensor is None and len(sensors) == 1 else sensor
-    if chosen is None or chosen not in sensors:
+    table = _read(path)
+    columns, named = _columns_of(path, table), _sensors_of(table)
+    if len(followed) == 1 and named:
+        offset, slope = named
+        found = f"a law whose offset follows {offset} and whose coefficient {slope}"
+        raise ExchangeError(
+            str(path), found, f"a sensor for each, as in :{offset},{slope}"
+        )
+    followed = followed or named or (sensors if len(sensors) == 1 else ())
+    if missing := [name for name in followed or ("",) if name not in sensors]:
         names = ", ".join(f"temperature.{name}" for name in sensors) or "no temperature"
-        expected = "one column temperature.<sensor>" if sensor is None else sensor
-        raise ExchangeError(str(path), f"{names} in the motion", expected or "")
-    number = list(sensors).index(chosen)
-    return temperature_line(table, (number, number), conventions, machine)
+        expected = missing[0] or "one column temperature.<sensor>"
+        raise ExchangeError(str(path), f"{names} in the motion", expected)
+    numbers = sensors.index(followed[0]), sensors.index(followed[-1])
+    return temperature_line(columns, numbers, conventions, machine)
+
+
+def _sensors_of(table: "MeasuredTable") -> tuple[str, ...]:
+    """Return the sensors of offset and coefficient that a table names, or none."""
+    by_name = {column.name: column.text for column in table.columns}
+    return tuple(text[0].strip() for name in SENSORS if (text := by_name.get(name)))
+
+
+def _read(path: Path) -> "MeasuredTable":
+    from ....data.measurements import read_table  # lists alone need none
+
+    return read_table(path)
 
 
 def read_columns(path: Path) -> dict[str, Float[np.ndarray, " n"]]:
@@ -64,9 +90,12 @@ def read_columns(path: Path) -> dict[str, Float[np.ndarray, " n"]]:
     Raises:
         ExchangeError: If one is missing or the temperatures do not ascend.
     """
-    from ....data.measurements import read_table  # lists alone need none
+    return _columns_of(path, _read(path))
 
-    table = read_table(path)
+
+def _columns_of(
+    path: Path, table: "MeasuredTable"
+) -> dict[str, Float[np.ndarray, " n"]]:
     names = [column.name for column in table.columns]
     words = f"columns {', '.join(names)}"
     expect(set(COLUMNS) <= set(names), str(path), words, ", ".join(COLUMNS))
