@@ -143,6 +143,11 @@ class AbstractPlan(AbstractOfFit):
         return ()
 
     @property
+    def shifting(self) -> bool:
+        """Whether a temperature moves the whole axis, as an offset of a run does."""
+        return False
+
+    @property
     def takes_constant(self) -> bool:
         """Whether its list can hold a constant error of the axis."""
         return self.fit.kind.takes_constant is not None

@@ -263,6 +263,28 @@ def test_a_clock_that_goes_back_is_refused_with_its_line(tmp_path: Path) -> None
     assert run(tmp_path).error["from_file"].rms < 1.1 * NOISE
 
 
+def test_runs_zeroed_anew_tell_the_coefficient(tmp_path: Path) -> None:
+    warm_up(tmp_path, lag=900.0)
+    rows = np.genfromtxt(tmp_path / "warm.csv", delimiter=",", names=True)
+    run_of = np.arange(len(rows)) // 6
+    zeros = 0.02 * np.random.default_rng(2).normal(size=run_of[-1] + 1)
+    error = rows["e"] + zeros[run_of]
+    names = ("t", "x", "e", "frame", "run")
+    write(tmp_path, names, (rows["t"], rows["x"], error, rows["frame"], run_of))
+    keys = 'sensors = { coefficient = "frame" }\nreference = -200.0'
+    columns = FRAME + '\nrun = "run"'
+    found = run(tmp_path, keys, columns=columns, measured='remove = "offset"')
+    assert found.fit.coefficient is not None
+    slope, deviation = found.fit.coefficient.slope
+    assert abs(slope - GROWTH) < 3 * deviation < 0.02 * GROWTH
+    low, high = found.fit.lags[0].interval
+    assert low < 900.0 < high
+    assert found.error["from_file"].rms < 1.1 * NOISE
+    # What the whole axis does, nobody can tell from such zeros.
+    both = run(tmp_path, PLAIN, columns=columns, measured='remove = "offset"')
+    assert any("Runs have no offset of their own" in r.message for r in both.remarks)
+
+
 def test_two_sensors_share_one_table(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     time = np.arange(0.0, 4 * 3600.0, 60.0)

@@ -164,9 +164,15 @@ def read_group(
     several = run is not None and len(np.unique(run)) > 1
     time = joined([part.time for part in parts])
     slices = rows_of(lead.sources, counts)
-    # Runs without an offset: it is what tells the temperature.
-    heated = _unique((member.axis,) for member in members if member.sensors)
     specs = [tables.job.spec.measurements[name] for name in lead.sources]
+    zeroed = any(spec.remove != "none" or spec.datum is not None for spec in specs)
+    # Runs without an offset: it is what tells the temperature, unless that moves no whole axis
+    # and the zero of the instrument is arbitrary.
+    heated = _unique(
+        (member.axis,)
+        for member in members
+        if member.sensors and (member.shifting or not (zeroed and several))
+    )
     # Only where the zero of each measurement is arbitrary, each has an offset of its own.
     beside = None
     if len(counts) > 1 and any(spec.remove != "none" for spec in specs):

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from ..._recording import JointData
 from ...core import FitError, one_blas_thread, simplest
 from ...fit.joint import Leadscrew, Temperature, fit_joint
-from ._recording import FEWEST
+from ._recording import FEWEST, about_runs
 
 _MANY = 3_000
 """Readings by which laws and lags are chosen."""
@@ -162,11 +162,14 @@ class _HeldOut:
         data = dataclasses.replace(data, temperature=theta)
         line = line.lagging(dict.fromkeys(theta, 0.0))
         error, residual = data.error[line.axis], np.zeros(len(folds))
+        run = data.run_of(line.axis)
         for fold in np.unique(folds):
             held, training = folds == fold, np.flatnonzero(folds != fold)
             placed = place_nodes(line, data, training)
             columns = placed.rows(placed.columns_of(data))[1]
-            if "offset" not in line.sensors:
+            if run is not None:  # each has a zero of its own, which tells nothing
+                columns, error = about_runs(columns, run), about_runs(error, run)
+            elif "offset" not in line.sensors:
                 columns = np.column_stack([columns, np.ones(len(folds))])
             root = np.sqrt(self.share[training])
             design = columns[training] * root[:, None]

@@ -23,7 +23,7 @@ from .._keys import FitSpec
 from . import KIND
 from ._law import RATE, ThermalLaw, plc_objects, rates, structured_text, thermal_law
 from ._line import TemperatureFit
-from ._recording import read_thermal
+from ._recording import about_runs, read_thermal
 from ._result import TemperatureResult, asks_for_none, remarks_of
 from .entries import (
     Table,
@@ -171,6 +171,10 @@ class TemperatureDraft(AbstractDraft):
         predicted = self.found.predict(np.stack(warm, axis=1), place)
         finite = np.isfinite(readings.error[self.axis]) & np.isfinite(predicted)
         error, predicted = readings.error[self.axis][finite], predicted[finite]
+        if (run := readings.run_of(self.axis)) is not None:
+            # The instrument was zeroed anew in each: what it shows is the change within.
+            error = about_runs(error, run[finite])
+            predicted = about_runs(predicted, run[finite])
         # The zero is where the line takes nothing off, as in the first measurement: the
         # middle of the readings is another one, where the line is not what it should be.
         zero, factor = float(np.median(error)), None

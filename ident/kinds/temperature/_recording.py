@@ -125,6 +125,17 @@ def steady(
     return result
 
 
+def about_runs(
+    values: Float[np.ndarray, "t *p"], run: Int[np.ndarray, " t"]
+) -> Float[np.ndarray, "t *p"]:
+    """Return values less the mean of their run."""
+    _, index, count = np.unique(run, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(count), *values.shape[1:]))
+    np.add.at(sums, index, values)
+    means = sums / count.reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray(values - means[index])
+
+
 def complete_rows(
     line: Temperature, data: JointData, rows: Int[np.ndarray, " n"]
 ) -> Int[np.ndarray, " t"]:

@@ -144,6 +144,10 @@ class TemperaturePlan(AbstractPlan):
         steady = () if plateau is None else (sensor_name(plateau.sensor),)
         return tuple(dict.fromkeys((*self.effects.values(), *steady)))
 
+    @property
+    def shifting(self) -> bool:
+        return "offset" in self.effects
+
     def unfit(self, recording: "GroupRecording") -> str:
         data = recording.data
         try:
@@ -222,12 +226,19 @@ class TemperaturePlan(AbstractPlan):
         data = recorded.take(rows)
         warm = [line.structure(recorded, sensor)[rows] for sensor in sensors]
         timed = data.time is not None and bool(np.isfinite(data.time).all())
+        zeros = np.zeros(len(data))
+        if not share.recording.drifting:  # else they are taken off already
+            with_zeros, without = (
+                share.fit.predict(recorded, runs=on)[self.axis][rows]
+                for on in (True, False)
+            )
+            zeros = with_zeros - without
         fit = TemperatureFit(
             line=line,
             data=dataclasses.replace(
                 data,
                 time=data.time if timed else None,
-                error={self.axis: share.error},
+                error={self.axis: share.error - zeros},
                 position={axis: data.position[axis] for axis in self.positions},
             ),
             rows=np.flatnonzero(rows),
@@ -241,7 +252,7 @@ class TemperaturePlan(AbstractPlan):
             ),
             noise=share.fit.fits[self.axis].memory.drift or DriftNoise(share.noise),
             wild=share.wild,
-            predicted=share.predicted[rows],
+            predicted=share.predicted[rows] - zeros,
             support=tuple(part.support.tolist()),
             converged=share.fit.converged,
         )
