@@ -282,10 +282,10 @@ def measurement(
                 for name, other in mapping.items()
                 if name.endswith((".position", ".actual")) and other.column
             ]
-            if may_be_ms(column, places):
-                remarks.append(
-                    f"Column '{column.name}' states no unit: it is taken in s, not in ms."
-                )
+            warmed = any(name.startswith("temperature.") for name in mapping)
+            if (doubt := may_be_ms(column, places)) or warmed:
+                words = f"Column '{column.name}' states no unit: it is taken in s"
+                remarks.append(f"{words}, not in ms." if doubt else f"{words}.")
         if column.doubtful_unit and spec.unit is None and unit.name == column.unit:
             remarks.append(
                 f"Column '{column.name}' is taken in {unit.name} from its name."

@@ -263,6 +263,21 @@ def test_a_clock_that_goes_back_is_refused_with_its_line(tmp_path: Path) -> None
     assert run(tmp_path).error["from_file"].rms < 1.1 * NOISE
 
 
+def test_a_time_in_minutes_without_a_unit_is_doubted(tmp_path: Path) -> None:
+    warm_up(tmp_path, lag=900.0)
+    rows = np.genfromtxt(tmp_path / "warm.csv", delimiter=",", names=True)
+    time = rows["t"] / 3600.0
+    columns = (time, *(rows[name] for name in "x e frame".split()))
+    write(tmp_path, ("t", "x", "e", "frame"), columns)
+    said = [remark.message for remark in run(tmp_path).remarks]
+    assert "Column 't' states no unit: it is taken in s." in said
+    (doubt,) = [words for words in said if "is the time in minutes or hours" in words]
+    assert doubt.startswith("The measurement lasts 3.98 s")
+    warm_up(tmp_path, lag=900.0)
+    said = [remark.message for remark in run(tmp_path).remarks]
+    assert not any("is the time in minutes" in words for words in said)
+
+
 def test_runs_zeroed_anew_tell_the_coefficient(tmp_path: Path) -> None:
     warm_up(tmp_path, lag=900.0)
     rows = np.genfromtxt(tmp_path / "warm.csv", delimiter=",", names=True)

@@ -31,6 +31,8 @@ _AT, _SEVERAL, _PART, _WANDERS = 0.01, 8, 0.1, 0.4
 """Share of the travel about a datum that is the datum; readings there that tell how they move;
 share of all that the readings show; and share of their variance that neighbours in time leave."""
 _FEW = 8.0
+_QUICK = 60.0
+"""s in which no machine warms, and behind a sensor of which none is."""
 _MEETINGS: Mapping[Meeting, str] = {
     "met": "The lines meet at {at:.5g} mm ± {sure:.2g} mm",
     "parallel": "The lines hardly change their slope, so they meet nowhere",
@@ -172,6 +174,7 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
     for lag in fit.lags:
         if lag.applied or (draft.fit.lag == "auto" and fit.data.time is not None):
             yield Remark.info(_lag_words(lag))
+    yield from _too_quick(draft)
     if wild := int(fit.wild.sum()):
         yield Remark.warning(f"{wild} wild readings were left out.")
     if fit.missed:
@@ -207,6 +210,23 @@ def _lag_words(lag: Lag) -> str:
         f"The structure follows {lag.sensor} with a time constant of"
         f" {lag.time_constant:.3g} s ({span}), by which the PLC filters the sensor."
     )
+
+
+def _too_quick(draft: "TemperatureDraft") -> Iterator[Remark]:
+    """Return a doubt of the unit of the time, where all happens faster than in any machine."""
+    fit = draft.found
+    if fit.data.time is None or not fit.moving:
+        return
+    spans = {"The measurement lasts": float(np.ptp(fit.data.time))}
+    if draft.fit.lag == "auto":
+        spans |= {f"The lag behind {g.sensor} is": g.time_constant for g in fit.lags}
+    for words, span in spans.items():
+        if 0.0 < span < _QUICK:
+            yield Remark.warning(
+                f"{words} {span:.3g} s, and machines take minutes to warm: is the time in"
+                ' minutes or hours? State its unit then (time = { column = …, unit = "min" }).'
+            )
+            return
 
 
 def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
