@@ -303,7 +303,8 @@ def _finished(
         else rule
         for rule in result.conventions
     )
-    result = dataclasses.replace(result, conventions=rules)
+    remarks = result.unsettled(settled)
+    result = dataclasses.replace(result, conventions=rules, remarks=remarks)
     if result.measured is None:
         return result
     key = result.measured_as.replace(" ", "_")

@@ -299,6 +299,8 @@ def _again(fit: AbstractResult, scale: Scale) -> str:
     if second.rms is None:
         return f"{text} shows what it does"
     mostly = "" if second.trend is None else f", nearly all of it {second.trend.words}"
+    beyond = "" if second.readings is None else second.readings.beyond
+    mostly += f" ({beyond})" if beyond else ""
     return f"{text} found {scale.figure(second.rms)} {scale.error} rms{mostly}"
 
 

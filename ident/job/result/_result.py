@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, final
 
@@ -234,6 +234,10 @@ class AbstractResult(abc.ABC):
     def measured_as(self) -> str:
         """What these readings may be called: ``verified`` only where they show it."""
         return "verified" if self.confirmed else "measured again"
+
+    def unsettled(self, settled: Collection[str]) -> tuple[Remark, ...]:
+        """Return the remarks, less those that ask for rules which a measurement has settled."""
+        return self.remarks
 
     @property
     def expectation(self) -> Expectation | None:

@@ -67,6 +67,8 @@ def near_of(
     error: Float[np.ndarray, " t"],
     direction: Int[np.ndarray, " t"] | None,
     scatter: float,
+    *,
+    sloped: bool = True,
 ) -> str:
     """Return the place where readings agree that far more is left than elsewhere; empty: none.
 
@@ -76,6 +78,7 @@ def near_of(
         error: With the list active, in mm or °.
         direction: ±1 of each, or None.
         scatter: Of a reading, as it was predicted.
+        sloped: Whether a constant and slopes are the instrument's.
     """
     columns = (
         positions if direction is None else np.column_stack([positions, direction])
@@ -83,8 +86,10 @@ def near_of(
     places, at, counts = np.unique(
         columns.round(2), axis=0, return_inverse=True, return_counts=True
     )
-    slopes = np.column_stack([np.ones(len(error)), positions])
-    rest = error - slopes @ np.linalg.lstsq(slopes, error)[0]
+    rest = error
+    if sloped:
+        slopes = np.column_stack([np.ones(len(error)), positions])
+        rest = error - slopes @ np.linalg.lstsq(slopes, error)[0]
     if counts.max() > 1 or len(error) < _BESIDE:
         mean = np.bincount(at.reshape(-1), rest) / counts
         size = np.where(counts > 1, np.abs(mean), 0.0)
@@ -153,6 +158,7 @@ class SecondMeasurement:
         way: ±1 of the only direction of motion that they have, where the list has two;
             None: they have all that it has.
         near: A place where its readings agree that far more is left, in words; empty: none.
+        beyond: That readings lie beyond what the list was made from, in words; empty: none.
         trend: Constant and slopes of these readings, where they are large; else None.
         adds: What the list adds at each of these readings in mm or °, from which is told how
             many times it acts; None: where only a diagnosis can tell that.
@@ -170,6 +176,7 @@ class SecondMeasurement:
     part: tuple[str, float, float] | None = None
     way: int | None = None
     near: str = ""
+    beyond: str = ""
     trend: LeftTrend | None = None
     adds: Float[np.ndarray, " t"] | None = None
     factor: tuple[float, float] | None = None

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ....data.lists import ListFile, Value
 from ....models import TemperatureLine
@@ -15,7 +15,7 @@ from ...core import FitError, regress
 from ...job._draft import AbstractDraft, Foreseen
 from ...job._gating import spread_over
 from ...job.result._result import Remark, staged
-from ...job.result._second import SecondMeasurement
+from ...job.result._second import SecondMeasurement, near_of
 from ...proof import GateCheck
 from ...proof.axis import check_switching
 from ...readings import Tables
@@ -23,7 +23,7 @@ from .._keys import FitSpec
 from . import KIND
 from ._law import RATE, ThermalLaw, plc_objects, rates, structured_text, thermal_law
 from ._line import TemperatureFit
-from ._recording import about_runs, read_thermal
+from ._recording import FEWEST, about_runs, read_thermal
 from ._result import TemperatureResult, asks_for_none, remarks_of
 from .entries import (
     Table,
@@ -40,6 +40,12 @@ if TYPE_CHECKING:
     from .plan import TemperaturePlan
 
 _LINE = KIND.prefix
+_SHOWS = 0.1
+"""Scatter of a reading that a line must add to show how many times it acts."""
+_MORE = 0.05
+"""Share of the temperatures of a law beyond which it is held for long enough to matter."""
+_JUDGED = 20_000
+"""Readings of a second measurement among which neighbours are looked for."""
 
 
 @final
@@ -171,24 +177,70 @@ class TemperatureDraft(AbstractDraft):
         predicted = self.found.predict(np.stack(warm, axis=1), place)
         finite = np.isfinite(readings.error[self.axis]) & np.isfinite(predicted)
         error, predicted = readings.error[self.axis][finite], predicted[finite]
+        place, warmth = place[finite], np.stack(warm, axis=1)[finite]
         if (run := readings.run_of(self.axis)) is not None:
             # The instrument was zeroed anew in each: what it shows is the change within.
             error = about_runs(error, run[finite])
             predicted = about_runs(predicted, run[finite])
+        within = self._within(warmth)
         # The zero is where the line takes nothing off, as in the first measurement: the
         # middle of the readings is another one, where the line is not what it should be.
-        zero, factor = float(np.median(error)), None
-        with contextlib.suppress(FitError):
-            fitted = regress(np.stack([np.ones(len(error)), predicted], axis=1), error)
-            zero, remaining = map(float, fitted.coefficients)
-            factor = 1.0 - remaining, float(fitted.standard_deviation[1])
+        zero, factor, near = float(np.median(error)), None, ""
+        scatter = float(self.foreseen.predicted[~self.foreseen.wild].std())
+        counts = int(within.sum()) >= FEWEST
+        if counts and np.std(predicted[within]) > _SHOWS * scatter:
+            with contextlib.suppress(FitError):
+                columns = np.stack([np.ones(len(error)), predicted], axis=1)[within]
+                fitted = regress(columns, error[within])
+                zero, remaining = map(float, fitted.coefficients)
+                factor = 1.0 - remaining, float(fitted.standard_deviation[1])
+        if counts:
+            some = np.flatnonzero(within)[:: -(-int(within.sum()) // _JUDGED)]
+            at, left = warmth[some].round(1), (error - zero)[some]
+            clock = readings.order[finite][some]
+            # Neighbours in time at all places that the axis ran through, or at one of them.
+            for names, places in (((), ()), ((self.axis,), (place[some],))):
+                columns = np.column_stack([at, *places, clock])
+                words = (*self.found.sensors, *names)
+                near = near or near_of(
+                    words, columns, left, None, scatter, sloped=False
+                )
         return SecondMeasurement(
             ", ".join(fit.sources),
-            place[finite, None],
+            place[:, None],
             error - zero,
             added=float(np.std(predicted)),
             adds=-predicted,
             factor=factor,
+            near=near,
+            beyond=self._beyond(within),
+        )
+
+    @property
+    def _ends(self) -> Mapping[str, tuple[float, float]]:
+        """First and last temperature in °C of each sensor that moves the line."""
+        laws = self.found.moving
+        return {law.sensor: (law.temperature[0], law.temperature[-1]) for law in laws}
+
+    def _within(self, warmth: Float[np.ndarray, "t s"]) -> Bool[np.ndarray, " t"]:
+        """Return which readings lie within the temperatures of the laws."""
+        inside = np.ones(len(warmth), bool)
+        for name, (low, high) in self._ends.items():
+            warm, more = warmth[:, self.found.sensors.index(name)], _MORE * (high - low)
+            inside &= (warm >= low - more) & (warm <= high + more)
+        return inside
+
+    def _beyond(self, within: Bool[np.ndarray, " t"]) -> str:
+        """Return that a law is held beyond its temperatures, in words; empty: it was not."""
+        if within.all():
+            return ""
+        ends = " and ".join(
+            f"{name} = {low:.4g} to {high:.4g} °C"
+            for name, (low, high) in self._ends.items()
+        )
+        return (
+            f"{int((~within).sum())} of {len(within)} readings lie beyond {ends}, where the"
+            " law was measured and from where on the PLC holds it"
         )
 
     def prove(self, done: "AxisFiles") -> TemperatureResult:

@@ -1,7 +1,7 @@
 """What a job found of the thermal line of an axis, and what must be known of it."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -46,6 +46,7 @@ _MEETINGS: Mapping[Meeting, str] = {
 }
 _UNSURE: set[Meeting] = {"two sensors", "not one point", "uncertain", "no offset"}
 """What a person should know before the line is used."""
+_RULE = "temperature_sign"
 _SIGN = Remark.warning(
     "Whether the controller adds the line or takes it off is the least certain sign of"
     " all (S-43: the manual reads its coefficients off a deviation). Warm the machine,"
@@ -81,6 +82,10 @@ class TemperatureResult(AbstractResult):
     before: Float[np.ndarray, " t"]
     predicted: Float[np.ndarray, " t"]
     from_file: Float[np.ndarray, " t"]
+
+    def unsettled(self, settled: Collection[str]) -> tuple[Remark, ...]:
+        known = _RULE in settled
+        return tuple(one for one in self.remarks if not (known and one == _SIGN))
 
     @property
     def expectation(self) -> Expectation | None:
@@ -182,7 +187,7 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
     yield from _undetermined(draft)
     if draft.written:
         yield from _state(draft)
-        if "temperature_sign" not in draft.job.verified:
+        if _RULE not in draft.job.verified:
             yield _SIGN
 
 

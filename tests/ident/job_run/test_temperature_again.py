@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from axcomp.ident.cli import main
-from axcomp.ident.job import run_job
+from axcomp.ident.job import AbstractResult, run_job
 from axcomp.ident.report import headline_of
 from axcomp.ident.report._scale import Scale
 
@@ -100,12 +100,65 @@ def test_a_temperature_line_is_measured_again(
     # Taken off where the line takes nothing off, not in the middle of the readings.
     truth = np.sqrt(np.mean((left - 0.002) ** 2 + 3e-4**2))
     assert figures["rms"] == pytest.approx(truth, rel=0.1)
+    unsure = "the least certain sign of all"
+    asks = any(unsure in remark["message"] for remark in one["remarks"])
+    assert asks == (acts in (0.0, 2.0))  # where the sign is not settled
     signs = {rule["name"]: rule["state"] for rule in one["conventions"]}
     assert signs["temperature_sign"] == ("verified" if acts == 1.0 else "assumed")
     said = {1.0: "right", -1.0: "sign", 0.0: "wrong axis", 2.0: "twice"}[acts]
     assert acts == 1.0 or one["diagnosis"]["verdict"] == said
     if acts == -1.0:
         assert "temperature_sign = -1" in (out / "conventions.toml").read_text()
+
+
+def verdict_of(found: AbstractResult) -> str:
+    return headline_of(found, Scale("mm", "µm")).sentence
+
+
+def test_a_line_that_is_wrong_where_it_is_hottest_is_not_verified(
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "out"
+    job = write(tmp_path, "job", GROWTH, "[]", FIT)
+    run_job(job, out)
+    hot = np.quantile(WARM, 0.92)
+    left = GROWTH + added(out) + 0.05 * (hot < WARM)
+    after = write(tmp_path, "after", left, '["temperature"]', FIT)
+    words = verdict_of(run_job(job, out, after=after).fits[0])
+    assert words.startswith("Verified but for one place")
+    assert "measure near scale = 25.4 again" in words
+    # As many readings here and there are the instrument's.
+    here = np.random.default_rng(0).permutation(len(WARM)) < 0.08 * len(WARM)
+    left = GROWTH + added(out) + 0.05 * here
+    after = write(tmp_path, "after", left, '["temperature"]', FIT)
+    assert verdict_of(run_job(job, out, after=after).fits[0]).startswith("Verified:")
+
+
+def test_readings_that_do_not_move_the_line_tell_no_factor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    job = write(tmp_path, "job", GROWTH, "[]", FIT)
+    run_job(job, out)
+    monkeypatch.setattr(f"{__name__}.WARM", np.full(len(WARM), 20.0))
+    after = write(tmp_path, "after", 0.0 * WARM, '["temperature"]', FIT)
+    words = verdict_of(run_job(job, out, after=after).fits[0])
+    assert "times what it says" not in words
+    assert "cannot tell" in words
+
+
+def test_readings_beyond_the_temperatures_of_the_law_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    job = write(tmp_path, "job", GROWTH, "[]", FIT)
+    run_job(job, out)
+    monkeypatch.setattr(f"{__name__}.WARM", 20.0 + 2.0 * (WARM - 20.0))
+    left = 2.0 * GROWTH + added(out)
+    after = write(tmp_path, "after", left, '["temperature"]', FIT)
+    words = verdict_of(run_job(job, out, after=after).fits[0])
+    assert "readings lie beyond scale = 20 to 25." in words
+    assert "(the list adds what it says)" in words
 
 
 def test_an_offset_at_one_position_is_measured_again(tmp_path: Path) -> None:
