@@ -346,6 +346,18 @@ def test_missed_readings_and_missed_steps_are_set_aside(tmp_path: Path) -> None:
     assert found.error["from_file"].sound.rms < 1.1 * NOISE
 
 
+def test_values_of_a_broken_wire_are_no_temperatures(tmp_path: Path) -> None:
+    warm_up(tmp_path)
+    rows = np.genfromtxt(tmp_path / "warm.csv", delimiter=",", names=True)
+    rows["frame"][[20, 90, 150]] = 850.0
+    rows["frame"][100:104] = -273.0
+    columns = tuple(rows[name] for name in "t x e frame".split())
+    write(tmp_path, ("t", "x", "e", "frame"), columns)
+    found = run(tmp_path)
+    assert found.fit.missed == 7
+    assert found.error["from_file"].rms < 1.1 * NOISE
+
+
 def confounded(folder: Path) -> None:
     rng = np.random.default_rng(5)
     place = np.tile(TARGETS, 20)

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 _FOLDS, _BLOCKS = 5, 20
 """In how many turns readings are held out, and stretches of the recording."""
 _MOST_RUNS = 10
-_ABSOLUTE_ZERO = -273.15
+_COLDEST, _HOTTEST = -100.0, 500.0
+"""°C beyond which a sensor is broken: its wire, or a short circuit."""
 _WINDOW = 7
 """Readings over which a temperature is compared with its neighbours."""
 _GLITCH, _LEAST_GLITCH, _MOST_GLITCHES = 8.0, 1.0, 0.1
@@ -302,7 +303,7 @@ def _without_glitches(warm: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
     """Return temperatures in °C, NaN where one is none: impossible, or a lone jump."""
     from scipy.ndimage import median_filter  # takes long to load
 
-    warm = np.where(warm < _ABSOLUTE_ZERO, np.nan, warm)
+    warm = np.where((warm < _COLDEST) | (warm > _HOTTEST), np.nan, warm)
     rows = np.flatnonzero(np.isfinite(warm))
     if len(rows) >= _WINDOW:
         away = np.abs(warm[rows] - median_filter(warm[rows], _WINDOW, mode="nearest"))
