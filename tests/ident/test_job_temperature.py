@@ -545,6 +545,10 @@ def test_datum_leaves_the_offset_open_and_says_so(tmp_path: Path) -> None:
             {"measured": "already_compensated = true\nreference_temperature = 22.0"},
             "lengths referred to 22 °C",
         ),
+        (
+            {"measured": "datum = { at = -900.0 }"},
+            "near 0 to 1000 mm, which was measured",
+        ),
         ({"keys": 'sensor = "frame"\nn_cycles = 20'}, "expected at most 19"),
         ({"keys": 'sensor = "frame"\nsmoothness = 1'}, "temperature has no such entry"),
         (
@@ -567,6 +571,14 @@ def test_what_cannot_be_fitted_is_refused_in_one_line(
     warm_up(tmp_path)
     with pytest.raises(JobError, match=reason):
         run(tmp_path, **parts)
+
+
+def test_three_readings_are_called_too_few(tmp_path: Path) -> None:
+    time = np.arange(0.0, 180.0, 60.0)
+    place, warm = TARGETS[:3], np.array([20.0, 22.0, 25.0])
+    write(tmp_path, ("t", "x", "e", "frame"), (time, place, 1e-3 * warm, warm))
+    with pytest.raises(JobError, match="3 of 3 readings are complete"):
+        run(tmp_path)
 
 
 def test_one_position_names_the_key_for_the_offset_alone(tmp_path: Path) -> None:

@@ -294,6 +294,8 @@ def _confused(
     """Return which members these readings do not tell from another, or at all, and why."""
     data, reasons = few(recording.data), dict[int, str]()
     for member in members:
+        if member.unfit(recording):
+            continue  # It says so in its own words.
         why = member.undetermined(data) or member.confused(members, recording)
         if why:
             reasons[member.index] = why

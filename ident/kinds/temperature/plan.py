@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from ...job.joint._recording import GroupRecording
     from ...job.joint._share import Share
 
+_AWAY = 0.5
+"""Share of what was measured by which a datum may lie outside of it."""
 _NODES = 11
 """Of the leadscrew that a thermal line is compared with."""
 
@@ -100,6 +102,7 @@ class TemperaturePlan(AbstractPlan):
         datum = self.datum
         if datum is not None and "coefficient" in line.sensors:
             # The instrument was set to zero there: what the offset does, nobody saw.
+            self._refuse_far(datum, data.position[self.axis])
             only = {"coefficient": line.sensors["coefficient"]}
             line = dataclasses.replace(line, sensors=only, reference=datum)
         rows = complete_rows(line, data, counted)
@@ -118,6 +121,20 @@ class TemperaturePlan(AbstractPlan):
         missed = len(counted) - len(rows)
         fit = dataclasses.replace(draft.found, missed=missed, meeting=meeting)
         return dataclasses.replace(draft, found=fit, confounded=confounded)
+
+    def _refuse_far(self, datum: float, place: Float[np.ndarray, " t"]) -> None:
+        """Raise where nothing was measured anywhere near the datum.
+
+        Raises:
+            FitError: With what was measured.
+        """
+        low, high = float(np.nanmin(place)), float(np.nanmax(place))
+        if max(low - datum, datum - high) > _AWAY * (high - low):
+            msg = (
+                f"datum: found {datum:g} mm, expected where the instrument was set to zero,"
+                f" near {low:.6g} to {high:.6g} mm, which was measured"
+            )
+            raise FitError(msg)
 
     def _of(
         self,
