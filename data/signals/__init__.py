@@ -60,3 +60,4 @@ from ._motion import (
 from ._noise import noise_of as noise_of, resolution as resolution
 from ._order import median as median, quantile as quantile
 from ._strokes import strokes_alike as strokes_alike
+from ._wild import MOST_WILD as MOST_WILD, wild_readings as wild_readings

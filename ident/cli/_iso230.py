@@ -93,8 +93,8 @@ def _with_wild(test: "Iso230Test") -> "Iso230Test":
     """Return a test that names its wild readings: the standard leaves none out."""
     import numpy as np
 
+    from ...data.signals import MOST_WILD, wild_readings
     from ...data.units import small_unit
-    from ..proof import MOST_WILD, wild_readings
 
     runs = test.figures.runs
     target, error = (

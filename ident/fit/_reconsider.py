@@ -71,9 +71,9 @@ def lost(
     side = table.to_table(np.where(2 * off > count, np.sign(shift), 0.0))
     result = np.zeros(side.shape)
     for sign in (-1.0, 1.0):
-        labels, found = scipy.ndimage.label(side == sign)
-        members = scipy.ndimage.sum_labels(side == sign, labels, np.arange(found + 1))
-        at = (labels > 0) & (members[labels] >= _FEW)
+        labels = np.zeros(side.shape, np.int64)
+        scipy.ndimage.label(side == sign, output=labels)
+        at = (labels > 0) & (np.bincount(labels.reshape(-1))[labels] >= _FEW)
         result[at] = table.to_table(shift)[at]
     return np.asarray(table.to_values(result))
 

@@ -188,8 +188,8 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         )
         if each.column is drift:
             asks |= {"drift"}
-            if drift.unit is None:
-                options += [(options[0][0], _spec(drift, "inc"))]
+            if each.column.unit is None:
+                options += [(options[0][0], _spec(each.column, "inc"))]
         if _is_huge(each) and table.format == SCOPE_FORMAT:
             asks |= {"unit"}
             name = options[0][0]

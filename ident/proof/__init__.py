@@ -15,12 +15,10 @@ from typing import TYPE_CHECKING
 from .._lazy import importer
 from ._dynamics import GateTable as GateTable
 from ._figures import (
-    MOST_WILD as MOST_WILD,
     ErrorFigures as ErrorFigures,
     ErrorTally as ErrorTally,
     RunTable as RunTable,
     error_figures as error_figures,
-    wild_readings as wild_readings,
 )
 from ._gate import (
     GateCheck as GateCheck,

@@ -13,10 +13,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from ...data.signals import wild_readings
 from ...models import AbstractLookup
 from ..exchange import LIST_UNITS, AxisLists, Motion, reversal_cycles
 from ._dynamics import GateTable
-from ._figures import wild_readings
 from ._gate import (
     GateCheck,
     GateLimits,

@@ -9,6 +9,7 @@ import numpy as np
 
 from ....data.lists import ListFile
 from ....data.measurements import measurement, read_table, with_error, without_motion
+from ....data.signals import wild_readings
 from ....models import Conventions, TemperatureLine
 from ...job import (
     FrictionResult,
@@ -29,7 +30,7 @@ from ...machine.motion import (
     work_programme,
     write_motion_log,
 )
-from ...proof import circular_test, wild_readings
+from ...proof import circular_test
 from ...report import write_report
 from . import _files as files
 

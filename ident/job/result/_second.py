@@ -9,13 +9,12 @@ from scipy.spatial import KDTree
 
 from ....data.errors import FoundError
 from ....data.measurements import Iso230, iso230
+from ....data.signals import MOST_WILD, wild_readings
 from ...proof import (
-    MOST_WILD,
     Diagnosis,
     ErrorFigures,
     RunTable,
     error_figures,
-    wild_readings,
 )
 
 LESS = 1.5

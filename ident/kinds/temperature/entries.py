@@ -68,8 +68,8 @@ def read_temperature_table(
         names = ", ".join(f"temperature.{name}" for name in sensors) or "no temperature"
         expected = missing[0] or "one column temperature.<sensor>"
         raise ExchangeError(str(path), f"{names} in the motion", expected)
-    numbers = sensors.index(followed[0]), sensors.index(followed[-1])
-    return temperature_line(columns, numbers, conventions, machine)
+    numbers = [sensors.index(name) for name in followed]
+    return temperature_line(columns, (numbers[0], numbers[-1]), conventions, machine)
 
 
 def _sensors_of(table: "MeasuredTable") -> tuple[str, ...]:

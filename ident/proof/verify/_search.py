@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import minimize
 
-from .._figures import MOST_WILD, wild_readings
+from ....data.signals import MOST_WILD, wild_readings
 from ._channel import AbstractChannel, Change
 from ._hypothesis import FAULT, Hypothesis
 from ._log import FLOOR, RESOLUTION, Target
