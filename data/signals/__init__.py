@@ -13,6 +13,7 @@ in any unit.
 * `find_polarity`, `find_saturation`, `without_spikes`, `examine`: what a recording of a
   current is worth.
 * `strokes_alike`: whether accelerations stand at one place each.
+* `wild_readings`: those far from all others.
 * `median`, `quantile`: NumPy's for one array, faster.
 """
 
