@@ -33,6 +33,8 @@ _FOLDS, _BLOCKS = 5, 20
 _MOST_RUNS = 10
 _COLDEST, _HOTTEST = -100.0, 500.0
 """°C beyond which a sensor is broken: its wire, or a short circuit."""
+_ABSOLUTE_ZERO, _NOT_THERE = -273.15, 0.5
+"""°C; and the share of broken readings from which on there is no sensor."""
 _WINDOW = 7
 """Readings over which a temperature is compared with its neighbours."""
 _GLITCH, _LEAST_GLITCH, _MOST_GLITCHES = 8.0, 1.0, 0.1
@@ -303,7 +305,10 @@ def _without_glitches(warm: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
     """Return temperatures in °C, NaN where one is none: impossible, or a lone jump."""
     from scipy.ndimage import median_filter  # takes long to load
 
-    warm = np.where((warm < _COLDEST) | (warm > _HOTTEST), np.nan, warm)
+    broken = (warm < _COLDEST) | (warm > _HOTTEST)
+    # A sensor that is hardly ever whole is not there, which is said of all that it shows.
+    broken = warm < _ABSOLUTE_ZERO if broken.mean() > _NOT_THERE else broken
+    warm = np.where(broken, np.nan, warm)
     rows = np.flatnonzero(np.isfinite(warm))
     if len(rows) >= _WINDOW:
         away = np.abs(warm[rows] - median_filter(warm[rows], _WINDOW, mode="nearest"))
