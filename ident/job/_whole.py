@@ -283,15 +283,17 @@ class _Axis:
                 added = {k: without_zero(v, over, "line") for k, v in added.items()}
             about_zero = spec.remove == "none" and spec.datum is None and not still
             group = draft.fit.group
-            own = tuple(
-                each.compensation
+            members = [
+                each
                 for each in self.drafts
                 if each is draft or (group is not None and each.fit.group == group)
-            )
+            ]
+            own = tuple(each.compensation for each in members)
             if (source, own) in seen:
                 continue  # by another fit of its group
             seen.append((source, own))
-            fitted = own, measured.error, added, draft.predicted
+            predicted = max(each.predicted or 0.0 for each in members)
+            fitted = own, measured.error, added, predicted
             together.append(judge_together(source, *fitted, about_zero))
         return together
 

@@ -269,7 +269,7 @@ def judge_together(
     fitted: tuple[str, ...],
     error: Column,
     added: dict[str, Column],
-    predicted: float | None,
+    predicted: float,
     about_zero: bool,
 ) -> Together:
     """Return what is left of a measurement by what was fitted to it, and by all together.
@@ -280,7 +280,7 @@ def judge_together(
             is to leave no more than these, and than each of them.
         error: As measured, in mm or °.
         added: By compensation (`added_beyond`).
-        predicted: rms on readings that the fit did not see, or None.
+        predicted: rms on readings that the fit did not see; 0 where there are none.
         about_zero: The zero of the error is known; else it is judged about its middle.
     """
 
@@ -294,7 +294,7 @@ def judge_together(
 
     error_together = under(added)
     sound = ~wild_readings(under(fitted), least=1.0 / LIST_UNITS)
-    promised = max(rms(under(fitted)), predicted or 0.0)
+    promised = max(rms(under(fitted)), predicted)
     parts = {(name,): rms(under([name])) for name in fitted if len(fitted) > 1}
     promises = {fitted: promised} | parts
     least = min(promises, key=promises.__getitem__)
