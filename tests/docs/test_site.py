@@ -51,7 +51,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     server.server_close()
 
 
-@pytest.mark.parametrize("width", [375, 1200])
+@pytest.mark.parametrize("width", [375, pytest.param(1200, marks=pytest.mark.heavy)])
 def test_pages_fit_the_screen_and_need_nothing_from_outside(
     browser: "Browser", site: str, width: int
 ) -> None:

@@ -107,7 +107,7 @@ def test_an_offset_of_every_line_is_allowed_for_where_lines_are_rough() -> None:
     assert "A second probing would tell." in found.message
 
 
-@pytest.mark.parametrize("across", [0, 1])
+@pytest.mark.parametrize("across", [pytest.param(0, marks=pytest.mark.heavy), 1])
 def test_lines_of_a_smooth_surface_that_are_off_are_allowed_for(across: int) -> None:
     inside, ratios = [], []
     truth = probed(0, rough=0.0, line=0.0, noise=0.0)
