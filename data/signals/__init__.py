@@ -58,7 +58,11 @@ from ._motion import (
     filtered_motion as filtered_motion,
     smoothed_motion as smoothed_motion,
 )
-from ._noise import noise_of as noise_of, resolution as resolution
+from ._noise import (
+    independent as independent,
+    noise_of as noise_of,
+    resolution as resolution,
+)
 from ._order import median as median, quantile as quantile
 from ._strokes import strokes_alike as strokes_alike
 from ._wild import MOST_WILD as MOST_WILD, wild_readings as wild_readings

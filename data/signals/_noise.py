@@ -104,3 +104,20 @@ def long_run_deviations(
     sums[:, size:] = total[:, -1:]
     sums[:, lag + 1 :] -= total[:, :-1]
     return np.sqrt(np.array([row @ row for row in sums]) / (lag + 1))
+
+
+def independent(residual: Float[np.ndarray, " r"]) -> float:
+    """Return to how many independent rows a residual amounts.
+
+    From the correlations of neighbours, up to the distance at which chance alone would
+    make them: what a model leaves out is seen in many rows, and is yet one observation.
+    """
+    count = len(residual)
+    spectrum = np.square(np.abs(np.fft.rfft(residual, 2 * count)))
+    correlation = np.fft.irfft(spectrum)[:count]
+    if correlation[0] <= 0.0:
+        return float(count)
+    correlation = correlation / correlation[0]
+    uncorrelated = correlation < 2.0 / np.sqrt(count)
+    reach = int(np.argmax(uncorrelated)) if uncorrelated.any() else count
+    return max(2.0, count / (2.0 * float(correlation[:reach].sum()) - 1.0))

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float, Int
 
-from ....data.signals import travel_direction
+from ....data.signals import independent, travel_direction
 from ...fit import Samples, TableFit, as_alike, fit_table
 from ...readings import Readings
 from ..result._result import Remark
@@ -15,8 +15,6 @@ from ._remarks import LOG, SEEN, TINY
 _PASS, _PASSES, _ALIKE = 0.25, 10, 2.0
 """Share of the longest pass of a node that one has at least; passes beyond the first of each
 node that tell how they differ; and the variance, in that of white noise, from which on they do."""
-_CHANCE = 2.0
-"""Standard deviations of a correlation up to which it is chance."""
 _NOTHING = 1e-18
 """mm²: variance of what readings without any noise tell."""
 _LOOSE, _FAINT = 1e-6, 1e-3
@@ -75,8 +73,8 @@ def as_passes_differ(
     words = (
         "Readings of the log that follow each other err alike: the passes of a node differ by"
         f" {1e3 * np.sqrt(apart):.2g} {unit} more than the scatter within them explains. The"
-        " table is smoothed for it and the standard deviations hold it; more passes make them"
-        " smaller, more readings per second do not."
+        f"{' table is smoothed for it and the' * (fit.estimate is not None)} standard deviations"
+        " hold that; more passes make them smaller, more readings per second do not."
     )
     times = max(between / float(np.average(square, weights=size)), 1.0)
     if fit.estimate is None:  # one of a group was told with the others
@@ -84,24 +82,10 @@ def as_passes_differ(
     else:
         fit = as_alike(fit, samples, every * times)
         deviation = np.asarray(fit.standard_deviation)
-    deviation = (
-        np.sqrt(_times_alike(np.sqrt(size) * (mean - middle[place]))) * deviation
-    )
+    # Passes that follow each other err alike as well.
+    passed = independent(np.sqrt(size) * (mean - middle[place]))
+    deviation = np.sqrt(len(size) / passed) * deviation
     return dataclasses.replace(fit, standard_deviation=deviation), [Remark.info(words)]
-
-
-def _times_alike(errors: Float[np.ndarray, " t"]) -> float:
-    """Return how many times as uncertain as that of independent errors the mean of these is.
-
-    In variance: one and twice the correlations with those before, as far as they are seen.
-    """
-    square, count, times = max(float(errors @ errors), _NOTHING), len(errors), 1.0
-    for lag in range(1, count // 4):
-        alike = float(errors[lag:] @ errors[:-lag]) / square
-        if alike <= _CHANCE / np.sqrt(count):
-            break
-        times += 2.0 * alike
-    return times
 
 
 def nearest_node(plan: Plan, samples: Samples) -> Int[np.ndarray, " t"]:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import minimize
 
-from ....data.signals import MOST_WILD, wild_readings
+from ....data.signals import MOST_WILD, independent, wild_readings
 from ._channel import AbstractChannel, Change
 from ._hypothesis import FAULT, Hypothesis
 from ._log import FLOOR, RESOLUTION, Target
@@ -209,23 +209,6 @@ class _Rows:
         first, second = map(self.target.residual, columns)
         limit = max(RESOLUTION, self.target.step)
         return listed if float(np.max(np.abs(first - second))) <= limit else best
-
-
-def independent(residual: Float[np.ndarray, " r"]) -> float:
-    """Return to how many independent rows a residual amounts.
-
-    From the correlations of neighbours, up to the distance at which chance alone would
-    make them: what a model leaves out is seen in many rows, and is yet one observation.
-    """
-    count = len(residual)
-    spectrum = np.square(np.abs(np.fft.rfft(residual, 2 * count)))
-    correlation = np.fft.irfft(spectrum)[:count]
-    if correlation[0] <= 0.0:
-        return float(count)
-    correlation = correlation / correlation[0]
-    uncorrelated = correlation < 2.0 / np.sqrt(count)
-    reach = int(np.argmax(uncorrelated)) if uncorrelated.any() else count
-    return max(2.0, count / (2.0 * float(correlation[:reach].sum()) - 1.0))
 
 
 def neighbours(channel: AbstractChannel, best: Hypothesis) -> list[Hypothesis]:
