@@ -219,13 +219,11 @@ def _with_first(
             for item in headings
             if item and item.kind == kind and not item.direction and item.run
         ]
-        if (
-            len(first) == 1
-            and runs
-            and sorted(runs) == [*range(min(runs), max(runs) + 1)]
-        ):
-            if min(runs) in (1, 2):  # "Reading.1" where names were made to differ
-                result[first[0]] = Heading(min(runs) - 1, None, kind, True)
+        lowest = min(runs, default=0)
+        in_turn = sorted(runs) == [*range(lowest, lowest + len(runs))]
+        # From 1 on where names were made to differ: "Reading.1".
+        if len(first) == 1 and in_turn and lowest in (1, 2):
+            result[first[0]] = Heading(lowest - 1, None, kind, True)
     return result
 
 

@@ -61,10 +61,8 @@ def lost(
         wild: Which readings were left out.
     """
     size = table.size
-    count, off = (
-        np.bincount(node, minlength=size),
-        np.bincount(node[wild], minlength=size),
-    )
+    count = np.bincount(node, minlength=size)
+    off = np.bincount(node[wild], minlength=size)
     places = np.unique(node[wild])
     shift = np.zeros(size)
     shift[places] = scipy.ndimage.median(residual[wild], node[wild], places)

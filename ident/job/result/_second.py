@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import KDTree
 
 from ....data.errors import FoundError
 from ....data.measurements import Iso230, iso230
@@ -95,6 +94,8 @@ def near_of(
         worst = int(np.argmax(size))
         spread = np.ptp(rest[at.reshape(-1) == worst])
     else:  # each place was read once: it is judged with those beside it
+        from scipy.spatial import KDTree  # takes long to load
+
         travel = np.maximum(np.ptp(columns, axis=0), 1e-9)
         beside = KDTree(columns / travel).query(columns / travel, _BESIDE)[1]
         size = np.abs(rest[beside].mean(axis=1))

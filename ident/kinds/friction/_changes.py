@@ -97,11 +97,9 @@ class _Looked:
         """Yield that the load changes with the position."""
         if self.samples.position is None:
             return
-        place, speed = (
-            self.samples.position[self.rows],
-            self.samples.velocity[self.rows],
-        )
-        beside = self.friction, np.sign(speed), self.ones
+        place = self.samples.position[self.rows]
+        way = np.sign(self.samples.velocity[self.rows])
+        beside = self.friction, way, self.ones
         slopes = self.by_part(self.stretches, place, *beside)
         mean, scatter = float(np.mean(slopes)), float(np.std(slopes))
         change = abs(mean) * float(np.ptp(place))
@@ -132,9 +130,7 @@ class _Looked:
 
     def load_of_time(self) -> Iterator[Remark]:
         """Yield that the constant load is another at times, by halves of each part that agree."""
-        parts = self.stretches
-        halves = [np.array_split(part, 2) for part in parts]
-        split = [half for pair in halves for half in pair]
+        split = [half for part in self.stretches for half in np.array_split(part, 2)]
         if not self.both(split):
             return
         loads = self.by_part(split, self.ones, self.friction).reshape(_PARTS, 2)
