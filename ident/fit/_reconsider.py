@@ -61,6 +61,8 @@ def lost(
         wild: Which readings were left out.
     """
     size = table.size
+    if not wild.any():
+        return np.zeros(size)
     count = np.bincount(node, minlength=size)
     off = np.bincount(node[wild], minlength=size)
     places = np.unique(node[wild])

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.special import ndtri, stdtr, stdtrit
 
+from ...data.signals import independent
 from ..core import (
     Estimate,
     FitError,
@@ -19,7 +20,7 @@ from ..core import (
     design_of,
     sums_of,
 )
-from ._types import RunEffect, TableFit, TableLayout
+from ._types import RunEffect, Samples, TableFit, TableLayout
 
 _NOTHING, _HOPELESS = 1e-12, 1e3
 """Scatter in mm or ° that is none; uncertainty of a node, in ranges of the readings, that no
@@ -32,9 +33,16 @@ _TWO_SIGMA = 0.97725
 """Share of a normal variable below two standard deviations."""
 _FAR = 1e-3
 """Chance of any run at all being as far off the others, below which it is named."""
+_ALIKE, _FEWEST = 2.0, 20
+"""Readings beside each other of which one alone is news, from which on runs err along their way;
+how many, beyond those that the table takes, tell it."""
 NONE_LEFT_OUT = (
     "Readings that agree with each other contradict a table of these nodes: none of them "
     "was left out."
+)
+ALIKE = (
+    "Readings of a run that follow each other err alike (heat, air): the standard deviations "
+    "are no smaller than those of the mean of the runs."
 )
 
 Vector = Float[np.ndarray, " _n"]
@@ -223,3 +231,44 @@ def doubt_of_means(runs: Sequence[RunEffect]) -> tuple[float, float]:
     factor = 0.5 * float(stdtrit(count - 1, _TWO_SIGMA))
     offset, drift = (factor * np.sqrt(between / count)).tolist()
     return offset, drift
+
+
+def doubt_of_curves(
+    fit: TableFit, samples: Samples, node: Int[np.ndarray, " t"]
+) -> Float[np.ndarray, " n"]:
+    """Return the variance of each node beyond that of readings that err by themselves.
+
+    Heat and air make each run a curve of its own beside its offset and drift. Then neighbours
+    of a run err alike, and smoothing over them tells a node no better than the mean of the runs
+    at the node itself. Zero where runs do not show that.
+
+    Args:
+        fit: Of the samples.
+        samples: With their runs; without, nothing shows.
+        node: Nearest unknown of the table to each reading.
+    """
+    table = fit.layout.effect
+    none = np.zeros(table.size)
+    if samples.run is None:
+        return none
+    good = ~fit.wild
+    run, order = samples.readings.inputs["run"][good], samples.order
+    place, left = run * table.size + node[good], fit.residual[good]
+    when = np.arange(len(good)) if order is None else order
+    passed, first, inverse = np.unique(place, return_index=True, return_inverse=True)
+    mean = np.bincount(inverse, left) / np.bincount(inverse)
+    at = passed % table.size
+    count = np.bincount(at, minlength=table.size)
+    mean -= (np.bincount(at, mean, table.size) / np.maximum(count, 1))[at]
+    along = np.lexsort([when[good][first], passed // table.size])
+    free = int((count[count > 0] - 1).sum()) - 2 * (int(run.max()))
+    if free < _FEWEST:
+        return none
+    times = len(mean) / independent(mean[along])
+    if times < _ALIKE:
+        return none
+    variance = np.square(table.to_values(fit.standard_deviation))
+    most = mean @ mean / free / np.maximum(count, 1)
+    shared = np.minimum(times * variance, most) - variance
+    shared = np.where(count > 1, shared, (times - 1.0) * variance)
+    return np.asarray(np.maximum(shared, 0.0))

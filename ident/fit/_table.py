@@ -30,8 +30,10 @@ from ..core._posterior import FILL, Vector
 from ._once import judge_once
 from ._reconsider import at_medians, crowded, lost, reconsidered
 from ._result import (
+    ALIKE,
     NONE_LEFT_OUT,
     Judged,
+    doubt_of_curves,
     far_runs,
     nearest_nodes,
     residual_of,
@@ -114,11 +116,15 @@ def fit_table(
     # Where the user sets the smoothness, or readings are held out, nothing is to be judged.
     judged = isinstance(smoothness, str) and not allow_gaps
     fit = judge_once(fit, samples) if judged else fit
-    if not fit.wild.any():
+    if not fit.wild.any() and samples.run is None:
         return fit
     with one_blas_thread():
         node = nearest_nodes(Stack((layout.effect,)), samples.readings)
-    return fit.doubted(np.square(lost(layout.effect, node, fit.residual, fit.wild)))
+    curves = doubt_of_curves(fit, samples, node)
+    if curves.any():
+        fit = dataclasses.replace(fit, message=f"{fit.message} {ALIKE}")
+    off = lost(layout.effect, node, fit.residual, fit.wild)
+    return fit.doubted(curves + np.square(off))
 
 
 def fit_values(
