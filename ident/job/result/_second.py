@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from ....data.errors import FoundError
 from ....data.measurements import Iso230, iso230
-from ....data.signals import MOST_WILD, wild_readings
+from ....data.signals import MOST_WILD, resolution, wild_readings
 from ...proof import (
     Diagnosis,
     ErrorFigures,
@@ -28,6 +28,10 @@ _LEFT = 5.0
 
 _BESIDE = 4
 """Neighbours, itself among them, that judge a place that was read once."""
+
+_FINER, _REPEATS = 0.05, 3
+"""Part of the scatter of first readings below which no second ones scatter, and how many repeats
+tell that of these."""
 
 _WHOLE = 0.8
 """Share of the travel from which on a second measurement speaks for all of it."""
@@ -193,6 +197,42 @@ class SecondMeasurement:
         """Readings that are not wild: where many are far off, it is the list."""
         wild = wild_readings(self.error) if self.wild is None else self.wild
         return np.asarray(~wild | (wild.mean() > MOST_WILD))
+
+    def check_scatter(
+        self, first: Float[np.ndarray, " s"], predicted: float, unit: str
+    ) -> None:
+        """Refuse readings that are too good to be of the machine: of another unit, or column.
+
+        Such ones would prove any list, also one that doubles the error.
+
+        Args:
+            first: Error in the first measurement, in mm or °.
+            predicted: Error with the list active, rms likewise, from these.
+            unit: Of a thousandth of it.
+
+        Raises:
+            SecondMeasurementError: If they are.
+        """
+        scatter = self.figures.rms
+        if self.run is not None:  # within one, a log stands still for many readings
+            columns = self.positions.round(2)
+            if self.direction is not None:
+                columns = np.column_stack([columns, self.direction])
+            at = np.unique(columns, axis=0, return_inverse=True)[1].reshape(-1)
+            count = np.bincount(at)
+            rest = self.error - (np.bincount(at, self.error) / count)[at]
+            if (free := len(rest) - len(count)) >= _REPEATS:
+                scatter = min(scatter, float(np.sqrt(rest @ rest / free)))
+        # What is smaller than a step of the display shows as nothing.
+        step = max(map(resolution, (first, self.error)))
+        if scatter >= _FINER * predicted or predicted <= step:
+            return
+        raise SecondMeasurementError(
+            self.name,
+            f"readings of the error that scatter by {1e3 * scatter:.1g} {unit}, where"
+            f" {1e3 * predicted:.2g} {unit} are left of the first ones at best",
+            "readings of the machine: is their unit right, and their column (columns)",
+        )
 
     @property
     def figures(self) -> ErrorFigures:

@@ -135,6 +135,26 @@ def test_load_sheet_begins_with_a_dial_and_ends_with_the_second_measurement(
     assert "axcomp fit job.toml --after AFTER.toml" in sheet[-1].detail
 
 
+@pytest.mark.parametrize("times", [1e-3, 1 / 25.4, 0.0])
+def test_readings_too_good_to_be_of_the_machine_prove_no_list(
+    job: Path, times: float, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Millimetres, or inches, taken for what they are not; or a column that stands at zero. The
+    # sign is the wrong one: the list doubles the error.
+    after = after_job(job.parent, -1.0)
+    head, *rows = (job.parent / "after.csv").read_text().splitlines()
+    lines = [row.split(",") for row in rows]
+    for line in lines:
+        line[1] = repr(float(line[0]) + times * (float(line[1]) - float(line[0])))
+    text = "\n".join([head, *map(",".join, lines)])
+    (job.parent / "after.csv").write_text(text)
+    assert fit(job, "--after", str(after)) == 1
+    error = " ".join(capsys.readouterr().err.split())
+    assert "found readings of the error that scatter by" in error
+    assert "is their unit right, and their column" in error
+    assert not (job.parent / "out" / "conventions.toml").exists()
+
+
 def test_second_measurement_verifies_and_settles_the_sign(job: Path) -> None:
     after = after_job(job.parent, 1.0)
     assert fit(job, "--after", str(after)) == 0
