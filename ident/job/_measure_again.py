@@ -189,8 +189,8 @@ def measure_again(
     }
     for draft, one, figures in zip(drafts, found, figures_of, strict=True):
         if one is not None and draft.foreseen is not None and "predicted" in figures:
-            unit, predicted = job.spec.axes[draft.axis].small_unit, figures["predicted"]
-            one.check_scatter(draft.foreseen.before, predicted.sound.rms, unit)
+            unit, best = job.spec.axes[draft.axis].small_unit, figures["predicted"]
+            one.check_scatter(draft.foreseen.before, best.sound.rms, unit)
     found = _with_factors(result.fits, found, left)
     fits = []
     for fit, readings, figures in zip(result.fits, found, figures_of, strict=True):
