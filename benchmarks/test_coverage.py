@@ -46,13 +46,17 @@ points = 21
 
 
 class Case(NamedTuple):
-    """A way to measure: runs, directions, what runs have of their own (mm), whose zero."""
+    """A way to measure: runs, directions, what runs have of their own (mm), whose zero.
+
+    Heat is the rms of a curve of its own that each run errs by in the course of time.
+    """
 
     runs: int
     bilateral: bool = False
     offset: float = 0.0
     drift: float = 0.0
     datum: bool = False
+    heat: float = 0.0
 
 
 CASES = {
@@ -62,6 +66,8 @@ CASES = {
     "5 runs with offsets": Case(5, offset=0.002),
     "5 runs with drifts, both directions": Case(5, bilateral=True, drift=0.003),
     "5 runs with offsets and a datum": Case(5, offset=0.002, datum=True),
+    "3 runs with heat": Case(3, offset=0.002, heat=0.001),
+    "5 runs with heat, both directions": Case(5, bilateral=True, heat=0.002),
 }
 
 
@@ -103,6 +109,9 @@ def measured(case: Case, name: str, seed: int) -> Measured:
         error = np.concatenate([truth[way][::way] for way in ways])
         late = np.linspace(-0.5, 0.5, len(error))
         error = error + offset + drift * late + rng.normal(0.0, NOISE, len(error))
+        waves = np.arange(1, 5)  # over the run
+        angles = 2 * np.pi * waves * late[:, None] + rng.uniform(0, 2 * np.pi, 4)
+        error += case.heat * np.cos(angles) @ (rng.normal(size=4) / np.sqrt(2.0))
         place = np.concatenate([NODES[::way] for way in ways])
         way = np.repeat(ways, len(NODES))
         rows.append(np.column_stack([np.full(len(error), run), place, way, error]))
