@@ -127,7 +127,7 @@ def doctor(
     """Say what is wrong with a list, from measurements without and with it.
 
     Right, sign, unit, shift, wrong axis, swapped directions, applied twice, or that the
-    measurements cannot tell. Exit status 0 where all is right, at every place.
+    measurements cannot tell. Exit status 0 where all that was switched is right, at every place.
 
     Options:
         files (FILE.lis …): Lists as they were active in the second measurement.
@@ -139,7 +139,7 @@ def doctor(
       axcomp doctor axcomp-out/achskw1.lis --before job.toml --after after.toml
     """
     from ..job import load_job, use_compilation_cache
-    from ..proof import diagnose, not_judged
+    from ..proof import diagnose, not_judged, unlisted
     from ..readings import read_outside
 
     use_compilation_cache()
@@ -149,7 +149,8 @@ def doctor(
     with working("reading the measurements"):
         outside = read_outside(old), read_outside(new)
         diagnoses = diagnose(lists, *outside, new.reading, names=names)
-    note(not_judged(lists, new.conventions, names), "")
+    missing = unlisted(lists, *outside, new.conventions, names)
+    note((*not_judged(lists, new.conventions, names), *missing), "")
     keys = ("compensation", "verdict", "value", "sentence")
     trees = [
         {"axis": names.get(answer.axis, f"A{answer.axis}")}
@@ -160,4 +161,4 @@ def doctor(
         f"{each['axis']} {each['compensation']}: {each['sentence']}" for each in trees
     ]
     print_result(trees if as_json else None, lines)
-    return all(answer.is_right for answer in diagnoses)
+    return all(answer.is_right for answer in diagnoses) and not missing

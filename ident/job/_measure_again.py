@@ -198,6 +198,8 @@ def measure_again(
         again = None
         if readings is not None or diagnosis is not None:
             before, predicted = (figures[k].sound.rms for k in ("before", "predicted"))
+            if readings is not None and readings.before is not None:
+                before = before if fit.group is not None else readings.before
             diagnosis = _turned(diagnosis, readings)
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
         fits.append(dataclasses.replace(fit, again=again))

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
         Measured as Measured,
         diagnose as diagnose,
         not_judged as not_judged,
+        unlisted as unlisted,
     )
     from .verify import (
         Verdict as Verdict,

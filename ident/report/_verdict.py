@@ -221,15 +221,26 @@ def _near(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
 
 def _in_part(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     fields, unit, where = reason.fields, "°" if fit.unit == "deg" else "mm", []
+    clauses, ask = [], "measure the rest of its travel again"
     if "axis" in fields:
         low, high = (f"{fields[name]:.4g}" for name in ("low", "high"))
         place = f"at {low}" if low == high else f"from {low} to {high}"
         where.append(f"{fields['axis']} {place} {unit}")
     if "direction" in fields:
         where.append(f"motion in {'+' if fields['direction'] > 0 else '−'} direction")
+    if where:
+        clauses.append(f"saw {' and '.join(where)} only")
+    if "gap" in fields:
+        axis, low, high = fields["gap"]
+        clauses.append(f"saw nothing of {axis} between {low:.4g} and {high:.4g} {unit}")
+    if "slope" in fields:
+        over = " and ".join(fields["slope"])
+        clauses.append(f'shows no slope over {over} (remove = "line")')
+        if len(clauses) == 1:
+            ask = "measure again with an instrument whose line is known, without remove"
     return (
-        f"Verified in part: {_fall(fit, scale)}; {_again(fit, scale)}, which saw"
-        f" {' and '.join(where)} only: measure the rest of its travel again."
+        f"Verified in part: {_fall(fit, scale)}; {_again(fit, scale)}, which"
+        f" {' and '.join(clauses)}: {ask}."
     )
 
 

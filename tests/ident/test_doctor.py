@@ -172,6 +172,16 @@ def test_a_factor_that_is_no_fault_is_said_and_not_guessed() -> None:
     assert "cannot tell: what it does is 0.5" in one.sentence
 
 
+@pytest.mark.parametrize("times", [1e-3, 0.0])
+def test_errors_too_good_to_be_of_the_machine_are_refused(times: float) -> None:
+    # Of the opposite sign, read in mm for µm; and a column that stands at zero.
+    noise = 1e-3 * np.random.default_rng(5).normal(size=(2, X.size))
+    before = [Measured(1, {1: X}, error(X) + noise[0], WAY)]
+    after = [Measured(1, {1: X}, times * (2 * error(X) + noise[1]), WAY)]
+    with pytest.raises(ExchangeError, match="is their unit right"):
+        diagnose([LIST], before, after, Reading(Conventions()))
+
+
 def test_a_wild_reading_changes_nothing() -> None:
     effect = EFFECTS["sign"].copy()
     effect[100] += 5.0
@@ -343,6 +353,19 @@ def test_the_command_needs_no_fits_and_its_status_says_whether_all_is_right(
     assert capsys.readouterr().out == sentence
     assert main([*DOCTOR, "--after", "after.toml", "--json"]) == status
     assert '"verdict"' in capsys.readouterr().out
+
+
+def test_what_was_switched_and_no_list_has_is_not_called_right(
+    shop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_job(shop, "before", 0.0)
+    write_job(shop, "after", 1.0)
+    for name, active in {"before": "[]", "after": '["leadscrew", "backlash"]'}.items():
+        with (shop / f"{name}.toml").open("a") as file:
+            file.write(f"active = {active}\n")
+    assert main([*DOCTOR, "--after", "after.toml"]) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "X backlash: not judged: it was switched between the measurements" in said
 
 
 def write_log(folder: Path, name: str, feed: float, effect: float) -> None:

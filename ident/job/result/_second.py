@@ -33,8 +33,9 @@ _FINER, _REPEATS = 0.05, 3
 """Part of the scatter of first readings below which no second ones scatter, and how many repeats
 tell that of these."""
 
-_WHOLE = 0.8
-"""Share of the travel from which on a second measurement speaks for all of it."""
+_WHOLE, _GAP, _WIDER = 0.8, 0.15, 2.5
+"""Share of the travel from which on a second measurement speaks for all of it; share of it that
+may lie between places that follow each other, and how much wider than in the first one that is."""
 
 
 class SecondMeasurementError(FoundError):
@@ -60,6 +61,25 @@ def part_of(
         low, high = reached if turn else np.clip(reached, start, end)
         if high - low < _WHOLE * (end - start):
             return name, reached[0], reached[1] % turn if turn else reached[1]
+    return None
+
+
+def gap_of(
+    names: Sequence[str],
+    first: Float[np.ndarray, "t d"],
+    second: Float[np.ndarray, "s d"],
+) -> tuple[str, float, float] | None:
+    """Return the widest stretch that a second measurement skips, and the first one does not.
+
+    Arguments are those of `part_of`.
+    """
+    for name, old, new in zip(names, first.T, second.T, strict=True):
+        places, travel = np.unique(new), float(np.ptp(old))
+        usual = float(np.diff(np.unique(old)).max(initial=0.0))
+        wide = np.diff(places)
+        at = int(np.argmax(wide)) if wide.size else 0
+        if wide.size and wide[at] > max(_GAP * travel, _WIDER * usual):
+            return name, float(places[at]), float(places[at + 1])
     return None
 
 
@@ -159,6 +179,12 @@ class SecondMeasurement:
         part: An axis, and the first and last position in mm or ° that these readings
             have of it, where the list was made from far more of it; None: they reach
             as far as those of the first measurement.
+        gap: An axis, and two positions between which the first measurement had readings,
+            and these skip far more than it did.
+        sloped: Axes along which a line was taken off these readings and not off those of
+            the first measurement: they show no slope that the list takes over.
+        before: Error of the first measurement without that line, rms in mm or °; None: as
+            it is.
         way: ±1 of the only direction of motion that they have, where the list has two;
             None: they have all that it has.
         near: A place where its readings agree that far more is left, in words; empty: none.
@@ -178,6 +204,9 @@ class SecondMeasurement:
     wild: Bool[np.ndarray, " t"] | None = None
     added: float | None = None
     part: tuple[str, float, float] | None = None
+    gap: tuple[str, float, float] | None = None
+    sloped: tuple[str, ...] = ()
+    before: float | None = None
     way: int | None = None
     near: str = ""
     beyond: str = ""

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ....data.lists import Value
+from ....data.signals import wild_readings
 from ...exchange import LIST_UNITS, by_branch
 from ...fit import TableFit
 from ...kinds._keys import FitSpec, TableSpec
@@ -18,7 +19,7 @@ from ...readings import Readings, Tables, without_zero
 from .._draft import AbstractDraft, Foreseen
 from .._gating import spread_over, switching_remarks
 from ..result._result import Remark, SampleView, TableResult, staged
-from ..result._second import SecondMeasurement, near_of, part_of
+from ..result._second import SecondMeasurement, gap_of, near_of, part_of
 from ._plan import Plan
 from ._readings import datum_of, read_fit, run_table, zero_at
 from ._remarks import LOG, fit_remarks, outside, places_of
@@ -29,6 +30,7 @@ _SEEN, _SAME = 5.0, 0.3
 measured is not what it takes off."""
 
 if TYPE_CHECKING:
+    from ..file._load import Job
     from ..write._lists import AxisFiles
     from ._log_draft import FittedLog
 
@@ -182,9 +184,15 @@ class TableDraft(AbstractDraft):
         branch = plan.branch(readings.direction)
         added = table.offset(table.model(self.integers), readings.positions, branch)
         added = added - plan.acted(readings.positions, branch)
-        removed = {tables.job.spec.measurements[name].remove for name in fit.sources}
-        if "line" in removed:  # a slope that no reading shows
+        before: float | None = None
+        sloped = "line" in _removed(tables.job, fit)
+        if sloped:  # no reading shows a slope
             added = without_zero(added, [*readings.positions.T], "line")
+            old = self.readings
+            level = without_zero(old.error, [*old.positions.T], "line")
+            sound = level[~wild_readings(level)]
+            before = float(np.sqrt(np.mean(np.square(sound))))
+        sloped &= "line" not in _removed(self.job, self.fit)
         error = readings.error - zero_at(readings, datum, table)
         turn = None if table.modulo is None else float(np.diff(table.modulo)[0])
         ways = set() if readings.direction is None else set(readings.direction.tolist())
@@ -205,6 +213,11 @@ class TableDraft(AbstractDraft):
             near=near,
             trend=trend_left(again, plan, readings.positions, error),
             part=part_of(fit.over, self.readings.positions, readings.positions, turn),
+            gap=None
+            if turn
+            else gap_of(fit.over, self.readings.positions, readings.positions),
+            sloped=tuple(fit.over) if sloped else (),
+            before=before if sloped else None,
             way=ways.pop() if self._bilateral and len(ways) == 1 else None,
         )
 
@@ -306,6 +319,11 @@ class TableDraft(AbstractDraft):
     @property
     def _bilateral(self) -> bool:
         return self.plan.table.branches == 2
+
+
+def _removed(job: "Job", fit: TableSpec) -> set[str]:
+    """Return what is taken off the errors of the measurements of a fit."""
+    return {job.spec.measurements[name].remove for name in fit.sources}
 
 
 def written_deviation(fit: TableFit) -> Float[np.ndarray, "..."]:

@@ -5,5 +5,9 @@ the controller (`verify`); each fault gets its probability, and below `SURE` not
 """
 
 from ._cases import Diagnosis as Diagnosis
-from ._diagnose import diagnose as diagnose, not_judged as not_judged
+from ._diagnose import (
+    diagnose as diagnose,
+    not_judged as not_judged,
+    unlisted as unlisted,
+)
 from ._measured import Measured as Measured

@@ -11,9 +11,10 @@ from ....data.lists import ListFile
 from ....models import Conventions
 from ...exchange import InUse, Reading, machine_lists
 from ...exchange._units import expect
+from ...kinds import kind
 from ..verify import FAULT
 from ._cases import SUSPECTED, Diagnosis, Scene, cases_of
-from ._measured import Difference, Measured, difference
+from ._measured import Difference, Measured, difference, too_good
 
 SURE = 0.99
 """Probability from which on a verdict is given."""
@@ -59,6 +60,9 @@ def diagnose(
         count = len(changes[axis].change)
         words = f"{count} places of A{axis} that both measurements have"
         expect(count >= _FEWEST, "doctor", words, f"at least {_FEWEST}")
+        words = f"errors of A{axis} that vary far less than repeats before scatter"
+        expected = "readings of the machine: is their unit right, and their column"
+        expect(not too_good(earlier, later), "doctor", words, expected)
     switched_uses = [use for use in active if switched.get((use.axis, use.name))]
     axes = ", ".join(f"A{use.axis}" for use in active) or "no axis"
     measured = ", ".join(f"A{axis}" for axis in changes) or "no axis"
@@ -90,6 +94,27 @@ def not_judged(
         f"{axis_names.get(use.axis, f'A{use.axis}')} {use.name}: not judged: {use.kind.unseen}"
         for use in machine_lists(lists).in_use(conventions)
         if use.kind.unseen
+    )
+
+
+def unlisted(
+    lists: Sequence[ListFile],
+    before: Sequence[Measured],
+    after: Sequence[Measured],
+    conventions: Conventions,
+    names: Mapping[int, str],
+) -> tuple[str, ...]:
+    """Return a line for each compensation that was switched, and that no list has."""
+    known = {(use.axis, use.name) for use in machine_lists(lists).in_use(conventions)}
+    states = [
+        {(one.axis, name) for one in measured for name in one.active or ()}
+        for measured in (before, after)
+    ]
+    return tuple(
+        f"{names.get(axis, f'A{axis}')} {name}: not judged: it was switched between the"
+        " measurements (active), and none of the lists has it; give the one that does"
+        for axis, name in sorted((states[0] ^ states[1]) - known)
+        if not kind(name).unseen
     )
 
 

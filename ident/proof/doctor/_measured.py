@@ -6,6 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
+from ....data.signals import resolution
+
 _PLACE = 0.01
 """mm or °: readings that near to each other are of one place."""
 
@@ -15,6 +17,10 @@ _SEVERAL = 2
 _FAR = 3.0
 """Times as far from each other as most neighbours are readings that tell nothing of what lies
 between them: those of far legs of a path."""
+
+_FINER, _REPEATS = 0.1, 3
+"""Part of the scatter of first readings below which no second ones vary, and how many repeats
+tell it."""
 
 _MATCHED = 0.5
 """Share of the places of the second measurement that the first must have, too."""
@@ -118,16 +124,37 @@ def difference(
     )
 
 
+def too_good(before: Sequence[Measured], after: Sequence[Measured]) -> bool:
+    """Return whether second errors vary far less than repeats of the first ones scatter.
+
+    Then they are none of the machine: of another unit, or of another column.
+    """
+    axes = sorted(set.intersection(*({*one.positions} for one in before)))
+    places = _places(before, axes, all(one.direction is not None for one in before))
+    error = np.concatenate([one.error for one in before])
+    rest = error - (np.bincount(places.at, error) / places.count)[places.at]
+    free = len(error) - len(places.count)
+    if free < _REPEATS:
+        return False
+    scatter = float(np.sqrt(rest @ rest / free))
+    later = np.concatenate([one.error for one in after])
+    # What is smaller than a step of the display shows as nothing.
+    step = max(resolution(error), resolution(later))
+    return bool(np.std(later) < _FINER * scatter and scatter > step)
+
+
 @dataclasses.dataclass(frozen=True)
 class _Places:
     """Readings by place and direction: the place in units of `_PLACE`, the direction last.
 
-    Levels are the error and what the delay of its instrument makes of it.
+    Levels are the error and what the delay of its instrument makes of it; ``at`` is the place
+    of each reading.
     """
 
     keys: Int[np.ndarray, "g k"]
     levels: Float[np.ndarray, "g 2"]
     count: Int[np.ndarray, " g"]
+    at: Int[np.ndarray, " t"]
 
 
 def _places(
@@ -154,7 +181,7 @@ def _places(
         np.bincount(at, column) / counts for column in (values, np.concatenate(late))
     )
     level = np.where(counts > _SEVERAL, middle, mean)
-    return _Places(places, np.stack([level, drawn], axis=1), counts)
+    return _Places(places, np.stack([level, drawn], axis=1), counts, at)
 
 
 def _matches(earlier: _Places, later: _Places) -> tuple[Int[np.ndarray, " g"], bool]:

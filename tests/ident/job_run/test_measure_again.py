@@ -265,6 +265,37 @@ def test_second_measurement_in_one_direction_verifies_that_one_only(
     assert "which saw motion in + direction only" in said
 
 
+def test_second_measurement_at_a_few_places_verifies_no_more_than_these(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Between them nobody looked: an entry that is 40 µm off at 200 mm does not show.
+    few = np.array([0.0, 25.0, 100.0, 150.0, 250.0, 300.0, 400.0])
+    again = after_job(job.parent, 1.0, there=few, entry=0.04)
+    assert fit(job, "--after", str(again)) == 0
+    (reason,) = fitted(job)["reasons"]
+    assert reason == {"code": "in_part", "gap": ["X", 150.0, 250.0]}
+    said = " ".join(capsys.readouterr().out.split())
+    assert "which saw nothing of X between 150 and 250 mm" in said
+
+
+@pytest.mark.parametrize(("added", "code"), [(1.0, "in_part"), (0.0, "diagnosed")])
+def test_slope_that_the_second_measurement_takes_off_is_not_verified(
+    job: Path, added: float, code: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # The line of the first instrument was taken for the machine's.
+    again = after_job(job.parent, added)
+    text = again.read_text()
+    again.write_text(
+        text.replace("[measurements.laser]", '[measurements.laser]\nremove = "line"')
+    )
+    fit(job, "--after", str(again))
+    reason = fitted(job)["reasons"][0]
+    assert reason["code"] == code
+    said = " ".join(capsys.readouterr().out.split())
+    shown = 'which shows no slope over X (remove = "line"): measure again with an instrument'
+    assert (shown in said) == (added == 1.0)
+
+
 def test_an_entry_that_is_another_shows_where_the_same_list_acted_both_times(
     first: Path, tmp_path: Path
 ) -> None:
