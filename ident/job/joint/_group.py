@@ -167,7 +167,11 @@ def _identified(
     helpers = [*_helpers(members, recording)]
     effects = _effects(members, recording, helpers)
     fit = _fit(members, recording, [*effects, *helpers])
-    if recording.data.own_zero is not None:
+    removed = [
+        members[0].job.spec.measurements[source].remove for source in recording.slices
+    ]
+    arbitrary = len(removed) > 1 and "none" not in removed
+    if recording.data.own_zero is not None or arbitrary:
         recording = _zeroed(recording, fit)
         fit = _fit(members, recording, [*effects, *helpers])
     left = held_out_errors(fit, recording.data, recording.fold, runs=recording.drifting)
@@ -177,12 +181,19 @@ def _identified(
 def _zeroed(recording: GroupRecording, fit: JointFit) -> GroupRecording:
     """Return readings whose zero is arbitrary with the one that the others give them."""
     data, error = recording.data, dict(recording.data.error)
-    assert data.own_zero is not None  # else they are alike
     for axis, runs in fit.runs.items():
         number, mixed = data.run_of(axis), fit.fits[axis].design.course.counted
-        for run in runs if number is not None and mixed else ():
-            rows = (number == run.run) & ~data.own_zero
-            error[axis] = np.where(rows, error[axis] - run.offset, error[axis])
+        if number is None or not (mixed or data.own_zero is None):
+            continue
+        offset = np.zeros(len(data))
+        for run in runs:
+            offset[number == run.run] = run.offset
+        if data.own_zero is not None:
+            offset[data.own_zero] = 0.0
+        else:  # of each measurement: its runs may differ
+            for rows in recording.slices.values():
+                offset[rows] = offset[rows].mean()
+        error[axis] = error[axis] - offset
     data = dataclasses.replace(data, error=error)
     return dataclasses.replace(recording, data=data)
 
