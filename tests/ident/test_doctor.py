@@ -165,6 +165,25 @@ def test_beside_a_temperature_line_no_fault_is_named(fault: str) -> None:
     assert (words in screw.sentence) == (fault != "right")
 
 
+@pytest.mark.parametrize(("times", "verdict"), [(1.0, "right"), (-1.0, "sign")])
+def test_beside_a_temperature_line_the_flank_of_a_backlash_is_told(
+    times: float, verdict: str
+) -> None:
+    # No temperature moves an axis one way where it goes up and another where it comes back.
+    machine = ListFile.parse(
+        b"kopf.achs_nr 1\nlr_param.anwahl_losekomp 1\ngetriebe[0].lose 120\n"
+        b"lr_param.temp_comp 1\nlr_param.temp_comp_position_0 0\n"
+        b"lr_param.temp_comp_offset_0 0\nlr_param.temp_comp_coefficient 0.0\n",
+        "achsmds1.lis",
+    )
+    lost, warm = 0.012 * (WAY < 0), 2e-5 * X
+    noise = 1e-3 * np.random.default_rng(10).normal(size=(2, X.size))
+    before = [Measured(1, {1: X}, lost + noise[0], WAY)]
+    after = [Measured(1, {1: X}, (1.0 - times) * lost + warm + noise[1], WAY)]
+    found = diagnose([machine], before, after, Reading(Conventions()))
+    assert {one.compensation: one.verdict for one in found}["backlash"] == verdict
+
+
 def test_a_factor_that_is_no_fault_is_said_and_not_guessed() -> None:
     one = draw(-0.5 * error(X), SIZE / 10, np.random.default_rng(5))
     assert one.verdict == "cannot tell"

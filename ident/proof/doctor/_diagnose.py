@@ -72,15 +72,31 @@ def diagnose(
     scene = Scene(changes, switched, reading, names or {})
     # What a list says is the same everywhere, such as a temperature line that a PLC
     # moves, hides in the zero of the instrument; what the PLC adds looks like a fault.
-    blurred = set()
+    blurred, two_sided = set(), set()
     for use in switched_uses:
         channel = scene.channel(use, use.axis)
         column = channel.column(channel.plain)
         if np.ptp(column) > 0:
             scene.columns[use.axis, use.name] = column
+            way = changes[use.axis].direction
+            if way is not None and all(np.ptp(column[way == w]) == 0 for w in set(way)):
+                two_sided.add(use)  # the flanks alone, which no temperature tells apart
         else:
             blurred.add(use.axis)
-    return tuple(_judged(use, scene, use.axis in blurred) for use in switched_uses)
+    return tuple(
+        _judged(use, _with_slope(scene, use.axis), False)
+        if use.axis in blurred and use in two_sided
+        else _judged(use, scene, use.axis in blurred)
+        for use in switched_uses
+    )
+
+
+def _with_slope(scene: Scene, axis: int) -> Scene:
+    """Return what was measured, a slope over the positions free: a temperature line has one."""
+    change = scene.changes[axis]
+    free = np.column_stack([change.free, *change.positions.values()])
+    changes = {**scene.changes, axis: dataclasses.replace(change, free=free)}
+    return dataclasses.replace(scene, changes=changes)
 
 
 def not_judged(
