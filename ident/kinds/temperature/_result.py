@@ -211,9 +211,14 @@ def _lag_words(lag: Lag) -> str:
         return f"No lag between {lag.sensor} and the structure shows."
     low, high = lag.interval
     span = f"95 %: {low:.3g} to {high:.3g} s" if high > low else "given"
+    restart = (
+        " At its start the program takes the structure to be as warm as the sensor: after a loss"
+        f" of power on a warm machine the law is right {3 * lag.time_constant:.3g} s later."
+    )
     return (
         f"The structure follows {lag.sensor} with a time constant of"
         f" {lag.time_constant:.3g} s ({span}), by which the PLC filters the sensor."
+        f"{restart if lag.time_constant > 0.0 else ''}"
     )
 
 

@@ -296,3 +296,10 @@ def test_the_objects_for_xae_keep_their_ids() -> None:
     assert ids(first) == ids(second)
     assert len(set(ids(first))) == 2
     assert first != second
+
+
+@pytest.mark.parametrize("lag", [0.0, 1800.0])
+def test_program_says_when_it_is_right_after_a_loss_of_power(lag: float) -> None:
+    said = " ".join(text_of(lag, ("frame", "screw")).split())
+    told = "three time constants later: 5400 s (frame), 5400 s (screw)."
+    assert (told in said) == (lag > 0.0)
