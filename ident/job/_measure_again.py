@@ -9,7 +9,7 @@ import datetime
 import functools
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -191,7 +191,7 @@ def measure_again(
         if one is not None and draft.foreseen is not None and "predicted" in figures:
             unit, best = job.spec.axes[draft.axis].small_unit, figures["predicted"]
             one.check_scatter(draft.foreseen.before, best.sound.rms, unit)
-    found = _with_factors(result.fits, found, left)
+    found = _with_factors(result.fits, found, left, diagnoses)
     fits = []
     for fit, readings, figures in zip(result.fits, found, figures_of, strict=True):
         diagnosis = diagnoses.get((fit.axis_number, fit.compensation))
@@ -200,7 +200,7 @@ def measure_again(
             before, predicted = (figures[k].sound.rms for k in ("before", "predicted"))
             if readings is not None and readings.before is not None:
                 before = before if fit.group is not None else readings.before
-            diagnosis = _turned(diagnosis, readings)
+            diagnosis = _turned(fit, diagnosis, readings)
             again = MeasuredAgain(second.source, readings, diagnosis, before, predicted)
         fits.append(dataclasses.replace(fit, again=again))
     fits = [_beside(fit, fits) for fit in fits]
@@ -240,8 +240,9 @@ def _with_factors(
     fits: Sequence[AbstractResult],
     found: Sequence[SecondMeasurement | None],
     predicted: Mapping[str, float],
+    told: Collection[tuple[int, str]],
 ) -> list[SecondMeasurement | None]:
-    """Return readings with how many times each of several lists of an axis acts.
+    """Return readings with how many times each list of an axis acts.
 
     What all lists of an axis add is the negative of its error as it was fitted: what is left
     of it in the second measurement is how much more or less each of them adds. That counts
@@ -251,6 +252,7 @@ def _with_factors(
         fits: As the first job has them.
         found: Readings of each.
         predicted: What the lists of each axis are to leave, rms in mm or °.
+        told: Axis numbers and compensations that are diagnosed by what changed.
     """
     result = list(found)
     for axis in dict.fromkeys(fit.axis for fit in fits):
@@ -259,8 +261,13 @@ def _with_factors(
             for k, (fit, one) in enumerate(zip(fits, found, strict=True))
             if fit.axis == axis and one is not None and one.adds is not None
         }
-        if len(own) < 2 or len({len(adds) for _, adds in own.values()}) > 1:
+        if len({len(adds) for _, adds in own.values()}) != 1:
             continue
+        if (
+            len(own) == 1
+            and (fits[min(own)].axis_number, fits[min(own)].compensation) in told
+        ):
+            continue  # one list alone is diagnosed better
         error = next(iter(own.values()))[0].error
         adds = [adds for _, adds in own.values()]
         columns = np.stack([np.ones(len(error)), *adds], axis=1)
@@ -278,25 +285,27 @@ def _with_factors(
 
 
 def _turned(
-    diagnosis: Diagnosis | None, readings: SecondMeasurement | None
+    fit: AbstractResult, diagnosis: Diagnosis | None, readings: SecondMeasurement | None
 ) -> Diagnosis | None:
-    """Return a diagnosis; a fault for "cannot tell" where readings alone show its factor."""
+    """Return a diagnosis; a fault for none or "cannot tell" where readings show its factor."""
     factor = None if readings is None else readings.factor
-    if diagnosis is None or diagnosis.verdict != "cannot tell" or factor is None:
+    told = diagnosis is not None and diagnosis.verdict != "cannot tell"
+    if told or factor is None:
         return diagnosis
     value, deviation = factor
     times = min(_FACTORS, key=lambda each: abs(value - each))
     near = _NEAR * (abs(times) or 1.0)
     if abs(value - times) <= near and 3.0 * deviation <= near:
         verdict, words, sign = _FACTORS[times]
-        return dataclasses.replace(
-            diagnosis, verdict=verdict, value=value, sentence=words, sign=sign
-        )
+        if diagnosis is None and not times:
+            words = "nothing has changed: the list that acted before is still the one loaded"
+        identity = fit.axis_number, fit.compensation
+        return Diagnosis(*identity, verdict, value, sentence=words, sign=sign)
     # Readings at standstill see a temperature line as a constant.
     words = (
         f"cannot tell: what it does is {value:.2g} ± {deviation:.1g} times what it says"
     )
-    return dataclasses.replace(diagnosis, sentence=words)
+    return diagnosis and dataclasses.replace(diagnosis, sentence=words)
 
 
 def _finished(

@@ -520,11 +520,13 @@ def test_sign_that_a_log_settled_is_not_turned_by_an_instrument(
     assert "was settled before and stays" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("added", [1.0, -1.0])
-def test_new_table_over_an_active_old_one_is_proven_by_what_it_takes_off(
-    tmp_path: Path, added: float
+@pytest.mark.parametrize(
+    ("added", "verdict"), [(1.0, "right"), (-1.0, "sign"), (0.0, "")]
+)
+def test_new_table_over_an_active_old_one_is_judged_by_what_it_takes_off(
+    tmp_path: Path, added: float, verdict: str
 ) -> None:
-    # Nothing was switched between the measurements, so that no diagnosis is made.
+    # Nothing was switched between the measurements: what is left tells how much more is added.
     (tmp_path / "old").mkdir()
     whole = old_list(tmp_path / "old")
     kept = [line for line in whole.splitlines(True) if b"crosscomp" not in line]
@@ -532,7 +534,8 @@ def test_new_table_over_an_active_old_one_is_proven_by_what_it_takes_off(
     laser(tmp_path / "laser.csv", None)
     rows = np.genfromtxt(tmp_path / "laser.csv", delimiter=",", names=True)
     target, way, run = rows["target"], rows["direction"].astype(int), rows["run"]
-    actual = rows["actual"] + added * offsets(tmp_path, 1, A1=target, D=way)
+    old = offsets(tmp_path, 1, A1=target, D=way)
+    actual = rows["actual"] + (added or 1.0) * old
     table(
         tmp_path / "laser.csv", "target,actual,run,direction", target, actual, run, way
     )  # fmt: skip
@@ -540,10 +543,16 @@ def test_new_table_over_an_active_old_one_is_proven_by_what_it_takes_off(
         tmp_path, axis='list = "achskw1.lis"', measurement='active = ["leadscrew"]'
     )
     run_job(job, tmp_path / "out")
-    assert fit(job, "--after", str(after_job(tmp_path, added))) == int(added < 0)
+    after = after_job(tmp_path, added)
+    if not added:  # the new list was never loaded
+        shutil.copy(tmp_path / "laser.csv", tmp_path / "after.csv")
+    assert fit(job, "--after", str(after)) == int(added <= 0)
     one = fitted(job)
-    assert one["diagnosis"] is None
     assert one["verdict"] == ("good" if added > 0 else "rejected")
+    if verdict:
+        assert one["diagnosis"]["verdict"] == verdict
+    else:
+        assert one["diagnosis"]["sentence"].startswith("nothing has changed")
 
 
 def real_job(folder: Path, name: str, nodes: list[int], runs: range) -> Path:
