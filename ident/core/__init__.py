@@ -23,7 +23,6 @@ columns with noise that drifts (`_regression`, `_drift`).
 
 from ._chain import chain as chain
 from ._drift import (
-    LEAST_FREE as LEAST_FREE,
     DriftNoise as DriftNoise,
     find_drift as find_drift,
     scatter_of_sums as scatter_of_sums,

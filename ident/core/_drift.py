@@ -11,6 +11,7 @@ Biometrika 58(3), 1971.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -22,10 +23,11 @@ dpttrf, dpttrs = get_lapack_funcs(("pttrf", "pttrs"), dtype=np.float64)
 
 _MANY = 4_000
 """Readings from which the variances are sought on a part of them."""
-_RATIOS = (1e-2, 1e-1, 1.0, 10.0, 100.0)
-"""Variances of the drift, relative to the noise, from which the search starts."""
-_TIMES = 6
-"""Time constants from which the search starts."""
+_RATIOS, _TIMES = (1e-3, 1e3, 9), 7
+"""Variances of the drift, relative to the noise: from, to, and how many; and time constants, from
+the best of which the search starts."""
+_SURELY = 0.01
+"""Probability below which a drift is left out of account."""
 _WORTH = 4.0
 """Gain in twice the log-likelihood below which there is no drift to speak of."""
 _FEW = 10
@@ -42,11 +44,14 @@ class DriftNoise:
         white: Standard deviation of a reading of weight 1 about the drift, unit of the readings.
         drift: Standard deviation of the drift, same unit; 0 = independent readings.
         time_constant: Time in which the drift forgets, in the unit of the clock; 0 without one.
+        likely: Others that the residuals do not exclude, each by its variances, white and of
+            the drift, times its probability, and its time constant; itself is among them.
     """
 
     white: float
     drift: float = 0.0
     time_constant: float = 0.0
+    likely: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -139,18 +144,19 @@ def find_drift(
     independent, _ = deviance(gram, -constant)
     span = float(chain.gaps.sum())
     low, high = np.log(float(np.median(chain.gaps))), np.log(span)
-    starts = [
-        np.array([np.log(ratio), tau])
-        for ratio in _RATIOS
+    # A drift longer than the log cannot be separated from a level, which the columns hold.
+    points = [
+        (np.log(ratio), tau)
+        for ratio in np.geomspace(*_RATIOS)
         for tau in np.linspace(low, high, _TIMES)
     ]
-    start = min(starts, key=lambda point: cost(point)[0])
-    if not np.isfinite(cost(start)[0]):
+    tried = [(*cost(np.array(point)), *np.exp(point)) for point in points]
+    start = min(range(len(tried)), key=lambda k: tried[k][0])
+    if not np.isfinite(tried[start][0]):
         return white_only  # residuals without any scatter
-    # A drift longer than the log cannot be separated from a level, which the columns hold.
     bounds = [(np.log(1e-4), np.log(1e6)), (low - 2.0, high + 1.0)]
     optimum = minimize(
-        lambda point: cost(point)[0], start, method="Nelder-Mead", bounds=bounds,
+        lambda point: cost(point)[0], points[start], method="Nelder-Mead", bounds=bounds,
         options={"xatol": 0.02, "fatol": 0.02, "maxiter": 120},
     )  # fmt: skip
     value, variance = cost(optimum.x)
@@ -158,7 +164,16 @@ def find_drift(
         return white_only
     ratio, time_constant = np.exp(optimum.x)
     white, drift = np.sqrt([variance, variance * ratio]).tolist()
-    return DriftNoise(white, drift, float(time_constant))
+    # The best alone forgets too soon where it is hardly known for how long a drift remembers.
+    chance = np.exp(-0.5 * (np.array([each[0] for each in tried]) - value))
+    chance[chance < _SURELY * chance.sum()] = 0.0
+    chance /= chance.sum()
+    likely = tuple(
+        (share * noise, share * noise * size, tau)
+        for share, (_, noise, size, tau) in zip(chance.tolist(), tried, strict=True)
+        if share
+    )
+    return DriftNoise(white, drift, float(time_constant), likely)
 
 
 def scatter_of_sums(
@@ -168,28 +183,39 @@ def scatter_of_sums(
     weight: Float[np.ndarray, " t"],
 ) -> Float[np.ndarray, "k k"]:
     """Return the covariance of the weighted sums Σ w x r of residuals r that scatter so."""
-    weighted = weight[:, None] * columns
-    gathered, spread = _spread(noise, time, weighted)
-    return np.asarray(noise.white**2 * (columns.T @ weighted) + gathered.T @ spread)
+    weighted, parts = weight[:, None] * columns, _parts(noise)
+    white = sum(part[0] for part in parts)
+    gathered, spread = _spread(parts, time, weighted)
+    return np.asarray(white * (columns.T @ weighted) + gathered.T @ spread)
 
 
 def variances_of_sums(
     noise: DriftNoise, time: Float[np.ndarray, " t"], columns: Float[np.ndarray, "t k"]
 ) -> Float[np.ndarray, " k"]:
     """Return the variances of the sums Σ x r of residuals r of weight 1 that scatter so."""
-    gathered, spread = _spread(noise, time, columns)
-    white = noise.white**2 * np.square(columns).sum(axis=0)
+    parts = _parts(noise)
+    gathered, spread = _spread(parts, time, columns)
+    white = sum(part[0] for part in parts) * np.square(columns).sum(axis=0)
     return np.asarray(white + (gathered * spread).sum(axis=0))
 
 
+def _parts(noise: DriftNoise) -> Sequence[tuple[float, float, float]]:
+    """Return what the covariance is the sum of; see `DriftNoise.likely`."""
+    return noise.likely or ((noise.white**2, noise.drift**2, noise.time_constant),)
+
+
 def _spread(
-    noise: DriftNoise, time: Float[np.ndarray, " t"], columns: Float[np.ndarray, "t k"]
+    parts: Sequence[tuple[float, float, float]],
+    time: Float[np.ndarray, " t"],
+    columns: Float[np.ndarray, "t k"],
 ) -> tuple[Float[np.ndarray, "u k"], Float[np.ndarray, "u k"]]:
     """Return columns summed at each instant, and the covariance of the drift times these."""
-    if not noise.drift > 0:
+    if not any(part[1] for part in parts):
         return np.zeros((1, columns.shape[1])), np.zeros((1, columns.shape[1]))
     chain = _chain(time)
     sums = chain.gather(columns)
-    diagonal, side, _ = chain.precision(noise.time_constant)
-    solved = dpttrs(*dpttrf(diagonal, side)[:2], sums)[0]
-    return sums, np.asarray(noise.drift**2 * solved)
+    total = np.zeros_like(sums)
+    for _, variance, time_constant in parts:
+        diagonal, side, _ = chain.precision(time_constant)
+        total += variance * dpttrs(*dpttrf(diagonal, side)[:2], sums)[0]
+    return sums, total

@@ -17,7 +17,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...core import (
-    LEAST_FREE,
     DriftNoise,
     find_drift,
     scatter_of_sums,
@@ -32,8 +31,6 @@ _STRETCHES, _FEWEST = 24, 20
 """Of the recording, and readings of each below which nothing is judged."""
 _LARGE = 1 << 18
 """Readings × unknowns up to which the drift itself is estimated."""
-_ROUNDING = 1e-12
-"""Share of the largest variance of an effect below which a value is held."""
 _DRAWS = 4
 """Other orders of the residual."""
 _CHANCE = 1.8
@@ -77,7 +74,7 @@ class Memory:
             return np.asarray(white * self._swell)
         sums = variances_of_sums(self.drift, self._clock, self._moves)
         scatter = self.fit.estimate.scatter[0] * np.square(self._moves).sum(axis=0)
-        return np.asarray(white + self._heavy * sums - scatter)
+        return np.asarray(white + sums - scatter)
 
     def covariance(
         self, places: Int[np.ndarray, " k"], white: Float[np.ndarray, "k k"]
@@ -86,10 +83,10 @@ class Memory:
         if self.drift is None:
             swell = np.sqrt(self._swell[places])
             return np.asarray(white * np.outer(swell, swell))
-        moves, heavy = self._moves[:, places], np.sqrt(self._heavy[places])
+        moves = self._moves[:, places]
         sums = scatter_of_sums(self.drift, self._clock, moves, np.ones(len(moves)))
         scatter = self.fit.estimate.scatter[0] * (moves.T @ moves)
-        return np.asarray(white + np.outer(heavy, heavy) * sums - scatter)
+        return np.asarray(white + sums - scatter)
 
     def swell_along(self, direction: Float[np.ndarray, " r"]) -> float:
         """Return the factor of the variance of a parameter, given its direction, ≥ 1."""
@@ -177,26 +174,6 @@ class Memory:
             np.ascontiguousarray(columns.T)
         )
         return np.asarray(self.fit.known.rules.project(moves).T)
-
-    @cached_property
-    def _heavy(self) -> Float[np.ndarray, " n"]:
-        """How much larger variances are since the drift is not known either.
-
-        It rests on as many independent readings as tell the values: Student's t.
-        """
-        assert self.drift is not None
-        drifting = variances_of_sums(self.drift, self._clock, self._moves)
-        total = self.drift.white**2 + self.drift.drift**2
-        plain = total * np.square(self._moves).sum(axis=0)
-        heavy = np.ones(len(drifting))
-        for part in self.fit.design.components:
-            places = part.places
-            # What a rule holds at zero moves by rounding alone.
-            places = places[plain[places] > _ROUNDING * plain[places].max()]
-            swell = float((drifting[places] / plain[places]).max(initial=1.0))
-            free = max(len(self._moves) / swell, LEAST_FREE)
-            heavy[part.places] = free / (free - 2.0)
-        return heavy
 
 
 def without_turns(

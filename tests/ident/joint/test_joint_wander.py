@@ -154,7 +154,7 @@ def test_few_readings_have_no_walk() -> None:
 @pytest.mark.parametrize("pieces", [0, 4])
 def test_a_short_log_that_drifts_says_how_little_it_tells(pieces: int) -> None:
     distances = []
-    for seed in range(8):
+    for seed in range(16):
         rng = np.random.default_rng(seed)
         time = np.arange(300) * 60.0
         warm = 20.0 + 18.0 * np.sin(np.pi * time / time[-1])
@@ -171,8 +171,9 @@ def test_a_short_log_that_drifts_says_how_little_it_tells(pieces: int) -> None:
         fit = fit_joint(data, [heat], drift=pieces)
         part = fit.parts[0]
         distances.append((part.values[1] - 0.036) / part.standard_deviation[1])
-    # Eight draws of a unit deviation: their rms is 0.4 to 1.6 in 99 %; white noise said 4.
-    assert 0.3 < np.sqrt(np.mean(np.square(distances))) < 1.6
+    # 16 draws of a unit deviation: their rms is 0.6 to 1.5 in 99 %; white noise said 4. For how
+    # long the drift remembers is hardly known: deviations may be half as large again.
+    assert 0.4 < np.sqrt(np.mean(np.square(distances))) < 1.5
 
 
 def test_a_short_log_with_a_missed_instant_is_fitted_as_one_without_a_clock() -> None:

@@ -207,7 +207,8 @@ def test_a_real_log_with_warm_up_shows_a_lag_of_minutes_and_all_missed_steps() -
     )
     (lag,) = fit.lags
     assert lag.applied
-    assert 100.0 < lag.interval[0] < lag.interval[1] < 900.0
+    # The drift beside it is hardly known: 300 to 900 s where it was taken for known.
+    assert 100.0 < lag.interval[0] < lag.interval[1] < 1000.0
     missed = np.abs(error - np.median(error)) > 1.0
     assert missed.sum() == 11
     assert set(np.flatnonzero(missed)) <= set(fit.rows[fit.wild])
