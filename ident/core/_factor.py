@@ -158,6 +158,8 @@ def _half_solved(
     """Solve with the factor of a band, or with its transpose (``back``)."""
     if right.ndim > 1 and right.shape[1] > _MANY and band.shape[1] > _BLOCK:
         return _half_solved_in_blocks(band, right, back)
+    if not right.size:
+        return np.zeros(right.shape)  # LAPACK would write beyond the end of nothing
     columns = right.reshape(len(right), -1)
     solution, info = dtbtrs(band.T, columns, uplo="L", trans="T" if back else "N")
     assert info == 0
