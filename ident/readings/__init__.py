@@ -22,7 +22,9 @@ from ._readings import (
     runs_overlap as runs_overlap,
 )
 from ._rows import (
+    IN_SHOP as IN_SHOP,
     POSITION_ORDER as POSITION_ORDER,
+    SHOP as SHOP,
     Rows as Rows,
     reference_words as reference_words,
     sensor_name as sensor_name,

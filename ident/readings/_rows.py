@@ -36,6 +36,13 @@ PLACES = ("position", "encoder", "actual")
 POSITION_ORDER = {"command": PLACES, "actual": ("encoder", "actual", "position")}
 """The same, the best first, by the rule `crosstalk_input`."""
 
+SHOP = (-20.0, 50.0)
+"""°C between which machines are measured; in °F and K such rooms show more."""
+IN_SHOP = (
+    f"expected {SHOP[0]:g} to {SHOP[1]:g} °C: is it in °F (77 °F is 25 °C) or K? A column of"
+    ' them has unit = "degF" or "K"'
+)
+"""What is expected of the temperature of an axis, and what to look at."""
 _ABSURD = 1e9
 """mm or °: a thousand kilometres, or some million turns."""
 _LEFT = 1e-3
@@ -249,9 +256,7 @@ class Rows:
             position[axis],
             expansion=spec.expansion,
             material_temperature=(
-                self.temperature(warmth, "as material_temperature")
-                if isinstance(warmth, str)
-                else float(warmth)
+                self._of_material(warmth) if isinstance(warmth, str) else float(warmth)
             ),
             reference_temperature=spec.reference_temperature,
             datum=float(at if isinstance(at, float | int) else at[0]),
@@ -335,6 +340,23 @@ class Rows:
 
     def _required(self, role: str, why: str) -> Float[np.ndarray, " t"]:
         return np.asarray(self.measured.require(role, why), dtype=float)
+
+    def _of_material(self, sensor: str) -> Float[np.ndarray, " t"]:
+        """Return the temperature of the axis in °C; lone readings beyond `SHOP` are wild ones.
+
+        Raises:
+            JobError: If most of them are: the unit, or a sensor that is not there.
+        """
+        warm = self.temperature(sensor, "as material_temperature")
+        finite = warm[np.isfinite(warm)]
+        middle = float(np.median(finite)) if finite.size else SHOP[0]
+        if not SHOP[0] <= middle <= SHOP[1]:
+            key = ("measurements", self.name, "material_temperature")
+            role = SENSOR + sensor_name(sensor)
+            raise self.job.error(
+                key, f"found {middle:.4g} °C of {role} (its median), {IN_SHOP}"
+            )
+        return warm
 
     def _sane(
         self, role: str, values: Float[np.ndarray, " t"]

@@ -158,6 +158,27 @@ def test_temperature_of_the_material_may_be_a_column(tmp_path: Path) -> None:
     )
 
 
+def test_temperature_of_the_material_that_no_shop_has_is_refused(
+    tmp_path: Path,
+) -> None:
+    fahrenheit = np.linspace(75.0, 79.0, len(PLACE))
+    keys = 'expansion = 11.5\nmaterial_temperature = "bed"'
+    role = ', "temperature.bed" = "t"'
+    with pytest.raises(JobError, match=r"material_temperature: found 77 °C .*degF"):
+        run(
+            tmp_path,
+            PLACE,
+            BOW,
+            fahrenheit,
+            header="x,e,t",
+            more=role,
+            measurement=keys,
+        )
+    # A sensor that was not there for a while is no reason: these readings are wild.
+    celsius = np.where(np.arange(len(PLACE)) == 5, -180.0, 23.0)
+    run(tmp_path, PLACE, BOW, celsius, header="x,e,t", more=role, measurement=keys)
+
+
 def test_line_of_the_instrument_is_removed(tmp_path: Path) -> None:
     tilted = run(
         tmp_path, PLACE, BOW + 0.3 + 2e-5 * PLACE, measurement='remove = "line"'

@@ -278,6 +278,19 @@ def test_a_time_in_minutes_without_a_unit_is_doubted(tmp_path: Path) -> None:
     assert not any("is the time in minutes" in words for words in said)
 
 
+def test_a_sensor_in_fahrenheit_that_says_celsius_is_doubted(tmp_path: Path) -> None:
+    warm_up(tmp_path)
+    rows = np.genfromtxt(tmp_path / "warm.csv", delimiter=",", names=True)
+    fahrenheit = 32.0 + 1.8 * rows["frame"]
+    columns = (*(rows[name] for name in "t x e".split()), fahrenheit)
+    write(tmp_path, ("t", "x", "e", "frame"), columns)
+    said = [remark.message for remark in run(tmp_path).remarks]
+    (doubt,) = [words for words in said if "is it in °F" in words]
+    assert doubt.startswith("frame never shows less than 68 °C")
+    warm_up(tmp_path)
+    assert not any("°F" in remark.message for remark in run(tmp_path).remarks)
+
+
 def test_runs_zeroed_anew_tell_the_coefficient(tmp_path: Path) -> None:
     warm_up(tmp_path, lag=900.0)
     rows = np.genfromtxt(tmp_path / "warm.csv", delimiter=",", names=True)

@@ -6,7 +6,12 @@ from collections.abc import Iterator
 from ....data.lists import BuildError, parse_build
 from ....data.measurements import find_role
 from ...kinds._keys import Fault, FitSpec, KeyPath, unknown
+from ...readings import IN_SHOP, SHOP
 from ._schema import ColumnOfRun, JobFile, MeasurementSpec
+
+_SHRINKS, _GROWS, _LEAST_GROWTH, _PER_KELVIN = -2.0, 100.0, 0.05, 1e-3
+"""µm/m per K of carbon fibre and of plastics; below which a scale of glass ceramics may as well
+have none; and of what was stated in 1/K."""
 
 
 def find_fault(job: JobFile) -> Fault | None:
@@ -64,21 +69,39 @@ def _measurements(job: JobFile) -> Iterator[Fault]:
             if role is not None and role.axis not in (None, *job.axes):
                 reason = unknown(role.axis or "", job.axes, "an axis")
                 yield (*where, "columns", text), reason
-        if measured.expansion is None and measured.material_temperature is not None:
+        yield from _lengths(measured, where)
+
+
+def _lengths(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:
+    """Yield what is wrong with what refers lengths to the reference temperature."""
+    expansion, warmth = measured.expansion, measured.material_temperature
+    if expansion is None:
+        if warmth is not None:
             yield (
                 (*where, "material_temperature"),
                 "found no expansion, expected it in µm/m/K beside the temperature",
             )
-        if (
-            measured.expansion is not None
-            and measured.material_temperature is None
-            and not measured.already_compensated
-        ):
-            yield (
-                (*where, "expansion"),
-                "found no material_temperature, expected it in °C or as a role"
-                " temperature.<sensor>",
-            )
+        return
+    size = abs(expansion)
+    if not _SHRINKS <= expansion <= _GROWS or 0.0 < size < _LEAST_GROWTH:
+        per_kelvin = " (times 1e6 where it was 1/K)" if size < _PER_KELVIN else ""
+        yield (
+            (*where, "expansion"),
+            f"found {expansion:g}, which no material has, expected µm/m per K{per_kelvin}: steel"
+            " 11.5, aluminium 23, 0 for what does not grow",
+        )
+    if warmth is None and not measured.already_compensated:
+        yield (
+            (*where, "expansion"),
+            "found no material_temperature, expected it in °C or as a role"
+            " temperature.<sensor>",
+        )
+    stated = {"reference_temperature": measured.reference_temperature}
+    if warmth is not None and not isinstance(warmth, str):
+        stated = {"material_temperature": float(warmth)} | stated
+    for key, degrees in stated.items():
+        if not SHOP[0] <= degrees <= SHOP[1]:
+            yield (*where, key), f"found {degrees:g} °C, {IN_SHOP}"
 
 
 def _files(measured: MeasurementSpec, where: KeyPath) -> Iterator[Fault]:

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from ...core import FitError, regress
 from ...job.result._result import AbstractResult, Expectation, Remark
+from ...readings import SHOP
 from ._law import RATE, ThermalLaw
 from ._line import Lag, Law, Meeting, TemperatureFit
 
@@ -180,6 +181,7 @@ def remarks_of(draft: "TemperatureDraft") -> Iterator[Remark]:
         if lag.applied or (draft.fit.lag == "auto" and fit.data.time is not None):
             yield Remark.info(_lag_words(lag))
     yield from _too_quick(draft)
+    yield from _too_hot(draft)
     if wild := int(fit.wild.sum()):
         yield Remark.warning(f"{wild} wild readings were left out.")
     if fit.missed:
@@ -237,6 +239,19 @@ def _too_quick(draft: "TemperatureDraft") -> Iterator[Remark]:
                 ' minutes or hours? State its unit then (time = { column = …, unit = "min" }).'
             )
             return
+
+
+def _too_hot(draft: "TemperatureDraft") -> Iterator[Remark]:
+    """Return a doubt of the unit of a temperature that is never one of a room."""
+    fit = draft.found
+    for sensor in dict.fromkeys(law.sensor for law in fit.moving):
+        least = float(np.nanmin(fit.data.temperature[sensor]))
+        if least > SHOP[1]:
+            yield Remark.warning(
+                f"{sensor} never shows less than {least:.4g} °C, where no machine starts: is it in"
+                f' °F? State its unit then ("temperature.{sensor}" = {{ column = …, unit = "degF"'
+                " })."
+            )
 
 
 def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
