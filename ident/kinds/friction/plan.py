@@ -222,10 +222,19 @@ class FrictionDraft(AbstractDraft):
                 f"No list is written. The largest speed is {speed:.2g}"
                 f" {self.recording.samples.unit}/s: look at the units of time and position."
             )
-        elif self.knots is None:
+        elif self.knots is None and self.fit.torque_unit is None:
             yield Remark.info(
                 f"The job does not state {self.out_unit.missing}: the law is reported,"
                 " and no list is written."
+            )
+        elif self.knots is None:
+            unit, other = self.recording.unit, ""
+            for key in ("rated_current", "rated_torque"):
+                other = f" in place of {key}" if getattr(self.fit, key) else other
+            found = f"is in {unit}" if unit else "states no unit"
+            yield Remark.error(
+                "No list is written. torque_unit asks for one, and the recorded current"
+                f" {found}: state {self.out_unit.missing}{other}."
             )
         if self.knots is not None and self.curve is not None:
             yield from self._unsaid(self.curve, self.knots)

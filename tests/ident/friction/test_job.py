@@ -402,6 +402,24 @@ def test_without_torque_unit_the_law_is_reported_and_no_list_written(
     assert friction(result).curve is not None
 
 
+@pytest.mark.parametrize(
+    ("unit", "keys", "asks"),
+    [
+        ("Nm", PLAIN, "is in Nm: state rated_torque in place of rated_current"),
+        ("A", f"torque_unit = {SHARE}", "is in A: state rated_current."),
+    ],
+)
+def test_a_list_that_was_asked_for_names_the_rated_value_that_is_missing(
+    tmp_path: Path, unit: str, keys: str, asks: str
+) -> None:
+    record(tmp_path)
+    result = run(tmp_path, keys, unit=unit)
+    assert not result.passed
+    assert friction(result).judgement.verdict is Verdict.UNDETERMINED
+    errors = [one.message for one in friction(result).remarks if one.level == "error"]
+    assert asks in errors[0]
+
+
 def test_current_that_opposes_the_motion_is_turned_round(tmp_path: Path) -> None:
     record(tmp_path, sign=-1.0)
     found = friction(run(tmp_path, keys=""))
