@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from ...job.write._lists import AxisFiles
 
 _ENTRIES = 20
+_SLOW = 2.0
+"""mm/s or °/s that the fastest motion of a recording reaches, unless a unit is another one."""
 _SURE = 3.0
 """Standard deviations from which on an inertia or a load is one."""
 
@@ -209,6 +211,12 @@ class FrictionDraft(AbstractDraft):
         if fit.has_law:
             samples, unit = self.recording.samples, self.recording.unit
             yield from changes(samples, fit.friction, unit)
+        if self.curve is not None and self.curve.speed[-1] < _SLOW:
+            yield Remark.warning(
+                f"The fastest motion is {self.curve.speed[-1]:.2g} {self.recording.samples.unit}/s,"
+                " where machines hardly move: are the units of position and time right (m for"
+                " mm, ms for s)? Faster than that the list gives what it gives there."
+            )
         if self.recording.unsure:
             yield Remark.error(f"No list is written. {self.recording.unsure}")
         elif not fit.has_law:

@@ -462,6 +462,23 @@ def test_a_time_in_microseconds_read_as_seconds_is_named(tmp_path: Path) -> None
     assert any("look at the units of time and position" in each for each in errors)
 
 
+@pytest.mark.parametrize("column", [0, 1, None])
+def test_a_unit_a_thousand_times_off_is_doubted_by_the_speed(
+    tmp_path: Path, column: int | None
+) -> None:
+    record(tmp_path)
+    table = np.loadtxt(tmp_path / "trace.csv", delimiter=",", skiprows=1)
+    if column is not None:  # ms for s, m for mm
+        table[:, column] *= (1e3, 1e-3)[column]
+    np.savetxt(tmp_path / "trace.csv", table, "%.9f", ",", header="t,x,i", comments="")
+    said = [
+        one.message for one in friction(run(tmp_path)).remarks if one.level == "warning"
+    ]
+    assert any("The fastest motion is 0.1" in each for each in said) == (
+        column is not None
+    )
+
+
 def test_a_clock_too_coarse_for_its_samples_is_refused_in_words(
     tmp_path: Path,
 ) -> None:
