@@ -163,12 +163,38 @@ class _Looked:
         if change > max(_SURE * _apart(shares), _VARIES):
             where = np.array_split(self.samples.position[self.rows][order], _PARTS)
             least, most = (where[int(k)] for k in (np.argmin(mean), np.argmax(mean)))
-            yield Remark.warning(
-                f"Friction is {change:.0%} larger about {np.median(most):.4g}"
-                f" {self.samples.unit} than about {np.median(least):.4g}: a list knows no"
-                " place and holds the mean. Look at lubrication, covers and the fit of the"
-                " guides there."
+            yield self._larger_at(
+                change, float(np.median(most)), float(np.median(least))
             )
+        else:
+            yield from self._slope_of_friction()
+
+    def _slope_of_friction(self) -> Iterator[Remark]:
+        """Yield that friction grows along the way, at speeds that reach one part and another.
+
+        Where the far places were passed fast alone, the law has taken them for the speed: what
+        a speed shows beside it stands in columns of its own.
+        """
+        assert self.samples.position is not None  # else it is not asked for
+        speed = self.samples.velocity[self.rows]
+        place = self.samples.position[self.rows]
+        place = place - place.mean()
+        beside = self.friction, np.sign(speed), speed, place, self.ones
+        slopes = self.by_part(self.stretches, self.friction * place, *beside)
+        mean, scatter = float(np.mean(slopes)), float(np.std(slopes))
+        change = abs(mean) * float(np.ptp(place))
+        if change > _VARIES and abs(mean) > _SURE * scatter / _PARTS**0.5:
+            least, most = np.sort(self.samples.position[self.rows])[[0, -1]]
+            if mean < 0.0:
+                least, most = most, least
+            yield self._larger_at(change, float(most), float(least))
+
+    def _larger_at(self, change: float, most: float, least: float) -> Remark:
+        return Remark.warning(
+            f"Friction is {change:.0%} larger about {most:.4g} {self.samples.unit} than about"
+            f" {least:.4g}: a list knows no place and holds the mean. Look at lubrication, covers"
+            " and the fit of the guides there."
+        )
 
 
 def _apart(halves: Float[np.ndarray, "p 2"]) -> float:

@@ -271,6 +271,20 @@ def test_a_load_that_steps_and_friction_of_the_place_are_told(
     assert ("larger about" in said) == (kind == "place")
 
 
+@pytest.mark.parametrize("slope", [0.0, 0.02])
+def test_friction_that_grows_along_the_way_is_told_where_speed_and_place_go_together(
+    tmp_path: Path, slope: float
+) -> None:
+    # To and fro from one place: only fast motion comes to the far end.
+    record(tmp_path, velocity=np.tile(motion(), 5))
+    path = tmp_path / "trace.csv"
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    table[:, 2] += slope * table[:, 1] * np.sign(np.gradient(table[:, 1]))
+    np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
+    said = " ".join(remark.message for remark in friction(run(tmp_path)).remarks)
+    assert ("larger about" in said) == (slope > 0.0)
+
+
 def test_list_takes_what_the_law_takes(done: tuple[Path, JobResult]) -> None:
     error = friction(done[1]).error
     assert error["before"].rms > 2.0
