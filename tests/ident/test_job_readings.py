@@ -179,6 +179,15 @@ def test_temperature_of_the_material_that_no_shop_has_is_refused(
     run(tmp_path, PLACE, BOW, celsius, header="x,e,t", more=role, measurement=keys)
 
 
+def test_readings_smaller_than_any_machine_errs_doubt_their_unit(
+    tmp_path: Path,
+) -> None:
+    for scale in (1e-3, 1.0):  # mm that the file calls µm, and what they are
+        (found,) = run(tmp_path, PLACE, scale * BOW).tables
+        said = " ".join(remark.message for remark in found.remarks)
+        assert ("mm or inch for µm" in said) == (scale < 1.0)
+
+
 def test_line_of_the_instrument_is_removed(tmp_path: Path) -> None:
     tilted = run(
         tmp_path, PLACE, BOW + 0.3 + 2e-5 * PLACE, measurement='remove = "line"'

@@ -2,7 +2,7 @@
 
 import dataclasses
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +35,8 @@ _COLDEST, _HOTTEST = -100.0, 500.0
 """°C beyond which a sensor is broken: its wire, or a short circuit."""
 _ABSOLUTE_ZERO, _NOT_THERE = -273.15, 0.5
 """°C; and the share of broken readings from which on there is no sensor."""
+_LEAST = {"µm": (2e-4, "mm or inch for µm"), "m°": (3e-5, "° for arcsec")}
+"""mm or ° that the readings of any axis differ by, and what else their unit may be."""
 _WINDOW = 7
 """Readings over which a temperature is compared with its neighbours."""
 _GLITCH, _LEAST_GLITCH, _MOST_GLITCHES = 8.0, 1.0, 0.1
@@ -165,6 +167,9 @@ def read_group(
     if run is not None and one_way and own_zero is None:
         run = cycles_of(run, signs[0].astype(np.int64))
     several = run is not None and len(np.unique(run)) > 1
+    for axis, values in columns["error"].items():
+        unit = tables.job.spec.axes[axis].small_unit
+        remarks += _unmoved(axis, values, unit)
     time = joined([part.time for part in parts])
     slices = rows_of(lead.sources, counts)
     specs = [tables.job.spec.measurements[name] for name in lead.sources]
@@ -208,6 +213,18 @@ def read_group(
         remarks=tuple(remarks),
         rows=every,
     )
+
+
+def _unmoved(axis: str, error: Float[np.ndarray, " t"], unit: str) -> Iterator[Remark]:
+    """Yield a doubt of the unit where errors in mm or ° are as small as no machine's."""
+    finite = error[np.isfinite(error)]
+    least, other = _LEAST[unit]
+    if finite.size and (span := float(np.ptp(finite))) < least:
+        yield Remark.warning(
+            f"The readings of {axis} differ by {1e3 * span:.2g} {unit} at most, less than any"
+            f" machine errs: is the unit of their column right ({other})? A list of them"
+            " holds zeros."
+        )
 
 
 def _own_zero(
