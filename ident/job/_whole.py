@@ -34,7 +34,7 @@ from ._gating import spread_over
 from .file._load import Job
 from .result._job_result import WholeAxis
 from .result._result import Remark
-from .write._lists import AxisFiles
+from .write._lists import AxisFiles, with_cycles
 
 _WARM = (
     "Lengths that were not measured at the reference temperature are brought there by"
@@ -48,11 +48,18 @@ def judge_whole(
     tables: Tables, files: Sequence[AxisFiles]
 ) -> tuple[tuple[AxisFiles, ...], tuple[WholeAxis, ...]]:
     """Return what acts on each axis that is written, judged as one; its files before it."""
-    job, axes = tables.job, list[WholeAxis]()
-    for axis_files in files:
+    job, axes, files = tables.job, list[WholeAxis](), [*files]
+    for place, axis_files in enumerate(files):
         acting = tuple(d for d in axis_files.drafts if d.written and d.jump > 0)
-        if acting:
-            axes.append(_Axis(tables, axis_files, acting).judged())
+        if not acting:
+            continue
+        axis = _Axis(tables, axis_files, acting)
+        whole = axis.judged()
+        if axis_files.cycles is not None and (needed := axis.more_cycles(whole.gate)):
+            # All of a reversal, of whatever fit, is spread by the one entry that is written.
+            files[place] = with_cycles(job, axis_files, needed)
+            whole = _Axis(tables, files[place], acting).judged()
+        axes.append(whole)
     stopped = {axis_files.axis for axis_files in files if axis_files.failed}
     stopped |= {axis.axis for axis in axes if axis.failed}
     by_axis = {axis.axis: _with_partner(job, axis, files, stopped) for axis in axes}
@@ -149,17 +156,21 @@ class _Axis:
 
     def _hasty(self, loaded: AxisLists, lines: Sequence[GateCheck]) -> Iterator[Remark]:
         """Yield what to set where a reversal of the axis list is too fast for the gate."""
-        if all(c.passed or not c.name.endswith(" at reversal") for c in lines):
-            return
-        jump = next(c.value for c in lines if c.name == "axis max_reversal")
-        cycles = reversal_cycles(loaded.machine)
-        needed = spread_over(self.job, jump, None, REVERSAL_CYCLES)
-        if needed > cycles:
+        if needed := self.more_cycles(lines):
+            jump = next(c.value for c in lines if c.name == "axis max_reversal")
             yield Remark.error(
                 f"A reversal moves {self.name} by up to {jump:.4g} {self.unit} in"
-                f" {cycles} cycles: set {REVERSAL_CYCLES} {needed} in the axis list of"
-                f" {self.name} (machine_data), so that it is spread."
+                f" {reversal_cycles(loaded.machine)} cycles: set {REVERSAL_CYCLES} {needed} in"
+                f" the axis list of {self.name} (machine_data), so that it is spread."
             )
+
+    def more_cycles(self, lines: Sequence[GateCheck]) -> int | None:
+        """Return the cycles that a reversal needs which is too fast for the gate, or None."""
+        if all(c.passed or not c.name.endswith(" at reversal") for c in lines):
+            return None
+        jump = next(c.value for c in lines if c.name == "axis max_reversal")
+        needed = spread_over(self.job, jump, None, REVERSAL_CYCLES)
+        return needed if needed > reversal_cycles(self.files.after.machine) else None
 
     def _whole(
         self,

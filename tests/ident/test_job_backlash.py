@@ -106,6 +106,23 @@ def test_existing_axis_list_keeps_its_reference_flank(tmp_path: Path) -> None:
     assert found.reference == -1
 
 
+def test_cycles_spread_all_that_moves_the_axis_at_a_reversal(tmp_path: Path) -> None:
+    # 9.8 µm want 2 cycles; beside the 4 µm that a table of both directions adds, 3.
+    readings(tmp_path, width=0.0098)
+    alone = run(tmp_path)
+    rows = [f"kw.ssfk.table[{k}].pos -20\nkw.ssfk.table[{k}].neg 20\n" for k in (0, 1)]
+    (tmp_path / "achskw1.lis").write_text(
+        "kopf.achs_nr 1\nkw.ssfk.unit 1\nkw.ssfk.bilateral 1\n"
+        "kw.ssfk.kw_nr_max 2\nkw.ssfk.kw_startpos 0\nkw.ssfk.interval 3300000\n"
+        + "".join(rows)
+    )
+    beside = run(tmp_path, axis='list = "achskw1.lis"', active='["leadscrew"]')
+    assert (alone.cycles, beside.cycles) == (2, 3)
+    assert all(line.passed for line in beside.gate)
+    listing = ListFile.read(tmp_path / "out" / "achsmds1.add.lis")
+    assert listing.integer("lr_param.n_backlash_cyc") == 3
+
+
 def test_active_backlash_is_added_to(tmp_path: Path) -> None:
     readings(tmp_path, width=WIDTH - 0.009)
     (tmp_path / "achsmds1.lis").write_text(

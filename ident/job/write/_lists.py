@@ -166,11 +166,20 @@ def files_of(job: Job, drafts: Sequence[AbstractDraft]) -> tuple[AxisFiles, ...]
     )
 
 
-def _axis_files(job: Job, every: tuple[AbstractDraft, ...]) -> AxisFiles:
+def with_cycles(job: Job, files: AxisFiles, least: int) -> AxisFiles:
+    """Return judged files whose axis list spreads a reversal over at least so many cycles."""
+    spread = _axis_files(job, files.drafts, least)
+    # Of nothing else are there other findings.
+    return dataclasses.replace(spread, findings=files.findings, remarks=files.remarks)
+
+
+def _axis_files(
+    job: Job, every: tuple[AbstractDraft, ...], least: int = 0
+) -> AxisFiles:
     axis, lists = every[0].axis, every[0].lists
     drafts = [draft for draft in every if draft.written]
     spreads = [spread for draft in drafts if (spread := draft.cycles) is not None]
-    cycles = max(spreads, default=None)
+    cycles = max(least, *spreads) if spreads else None
     gates = {
         d.index: (*d.gate(cycles), *fit_checks(d)) if d.written else () for d in every
     }
