@@ -28,7 +28,7 @@ from ..proof.axis import (
     judge_workspace,
     switching_cycles,
 )
-from ..readings import Tables, read_error, without_zero
+from ..readings import Tables, longer_than, read_error, without_zero
 from ._draft import AbstractDraft
 from ._gating import spread_over
 from .file._load import Job
@@ -368,6 +368,17 @@ class _Axis:
             warm = (
                 f" Or {' and '.join(lacking)}, which is left out of the lists, is in these"
                 f" readings, and hides what they do: mend that first.{warm}"
+            )
+        parts = {
+            source: (one[1].positions[self.files.number], one[0].error)
+            for _, source, one in self._measured
+            if not isinstance(one, str) and self.files.number in one[1].positions
+        }
+        if not follows and self.unit == "mm" and (words := longer_than(parts)):
+            return Remark.error(
+                f"With all that will act on {self.name}, {comparison.together:.4g} {self.unit}"
+                f" rms are left of measurement {comparison.measurement!r}, where the {own} alone"
+                f" {leaves} {comparison.alone:.4g} {self.unit}. {words}."
             )
         group = 'identify them together (the same group = "…" in their [[fits]]), '
         return Remark.error(

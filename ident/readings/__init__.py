@@ -17,6 +17,7 @@ from ._readings import (
     cycles_of as cycles_of,
     joined as joined,
     joined_runs as joined_runs,
+    longer_than as longer_than,
     place_in_run as place_in_run,
     rows_of as rows_of,
     runs_overlap as runs_overlap,

@@ -16,6 +16,57 @@ _LEAST = 3
 _COMMON = 0.5
 """Share of its places that a run must have in common with others to be a repetition."""
 
+_SEVERAL, _SURE, _GROWN = 5, 6.0, 5e-6
+"""Places that two measurements share, deviations of a slope between them, and mm per mm (half a
+kelvin of steel), from which on one is the longer."""
+_STEEL = 11.5e-6
+"""Expansion per K."""
+
+
+def longer_than(
+    parts: Mapping[str, tuple[Float[np.ndarray, " _n"], Float[np.ndarray, " _n"]]],
+) -> str:
+    """Return in words which measurement shows an axis longer than another; nothing where none.
+
+    What lies between two at the places that both reach is no straight line unless the axis grew,
+    or the slope of an instrument is another one.
+
+    Args:
+        parts: Position and error in mm of the readings, by measurement.
+    """
+    profiles = dict[str, tuple[np.ndarray, np.ndarray]]()
+    for name, (place, error) in parts.items():
+        finite = np.isfinite(place) & np.isfinite(error)
+        at, index = np.unique(place[finite].round(3), return_inverse=True)
+        mean = np.bincount(index.reshape(-1), error[finite]) / np.bincount(
+            index.reshape(-1)
+        )
+        profiles[name] = at, mean
+    slopes = dict[tuple[str, str], float]()
+    for one, other in itertools.permutations(profiles, 2):
+        (at, mean), (theirs, wanted) = profiles[one], profiles[other]
+        if len(theirs) < _SEVERAL:
+            continue
+        inside = (at >= theirs[0]) & (at <= theirs[-1])
+        if inside.sum() < _SEVERAL:
+            continue
+        between = mean[inside] - np.interp(at[inside], theirs, wanted)
+        way = at[inside] - at[inside].mean()
+        slope = float(way @ between / (way @ way))
+        left = between - between.mean() - slope * way
+        deviation = np.sqrt(left @ left / (len(way) - 2) / (way @ way))
+        if slope > max(_SURE * deviation, _GROWN):
+            slopes[one, other] = slope
+    if not slopes:
+        return ""
+    (one, other), slope = max(slopes.items(), key=lambda item: item[1])
+    return (
+        f"Measurement {one!r} shows the axis longer than {other!r} does, by {1e6 * slope:.2g}"
+        f" µm/m, as steel grows in {slope / _STEEL:.2g} K: state how warm the axis was in each"
+        ' (expansion and material_temperature), remove = "line" where the slope is the'
+        " instrument's, or fit a temperature in one group with it"
+    )
+
 
 def ranked(run: Int[np.ndarray, " t"]) -> tuple[int, Int[np.ndarray, " t"]]:
     """Return how many runs there are, and of each reading which it is, from 0 up."""

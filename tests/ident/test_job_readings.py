@@ -252,6 +252,43 @@ def test_angle_of_a_linear_axis_is_refused(tmp_path: Path) -> None:
         run_job(tmp_path / "job.toml", tmp_path / "out")
 
 
+@pytest.mark.parametrize("stated", [False, True])
+@pytest.mark.parametrize("group", [False, True])
+def test_measurements_of_an_axis_that_grew_are_told_by_their_slopes(
+    tmp_path: Path, group: bool, stated: bool
+) -> None:
+    rng, way = np.random.default_rng(5), np.repeat([1.0, -1.0], len(PLACE))
+
+    def readings(warm: float) -> np.ndarray:
+        error = np.tile(BOW + 11e-6 * (warm - 20.0) * PLACE, 2) - 0.005 * way
+        return np.asarray(error + 3e-4 * rng.normal(size=len(way)))
+
+    def keys(warm: float) -> str:
+        known = f"expansion = 11.0\nmaterial_temperature = {warm}\n" if stated else ""
+        return f'remove = "none"\nactive = []\n{known}'
+
+    place, columns = np.tile(PLACE, 2), ', "X.direction" = "d"'
+    table = np.column_stack([place, readings(29.0), way])
+    np.savetxt(tmp_path / "b.csv", table, "%.6f", ",", header="x,e,d", comments="")
+    source = 'measurements = ["a", "b"]\n' + 'group = "g"\n' * group
+    backlash = (
+        f'[[fits]]\ncompensation = "backlash"\naxis = "X"\nloss = "gauss"\n{source}'
+        * group
+    )
+    second = f"""[measurements.b]
+file = "b.csv"
+columns = {{ "X.position" = "x", "X.error" = "e" {columns} }}
+"""
+    result = run(
+        tmp_path, place, readings(20.0), way, header="x,e,d", more=columns,
+        measurement=keys(20.0) + second + keys(29.0) + backlash, source=source,
+    )  # fmt: skip
+    every = [*result.fits, *result.groups, result]
+    said = " ".join(remark.message for one in every for remark in one.remarks)
+    assert ("'b' shows the axis longer than 'a' does, by 99 µm/m" in said) != stated
+    assert "correct the same error" not in said
+
+
 def test_different_datums_are_refused(tmp_path: Path) -> None:
     (tmp_path / "b.csv").write_text("x,e\n0,0\n100,0\n")
     second = """datum = { at = 0.0 }

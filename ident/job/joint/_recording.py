@@ -19,6 +19,7 @@ from ...readings import (
     cycles_of,
     joined,
     joined_runs,
+    longer_than,
     reference_words,
     rows_of,
 )
@@ -172,6 +173,7 @@ def read_group(
         remarks += _unmoved(axis, values, unit)
     time = joined([part.time for part in parts])
     slices = rows_of(lead.sources, counts)
+    remarks += _grown(tables.job, members, columns, slices)
     specs = [tables.job.spec.measurements[name] for name in lead.sources]
     zeroed = any(spec.remove != "none" or spec.datum is not None for spec in specs)
     # Runs without an offset: it is what tells the temperature, unless that moves no whole axis
@@ -225,6 +227,28 @@ def _unmoved(axis: str, error: Float[np.ndarray, " t"], unit: str) -> Iterator[R
             f" machine errs: is the unit of their column right ({other})? A list of them"
             " holds zeros."
         )
+
+
+def _grown(
+    job: "Job",
+    members: Sequence["AbstractPlan"],
+    columns: Mapping[str, Mapping[str, Float[np.ndarray, " t"]]],
+    slices: Mapping[str, slice],
+) -> Iterator[Remark]:
+    """Yield that measurements of a length differ as they do at other temperatures."""
+    specs = [job.spec.measurements[name] for name in slices]
+    alike = len({frozenset(spec.active or ()) for spec in specs}) == 1
+    if not alike or any(spec.remove == "line" for spec in specs):
+        return
+    for axis in _unique((m.axis,) for m in members if m.fit.lengths):
+        sensed = any(member.sensors for member in members if member.axis == axis)
+        linear = job.spec.axes[axis].unit == "mm" and axis in columns["position"]
+        if sensed or not linear:
+            continue
+        place, error = columns["position"][axis], columns["error"][axis]
+        words = longer_than({k: (place[at], error[at]) for k, at in slices.items()})
+        if words:
+            yield Remark.warning(f"{words}. What is written holds a mean of them.")
 
 
 def _own_zero(
