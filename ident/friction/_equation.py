@@ -12,8 +12,7 @@ from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numpy.lib.stride_tricks import sliding_window_view
-from scipy.signal import firwin
+from scipy.signal import firwin, upfirdn
 
 from ..core import FitError
 from ._samples import DriveSamples, check_samples
@@ -21,8 +20,6 @@ from ._structures import KNOTS, SUFFIXES, AbstractStructure, default_knots, rang
 
 _REACH = 10
 """Half the length of the filter in rows."""
-_TOGETHER = 8
-"""Rows that are filtered at a time."""
 _MOSTLY = 0.7
 """Share of the filter in motion of a row that tells of friction."""
 _RATE = 100.0
@@ -41,16 +38,6 @@ class Lowpass:
 
     piece: Int[np.ndarray, " t"]
     factor: int
-
-    @cached_property
-    def _kernel(self) -> Float[np.ndarray, "m l"]:
-        """The filter for a few rows, as a matrix on the samples that they share."""
-        taps = 2 * _REACH * self.factor + 1
-        kernel = firwin(taps, 1.0 / self.factor, window="hamming")
-        matrix = np.zeros((_TOGETHER, taps + (_TOGETHER - 1) * self.factor))
-        for row, line in enumerate(matrix):
-            line[row * self.factor :][:taps] = kernel
-        return matrix
 
     @cached_property
     def _runs(self) -> list[slice]:
@@ -78,18 +65,12 @@ class Lowpass:
         """Return the filtered, thinned columns; the kernel lies within one piece entirely."""
         if self.factor == 1:
             return columns
-        filtered, kernel = [np.zeros((0, columns.shape[1]))], self._kernel
-        length, step = kernel.shape[1], _TOGETHER * self.factor
+        taps = 2 * _REACH * self.factor + 1
+        kernel = firwin(taps, 1.0 / self.factor, window="hamming")
+        filtered = [np.zeros((0, columns.shape[1]))]
         for run in self._runs:
-            stretch = columns[run]
-            count = len(range(0, len(stretch) - 2 * _REACH * self.factor, self.factor))
-            blocks, extra = divmod(count, _TOGETHER)
-            if blocks:
-                view = sliding_window_view(stretch, length, axis=0)[::step][:blocks]
-                rows = kernel @ view.transpose(0, 2, 1)
-                filtered.append(rows.reshape(blocks * _TOGETHER, stretch.shape[1]))
-            reach = length - (_TOGETHER - extra) * self.factor
-            filtered.append(kernel[:extra, :reach] @ stretch[blocks * step :][:reach])
+            rows = upfirdn(kernel, columns[run], down=self.factor, axis=0)
+            filtered.append(rows[2 * _REACH : -2 * _REACH])
         return np.concatenate(filtered)
 
 
