@@ -218,11 +218,9 @@ def choose_law(
         return np.add.reduceat(square / recording.load_size**2, edges[:-1])
 
     with one_blas_thread():
-        weights, near = weigh(recording, loss, cuts), None
+        weights = weigh(recording, loss, cuts)
         for kind in structures or _default_structures(recording):
-            fit = fit_competing(weights.free.under(kind), weights, near)
-            # Both directions apart have nearly the shape that they have together.
-            near = fit.shape if len(fit.shape) else None
+            fit = fit_competing(weights.free.under(kind), weights)
             if _wavers(fit):
                 continue
             # Where the data do not carry a law, the simpler one speaks for it.

@@ -22,8 +22,6 @@ from ._samples import DriveSamples
 from ._structures import GAUSS, AbstractStructure, CoulombViscous, Stribeck
 from ._weights import Rows, View, Weights, orthonormal, ridged, rooted, weigh
 
-_EXPONENTIAL = 1.0
-"""Exponent of the other law that is common beside `GAUSS`."""
 _DROP = 3.0
 """Standard deviations that a drop must show to be one."""
 _TOO_FAST = 0.5
@@ -75,26 +73,16 @@ def fit_inverse(
         return fit_carried(Equation(recording, structure or Stribeck()), weights)
 
 
-def fit_carried(
-    equation: Equation, weights: Weights, near: Float[np.ndarray, " h"] | None = None
-) -> FrictionFit:
-    """Return the fit of what the data carry of a law; arguments as of `fit_equation`."""
+def fit_carried(equation: Equation, weights: Weights) -> FrictionFit:
+    """Return the fit of what the data carry of a law."""
     directional, missing = equation.structure.directional, dict[str, str]()
-    fit = fit_equation(equation, weights, near)
-    if near is not None and _drop_reason(fit) is not None:
-        # What a simpler law is best at may lie in another valley.
-        exponential = equation.under(Stribeck(directional, _EXPONENTIAL))
-        velocity = fit_equation(exponential, weights).shape
-        starts = None, np.append(velocity, np.log(_EXPONENTIAL))
-        others = [fit_equation(equation, weights, start) for start in starts]
-        fit = min(fit, *others, key=lambda each: float(each.share @ each.error**2))
+    fit = fit_equation(equation, weights)
     free = "stribeck_shape" in fit.structure.shapes
     vague = free and np.sqrt(fit.state_covariance[-1, -1]) > _VAGUE_LOG
     if free and (vague or fit.at_bound[1]) and _drop_reason(fit) is None:
         missing["stribeck_shape"] = _ASSUMED
         gaussian = equation.under(Stribeck(directional, GAUSS))
-        fit = fit_equation(gaussian, weights, fit.shape[:1])
-        fit = dataclasses.replace(fit, assumed=True)
+        fit = dataclasses.replace(fit_equation(gaussian, weights), assumed=True)
     reason = _drop_reason(fit)
     if reason is not None:
         names = [name for name in fit.structure.names if name.startswith("drop")]
@@ -104,32 +92,26 @@ def fit_carried(
     return dataclasses.replace(fit, missing=missing) if missing else fit
 
 
-def fit_competing(
-    equation: Equation, weights: Weights, near: Float[np.ndarray, " h"] | None
-) -> FrictionFit:
+def fit_competing(equation: Equation, weights: Weights) -> FrictionFit:
     """Return what `fit_carried` does, of a law that competes with others.
 
     An exponent is `GAUSS` unless the data ask for another one: where they do not, a free one
     follows the noise.
     """
-    structure = equation.structure
-    # Where one direction asks for an exponent, both do.
-    if len(structure.shapes) > (1 if near is None else len(near)):
-        gaussian = equation.under(Stribeck(structure.directional, GAUSS))
-        fit = fit_equation(gaussian, weights, near)
-        near = np.append(fit.shape, np.log(GAUSS))
-        if not _not_gauss(fit, equation, weights, near) and _drop_reason(fit) is None:
+    if len(equation.structure.shapes) > 1:
+        gaussian = Stribeck(equation.structure.directional, GAUSS)
+        fit = fit_equation(equation.under(gaussian), weights)
+        if _drop_reason(fit) is None and not _not_gauss(fit, equation, weights):
             return dataclasses.replace(fit, assumed=True)
-    return fit_carried(equation, weights, near)
+    return fit_carried(equation, weights)
 
 
-def _not_gauss(
-    fit: FrictionFit, free: Equation, weights: Weights, shape: Float[np.ndarray, " h"]
-) -> bool:
+def _not_gauss(fit: FrictionFit, free: Equation, weights: Weights) -> bool:
     """Return whether the rows ask for another exponent than `GAUSS`, that of a fit (score test).
 
-    ``free`` is the equation of the law with any exponent, and ``shape`` that of the fit in it.
+    ``free`` is the equation of the law with any exponent.
     """
+    shape = np.append(fit.shape, np.log(GAUSS))
     columns = np.hstack([fit.rows.right, free.slopes(shape, fit.state)[:, -1:]])
     rows = View(free, weights, shape).rows(columns)
     # What each row adds to the next step of the exponent.
@@ -171,12 +153,8 @@ def _drop_reason(fit: FrictionFit) -> str | None:
     return None
 
 
-def fit_equation(
-    equation: Equation, weights: Weights, near: Float[np.ndarray, " h"] | None = None
-) -> FrictionFit:
+def fit_equation(equation: Equation, weights: Weights) -> FrictionFit:
     """Fit factors and shape of an equation to all of its usable rows.
-
-    The search begins at the logarithms of a shape, where some are given.
 
     Raises:
         FitError: If hardly any row is left.
@@ -192,7 +170,7 @@ def fit_equation(
         raise FitError(msg)
     shape, converged = np.zeros(0), True
     if shapes:
-        shape = weights.start(equation) if near is None else near[:shapes]
+        shape = weights.start(equation)
         shape, converged = _search(equation, View(equation, weights, shape), shape)
     view, columns = View(equation, weights, shape), equation.columns(shape)
     rows, prior = view.rows(columns), equation.penalty

@@ -126,7 +126,7 @@ def test_deviations_count_an_exponent_that_is_assumed() -> None:
         # A contest of laws takes an exponent of 2 unless the rows ask for another one.
         contest = record(seen, None, None)
         equation, weights = Equation(contest, Stribeck()), weigh(contest, "trim")
-        fit = fit_competing(equation, weights, None)
+        fit = fit_competing(equation, weights)
         assert fit.structure == Stribeck(exponent=2.0)
         known = fit_inverse(seen, fit.structure)
         gap = abs(fit.parameters["breakaway"] - TRUTH["breakaway"])
