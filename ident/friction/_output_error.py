@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..core import FitError
 from ._equation import Equation, record
-from ._inverse import fit_inverse
+from ._inverse import fit_equation
 from ._result import FrictionFit, score_covariance
 from ._samples import DriveSamples
 from ._simulate import (
@@ -33,8 +33,8 @@ from ._simulate import (
     residual_of,
     solve,
 )
-from ._structures import GAUSS, SUFFIXES, CoulombViscous, Laws, Stribeck
-from ._weights import Rows, rooted
+from ._structures import SUFFIXES, CoulombViscous, Laws, Stribeck
+from ._weights import Rows, rooted, weigh
 
 _PIECES, _SHORTEST = 64, 40
 """Short windows, and the least samples of each, that lead from a far start to a near one."""
@@ -101,8 +101,8 @@ def fit_output_error(
     # A fit without the guess shows how large errors are; as many as they keep their sign
     # for count as one.
     state, _ = solve(task.problem, start, ROUGHLY, rounds=1)
-    residual = np.asarray(residual_of(jnp.asarray(state), task.problem))
-    error = residual[: len(task.run)][task.compared]
+    residual, (_, run, compared) = task.residual(state), task.runs
+    error = residual[: len(run)][compared]
     changes = int((np.diff(np.sign(error - error.mean())) != 0).sum())
     variance = float(error @ error) / (changes + 1)
     found = dataclasses.replace(task, variance=variance).fit(state)
@@ -134,42 +134,24 @@ def laws_held_out(
     whole, laws = fit.friction, []
     # Both solvers end in the same optimum; only inequalities need the slower one.
     solver: Solver = "ipopt" if fit.task.constraints else "optimistix"
+    factor = whole.equation.recording.factor
     for number in range(int(window.max()) + 1):
-        rows = window != number
+        rows, law = window != number, whole
         try:
-            guess = fit_inverse(
-                samples.take(rows),
-                whole.structure,
-                inertia=whole.inertia,
-                loss=loss,
-                decimate=whole.equation.recording.factor,
-            )
+            rest = record(samples.take(rows), whole.inertia, factor)
+            guess = fit_equation(Equation(rest, whole.structure), weigh(rest, loss))
             task = dataclasses.replace(
                 fit.task, guess=guess, samples=samples, rows=rows, solver=solver
             )
             # Of many bottoms along the valley, one that is no worse than that of all.
             starts = task.guessed, dataclasses.replace(task, guess=whole).guessed
             other = task.fit(min(starts, key=task.misfit)).friction
+            law = other if other.has_law else whole
         except FitError:
-            other = whole
-        law = other if other.has_law else whole
+            pass
         extra = (law.parameters.get(k, 0.0) for k in ("inertia", "offset"))
-        laws.append((*_as(whole, law), *extra))
+        laws.append((law.factors, law.shape, *extra))
     return Laws(whole.structure, *map(np.array, zip(*laws, strict=True)))
-
-
-def _as(
-    whole: FrictionFit, law: FrictionFit
-) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " h"]]:
-    """Return factors and shape of a law, or of a simpler one, as those of the kind of another."""
-    ways, count = whole.structure.ways, len(whole.structure.factors)
-    parts = law.factors.reshape(ways, -1)
-    factors = np.zeros((ways, count))
-    factors[:, : parts.shape[1]] = parts
-    shape = whole.shape.copy()
-    shape[1:] = np.log(GAUSS)
-    shape[: len(law.shape)] = law.shape
-    return factors.reshape(-1), shape
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -227,29 +209,19 @@ class _Task:
         return Equation(recording, self.guess.structure)
 
     @cached_property
-    def use(self) -> Bool[np.ndarray, " t"]:
-        """Samples that count."""
-        return np.ones(len(self.samples.time), bool) if self.rows is None else self.rows
+    def runs(
+        self,
+    ) -> tuple[Bool[np.ndarray, " s"], Int[np.ndarray, " s"], Bool[np.ndarray, " s"]]:
+        """Whether a run begins with a step, the run of each, and which ends are compared.
 
-    @cached_property
-    def begins(self) -> Bool[np.ndarray, " s"]:
-        """Whether a run begins with a step."""
-        count = len(self.use) - 1
+        Compared are steps within one piece, of samples that count.
+        """
+        count, piece = len(self.samples.time) - 1, self.samples.piece
+        use = np.ones(count + 1, bool) if self.rows is None else self.rows
         begins = np.diff(np.arange(count) * self.windows // count, prepend=-1) > 0
-        begins[1:] |= np.diff(self.samples.piece[:-1]) > 0
-        begins[1:] |= self.use[1:-1] > self.use[:-2]
-        return begins
-
-    @cached_property
-    def run(self) -> Int[np.ndarray, " s"]:
-        """Number of the run of each step."""
-        return np.cumsum(self.begins) - 1
-
-    @cached_property
-    def compared(self) -> Bool[np.ndarray, " s"]:
-        """Steps within one piece, of samples that count."""
-        same = np.diff(self.samples.piece) == 0
-        return np.asarray(same & self.use[1:] & self.use[:-1])
+        begins[1:] |= (np.diff(piece[:-1]) > 0) | (use[1:-1] > use[:-2])
+        compared = (np.diff(piece) == 0) & use[1:] & use[:-1]
+        return begins, np.cumsum(begins) - 1, compared
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -263,9 +235,13 @@ class _Task:
         values = np.concatenate([self.guess.state, self.guess.shape])
         return np.pad(values, (0, COUNT - len(values)))
 
+    def residual(self, values: Float[np.ndarray, " 10"]) -> Float[np.ndarray, " r"]:
+        """Return the residuals at some values."""
+        return np.asarray(residual_of(jnp.asarray(values), self.problem))
+
     def misfit(self, values: Float[np.ndarray, " 10"]) -> float:
-        """Return the size of the residuals at some values."""
-        return float(np.linalg.norm(residual_of(jnp.asarray(values), self.problem)))
+        """Return their size."""
+        return float(np.linalg.norm(self.residual(values)))
 
     @cached_property
     def problem(self) -> Problem:
@@ -283,29 +259,20 @@ class _Task:
         velocity, fastest = samples.velocity.copy(), np.abs(samples.velocity).max()
         first = np.flatnonzero(np.diff(samples.piece, prepend=-1))
         velocity[first[np.abs(velocity[first]) < _SLOW * fastest]] = 0.0
-        steps = samples.current[:-1], self.begins, velocity[:-1]
+        begins, run, compared = self.runs
+        steps = samples.current[:-1], begins, velocity[:-1]
         excitation = Excitation(
             *jax.tree.map(jnp.asarray, [*map(padded, steps), samples.cycle])
         )
         assert samples.position is not None
-        target = samples.position[1:] - samples.position[:-1][self.begins][self.run]
-        compared = padded(target), padded(self.compared)
-        arrays = (
-            *compared,
-            constant,
-            mixing,
-            limits,
-            self.guessed,
-            self._root(),
-            fastest,
-        )
-        return Problem(excitation, *jax.tree.map(jnp.asarray, arrays))
-
-    def _root(self) -> Float[np.ndarray, "10 10"]:
-        """Return the root of the precision of the guess, in the unit of position errors."""
-        root, inverse = rooted(self.guess.state_covariance)[0], np.zeros((COUNT, COUNT))
-        inverse[: root.shape[1], : len(root)] = root.T
-        return np.asarray(np.sqrt(self.trust * self.variance) * inverse)
+        target = samples.position[1:] - samples.position[:-1][begins][run]
+        # Root of the precision of the guess, in the unit of position errors.
+        root, precision = rooted(self.guess.state_covariance)[0], np.zeros_like(mixing)
+        precision[: root.shape[1], : len(root)] = root.T
+        precision *= np.sqrt(self.trust * self.variance)
+        arrays = padded(target), padded(compared), constant, mixing, limits
+        about = self.guessed, precision, fastest
+        return Problem(excitation, *jax.tree.map(jnp.asarray, (*arrays, *about)))
 
     def _limits(self) -> tuple[Float[np.ndarray, " 10"], Float[np.ndarray, " 10"]]:
         """Return limits: nothing but the offset may push, and nothing weighs nothing."""
@@ -335,7 +302,8 @@ class _Task:
         values, converged = solve(self.problem, start, *task)
         arrays = linearised(jnp.asarray(values), self.problem)
         residual, slopes = (np.asarray(array) for array in arrays)
-        error, cost = residual[: len(self.run)], 0.5 * float(residual @ residual)
+        _, run, compared = self.runs
+        error, cost = residual[: len(run)], 0.5 * float(residual @ residual)
         if not np.isfinite(cost):
             msg = f"output error: {self.solver} found no law that can be simulated."
             raise FitError(msg)
@@ -348,7 +316,7 @@ class _Task:
         rows = Rows(used[:, None] * right, right, equation.recording.target, cuts)
         thin = max(1, len(error) // _ROWS)
         scores = (slopes[: len(error), :size] * error[:, None])[::thin]
-        inner = score_covariance(scores, self.run[::thin])
+        inner = score_covariance(scores, run[::thin])
         # The guess came from the same samples: it narrows nothing, and only keeps the
         # inverse finite.
         root, _ = rooted(slopes[:, :size].T @ slopes[:, :size])
@@ -370,7 +338,7 @@ class _Task:
             method=f"output error ({self.solver})",
             given=np.asarray(inverse @ inner @ inverse.T),
         )
-        free_run = float(np.sqrt(error @ error / self.compared.sum()))
+        free_run = float(np.sqrt(error @ error / compared.sum()))
         return OutputErrorFit(law, free_run, cost, self)
 
 
@@ -379,8 +347,9 @@ def _approached(task: _Task) -> Float[np.ndarray, " 10"]:
 
     A long run is full of kinks, as the axis sticks sooner or later; short ones have few.
     """
-    guess, count = task.guessed, min(_PIECES, len(task.run) // _SHORTEST)
-    if count <= task.run[-1] + 1:
+    (_, run, _), guess = task.runs, task.guessed
+    count = min(_PIECES, len(run) // _SHORTEST)
+    if count <= run[-1] + 1:
         return guess
     short = dataclasses.replace(task, windows=count, constraints=())
     near = solve(short.problem, guess, ROUGHLY)[0]

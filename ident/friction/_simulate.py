@@ -102,7 +102,7 @@ def travel(drive: Drive, excitation: Excitation) -> Float[Array, " t"]:
 
     Differentiable (forward) with respect to the drive, the forces and the velocities.
     """
-    return _simulate(drive, excitation)[2]
+    return _way(*_velocities(drive, excitation), excitation)
 
 
 @travel.defjvp
@@ -110,9 +110,8 @@ def _travel_jvp(
     primals: tuple[Drive, Excitation], tangents: tuple[Drive, Excitation]
 ) -> tuple[Float[Array, " t"], Float[Array, " t"]]:
     drive, excitation = primals
-    half = 0.5 * excitation.step
-    first, second, path = _simulate(drive, excitation)
-    before = jnp.where(excitation.begins, excitation.velocity, jnp.roll(second, 1))
+    half, begins = 0.5 * excitation.step, excitation.begins
+    first, second = _velocities(drive, excitation)
 
     def linearised(old: Array) -> tuple[Array, Array]:
         """Return the slope of the new velocity by the old one, and its other change."""
@@ -122,46 +121,51 @@ def _travel_jvp(
         _, change = jax.jvp(lambda d, f: _half_step(d, old, f, half), given, moved)
         return slope, change
 
-    def follow(
-        carry: tuple[Array, Array], inputs: tuple[Array, ...]
-    ) -> tuple[tuple[Array, Array], Array]:
-        velocity, path = carry
-        begins, set_down, slope, change, next_slope, next_change = inputs
+    def follow(velocity: Array, inputs: tuple[Array, ...]) -> tuple[Array, Array]:
+        begins, set_down, slope, change = inputs
         velocity = slope * jnp.where(begins, set_down, velocity) + change
-        path = jnp.where(begins, 0.0, path) + half * velocity
-        velocity = next_slope * velocity + next_change
-        path = path + half * velocity
-        return (velocity, path), path
+        return velocity, velocity
 
-    steps = (*linearised(before), *linearised(first))
-    start = (jnp.zeros(()), jnp.zeros(()))
-    columns = (excitation.begins, tangents[1].velocity, *steps)
-    return path, lax.scan(follow, start, columns)[1]
+    before = jnp.where(begins, excitation.velocity, jnp.roll(second, 1))
+    slope, change = linearised(before)
+    next_slope, next_change = linearised(first)
+    set_down = tangents[1].velocity
+    steps = (begins, set_down, slope * next_slope, next_slope * change + next_change)
+    ends = lax.scan(follow, jnp.zeros(()), steps)[1]
+    middles = slope * jnp.where(begins, set_down, jnp.roll(ends, 1)) + change
+    return _way(first, second, excitation), _way(middles, ends, excitation)
 
 
-def _simulate(
+def _velocities(
     drive: Drive, excitation: Excitation
-) -> tuple[Float[Array, " t"], Float[Array, " t"], Float[Array, " t"]]:
-    """Return the velocities at the middle and the end of each step, and the travel."""
+) -> tuple[Float[Array, " t"], Float[Array, " t"]]:
+    """Return the velocities at the middle and the end of each step."""
     half = 0.5 * excitation.step
 
     def advance(
-        carry: tuple[Array, Array], inputs: tuple[Array, Array, Array]
-    ) -> tuple[tuple[Array, Array], tuple[Array, Array, Array]]:
-        velocity, path = carry
+        velocity: Array, inputs: tuple[Array, Array, Array]
+    ) -> tuple[Array, tuple[Array, Array]]:
         force, begins, set_down = inputs
         velocity = jnp.where(begins, set_down, velocity)
         first = _half_step(drive, velocity, force, half)
         second = _half_step(drive, first, force, half)
-        path = jnp.where(begins, 0.0, path) + half * (first + second)
-        return (second, path), (first, second, path)
+        return second, (first, second)
 
     # A law takes arrays: a step is one of a single element.
-    start = (jnp.zeros(1), jnp.zeros(1))
-    force, begins = excitation.force[:, None], excitation.begins[:, None]
-    steps = (force, begins, excitation.velocity[:, None])
-    first, second, path = (array[:, 0] for array in lax.scan(advance, start, steps)[1])
-    return first, second, path
+    columns = excitation.force, excitation.begins, excitation.velocity
+    steps = jax.tree.map(lambda column: column[:, None], columns)
+    first, second = lax.scan(advance, jnp.zeros(1), steps)[1]
+    return first[:, 0], second[:, 0]
+
+
+def _way(
+    middle: Float[Array, " t"], end: Float[Array, " t"], excitation: Excitation
+) -> Float[Array, " t"]:
+    """Return the way since each run began, by velocities at the middle and end of steps."""
+    way = jnp.cumsum(0.5 * excitation.step * (middle + end))
+    number = jnp.arange(len(way))
+    run = lax.cummax(jnp.where(excitation.begins, number, 0))
+    return way - jnp.where(run > 0, way[run - 1], 0.0)
 
 
 def _half_step(
@@ -234,22 +238,16 @@ def _residual(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " r
     return jnp.concatenate([residual, problem.root @ (values - problem.guess)])
 
 
-def _levels(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " g"]:
-    """Return friction of both directions at speeds from rest to the highest one driven."""
-    law = problem.drive(values).law
-    share = jnp.concatenate([jnp.zeros(1), jnp.geomspace(1e-4, 1.0, _SPEEDS - 1)])
-    speed, ahead = problem.fastest * share, jnp.ones(_SPEEDS)
-    return jnp.concatenate([law.level(speed, ahead), law.level(speed, -ahead)])
-
-
 @lru_cache
 def _inequality(constraints: tuple[Constraint, ...]) -> VectorFunction | None:
     """Return what constraints keep at or above zero; the same function for the same ones."""
 
     def margins(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " g"]:
-        levels = _levels(values, problem)
-        rises = jnp.diff(levels.reshape(2, -1)).ravel()
-        kinds = {"monotone": rises, "non-negative": levels}
+        """Of friction in both directions, from rest to the highest speed driven."""
+        share = jnp.concatenate([jnp.zeros(1), jnp.geomspace(1e-4, 1.0, _SPEEDS - 1)])
+        speed, level = problem.fastest * share, problem.drive(values).law.level
+        levels = jnp.stack([level(speed, way * jnp.ones(_SPEEDS)) for way in (1, -1)])
+        kinds = {"monotone": jnp.diff(levels).ravel(), "non-negative": levels.ravel()}
         return jnp.concatenate([kinds[word] for word in constraints])
 
     return margins if constraints else None
@@ -262,9 +260,9 @@ residual_of = eqx.filter_jit(_residual)
 def linearised(
     values: Float[Array, " 10"], problem: Problem
 ) -> tuple[Float[Array, " r"], Float[Array, "r 10"]]:
+    """Return the residual and its derivatives."""
     residual, along = jax.linearize(lambda x: _residual(x, problem), values)
-    slopes: Array = jax.vmap(along, out_axes=1)(jnp.eye(COUNT))
-    return residual, slopes
+    return residual, jax.vmap(along, out_axes=1)(jnp.eye(COUNT))
 
 
 class _Bounded(eqx.Module):
