@@ -91,18 +91,12 @@ class Choice:
     @cached_property
     def chosen(self) -> int:
         """Place of the simplest that is as good as the best."""
-        best, places = self.candidates[self.best], range(len(self.candidates))
-        good = [k for k in places if self.candidates[k].worse(best) <= 1.0]
-        return min(good, key=lambda place: self.candidates[place].parameters)
+        return self.candidates.index(_simplest(self.candidates))
 
     @property
     def fit(self) -> FrictionFit:
         """The chosen law, fitted to the whole recording."""
         return self.candidates[self.chosen].fit
-
-    @property
-    def _parametric(self) -> list[Candidate]:
-        return [rival for rival in self.candidates if rival.structure.parametric]
 
     @property
     def laws(self) -> tuple[FrictionFit, ...]:
@@ -112,10 +106,11 @@ class Choice:
     @property
     def law(self) -> FrictionFit:
         """The simplest of the parametric laws that predicts as well as the best of them."""
-        best = min(self._parametric, key=lambda rival: rival.error)
-        limit = best.error + best.standard_error
-        good = [rival for rival in self._parametric if rival.error <= limit]
-        return min(good, key=lambda rival: rival.parameters).fit
+        return _simplest(self._parametric).fit
+
+    @property
+    def _parametric(self) -> list[Candidate]:
+        return [rival for rival in self.candidates if rival.structure.parametric]
 
     @property
     def without(self) -> Laws:
@@ -172,6 +167,13 @@ class Choice:
             more = spread + lines + (other - value) ** 2
             variance, total = variance + share * more, total + share
         return np.asarray(np.sqrt(variance / total))
+
+
+def _simplest(rivals: Sequence[Candidate]) -> Candidate:
+    """Return the simplest that predicts as well as the best."""
+    best = min(rivals, key=lambda rival: rival.error)
+    good = [rival for rival in rivals if rival.worse(best) <= 1.0]
+    return min(good, key=lambda rival: rival.parameters)
 
 
 def choose_law(
@@ -263,8 +265,7 @@ def _default_structures(recording: Recording) -> Iterator[AbstractStructure]:
 
 def _mean_error(values: Float[np.ndarray, " w"]) -> float:
     """Return the standard error of a mean."""
-    deviation, count = values - values.sum() / len(values), len(values)
-    return float(np.sqrt(deviation @ deviation / (count * (count - 1.0))))
+    return float(np.std(values, ddof=1) / np.sqrt(len(values)))
 
 
 def _windows(recording: Recording, windows: int) -> Int[np.ndarray, " s"]:

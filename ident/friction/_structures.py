@@ -296,12 +296,9 @@ class KnotTable(AbstractStructure):
 
         Coulomb + viscous friction, a straight line over speed, costs nothing.
         """
-        count, knots = len(self.knots), np.asarray(self.knots)
-        share = (knots[1:-1] - knots[:-2]) / (knots[2:] - knots[:-2])
-        matrix, rows = np.zeros((count - 2, count)), np.arange(count - 2)
-        matrix[rows, rows], matrix[rows, rows + 2] = share - 1.0, -share
-        matrix[rows, rows + 1] = 1.0
-        return matrix
+        widths = np.diff(self.knots)[:, None]
+        bends = np.diff(np.diff(np.eye(len(self.knots)), axis=0) / widths, axis=0)
+        return bends * widths[1:] * widths[:-1] / (widths[1:] + widths[:-1])
 
     def steady(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
         """See `AbstractStructure`: the weights of the model's table."""
