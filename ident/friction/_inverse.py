@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 from scipy.linalg import eigh
-from scipy.optimize import leastsq
+from scipy.optimize import least_squares
 
 from ..core import FitError, one_blas_thread
 from ._equation import Equation, in_line, record
@@ -31,10 +31,8 @@ _VAGUE_LOG = 0.7
 _ASSUMED = "the data do not tell how sharply friction falls; 2 is assumed"
 _LAST_GAIN, _LAST_STEP = 1e-7, 1e-4
 """Relative, of cost and shape at the end of a search: a hundredth of their deviations."""
-_AWAY, _FIRST_STEP = 5.0, 0.1
-"""MINPACK bounds its first step by a share of the unknowns: so they stay away from 0."""
-_INSIDE, _AT_BOUND = 0.999, 0.01
-"""Share of the half range up to which a search begins, and of the range that is its edge."""
+_AT_BOUND = 0.01
+"""Share of its range at which a shape stands at its edge."""
 _NULL = 1e-9
 """Share of the normal matrix added to it, that a smoothness prior can be compared with it."""
 _WEIGHTS = np.geomspace(1e-2, 1e8, 31)
@@ -201,8 +199,6 @@ def _search(
 ) -> tuple[Float[np.ndarray, " h"], bool]:
     """Return the logarithms of the shape that leave the least, and whether the search ended."""
     basis = orthonormal(view.root * equation.unbent)
-    middle = equation.bounds.mean(axis=0)
-    half = 0.5 * np.diff(equation.bounds, axis=0)[0]
 
     def projected(columns: np.ndarray) -> np.ndarray:
         """Return weighted rows without what columns that follow no shape explain of them."""
@@ -212,10 +208,9 @@ def _search(
     target = projected(equation.recording.target[:, None])[:, 0]
 
     @lru_cache(1)
-    def evaluated(*free: float) -> tuple[np.ndarray, np.ndarray]:
+    def evaluated(*shape: float) -> tuple[np.ndarray, np.ndarray]:
         """Return what is left, and its derivative with factors following (Kaufman's part)."""
-        place = np.tanh(np.array(free) - _AWAY)
-        falling = equation.falling(middle + half * place)
+        falling = equation.falling(np.array(shape))
         falling = projected(in_line(falling)).reshape(falling.shape)
         columns = falling[:, :, 0]
         # Each direction has but one column: their inverse serves values and slopes.
@@ -223,16 +218,17 @@ def _search(
         inverse = columns @ ridged(grams, np.eye(len(grams)))
         factors = target @ inverse
         slopes = np.tensordot(falling[:, :, 1:], factors, (1, 0))
-        slopes = slopes * (half * (1.0 - place**2))
         return target - columns @ factors, columns @ (inverse.T @ slopes) - slopes
 
-    optimum = leastsq(
-        lambda free: evaluated(*free)[0],
-        _AWAY + np.arctanh(np.clip((begin - middle) / half, -_INSIDE, _INSIDE)),
-        Dfun=lambda free: evaluated(*free)[1],
-        xtol=_LAST_STEP, ftol=_LAST_GAIN, factor=_FIRST_STEP, full_output=True,  # pyright: ignore[reportArgumentType]
-    )  # fmt: skip
-    return middle + half * np.tanh(optimum[0] - _AWAY), optimum[-1] in (1, 2, 3, 4)
+    optimum = least_squares(
+        lambda shape: evaluated(*shape)[0],
+        begin,
+        lambda shape: evaluated(*shape)[1],
+        bounds=equation.bounds,
+        xtol=_LAST_STEP,
+        ftol=_LAST_GAIN,
+    )
+    return optimum.x, optimum.success
 
 
 def _smoothed(
