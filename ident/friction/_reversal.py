@@ -150,17 +150,17 @@ def fit_reversal(
     if msg:
         raise FitError(msg)
     rows, share = _rows(samples, position, starts), share_of(position, velocity)
-    recorded = velocity, *rows, share
-    kinds = Stribeck(True), KnotTable(True, recording.knots)
+    # A rough table shows where the delay is, whatever the law.
+    coarse = KnotTable(True, default_knots(recording.speed, _ROUGH))
+    kinds = coarse, Stribeck(True), KnotTable(True, recording.knots)
+    rough, *searches = (
+        _Search(recording, kind, velocity, *rows, share) for kind in kinds
+    )
     with one_blas_thread():
-        # A rough table shows where the delay is, whatever the law.
-        coarse = KnotTable(True, default_knots(recording.speed, _ROUGH))
-        rough = _Search(recording, coarse, *recorded)
         table = rough.grid(np.zeros(0), rows[0] | rows[1], range(_MOST_DELAY + 1))
-        delays = _beside(int(np.argmin(table.min(axis=(0, 2)))))
-        searches = (_Search(recording, kind, *recorded) for kind in kinds)
-        passes = [_best(search, len(starts), delays) for search in searches]
-    return min(passes, key=lambda result: result[1])[0]
+        delay = int(np.argmin(table.min(axis=(0, 2))))
+        fits = [_fitted(search, len(starts), delay) for search in searches]
+    return min(fits, key=lambda result: result[1])[0]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -303,33 +303,27 @@ def _rows(
     return near & good, good & ~around & samples.in_motion
 
 
-def _beside(delay: int) -> range:
-    """Return the delays around the best one."""
-    return range(max(delay - _ASIDE, 0), min(delay + _ASIDE, _MOST_DELAY) + 1)
+def _fitted(search: _Search, reversals: int, delay: int) -> tuple[ReversalFit, float]:
+    """Return what reversals show, wild samples left out, and the criterion of the law.
 
-
-def _best(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit, float]:
-    """Return the best setting and what it says, wild samples left out, and its criterion."""
+    The delay is about that of `delay`.
+    """
     keep = search.near | search.far
-    use = np.flatnonzero(keep)
-    shape = search.structure.bounds(range_of(np.abs(search.velocity[use]))).mean(axis=0)
+    use, bounds = np.flatnonzero(keep), search.structure.bounds
+    shape = bounds(range_of(np.abs(search.velocity[use]))).mean(axis=0)
     # A first pass finds the wild samples and the shape, the second does without them.
-    table = search.grid(shape, keep, delays)
-    first, _ = _pass(search, shape, keep, table, 1)
-    error = search.solve(first, use)[1]
+    best, _ = _best(search, shape, keep, delay, 1)
+    error = search.solve(best, use)[1]
     loads = search.recording.target[use], error
     level, typical = (median(np.abs(values)) for values in loads)
     good = np.abs(error) <= max(_WILD * 1.4826 * typical, _SMALL * level)
     if good.mean() >= 0.5:
         keep[use[~good]] = False
         use = use[good]
-    if len(shape) or not good.all():
-        table = search.grid(first.shape, keep, _beside(first.delay))
-    best, squares = _pass(search, first.shape, keep, table, _CLOSE)
+    best, squares = _best(search, best.shape, keep, best.delay, _CLOSE)
     if best.distance < _NOTHING:
         best = dataclasses.replace(best, distance=0.0)
     factors, error = search.solve(best, use)
-    around = search.near[use]
     # Successive residuals have something in common: fewer of them count as independent.
     common = float(error[1:] @ error[:-1]) / max(float(error @ error), 1e-300)
     common = min(max(common, 0.0), 0.98)
@@ -339,8 +333,8 @@ def _best(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit, 
     noise = max(float(np.sqrt(np.mean(error**2))), floor)
     step = max(1e-3 * best.distance, 1e-6)
     ends = max(best.distance - step, 0.0), best.distance + step
-    costs = [search.solve(dataclasses.replace(best, distance=d), use)[1] for d in ends]
-    slope = float(np.linalg.norm(costs[1] - costs[0])) / (ends[1] - ends[0])
+    errors = [search.solve(dataclasses.replace(best, distance=d), use)[1] for d in ends]
+    slope = float(np.linalg.norm(errors[1] - errors[0])) / (ends[1] - ends[0])
     odds = np.exp(-0.5 * share * (squares - squares.min()) / noise**2)
     odds /= odds.sum()
     columns = search.columns(tuple(best.shape))
@@ -355,29 +349,31 @@ def _best(search: _Search, reversals: int, delays: range) -> tuple[ReversalFit, 
         position_delay_sd=noise / slope / np.sqrt(share) if slope > 0 else np.inf,
         lookahead_probability=float(odds.sum(axis=1)[best.lookahead]),
         delay_probability=float(odds.sum(axis=0)[best.delay]),
-        noise=float(np.sqrt(np.mean(error[around] ** 2))),
+        noise=float(np.sqrt(np.mean(error[search.near[use]] ** 2))),
         reversals=reversals,
         missing=steady - delayed,
     )
-    criterion = len(use) * np.log(max(error @ error / len(use), floor**2))
+    criterion = 2.0 * len(use) * np.log(noise)
     criterion += np.log(len(use)) * (len(law_factors) + len(best.shape))
     return result, float(criterion)
 
 
-def _pass(
+def _best(
     search: _Search,
     shape: Float[np.ndarray, " h"],
     keep: Bool[np.ndarray, " t"],
-    table: Float[np.ndarray, "l d s"],
+    delay: int,
     close: int,
 ) -> tuple[_Setting, Float[np.ndarray, "l d"]]:
-    """Return the best setting, and the least squares by look-ahead and delay."""
+    """Return the best setting about a delay, and least squares by look-ahead and delay."""
+    delays = range(max(delay - _ASIDE, 0), min(delay + _ASIDE, _MOST_DELAY) + 1)
+    table = search.grid(shape, keep, delays)
     places, squares = np.argmin(table, axis=2), np.min(table, axis=2)
     use, results = np.flatnonzero(keep), []
     # Only what comes near the best deserves the last digits.
     for flat in np.argsort(squares, axis=None)[:close]:
-        lookahead, delay = (int(k) for k in np.unravel_index(flat, squares.shape))
-        distance = float(_DISTANCES[places[lookahead, delay]])
-        results.append(search.refined(_Setting(lookahead, delay, distance, shape), use))
-        squares[lookahead, delay] = results[-1][1]
+        at = lookahead, delay = divmod(int(flat), squares.shape[1])
+        setting = _Setting(lookahead, delay, float(_DISTANCES[places[at]]), shape)
+        results.append(search.refined(setting, use))
+        squares[at] = results[-1][1]
     return min(results, key=lambda result: result[1])[0], squares

@@ -13,6 +13,7 @@ from typing import final
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.interpolate import CubicSpline
 
 from ...data.signals import quantile
 from ...models import (
@@ -311,14 +312,11 @@ class KnotTable(AbstractStructure):
     def bent(
         self, velocity: Float[np.ndarray, " t"], factors: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, " t"]:
-        """See `AbstractStructure`: the curve has the second differences of the values."""
-        knots, values = np.asarray(self.knots), factors.reshape(self.ways, -1)
-        first, (before, after) = linear_weights(knots, np.abs(velocity))
-        widths = np.diff(knots)
-        bend = np.diff(np.diff(values) / widths) / (0.5 * (widths[1:] + widths[:-1]))
-        bend = np.pad(bend, ((0, 0), (1, 1)), "edge")
-        bend = before * bend[:, first] + after * bend[:, first + 1]
-        deviation = -0.5 * before * after * widths[first] ** 2 * bend
+        """See `AbstractStructure`: the smooth curve is a cubic spline through the knots."""
+        values = factors.reshape(self.ways, -1)
+        speed = np.clip(np.abs(velocity), self.knots[0], self.knots[-1])
+        smooth = CubicSpline(self.knots, values, axis=1)(speed)
+        deviation = smooth - values @ self.steady(speed).T
         return np.asarray((self.signs(velocity) * deviation).sum(axis=0))
 
     def law(
