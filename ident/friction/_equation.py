@@ -16,8 +16,15 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import firwin
 
 from ..core import FitError
-from ._samples import DriveSamples, check_samples
-from ._structures import KNOTS, SUFFIXES, AbstractStructure, default_knots, range_of
+from ._samples import DriveSamples, Trace, check_samples
+from ._structures import (
+    KNOTS,
+    SUFFIXES,
+    AbstractStructure,
+    Shape,
+    default_knots,
+    range_of,
+)
 
 _REACH = 10
 """Half the length of the filter in rows."""
@@ -149,7 +156,7 @@ class Recording:
         return np.asarray(self.samples.piece[self.lowpass.centres])
 
     @cached_property
-    def speed(self) -> Float[np.ndarray, " t"]:
+    def speed(self) -> Trace:
         """Speeds in motion in mm/s."""
         return np.asarray(np.abs(self.samples.velocity[self.samples.in_motion]))
 
@@ -227,7 +234,7 @@ class Equation:
         """What `falling` returned before: a search ends where it has been."""
         return {}
 
-    def falling(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s w c"]:
+    def falling(self, shape: Shape) -> Float[np.ndarray, "s w c"]:
         """Return the column of each direction that follows the shape, and its derivatives."""
         key = shape.tobytes()
         if key not in self._falling:
@@ -247,7 +254,7 @@ class Equation:
         """All columns that follow no shape."""
         return np.hstack([self.beside, in_line(self.recording.steady(self.structure))])
 
-    def columns(self, shape: Float[np.ndarray, " h"]) -> Float[np.ndarray, "s k"]:
+    def columns(self, shape: Shape) -> Float[np.ndarray, "s k"]:
         """Return the columns of all linear factors."""
         if not len(shape):
             return self.unbent
@@ -256,7 +263,7 @@ class Equation:
         return np.hstack([self.beside, in_line(both)])
 
     def slopes(
-        self, shape: Float[np.ndarray, " h"], factors: Float[np.ndarray, " k"]
+        self, shape: Shape, factors: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, "s h"]:
         """Return the derivatives of the rows by the shape."""
         parts = factors[len(self.fixed_names) :].reshape(self.structure.ways, -1)

@@ -19,7 +19,7 @@ from ..core import FitError, one_blas_thread
 from ._equation import Equation, in_line, record
 from ._result import OTHER, FrictionFit, lag_of, score_covariance
 from ._samples import DriveSamples
-from ._structures import GAUSS, AbstractStructure, CoulombViscous, Stribeck
+from ._structures import GAUSS, AbstractStructure, CoulombViscous, Shape, Stribeck
 from ._weights import Rows, View, Weights, orthonormal, ridged, rooted, weigh
 
 _DROP = 3.0
@@ -194,9 +194,7 @@ def fit_equation(equation: Equation, weights: Weights) -> FrictionFit:
     )
 
 
-def _search(
-    equation: Equation, view: View, begin: Float[np.ndarray, " h"]
-) -> tuple[Float[np.ndarray, " h"], bool]:
+def _search(equation: Equation, view: View, begin: Shape) -> tuple[Shape, bool]:
     """Return the logarithms of the shape that leave the least, and whether the search ended."""
     basis = orthonormal(view.root * equation.unbent)
 
@@ -223,7 +221,7 @@ def _search(
     optimum = least_squares(
         lambda shape: evaluated(*shape)[0],
         begin,
-        lambda shape: evaluated(*shape)[1],
+        lambda shape: evaluated(*shape)[1],  # pyright: ignore[reportArgumentType]
         bounds=equation.bounds,
         xtol=_LAST_STEP,
         ftol=_LAST_GAIN,

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..core import FitError
+from ._samples import Trace
 from ._structures import KnotTable
 from ._weights import ridged
 
@@ -38,7 +39,7 @@ class Knots:
     unit: float
     rms: float
 
-    def current(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+    def current(self, velocity: Trace) -> Trace:
         """Return the current at speeds in mm/s, linear between knots, edges held."""
         places, currents = self.velocity / _PER_MM, self.out * self.unit
         return np.asarray(np.interp(velocity, places, currents))

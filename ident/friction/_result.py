@@ -11,7 +11,8 @@ from jaxtyping import Bool, Float, Int
 from ...data.signals import median
 from ...models import AbstractFriction
 from ._equation import Equation
-from ._structures import GAUSS, SUFFIXES, AbstractStructure, Stribeck
+from ._samples import Trace
+from ._structures import GAUSS, SUFFIXES, AbstractStructure, Shape, Stribeck
 from ._weights import Rows, rooted
 
 _ONE_WAY = "no motion in this direction was recorded"
@@ -58,7 +59,7 @@ class FrictionFit:
 
     equation: Equation
     state: Float[np.ndarray, " n"]
-    shape: Float[np.ndarray, " h"]
+    shape: Shape
     rows: Rows
     share: Float[np.ndarray, " s"]
     prior: Float[np.ndarray, "m m"]
@@ -91,7 +92,7 @@ class FrictionFit:
         return np.asarray(self.rows.target - columns @ self.state)
 
     @property
-    def residual(self) -> Float[np.ndarray, " t"]:
+    def residual(self) -> Trace:
         """Load − fit per row in motion, after filtering, in drive units."""
         return np.asarray(self.error[self.equation.recording.usable])
 

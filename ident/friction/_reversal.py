@@ -17,12 +17,13 @@ from scipy.optimize import least_squares
 from ...data.signals import median
 from ..core import FitError, one_blas_thread
 from ._equation import Equation, Recording, record
-from ._samples import DriveSamples
+from ._samples import DriveSamples, Trace
 from ._simulate import LOOKAHEADS, share_of
 from ._structures import (
     AbstractStructure,
     CoulombViscous,
     KnotTable,
+    Shape,
     Stribeck,
     default_knots,
     range_of,
@@ -77,7 +78,7 @@ class ReversalFit:
     delay_probability: float
     noise: float
     reversals: int
-    missing: Float[np.ndarray, " t"]
+    missing: Trace
 
     @property
     def numbers(self) -> dict[str, int | float]:
@@ -114,8 +115,8 @@ class ReversalFit:
 
 def fit_reversal(
     samples: DriveSamples,
-    position: Float[np.ndarray, " t"],
-    velocity: Float[np.ndarray, " t"],
+    position: Trace,
+    velocity: Trace,
     *,
     inertia: float | None = None,
 ) -> ReversalFit:
@@ -170,7 +171,7 @@ class _Setting:
     lookahead: int
     delay: int
     distance: float
-    shape: Float[np.ndarray, " h"]
+    shape: Shape
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -186,7 +187,7 @@ class _Search:
 
     recording: Recording
     structure: AbstractStructure
-    velocity: Float[np.ndarray, " t"]
+    velocity: Trace
     near: Bool[np.ndarray, " t"]
     far: Bool[np.ndarray, " t"]
     share: Callable[[float], Float[np.ndarray, "l t"]]
@@ -229,10 +230,7 @@ class _Search:
         return factors + change, error - design @ change
 
     def grid(
-        self,
-        shape: Float[np.ndarray, " h"],
-        keep: Bool[np.ndarray, " t"],
-        delays: range,
+        self, shape: Shape, keep: Bool[np.ndarray, " t"], delays: range
     ) -> Float[np.ndarray, "l d s"]:
         """Return the sums of squares by look-ahead, delay and distance; else infinite."""
         use, load = np.flatnonzero(keep), self.recording.target[keep]
@@ -283,9 +281,7 @@ class _Search:
 
 
 def _rows(
-    samples: DriveSamples,
-    position: Float[np.ndarray, " t"],
-    starts: Int[np.ndarray, " r"],
+    samples: DriveSamples, position: Trace, starts: Int[np.ndarray, " r"]
 ) -> tuple[Bool[np.ndarray, " t"], Bool[np.ndarray, " t"]]:
     """Return which samples are around reversals, and which others in motion."""
     around, near = np.zeros((2, len(position)), bool)
@@ -359,11 +355,7 @@ def _fitted(search: _Search, reversals: int, delay: int) -> tuple[ReversalFit, f
 
 
 def _best(
-    search: _Search,
-    shape: Float[np.ndarray, " h"],
-    keep: Bool[np.ndarray, " t"],
-    delay: int,
-    close: int,
+    search: _Search, shape: Shape, keep: Bool[np.ndarray, " t"], delay: int, close: int
 ) -> tuple[_Setting, Float[np.ndarray, "l d"]]:
     """Return the best setting about a delay, and least squares by look-ahead and delay."""
     delays = range(max(delay - _ASIDE, 0), min(delay + _ASIDE, _MOST_DELAY) + 1)

@@ -17,6 +17,9 @@ _REST = 1e-3
 _DIRECTION = 0.01
 """Share of the samples in motion that a direction needs to count as recorded."""
 
+Trace = Float[np.ndarray, " t"]
+"""A number for each sample of a recording, or for each velocity asked for."""
+
 
 @dataclasses.dataclass(frozen=True)
 class DriveSamples:
@@ -39,17 +42,15 @@ class DriveSamples:
         unit: ``"mm"``, or ``"°"`` for a rotary axis: all lengths are in it.
     """
 
-    time: Float[np.ndarray, " t"]
-    velocity: Float[np.ndarray, " t"]
-    current: Float[np.ndarray, " t"]
-    acceleration: Float[np.ndarray, " t"] | None = None
-    instrument_velocity: Float[np.ndarray, " t"] | None = None
-    instrument_acceleration: Float[np.ndarray, " t"] | None = None
-    loads: Mapping[str, Float[np.ndarray, " t"]] = dataclasses.field(
-        default_factory=dict
-    )
+    time: Trace
+    velocity: Trace
+    current: Trace
+    acceleration: Trace | None = None
+    instrument_velocity: Trace | None = None
+    instrument_acceleration: Trace | None = None
+    loads: Mapping[str, Trace] = dataclasses.field(default_factory=dict)
     moving: Bool[np.ndarray, " t"] | None = None
-    position: Float[np.ndarray, " t"] | None = None
+    position: Trace | None = None
     unit: str = "mm"
 
     @cached_property

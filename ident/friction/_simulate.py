@@ -23,6 +23,7 @@ from jaxtyping import Array, Bool, Float
 
 from ...models import FrictionCompensation, StribeckFriction
 from .._ipopt import VectorFunction, least_squares_ipopt
+from ._samples import Trace
 
 Solver = Literal["optimistix", "ipopt"]
 Constraint = Literal["monotone", "non-negative"]
@@ -56,6 +57,11 @@ LOOKAHEADS = 5
 """How many look-aheads the controller has: 0 to 4 cycles."""
 _ANY_LAW = StribeckFriction(*np.ones(5))
 
+Numbers = Float[Array, " 10"]
+"""`PARAMETERS`, or what is fitted of them."""
+Steps = Float[Array, " t"]
+"""A number for each time step."""
+
 
 @final
 class Drive(eqx.Module):
@@ -84,9 +90,9 @@ class Excitation(eqx.Module):
         step: Length of the steps in s.
     """
 
-    force: Float[Array, " t"]
+    force: Steps
     begins: Bool[Array, " t"]
-    velocity: Float[Array, " t"]
+    velocity: Steps
     step: Float[Array, ""]
 
 
@@ -97,7 +103,7 @@ def padded(values: np.ndarray) -> np.ndarray:
 
 
 @jax.custom_jvp
-def travel(drive: Drive, excitation: Excitation) -> Float[Array, " t"]:
+def travel(drive: Drive, excitation: Excitation) -> Steps:
     """Return how far the axis is at the end of each step from where it was set down, in mm.
 
     Differentiable (forward) with respect to the drive, the forces and the velocities.
@@ -108,7 +114,7 @@ def travel(drive: Drive, excitation: Excitation) -> Float[Array, " t"]:
 @travel.defjvp
 def _travel_jvp(
     primals: tuple[Drive, Excitation], tangents: tuple[Drive, Excitation]
-) -> tuple[Float[Array, " t"], Float[Array, " t"]]:
+) -> tuple[Steps, Steps]:
     drive, excitation = primals
     half, begins = 0.5 * excitation.step, excitation.begins
     first, second = _velocities(drive, excitation)
@@ -136,9 +142,7 @@ def _travel_jvp(
     return _way(first, second, excitation), _way(middles, ends, excitation)
 
 
-def _velocities(
-    drive: Drive, excitation: Excitation
-) -> tuple[Float[Array, " t"], Float[Array, " t"]]:
+def _velocities(drive: Drive, excitation: Excitation) -> tuple[Steps, Steps]:
     """Return the velocities at the middle and the end of each step."""
     half = 0.5 * excitation.step
 
@@ -158,9 +162,7 @@ def _velocities(
     return first[:, 0], second[:, 0]
 
 
-def _way(
-    middle: Float[Array, " t"], end: Float[Array, " t"], excitation: Excitation
-) -> Float[Array, " t"]:
+def _way(middle: Steps, end: Steps, excitation: Excitation) -> Steps:
     """Return the way since each run began, by velocities at the middle and end of steps."""
     way = jnp.cumsum(0.5 * excitation.step * (middle + end))
     number = jnp.arange(len(way))
@@ -169,11 +171,8 @@ def _way(
 
 
 def _half_step(
-    drive: Drive,
-    before: Float[Array, " t"],
-    force: Float[Array, " t"],
-    half: Float[Array, ""],
-) -> Float[Array, " t"]:
+    drive: Drive, before: Steps, force: Steps, half: Float[Array, ""]
+) -> Steps:
     """Return the velocities after half a time step each."""
     law = drive.law
     dry = eqx.tree_at(lambda law: law.viscous, law, jnp.zeros(()))
@@ -213,16 +212,16 @@ class Problem(eqx.Module):
     """
 
     excitation: Excitation
-    target: Float[Array, " t"]
+    target: Steps
     compared: Bool[Array, " t"]
-    constant: Float[Array, " 10"]
+    constant: Numbers
     mixing: Float[Array, "10 10"]
-    limits: tuple[Float[Array, " 10"], Float[Array, " 10"]]
-    guess: Float[Array, " 10"]
+    limits: tuple[Numbers, Numbers]
+    guess: Numbers
     root: Float[Array, "10 10"]
     fastest: Float[Array, ""]
 
-    def drive(self, values: Float[Array, " 10"]) -> Drive:
+    def drive(self, values: Numbers) -> Drive:
         """Return the drive that fitted values stand for."""
         full = self.constant + self.mixing @ values
         coulomb, viscous, drop = full[2:4], full[4:6], full[6:8]
@@ -231,7 +230,7 @@ class Problem(eqx.Module):
         return Drive(full[0], full[1], law)
 
 
-def _residual(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " r"]:
+def _residual(values: Numbers, problem: Problem) -> Float[Array, " r"]:
     """Return measured − simulated positions, then how far the values are from the guess."""
     error = problem.target - travel(problem.drive(values), problem.excitation)
     residual = jnp.where(problem.compared, error, 0.0)
@@ -242,7 +241,7 @@ def _residual(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " r
 def _inequality(constraints: tuple[Constraint, ...]) -> VectorFunction | None:
     """Return what constraints keep at or above zero; the same function for the same ones."""
 
-    def margins(values: Float[Array, " 10"], problem: Problem) -> Float[Array, " g"]:
+    def margins(values: Numbers, problem: Problem) -> Float[Array, " g"]:
         """Of friction in both directions, from rest to the highest speed driven."""
         share = jnp.concatenate([jnp.zeros(1), jnp.geomspace(1e-4, 1.0, _SPEEDS - 1)])
         speed, level = problem.fastest * share, problem.drive(values).law.level
@@ -258,7 +257,7 @@ residual_of = eqx.filter_jit(_residual)
 
 @eqx.filter_jit
 def linearised(
-    values: Float[Array, " 10"], problem: Problem
+    values: Numbers, problem: Problem
 ) -> tuple[Float[Array, " r"], Float[Array, "r 10"]]:
     """Return the residual and its derivatives."""
     residual, along = jax.linearize(lambda x: _residual(x, problem), values)
@@ -268,16 +267,16 @@ def linearised(
 class _Bounded(eqx.Module):
     """Numbers inside their limits by tanh; steps of one change the residual by its size."""
 
-    place: Float[Array, " 10"]
+    place: Numbers
     """Of the start between its limits, -1 to 1."""
-    step: Float[Array, " 10"]
+    step: Numbers
     """Of the argument of tanh."""
-    limits: tuple[Float[Array, " 10"], Float[Array, " 10"]]
+    limits: tuple[Numbers, Numbers]
     length: Float[Array, ""]
     """Of the residual at the start."""
 
     @classmethod
-    def of(cls, start: Float[Array, " 10"], problem: Problem) -> "_Bounded":
+    def of(cls, start: Numbers, problem: Problem) -> "_Bounded":
         low, high = problem.limits
         half = 0.5 * (high - low)
         size = jnp.where(start == 0.0, 1.0, jnp.abs(start))
@@ -289,7 +288,7 @@ class _Bounded(eqx.Module):
         step = jnp.minimum(unit, 2.0 * half) / (half * (1.0 - place**2))
         return cls(place, step, problem.limits, length)
 
-    def values(self, free: Float[Array, " 10"]) -> Float[Array, " 10"]:
+    def values(self, free: Numbers) -> Numbers:
         low, high = self.limits
         bent = jnp.tanh(jnp.arctanh(self.place) + self.step * free)
         return low + 0.5 * (high - low) * (1.0 + bent)
@@ -297,8 +296,8 @@ class _Bounded(eqx.Module):
 
 @eqx.filter_jit
 def _levenberg_marquardt(
-    start: Float[Array, " 10"], problem: Problem, tolerance: Float[Array, ""]
-) -> tuple[Float[Array, " 10"], Bool[Array, ""], Float[Array, ""]]:
+    start: Numbers, problem: Problem, tolerance: Float[Array, ""]
+) -> tuple[Numbers, Bool[Array, ""], Float[Array, ""]]:
     """Return values, whether they converged, and what is left of the residual."""
     numbers = _Bounded.of(start, problem)
     root_count = jnp.sqrt(jnp.sum(problem.compared))
@@ -359,9 +358,7 @@ def solve(
 
 @jax.jit
 def _shares(
-    position: Float[Array, " t"],
-    velocity: Float[Array, " t"],
-    distance: Float[Array, ""],
+    position: Steps, velocity: Steps, distance: Float[Array, ""]
 ) -> Float[Array, "l t"]:
     # Only its rules for the change of direction matter, not its law.
     models = [FrictionCompensation(_ANY_LAW, n, distance) for n in range(LOOKAHEADS)]
@@ -370,7 +367,7 @@ def _shares(
 
 
 def share_of(
-    position: Float[np.ndarray, " t"], velocity: Float[np.ndarray, " t"]
+    position: Trace, velocity: Trace
 ) -> Callable[[float], Float[np.ndarray, "l t"]]:
     """Return how much of the friction a controller gives by the distance after reversals.
 

@@ -24,6 +24,7 @@ from ...models import (
     linear_weights,
     stribeck_columns,
 )
+from ._samples import Trace
 
 SUFFIXES = ("_positive", "_negative")
 KNOTS = 20
@@ -37,6 +38,11 @@ _RATIO = np.sqrt(2.0)
 """Ratio of neighbouring Stribeck velocities from which the search starts."""
 _LEVELS = 400
 """Speeds at which the distribution of a recording is taken."""
+
+Shape = Float[np.ndarray, " h"]
+"""Logarithms of the non-linear parameters of a law, such as its Stribeck velocity."""
+Shapes = Float[np.ndarray, "n h"]
+"""Several of them."""
 
 
 @final
@@ -56,9 +62,7 @@ class DirectionalTable(AbstractFriction):
         back = self.negative.level(speed, direction)
         return jnp.where(jnp.asarray(direction) < 0, back, ahead)
 
-    def numpy_level(
-        self, speed: Float[np.ndarray, " t"], direction: Float[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
+    def numpy_level(self, speed: Trace, direction: Trace) -> Trace:
         """Return what `level` does, computed by NumPy."""
         ahead = self.positive.numpy_level(speed, direction)
         back = self.negative.numpy_level(speed, direction)
@@ -81,14 +85,12 @@ class AbstractStructure(abc.ABC):
     def factors(self) -> tuple[str, ...]:
         """Names of the linear factors of one direction."""
 
-    def steady(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
+    def steady(self, speed: Trace) -> Float[np.ndarray, "t k"]:
         """Return the columns of one direction that follow no shape, over speeds in mm/s."""
         return np.stack([np.ones_like(speed), speed], axis=1)
 
     @abc.abstractmethod
-    def law(
-        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
-    ) -> AbstractFriction:
+    def law(self, factors: Float[np.ndarray, "w k"], shape: Shape) -> AbstractFriction:
         """Return the law for factors per direction (one row where both are alike)."""
 
     @property
@@ -131,9 +133,7 @@ class AbstractStructure(abc.ABC):
         del speeds
         return np.zeros((2, 0))
 
-    def falling(
-        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
-    ) -> Float[np.ndarray, "c n t"]:
+    def falling(self, speed: Trace, shapes: Shapes) -> Float[np.ndarray, "c n t"]:
         """Return the one column that follows the shape, if any, and its derivatives by each."""
         return np.zeros((0, len(shapes), len(speed)))
 
@@ -149,15 +149,13 @@ class AbstractStructure(abc.ABC):
             return self.factors
         return tuple(name + suffix for suffix in SUFFIXES for name in self.factors)
 
-    def signs(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "w t"]:
+    def signs(self, velocity: Trace) -> Float[np.ndarray, "w t"]:
         """Return the sign that the columns of each direction carry; 0 elsewhere."""
         if not self.directional:
             return np.asarray(np.sign(velocity)[None])
         return np.stack([(velocity > 0) * 1.0, (velocity < 0) * -1.0])
 
-    def columns(
-        self, velocity: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
-    ) -> Float[np.ndarray, "n t k"]:
+    def columns(self, velocity: Trace, shapes: Shapes) -> Float[np.ndarray, "n t k"]:
         """Return all columns at velocities in mm/s for each of some shapes; 0 at rest."""
         speed = np.abs(velocity)
         steady, last = self.steady(speed), self.falling(speed, shapes)[:1]
@@ -166,18 +164,13 @@ class AbstractStructure(abc.ABC):
         signs = self.signs(velocity)
         return np.concatenate([sign[:, None] * profile for sign in signs], axis=2)
 
-    def bent(
-        self, velocity: Float[np.ndarray, " t"], factors: Float[np.ndarray, " k"]
-    ) -> Float[np.ndarray, " t"]:
+    def bent(self, velocity: Trace, factors: Float[np.ndarray, " k"]) -> Trace:
         """Return how far a smooth curve lies from what the law draws in straight lines."""
         del factors
         return np.zeros(len(velocity))
 
     def slopes(
-        self,
-        velocity: Float[np.ndarray, " t"],
-        factors: Float[np.ndarray, " k"],
-        shape: Float[np.ndarray, " h"],
+        self, velocity: Trace, factors: Float[np.ndarray, " k"], shape: Shape
     ) -> Float[np.ndarray, "t p"]:
         """Return the derivatives of the friction by the factors and by the shape."""
         shapes, signs = shape[None], self.signs(velocity)
@@ -199,9 +192,7 @@ class CoulombViscous(AbstractStructure):
     def factors(self) -> tuple[str, ...]:
         return ("coulomb", "viscous")
 
-    def law(
-        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
-    ) -> AbstractFriction:
+    def law(self, factors: Float[np.ndarray, "w k"], shape: Shape) -> AbstractFriction:
         coulomb, viscous = factors[0] if len(factors) == 1 else factors.T
         return StribeckFriction(coulomb, coulomb, 1.0, GAUSS, viscous)
 
@@ -238,7 +229,7 @@ class Stribeck(AbstractStructure):
         sums[2, 0] = 1.0
         return ("coulomb", "viscous", "breakaway"), sums
 
-    def starts(self, speeds: tuple[float, float]) -> Float[np.ndarray, "n h"]:
+    def starts(self, speeds: tuple[float, float]) -> Shapes:
         """Return logarithms of shapes to start from, given the range of speeds in mm/s."""
         low, high = self.bounds(speeds)[:, 0]
         count = max(4, 1 + int((high - low) / np.log(_RATIO)))
@@ -252,16 +243,12 @@ class Stribeck(AbstractStructure):
         ranges = [velocity, np.array(_EXPONENT_RANGE)][: len(self.shapes)]
         return np.asarray(np.log(np.stack(ranges, axis=1)))
 
-    def falling(
-        self, speed: Float[np.ndarray, " t"], shapes: Float[np.ndarray, "n h"]
-    ) -> Float[np.ndarray, "c n t"]:
+    def falling(self, speed: Trace, shapes: Shapes) -> Float[np.ndarray, "c n t"]:
         natural = np.exp(shapes)
         exponents = self.exponent or natural[:, 1:]
         return stribeck_columns(speed, natural[:, :1], exponents)[: 1 + shapes.shape[1]]
 
-    def law(
-        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
-    ) -> AbstractFriction:
+    def law(self, factors: Float[np.ndarray, "w k"], shape: Shape) -> AbstractFriction:
         coulomb, viscous, drop = factors[0] if len(factors) == 1 else factors.T
         velocity, *free = np.exp(shape)
         exponent = free[0] if self.exponent is None else self.exponent
@@ -299,9 +286,10 @@ class KnotTable(AbstractStructure):
         """
         widths = np.diff(self.knots)[:, None]
         bends = np.diff(np.diff(np.eye(len(self.knots)), axis=0) / widths, axis=0)
-        return bends * widths[1:] * widths[:-1] / (widths[1:] + widths[:-1])
+        share = widths[1:] * widths[:-1] / (widths[1:] + widths[:-1])
+        return np.asarray(share * bends)
 
-    def steady(self, speed: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t k"]:
+    def steady(self, speed: Trace) -> Float[np.ndarray, "t k"]:
         """See `AbstractStructure`: the weights of the model's table."""
         rows = np.arange(len(speed))
         first, weights = linear_weights(np.asarray(self.knots), speed)
@@ -309,9 +297,7 @@ class KnotTable(AbstractStructure):
         columns[rows, first], columns[rows, first + 1] = weights
         return columns
 
-    def bent(
-        self, velocity: Float[np.ndarray, " t"], factors: Float[np.ndarray, " k"]
-    ) -> Float[np.ndarray, " t"]:
+    def bent(self, velocity: Trace, factors: Float[np.ndarray, " k"]) -> Trace:
         """See `AbstractStructure`: the smooth curve is a cubic spline through the knots."""
         values = factors.reshape(self.ways, -1)
         speed = np.clip(np.abs(velocity), self.knots[0], self.knots[-1])
@@ -319,9 +305,7 @@ class KnotTable(AbstractStructure):
         deviation = smooth - values @ self.steady(speed).T
         return np.asarray((self.signs(velocity) * deviation).sum(axis=0))
 
-    def law(
-        self, factors: Float[np.ndarray, "w k"], shape: Float[np.ndarray, " h"]
-    ) -> AbstractFriction:
+    def law(self, factors: Float[np.ndarray, "w k"], shape: Shape) -> AbstractFriction:
         nodes = Setpoints(np.asarray(self.knots))
         tables = [FrictionTable(nodes, row) for row in factors]
         return tables[0] if len(tables) == 1 else DirectionalTable(*tables)
@@ -342,23 +326,23 @@ class Laws:
 
     structure: AbstractStructure
     factors: Float[np.ndarray, "n k"]
-    shapes: Float[np.ndarray, "n h"]
+    shapes: Shapes
     inertia: Float[np.ndarray, " n"]
     offset: Float[np.ndarray, " n"]
 
-    def friction(self, velocity: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t n"]:
+    def friction(self, velocity: Trace) -> Float[np.ndarray, "t n"]:
         """Return the friction of each at velocities in mm/s, in drive units."""
         columns = self.structure.columns(velocity, self.shapes)
         return np.asarray(np.einsum("ntk,nk->tn", columns, self.factors))
 
 
-def range_of(speed: Float[np.ndarray, " t"]) -> tuple[float, float]:
+def range_of(speed: Trace) -> tuple[float, float]:
     """Return the slowest speed, but for a thousandth of the samples, and the fastest."""
     speeds = speed[speed > 0]
     return quantile(speeds, 0.001), float(speeds.max())
 
 
-def default_knots(speed: Float[np.ndarray, " t"], count: int) -> tuple[float, ...]:
+def default_knots(speed: Trace, count: int) -> tuple[float, ...]:
     """Return at most ``count`` knots in mm/s: half of them by time, half by even logarithms."""
     speeds = np.sort(speed[speed > 0])
     # The slowest few samples are mostly what a filter made of a standstill.

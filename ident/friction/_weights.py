@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from ..core import estimate_columns, least_scale
 from ._equation import Equation, Recording, in_line
-from ._structures import KnotTable, Stribeck
+from ._structures import KnotTable, Shape, Stribeck
 
 _WILD = 4.0
 """Error in scales beyond which a row says nothing of the law."""
@@ -84,7 +84,7 @@ class Weights:
         target = self.free.recording.target
         return Rows(self.share[:, None] * columns, columns, target, self.cuts)
 
-    def start(self, equation: Equation) -> Float[np.ndarray, " h"]:
+    def start(self, equation: Equation) -> Shape:
         """Return the start of a law's shape that leaves the least, as the free table sees it."""
         structure, free, free_sums = equation.structure, self.free, self.free_rows.sums
         assert isinstance(structure, Stribeck)
@@ -109,9 +109,7 @@ class Weights:
 class View:
     """How the rows of an equation are seen: weighted, and through a noise-free motion."""
 
-    def __init__(
-        self, equation: Equation, weights: Weights, shape: Float[np.ndarray, " h"]
-    ) -> None:
+    def __init__(self, equation: Equation, weights: Weights, shape: Shape) -> None:
         self.equation, self.weights = equation, weights
         self.root, self._basis = np.sqrt(weights.share)[:, None], None
         free = equation.recording.noise_free
