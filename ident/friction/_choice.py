@@ -1,7 +1,7 @@
 """Which law to believe: the simplest that predicts windows held out as well as the best does."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -210,6 +210,10 @@ def choose_law(
     # Rows beside a window share samples with it by the filter.
     touched = np.stack([edges[:-1] - reach, edges[1:] + reach]).clip(0, len(window))
     cuts = np.unique(np.append(touched, [0, len(window)]))
+    # From simple to rich.
+    kinds = [law(way) for law in (CoulombViscous, Stribeck) for way in (False, True)]
+    if len(recording.knots) > 2:
+        kinds += [KnotTable(way, recording.knots) for way in (False, True)]
     candidates: list[Candidate] = []
     held: dict[AbstractStructure, tuple[Laws, np.ndarray]] = {}
     counts = np.add.reduceat(recording.usable * 1.0, edges[:-1])
@@ -221,7 +225,7 @@ def choose_law(
 
     with one_blas_thread():
         weights = weigh(recording, loss, cuts)
-        for kind in structures or _default_structures(recording):
+        for kind in structures or kinds:
             fit = fit_competing(weights.free.under(kind), weights)
             if _wavers(fit):
                 continue
@@ -253,14 +257,6 @@ def _wavers(fit: FrictionFit) -> bool:
         if sum(map(len, turns)) > _TURNS:
             return True
     return False
-
-
-def _default_structures(recording: Recording) -> Iterator[AbstractStructure]:
-    """Yield the kinds of law to compare: from simple to rich, alike and per direction."""
-    yield from map(CoulombViscous, (False, True))
-    yield from map(Stribeck, (False, True))
-    if len(recording.knots) > 2:
-        yield from (KnotTable(directed, recording.knots) for directed in (False, True))
 
 
 def _mean_error(values: Float[np.ndarray, " w"]) -> float:

@@ -7,7 +7,7 @@ literature: Gautier, Janot and others).
 
 import dataclasses
 import itertools
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -269,10 +269,34 @@ class Equation:
         parts = factors[len(self.fixed_names) :].reshape(self.structure.ways, -1)
         return np.tensordot(self.falling(shape)[:, :, 1:], parts[:, -1], (1, 0))
 
-    @property
-    def reading(self) -> "Reading":
-        """How the linear factors as fitted are read."""
-        return _reading(self.structure, self.fixed_names)
+    @cached_property
+    def reading(
+        self,
+    ) -> tuple[tuple[str, ...], Float[np.ndarray, "r k"], Float[np.ndarray, "f k"]]:
+        """Names of parameters as users read them, and the maps of linear factors as fitted.
+
+        The one leads to these parameters, the other to the factors of the law.
+
+        Per direction, seen in motion are level⁺ + offset and level⁻ − offset only: the offset
+        is chosen so that the mean levels of both directions are equal.
+        """
+        structure, names, fixed = (
+            self.structure,
+            self.fixed_names,
+            len(self.fixed_names),
+        )
+        unit = np.eye(fixed + len(structure.names))
+        beside, to_law = unit[:fixed], unit[fixed:]
+        words, sums = structure.reported
+        if structure.directional:
+            words = tuple(name + suffix for suffix in SUFFIXES for name in words)
+            levels = structure.levels
+            both = np.concatenate([levels, -levels])
+            offset = 0.5 * both @ to_law / levels.sum()
+            names, beside = (*names, "offset"), np.vstack([beside, offset])
+            to_law = to_law - np.outer(both, offset)
+        law = np.kron(np.eye(structure.ways), sums) @ to_law
+        return (*names, *words), np.vstack([beside, law]), to_law
 
     @cached_property
     def penalty(self) -> Float[np.ndarray, "k k"]:
@@ -283,33 +307,6 @@ class Equation:
         if bends is not None:
             total[fixed:, fixed:] = np.kron(np.eye(structure.ways), bends.T @ bends)
         return total
-
-
-Reading = tuple[tuple[str, ...], Float[np.ndarray, "r k"], Float[np.ndarray, "f k"]]
-"""Names of parameters as users read them, the map from the linear factors as fitted to these,
-and that to the factors of the law."""
-
-
-@lru_cache
-def _reading(structure: AbstractStructure, fixed_names: tuple[str, ...]) -> Reading:
-    """Return how factors are read, arrays to be read only.
-
-    Per direction, seen in motion are level⁺ + offset and level⁻ − offset only: the offset is
-    chosen so that the mean levels of both directions are equal.
-    """
-    fixed = len(fixed_names)
-    unit = np.eye(fixed + len(structure.names))
-    names, beside, to_law = fixed_names, unit[:fixed], unit[fixed:]
-    words, sums = structure.reported
-    if structure.directional:
-        words = tuple(name + suffix for suffix in SUFFIXES for name in words)
-        levels = structure.levels
-        both = np.concatenate([levels, -levels])
-        offset = 0.5 * both @ to_law / levels.sum()
-        names, beside = (*names, "offset"), np.vstack([beside, offset])
-        to_law = to_law - np.outer(both, offset)
-    law = np.kron(np.eye(structure.ways), sums) @ to_law
-    return (*names, *words), np.vstack([beside, law]), to_law
 
 
 def in_line(columns: Float[np.ndarray, "s w k"]) -> Float[np.ndarray, "s c"]:

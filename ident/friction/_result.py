@@ -170,7 +170,7 @@ class FrictionFit:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Of all parameters, determined or not: the order of ``covariance``."""
+        """Of all parameters, determined or not."""
         return (*self.equation.reading[0], *self.structure.shapes)
 
     @cached_property
@@ -181,14 +181,6 @@ class FrictionFit:
         result[: len(linear), :count] = linear
         result[len(linear) :, count:] = np.diag(np.exp(self.shape))
         return result
-
-    @cached_property
-    def covariance(self) -> Float[np.ndarray, "r r"]:
-        """Between all parameters; NaN where undetermined."""
-        known = np.array([name not in self.undetermined for name in self.names], bool)
-        inner = self.state_covariance + self._by_exponent
-        result = self._jacobian @ inner @ self._jacobian.T
-        return np.where(np.outer(known, known), result, np.nan)
 
     @cached_property
     def _by_exponent(self) -> Float[np.ndarray, "m m"]:
@@ -223,9 +215,11 @@ class FrictionFit:
     @cached_property
     def standard_deviations(self) -> dict[str, float]:
         """Of the same."""
+        inner = self.state_covariance + self._by_exponent
+        variances = np.diag(self._jacobian @ inner @ self._jacobian.T)
         return {
             name: float(np.sqrt(variance))
-            for name, variance in zip(self.names, np.diag(self.covariance), strict=True)
+            for name, variance in zip(self.names, variances, strict=True)
             if name not in self.undetermined
         }
 

@@ -129,12 +129,7 @@ class View:
     def rows(self, columns: Float[np.ndarray, "s k"]) -> Rows:
         """Return weighted rows of columns."""
         weights, target = self.weights, self.equation.recording.target
-        if self._basis is not None:
-            left = self.root * self.weighted(columns)
-        elif columns is weights.free.unbent:
-            return weights.free_rows
-        else:
-            left = weights.share[:, None] * columns
+        left = self.root * self.weighted(columns)
         return Rows(left, columns, target, weights.cuts)
 
 

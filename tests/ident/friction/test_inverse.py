@@ -221,7 +221,6 @@ def test_no_motion_in_the_stribeck_range_is_said() -> None:
     fit = fit_inverse(fast, decimate=1)
     assert {"breakaway", "stribeck_velocity"} <= set(fit.undetermined)
     assert "breakaway" not in fit.parameters
-    assert np.isnan(fit.covariance).sum() == 0 or "breakaway" not in fit.names
     # 5 % noise on 1 700 samples: the rest comes out as without the drop.
     assert fit.parameters["coulomb"] == pytest.approx(TRUTH["coulomb"], rel=0.05)
 
