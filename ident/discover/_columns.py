@@ -49,29 +49,6 @@ _SAME: Function = lambda values: values  # noqa: E731
 _STRAIGHT: Function = lambda u: np.sqrt(3.0) * (2.0 * u - 1.0)  # noqa: E731
 
 
-def columns_of(view: AxisView, term: Term) -> Float[np.ndarray, "t k"]:
-    """Return the features of a term, centred in each measurement; 0 where not known."""
-    from pysindy import CustomLibrary, TensoredLibrary
-
-    factors: list[Factor] = []
-    for name, owner, limit in term.facts.factors:
-        subject = term.owners[owner]
-        if name in _SHAPES:
-            values = getattr(view.data, CHANNELS[name])[subject]
-            factors.append((_SHAPES[name](values), [_SAME]))
-        else:
-            factors.append(_FACTORS[name](view, term, subject, limit))
-    inputs = np.stack([channel for channel, _ in factors], axis=1)
-    finite = np.isfinite(inputs).all(axis=1)
-    parts = [CustomLibrary(functions) for _, functions in factors]
-    library = TensoredLibrary(parts, [[k] for k in range(len(parts))])
-    library.fit(np.zeros((1, len(parts))))
-    result = np.full((len(inputs), library.n_output_features_), np.nan)
-    if finite.any():
-        result[finite] = np.asarray(library.transform(inputs[finite]))
-    return view.centred(result)
-
-
 def smooth(count: int, periodic: bool = False) -> list[Function]:
     """Return functions of a position from 0 to 1: a line and cosines, or waves of a turn.
 
@@ -242,9 +219,28 @@ class Columns:
         self.weight = np.ones(len(view.error))
 
     def of(self, term: Term) -> Float[np.ndarray, "t k"]:
-        """Return the columns of a term."""
-        if term not in self._blocks:
-            self._blocks[term] = columns_of(self.view, term)
+        """Return the features of a term, centred in each measurement; 0 where not known."""
+        if term in self._blocks:
+            return self._blocks[term]
+        from pysindy import CustomLibrary, TensoredLibrary
+
+        view, factors = self.view, list[Factor]()
+        for name, owner, limit in term.facts.factors:
+            subject = term.owners[owner]
+            if name in _SHAPES:
+                values = getattr(view.data, CHANNELS[name])[subject]
+                factors.append((_SHAPES[name](values), [_SAME]))
+            else:
+                factors.append(_FACTORS[name](view, term, subject, limit))
+        inputs = np.stack([channel for channel, _ in factors], axis=1)
+        finite = np.isfinite(inputs).all(axis=1)
+        parts = [CustomLibrary(functions) for _, functions in factors]
+        library = TensoredLibrary(parts, [[k] for k in range(len(parts))])
+        library.fit(np.zeros((1, len(parts))))
+        result = np.full((len(inputs), library.n_output_features_), np.nan)
+        if finite.any():
+            result[finite] = np.asarray(library.transform(inputs[finite]))
+        self._blocks[term] = view.centred(result)
         return self._blocks[term]
 
     def design(self, terms: Sequence[Term]) -> Design:
