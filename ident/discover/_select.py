@@ -38,10 +38,9 @@ STABLE = 0.8
 _FREE = 100.0
 BEYOND_CHANCE = 50.0
 """Twice the log-likelihood that a temperature must gain over a drift in its place."""
-_BEYOND_CHANCE, _PLAIN = 15.0, 400.0
+_BEYOND_CHANCE = 15.0
 """The same for any other term, and one more for each of its functions: chance gives the best of
-all terms 14 where it has one function, 23 where it has twelve, in a hundred readings. And the
-gain in squares of the noise from which on that is plain."""
+all terms 14 where it has one function, 23 where it has twelve, in a hundred readings."""
 
 
 def look_at(
@@ -291,11 +290,11 @@ def _without_needless(
         needless: dict[int, tuple[int, float]] = {}
         rest_of = groups.without(np.flatnonzero(~keep).tolist())
         for g in np.flatnonzero(keep).tolist():
-            gain = max(free.gain([g]), 0.0)
-            cost, heated = float(np.sqrt(gain / free.weight)), terms[g].kind in HEAT
+            cost = float(np.sqrt(max(free.gain([g]), 0.0) / free.weight))
             count = groups.slices[g].stop - groups.slices[g].start
+            heated = terms[g].kind in HEAT
             idle = cost < least and not heated
-            if heated or (not idle and gain < _PLAIN * groups.noise**2):
+            if not idle:
                 full, single = rest_of.with_and_without(g, nuisance, 0.1 * least)
                 worth = 2.0 * (full.evidence - single.evidence)
                 idle = worth < (BEYOND_CHANCE if heated else _BEYOND_CHANCE + count)

@@ -182,7 +182,6 @@ def choose_law(
     *,
     inertia: float | None = None,
     loss: str = "trim",
-    windows: int = WINDOWS,
 ) -> Choice:
     """Choose among kinds of law by windows held out (one standard error rule).
 
@@ -199,14 +198,13 @@ def choose_law(
             not compete.
         inertia: In drive units per mm/s², where it is known.
         loss: As for `fit_inverse`.
-        windows: Stretches to hold out in turn.
 
     Raises:
         FitError: If the recording is too short to hold out windows.
     """
     recording = record(samples, inertia, None)
-    window = _windows(recording, windows)
-    edges, reach = window.searchsorted(range(windows + 1)), recording.lowpass.reach
+    window, reach = _windows(recording), recording.lowpass.reach
+    edges = window.searchsorted(range(WINDOWS + 1))
     # Rows beside a window share samples with it by the filter.
     touched = np.stack([edges[:-1] - reach, edges[1:] + reach]).clip(0, len(window))
     cuts = np.unique(np.append(touched, [0, len(window)]))
@@ -264,21 +262,21 @@ def _mean_error(values: Float[np.ndarray, " w"]) -> float:
     return float(np.std(values, ddof=1) / np.sqrt(len(values)))
 
 
-def _windows(recording: Recording, windows: int) -> Int[np.ndarray, " s"]:
+def _windows(recording: Recording) -> Int[np.ndarray, " s"]:
     """Return the window of each row: an axis may rest for half of the time.
 
     Raises:
         FitError: If the recording is too short for so many windows.
     """
     moving = int(recording.usable.sum())
-    if windows < 3 or moving < windows * _FEWEST:
+    if moving < WINDOWS * _FEWEST:
         msg = (
-            f"model choice: found {moving} samples in motion after filtering for {windows} "
-            f"windows, expected at least 3 windows of {_FEWEST}."
+            f"model choice: found {moving} samples in motion after filtering, expected"
+            f" {WINDOWS} windows of at least {_FEWEST}."
         )
         raise FitError(msg)
     share = np.cumsum(recording.usable) / moving
-    return np.minimum((share * windows).astype(np.int64), windows - 1)
+    return np.minimum((share * WINDOWS).astype(np.int64), WINDOWS - 1)
 
 
 def _hold_out(

@@ -68,10 +68,10 @@ def test_simplest_law_that_predicts_is_chosen() -> None:
         Stribeck(),
         KnotTable(False, default_knots(np.abs(samples.velocity), 20)),
     ]
-    assert choose_law(samples, kinds, windows=5).chosen == 2
+    assert choose_law(samples, kinds).chosen == 2
     speed = np.abs(samples.velocity)
     plain = np.sign(samples.velocity) * (2.0 + 0.004 * speed) + 0.3
-    assert choose_law(recording(plain), kinds, windows=5).chosen == 0
+    assert choose_law(recording(plain), kinds).chosen == 0
 
 
 def test_an_exponent_is_fitted_only_where_the_data_ask_for_it() -> None:
@@ -195,7 +195,7 @@ def test_scores_are_summed_over_lags_with_bartletts_weights() -> None:
 
 def test_too_short_a_recording_cannot_be_held_out() -> None:
     short = recording().take(np.arange(4000) < 200)
-    with pytest.raises(FitError, match="expected at least 3 windows"):
+    with pytest.raises(FitError, match="expected 10 windows of at least 30"):
         choose_law(short)
 
 
