@@ -207,7 +207,6 @@ def choose_law(
     edges = window.searchsorted(range(WINDOWS + 1))
     # Rows beside a window share samples with it by the filter.
     touched = np.stack([edges[:-1] - reach, edges[1:] + reach]).clip(0, len(window))
-    cuts = np.unique(np.append(touched, [0, len(window)]))
     # From simple to rich.
     kinds = [law(way) for law in (CoulombViscous, Stribeck) for way in (False, True)]
     if len(recording.knots) > 2:
@@ -222,7 +221,7 @@ def choose_law(
         return np.add.reduceat(square / recording.load_size**2, edges[:-1])
 
     with one_blas_thread():
-        weights = weigh(recording, loss, cuts)
+        weights = weigh(recording, loss)
         for kind in structures or kinds:
             fit = fit_competing(weights.free.under(kind), weights)
             if _wavers(fit):
@@ -291,9 +290,7 @@ def _hold_out(
     window (``touched``: the first of them, and the row behind the last).
     """
     equation, shape, size, rows = fit.equation, fit.shape, len(fit.state), fit.rows
-    begins, (first, end) = rows.cuts[:-1], touched[:, :, None]
-    excluded = ((first <= begins) & (begins < end)) * 1.0
-    sums = rows.sums - np.tensordot(excluded, rows.pieces, 1)
+    sums = rows.sums - np.stack([rows.sums_of(slice(*ends)) for ends in touched.T])
     solution = ridged(sums[:, :, :-1] + fit.prior, sums[:, :, -1])
     factors, steps = solution[:, :size], solution[:, size:]
     shapes = np.clip(shape + np.clip(steps, -_LONGEST, _LONGEST), *equation.bounds)

@@ -312,8 +312,7 @@ class _Task:
         factors, shape = values[:count], values[count:size]
         used = equation.recording.usable
         right = np.hstack([equation.columns(shape), equation.slopes(shape, factors)])
-        cuts = np.array([0, len(right)])
-        rows = Rows(used[:, None] * right, right, equation.recording.target, cuts)
+        rows = Rows(used[:, None] * right, right, equation.recording.target)
         thin = max(1, len(error) // _ROWS)
         scores = (slopes[: len(error), :size] * error[:, None])[::thin]
         inner = score_covariance(scores, run[::thin])

@@ -6,12 +6,11 @@ columns (two-stage least squares).
 """
 
 import dataclasses
-import itertools
 from functools import cached_property
 from typing import final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ..core import estimate_columns, least_scale
 from ._equation import Equation, Recording, in_line
@@ -34,30 +33,21 @@ class Rows:
         left: Columns as they are seen, times the weight of each row.
         right: Columns.
         target: What they explain.
-        cuts: Rows between which sums are asked for, ascending from 0 to all.
     """
 
     left: Float[np.ndarray, "s k"]
     right: Float[np.ndarray, "s k"]
     target: Float[np.ndarray, " s"]
-    cuts: Int[np.ndarray, " c"]
 
-    @cached_property
-    def pieces(self) -> Float[np.ndarray, "p k k1"]:
-        """The sums XᵀW [X, target] of the rows between each cut and the next."""
-        count = self.right.shape[1]
-        pieces = np.empty((len(self.cuts) - 1, count, count + 1))
-        ends = itertools.pairwise(self.cuts.tolist())
-        for piece, (first, end) in zip(pieces, ends, strict=True):
-            columns = self.left[first:end].T
-            piece[:, :-1] = columns @ self.right[first:end]
-            piece[:, -1] = columns @ self.target[first:end]
-        return pieces
+    def sums_of(self, rows: slice) -> Float[np.ndarray, "k k1"]:
+        """Return the sums XᵀW [X, target] of some rows."""
+        columns, target = self.left[rows].T, self.target[rows]
+        return np.column_stack([columns @ self.right[rows], columns @ target])
 
     @cached_property
     def sums(self) -> Float[np.ndarray, "k k1"]:
         """The sums of all rows."""
-        return np.asarray(self.pieces.sum(axis=0))
+        return self.sums_of(slice(None))
 
 
 @final
@@ -69,20 +59,18 @@ class Weights:
         share: How much each row counts, 0 to 1.
         limit: Largest error that says anything of a law.
         free: Equation of the free table.
-        cuts: See `Rows`.
     """
 
     share: Float[np.ndarray, " s"]
     limit: float
     free: Equation
-    cuts: Int[np.ndarray, " c"]
 
     @cached_property
     def free_rows(self) -> Rows:
         """Rows of the free table."""
         columns = self.free.unbent
         target = self.free.recording.target
-        return Rows(self.share[:, None] * columns, columns, target, self.cuts)
+        return Rows(self.share[:, None] * columns, columns, target)
 
     def start(self, equation: Equation) -> Shape:
         """Return the start of a law's shape that leaves the least, as the free table sees it."""
@@ -128,20 +116,17 @@ class View:
 
     def rows(self, columns: Float[np.ndarray, "s k"]) -> Rows:
         """Return weighted rows of columns."""
-        weights, target = self.weights, self.equation.recording.target
+        target = self.equation.recording.target
         left = self.root * self.weighted(columns)
-        return Rows(left, columns, target, weights.cuts)
+        return Rows(left, columns, target)
 
 
-def weigh(
-    recording: Recording, loss: str, cuts: Int[np.ndarray, " c"] | None = None
-) -> Weights:
+def weigh(recording: Recording, loss: str) -> Weights:
     """Return the weights of the rows under a table per direction that can bend anywhere.
 
     Args:
         recording: The recording.
         loss: ``"trim"``, ``"student"``, ``"huber"`` or ``"gauss"``.
-        cuts: See `Rows`; none but the ends where left out.
 
     Raises:
         FitError: If the loss is unknown.
@@ -157,9 +142,7 @@ def weigh(
         fit = estimate_columns(design, target, loss, least_scale(target))
         ratio = (target - design @ fit.centre) / fit.loss.scale
         share[used], limit = fit.loss.share(ratio), _WILD * fit.loss.scale
-    if cuts is None:
-        cuts = np.array([0, len(used)])
-    return Weights(share, limit, free, cuts)
+    return Weights(share, limit, free)
 
 
 def ridged(
