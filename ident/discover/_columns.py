@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from .._recording import clocked
 from ._terms import CHANNELS, Kind, Term
 from ._view import AxisView, some_of
 
@@ -112,10 +111,7 @@ def _heat(view: AxisView, term: Term, sensor: str, limit: int) -> Factor:
     heated = term.kind is Kind.HEAT_SLOPE
     data, body = view.data, view.data.temperature[sensor]
     if term.lag > 0.0 and data.time is not None:
-        body = np.full(len(data), np.nan)
-        for rows in view.sources:
-            log = clocked(data.time[rows], data.temperature[sensor][rows])
-            body[rows] = log.structure(term.lag)
+        body = data.clocked(sensor, term.words).structure(term.lag)
     finite = body[np.isfinite(body)]
     mean, spread = float(finite.mean()), float(np.std(finite)) or 1.0
     zero = float(np.clip(_REFERENCE, finite.min(), finite.max())) if heated else mean

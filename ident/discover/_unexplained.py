@@ -398,10 +398,8 @@ def _ripple(chosen: Selection, axis: str) -> tuple[float, float]:
     chance = float(residual @ residual) * np.log((last - _COARSE - 1) / _CHANCE)
     if not power[peak] >= chance > 0:
         return absent
-    counts = [max(int(half.sum()), 1) for half in halves]
-    phasors = [2.0 * line[peak] / n for line, n in zip(lines, counts, strict=True)]
     amplitude = 2.0 * float(np.sqrt(power[peak])) / len(u)
-    agreement = float(np.real(phasors[0] * np.conj(phasors[1])))
-    if amplitude / np.sqrt(2.0) < chosen.least or agreement < 0.25 * amplitude**2:
+    agreement = 4.0 * float(np.real(lines[0][peak] * np.conj(lines[1][peak])))
+    if amplitude / np.sqrt(2.0) < chosen.least or agreement < 0.25 * power[peak]:
         return absent
     return peak / _PADDED, amplitude

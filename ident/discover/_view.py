@@ -148,7 +148,8 @@ def view_of(
     distance, data = _distance(observed, axis), observed.take(rows)
     # What stands still is no clock.
     time = data.clock if observed.time is not None and np.ptp(data.clock) > 0 else None
-    return AxisView(axis, channel, dataclasses.replace(data, time=time), distance[rows])
+    data = dataclasses.replace(data, time=time, clock_number=data.source)
+    return AxisView(axis, channel, data, distance[rows])
 
 
 def some_of(count: int, most: int) -> Int[np.ndarray, " n"]:
