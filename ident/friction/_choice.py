@@ -208,9 +208,9 @@ def choose_law(
     # Rows beside a window share samples with it by the filter.
     touched = np.stack([edges[:-1] - reach, edges[1:] + reach]).clip(0, len(window))
     # From simple to rich.
-    kinds = [law(way) for law in (CoulombViscous, Stribeck) for way in (False, True)]
-    if len(recording.knots) > 2:
-        kinds += [KnotTable(way, recording.knots) for way in (False, True)]
+    ways, knots = (False, True), recording.knots
+    kinds = [*map(CoulombViscous, ways), *map(Stribeck, ways)]
+    tables = [KnotTable(way, knots) for way in ways if len(knots) > 2]
     candidates: list[Candidate] = []
     held: dict[AbstractStructure, tuple[Laws, np.ndarray]] = {}
     counts = np.add.reduceat(recording.usable * 1.0, edges[:-1])
@@ -222,7 +222,7 @@ def choose_law(
 
     with one_blas_thread():
         weights = weigh(recording, loss)
-        for kind in structures or kinds:
+        for kind in structures or (*kinds, *tables):
             fit = fit_competing(weights.free.under(kind), weights)
             if _wavers(fit):
                 continue

@@ -85,9 +85,7 @@ class Lowpass:
         filtered, kernel = [np.zeros((0, columns.shape[1]))], self._kernel
         length, step = kernel.shape[1], _TOGETHER * self.factor
         for run in self._runs:
-            count = len(
-                range(0, run.stop - run.start - 2 * _REACH * self.factor, self.factor)
-            )
+            count = -(-(len(columns[run]) - 2 * _REACH * self.factor) // self.factor)
             stretch = np.zeros((length + count * self.factor, columns.shape[1]))
             stretch[: run.stop - run.start] = columns[run]
             view = sliding_window_view(stretch, length, axis=0)[::step]

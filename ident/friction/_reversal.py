@@ -96,10 +96,9 @@ class ReversalFit:
         if self.reversals < _FEW:
             words = f"only {self.reversals} reversals were recorded"
             reasons = dict.fromkeys(self.numbers, words)
-        for name, probability in (
-            ("reversal_lookahead", self.lookahead_probability),
-            ("delay_cycles", self.delay_probability),
-        ):
+        sure = self.lookahead_probability, self.delay_probability
+        names = "reversal_lookahead", "delay_cycles"
+        for name, probability in zip(names, sure, strict=True):
             if probability < 0.5:
                 reasons[name] = (
                     f"{self.numbers[name]} cycles fit best, others nearly as well"
