@@ -25,6 +25,7 @@ from ..proof import Diagnosis, diagnose, not_judged
 from ..readings import Tables, errors_in, read_outside
 from ._draft import AbstractDraft
 from .file._load import Job, load_job
+from .file._schema import MeasurementSpec
 from .result._job_result import JobResult
 from .result._result import AbstractResult, Remark
 from .result._second import LESS, MeasuredAgain, SecondMeasurement
@@ -109,6 +110,7 @@ def plan_second(
     if path is not None:
         after = load_job(path, fits=False)
         _refuse_other_axes(job, after)
+        _refuse_same_readings(job, after)
         name = job.relative(path)
         other = _other_list(job, after, root, files, lists)
         if other is not None and named is not None:
@@ -385,6 +387,24 @@ def _refuse_other_axes(job: Job, after: Job) -> None:
                 ("axes", name),
                 f"found axis {axis.number} as {name}, expected the names and numbers of"
                 f" {job.path.name}: {', '.join(f'{k} = {v}' for k, v in numbers.items())}",
+            )
+
+
+def _refuse_same_readings(job: Job, after: Job) -> None:
+    """Raise where a second job holds the readings of the first one."""
+
+    def source(owner: Job, spec: MeasurementSpec) -> tuple[object, ...]:
+        files = [spec.file] if spec.file is not None else spec.files or []
+        hashes = [sha256(path) for path in map(owner.file, files) if path.is_file()]
+        return hashes, spec.profile, spec.skip, spec.rows, spec.columns
+
+    first = [source(job, spec) for spec in job.spec.measurements.values()]
+    for name, spec in after.spec.measurements.items():
+        if (own := source(after, spec)) in first and own[0]:
+            raise after.error(
+                ("measurements", name),
+                f"found the readings of the first measurement ({job.path.name}), expected"
+                " those that were taken with the lists of this run",
             )
 
 

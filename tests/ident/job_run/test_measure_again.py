@@ -155,6 +155,16 @@ def test_readings_too_good_to_be_of_the_machine_prove_no_list(
     assert not (job.parent / "out" / "conventions.toml").exists()
 
 
+def test_the_first_readings_are_no_second_measurement(
+    job: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    after = after_job(job.parent, 1.0)
+    shutil.copy(job.parent / "laser.csv", job.parent / "after.csv")
+    assert fit(job, "--after", str(after)) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "found the readings of the first measurement (job.toml)" in said
+
+
 def test_second_measurement_verifies_and_settles_the_sign(job: Path) -> None:
     after = after_job(job.parent, 1.0)
     assert fit(job, "--after", str(after)) == 0
@@ -401,9 +411,7 @@ def test_part_of_the_travel_where_a_list_does_not_act_is_no_wild_reading(
 def test_list_that_was_not_active_is_asked_for_and_taken_out(
     job: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    after = after_job(job.parent, 1.0)
-    (job.parent / "after.csv").write_bytes((job.parent / "laser.csv").read_bytes())
-    assert fit(job, "--after", str(after)) == 1
+    assert fit(job, "--after", str(after_job(job.parent, 0.0))) == 1
     assert fitted(job)["verdict"] == "rejected"
     said = " ".join(capsys.readouterr().out.split())
     assert "is not active" in said or "is it active?" in said
@@ -545,7 +553,11 @@ def test_new_table_over_an_active_old_one_is_judged_by_what_it_takes_off(
     run_job(job, tmp_path / "out")
     after = after_job(tmp_path, added)
     if not added:  # the new list was never loaded
-        shutil.copy(tmp_path / "laser.csv", tmp_path / "after.csv")
+        rng = np.random.default_rng(3)
+        again = actual + 1e-4 * rng.standard_normal(len(actual))
+        table(
+            tmp_path / "after.csv", "target,actual,run,direction", target, again, run, way
+        )  # fmt: skip
     assert fit(job, "--after", str(after)) == int(added <= 0)
     one = fitted(job)
     assert one["verdict"] == ("good" if added > 0 else "rejected")
