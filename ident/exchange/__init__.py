@@ -31,6 +31,7 @@ from ._convert import (
 from ._files import (
     axis_file as axis_file,
     compensation_file as compensation_file,
+    is_to_add as is_to_add,
     to_add as to_add,
     with_tables as with_tables,
 )

@@ -17,12 +17,21 @@ def axis_file(number: int, *, whole: bool = True) -> str:
     return f"achsmds{number}{'' if whole else '.add'}.lis"
 
 
+_ADDITIONS = "no whole axis list"
+
+
+def is_to_add(listing: ListFile) -> bool:
+    """Return whether a list is one of entries to add to an axis list, as `to_add` makes it."""
+    named = listing.source.endswith(".add.lis")
+    return named or any(_ADDITIONS in line for line in listing.lines)
+
+
 def to_add(
     number: int, values: Mapping[str, Value], *comments: str, of: str = ""
 ) -> ListFile:
     """Return entries to add to an axis list, under comments that say so."""
     name = f" of axis {of}" if of else ""
-    words = f"Entries to set in {axis_file(number)}{name}: no whole axis list"
+    words = f"Entries to set in {axis_file(number)}{name}: {_ADDITIONS}"
     listing = new_list(values, comment=(words, *comments))
     return dataclasses.replace(listing, source=axis_file(number, whole=False))
 

@@ -23,6 +23,7 @@ from ...exchange import (
     Reading,
     StoredConventions,
     axis_number,
+    is_to_add,
     read_conventions,
 )
 from ...kinds._keys import KeyPath
@@ -223,6 +224,13 @@ def _refuse_other_kind(job: Job, name: str, key: str, listing: ListFile) -> None
     looking like a valid one. An empty list, or one of comments, is one to be filled.
     """
     expected = {"list": "compensation", "machine_data": "axis"}[key]
+    if expected == "axis" and is_to_add(listing):
+        # Copied over the controller's, it would lose limits, gains, and all that acts.
+        raise job.error(
+            ("axes", name, key),
+            f"found entries to add to an axis list in {listing.source}, as axcomp writes them"
+            " for want of it, expected the axis list of the controller with these set in it",
+        )
     kind = listing.kind
     if kind == expected or not any(map(_says_something, listing.lines)):
         return

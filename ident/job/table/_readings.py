@@ -1,9 +1,11 @@
 """Readings of a table: what other lists add taken into account; their zero, their runs."""
 
 import dataclasses
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float
 
 from ...exchange import AbstractTable
 from ...kinds._keys import FitSpec
@@ -11,12 +13,15 @@ from ...proof import RunTable
 from ...readings import Readings, Tables, joined, without_zero
 from .._draft import Leftovers
 from ..file._load import Job
-from ..joint._recording import read_group
+from ..joint._recording import GroupRecording, read_group
 from ..result._result import Remark
 from ._remarks import wander_remarks
 
 if TYPE_CHECKING:
     from ._plan import Plan
+
+_FLANKS, _SURE = 5, 4.0
+"""Places read from both sides, and deviations of what lies between, that tell a lost motion."""
 
 
 def read_fit(
@@ -43,6 +48,8 @@ def read_fit(
                     recording.data.position[other][part] for other in plan.positions
                 ]
                 added = without_zero(added, places, rows.spec.remove)
+            if plan.table.branches == 1 and not beside.shared:
+                remarks += _unseen_flanks(plan, recording, part, added, beside.words)
             error[part] += added
             remarks.append(
                 Remark.info(
@@ -57,6 +64,46 @@ def read_fit(
     measured = [rows.measured for rows in recording.rows.values()]
     remarks += wander_remarks(measured, readings, unit)
     return dataclasses.replace(readings, late=late), remarks
+
+
+def _unseen_flanks(
+    plan: "Plan",
+    recording: GroupRecording,
+    part: slice,
+    added: Float[np.ndarray, " r"],
+    words: str,
+) -> Iterator[Remark]:
+    """Yield that what acts beside a table for both directions parts them, and no reading does.
+
+    The table cannot take that over: what is loaded would make a lost motion that was not there.
+    """
+    direction = recording.data.direction.get(plan.axis)
+    if direction is None:
+        return
+    way, error = direction[part], recording.data.error[plan.axis][part]
+    columns = [recording.data.position[name][part].round(2) for name in plan.positions]
+    place = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)[1]
+    place, sums = place.reshape(-1), np.zeros((2, 3, len(way)))
+    for side, sign in enumerate((1, -1)):
+        for row, values in enumerate((None, error, added)):
+            rows = way == sign
+            weights = None if values is None else values[rows]
+            sums[side, row] = np.bincount(place[rows], weights, len(way))
+    both = (sums[:, 0] > 0).all(axis=0)
+    if both.sum() < _FLANKS:
+        return
+    means = sums[:, 1:, both] / sums[:, :1, both]
+    shown, gap = means[0] - means[1]
+    made, seen = float(np.median(gap)), float(np.median(shown))
+    doubt = _SURE * float(np.std(shown)) / np.sqrt(both.sum())
+    if abs(made) > doubt and abs(made + seen) > abs(seen) + 0.5 * abs(made):
+        unit = plan.job.spec.axes[plan.axis].small_unit
+        yield Remark.error(
+            f"Beside this table acts {words}, which parts the directions by"
+            f" {1e3 * abs(made):.2g} {unit}, and readings that were taken with it off show"
+            f" {1e3 * abs(seen):.1g} {unit} between them: switch it off there, state it in active"
+            " if it was on, or fit it anew beside the table."
+        )
 
 
 def zero_at(

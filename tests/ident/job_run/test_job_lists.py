@@ -184,6 +184,45 @@ def test_axis_list_is_edited_and_its_backlash_switched_off(tmp_path: Path) -> No
     assert (tmp_path / "achsmds1.lis").read_text() == machine
 
 
+def test_entries_to_add_are_no_axis_list(tmp_path: Path) -> None:
+    # Copied over the controller's, it would lose limits, gains and all that acts.
+    laser(tmp_path / "laser.csv")
+    run_job(screw_job(tmp_path), tmp_path / "out")
+    added = tmp_path / "out" / "achsmds1.add.lis"
+    (tmp_path / "axis.lis").write_bytes(added.read_bytes())
+    path = screw_job(tmp_path, axis='machine_data = "axis.lis"')
+    with pytest.raises(JobError, match="found entries to add to an axis list"):
+        run_job(path, tmp_path / "again")
+
+
+@pytest.mark.parametrize(("width", "refused"), [(0.0, True), (0.008, False)])
+def test_backlash_of_the_axis_list_of_which_no_reading_shows_stops_a_table(
+    tmp_path: Path, width: float, refused: bool
+) -> None:
+    places = np.arange(0.0, 401.0, 20.0)
+    target = np.tile(np.concatenate([places, places[::-1]]), 3)
+    way = np.tile(np.repeat([1, -1], len(places)), 3)
+    run = np.repeat([1, 2, 3], 2 * len(places))
+    noise = 5e-4 * np.random.default_rng(2).standard_normal(len(run))
+    error = 0.012 * np.sin(target / 70.0) + width * (way < 0) + noise
+    rows = np.stack([target, error, run, way], axis=1)
+    np.savetxt(
+        tmp_path / "laser.csv", rows, "%.6f", ",", comments="",
+        header="X.position,X.error,run,X.direction",
+    )  # fmt: skip
+    machine = "kopf.achs_nr 1\nlr_param.anwahl_losekomp 1\ngetriebe[0].lose 80\n"
+    (tmp_path / "achsmds1.lis").write_text(machine)
+    (tmp_path / "job.toml").write_text(
+        '[axes.X]\nnumber = 1\nmachine_data = "achsmds1.lis"\n'
+        '[measurements.laser]\nfile = "laser.csv"\nactive = []\nremove = "none"\n'
+        '[[fits]]\ncompensation = "leadscrew"\naxis = "X"\nmeasurement = "laser"\nbilateral = false\n'
+        "start = 0.0\ninterval = 20.0\npoints = 21\n"
+    )
+    found = run_job(tmp_path / "job.toml", tmp_path / "out").fits[0]
+    said = [each.message for each in found.remarks if each.level == "error"]
+    assert any("parts the directions by 8 µm" in words for words in said) == refused
+
+
 def test_a_bilateral_fit_names_the_direction_without_readings(tmp_path: Path) -> None:
     laser(tmp_path / "laser.csv")
     head, *rows = (tmp_path / "laser.csv").read_text().splitlines()
