@@ -14,6 +14,8 @@ _JUMP = 0.5
 """Deviation of a time step from the cycle, in cycles, that starts a new piece."""
 _REST = 1e-3
 """Share of the highest speed below which an axis counts as standing, where none is stated."""
+_ONE = 1e-6
+"""Share of it by which speeds differ that are one."""
 _DIRECTION = 0.01
 """Share of the samples in motion that a direction needs to count as recorded."""
 
@@ -127,6 +129,10 @@ def check_samples(samples: DriveSamples) -> None:
         msg = "instruments: expected both velocity and acceleration, found one of them."
     elif not samples.velocity.any() or not samples.in_motion.any():
         msg = "the axis does not move in this recording: nothing is known of friction."
+    elif (
+        np.ptp(size := np.abs(samples.velocity[samples.in_motion])) <= _ONE * size.max()
+    ):
+        msg = "the axis moves at one speed only, expected several: friction is a law of speed."
     elif not samples.current.any():
         msg = "the current is 0 throughout, expected the drive's torque feedback."
     if msg:

@@ -339,6 +339,9 @@ def _course(
         return Course(runs if len(runs) > 1 else (), counted=counted)
     time, numbers = data.time[rows], np.arange(len(runs))
     low, high = (np.asarray(end(time, index, numbers)) for end in (minimum, maximum))
+    if (high <= low).all():
+        msg = f"axis {axis}: all readings have one time, expected a clock that runs for a drift."
+        raise FitError(msg)
     # A clock may stand still within a run.
     high = np.maximum(high, np.nextafter(low, np.inf))
     spans = tuple(zip(low.tolist(), high.tolist(), strict=True))

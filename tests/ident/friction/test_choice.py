@@ -199,6 +199,13 @@ def test_too_short_a_recording_cannot_be_held_out() -> None:
         choose_law(short)
 
 
+def test_a_recording_at_one_speed_is_refused() -> None:
+    time, zero = 1e-3 * np.arange(2000), np.zeros(2000)
+    one = DriveSamples(time, zero + 5.0, zero + 1.0, zero)
+    with pytest.raises(FitError, match="moves at one speed only"):
+        choose_law(one)
+
+
 def test_emps_inverse_fit_agrees_with_the_published_parameters() -> None:
     samples = emps()
     fit = fit_inverse(samples, CoulombViscous())

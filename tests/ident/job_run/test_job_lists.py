@@ -215,8 +215,8 @@ def test_backlash_of_the_axis_list_of_which_no_reading_shows_stops_a_table(
     (tmp_path / "job.toml").write_text(
         '[axes.X]\nnumber = 1\nmachine_data = "achsmds1.lis"\n'
         '[measurements.laser]\nfile = "laser.csv"\nactive = []\nremove = "none"\n'
-        '[[fits]]\ncompensation = "leadscrew"\naxis = "X"\nmeasurement = "laser"\nbilateral = false\n'
-        "start = 0.0\ninterval = 20.0\npoints = 21\n"
+        '[[fits]]\ncompensation = "leadscrew"\naxis = "X"\nmeasurement = "laser"\n'
+        "bilateral = false\nstart = 0.0\ninterval = 20.0\npoints = 21\n"
     )
     found = run_job(tmp_path / "job.toml", tmp_path / "out").fits[0]
     said = [each.message for each in found.remarks if each.level == "error"]

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from axcomp.ident.core import FitError
 from axcomp.ident.fit.joint import (
     Cross,
     JointData,
@@ -187,3 +188,11 @@ def test_a_short_log_with_a_missed_instant_is_fitted_as_one_without_a_clock() ->
         for clock in (time, None)
     )
     np.testing.assert_array_equal(one.standard_deviation, other.standard_deviation)
+
+
+def test_a_drift_needs_a_clock_that_runs() -> None:
+    place = np.tile(np.linspace(0.0, 100.0, 20), 3)
+    data = JointData({"X": place}, {"X": 1e-4 * place}, time=np.full(60, 5.0))
+    screw = Leadscrew("X", start=0.0, interval=20.0, points=6)
+    with pytest.raises(FitError, match="expected a clock that runs"):
+        fit_joint(data, [screw], drift=2)
