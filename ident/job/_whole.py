@@ -462,7 +462,7 @@ def _with_partner(
         elif twist and not fitted:
             words = (
                 f"{axis} and its gantry partner {partner} are moved up to {twist:.4g} mm"
-                f" apart by their lists, more than {axis} alone is moved. Fit {partner} as"
+                f" apart by their lists, more than half of what {axis} is moved. Fit {partner} as"
                 f' well ([[fits]] with axis = "{partner}"), unless its list was measured'
                 " on this machine."
             )

@@ -34,6 +34,8 @@ Column = Float[np.ndarray, " t"]
 _SURE = 3.0
 """Standard deviations of an rms figure of n readings, 1/√(2n) of it each, by which it may differ
 from another that is the same."""
+_TWISTED = 0.5
+"""Share of what an axis is moved that its gantry partner may be moved otherwise without a word."""
 _TURNED = 0.5
 """Norm of the sum of two tables, relative to that of their difference, below which they have
 opposite signs."""
@@ -313,8 +315,8 @@ def acts_against(partner: AxisLists, axis: AxisLists, name: str) -> tuple[bool, 
     """Return whether a gantry partner has a compensation turned over, and what it twists by.
 
     At the nodes of the axis and in both directions: both together are then less than half
-    of what lies between them. The twist is the largest difference in mm; 0 where one of
-    the two alone would twist by as much. What follows more than positions is not compared.
+    of what lies between them. The twist is the largest difference in mm; 0 where it is less
+    than half of what the axis is moved. What follows more than positions is not compared.
 
     Raises:
         ExchangeError: If a list makes no table.
@@ -337,4 +339,4 @@ def acts_against(partner: AxisLists, axis: AxisLists, name: str) -> tuple[bool, 
     total, difference = mine + theirs, mine - theirs
     turned = np.linalg.norm(total) < _TURNED * np.linalg.norm(difference)
     twist = float(np.abs(difference).max())
-    return bool(turned), twist if twist > np.abs(mine).max() else 0.0
+    return bool(turned), twist if twist > _TWISTED * np.abs(mine).max() else 0.0

@@ -264,20 +264,21 @@ def test_gantry_whose_partner_follows_another_axis_is_stopped(tmp_path: Path) ->
     assert gantry_gates(tmp_path) == [False]
 
 
-@pytest.mark.parametrize("more", [False, True])
+@pytest.mark.parametrize("size", [0.3, 0.003, None])
 def test_gantry_whose_partner_is_moved_otherwise_says_by_how_much(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: bool
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], size: float | None
 ) -> None:
+    # Ten times as far, a tenth as far; or alike, and by another list beside.
     gantry(tmp_path)
-    text = cross_list(number=4, master=1, size=0.03 if more else 0.3)
-    if more:
+    text = cross_list(number=4, master=1, size=size or 0.03)
+    if size is None:
         text += "kw.ssfk.unit 1\nkw.ssfk.interval 1000000\nkw.ssfk.kw_nr_max 2\n"
         text += "kw.ssfk.table[0].pos 0\nkw.ssfk.table[1].pos 300\n"
     (tmp_path / "achskw4.lis").write_text(text)
     assert fit(tmp_path, GANTRY.format(partner='list = "achskw4.lis"')) == 0
     said = " ".join(capsys.readouterr().out.split())
-    apart = "has leadscrew, and Y has not" if more else "mm apart by their lists"
-    assert apart in said
+    beside = "has leadscrew, and Y has not"
+    assert (beside if size is None else "mm apart by their lists") in said
 
 
 def gantry(folder: Path, size: float = 0.03, name: str = "line") -> None:
