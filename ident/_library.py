@@ -303,7 +303,7 @@ def fit(
     treated = {"drift": drift, "remove": remove, "datum": place}
     check_names(names, effects, active, constraints)
     stated = Stated(
-        effects, given, options, treated, tuple(active), names, constraints
+        effects, given, options, treated, active, names, constraints
     )  # fmt: skip
     way = cast("Literal['none', 'offset', 'line']", remove)
     recording = recording_of(stack, without_zero_of(stack, given, way))

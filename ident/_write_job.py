@@ -13,11 +13,13 @@ from ..data.measurements._units import LIBRARY_UNIT
 from ._job_text import job_text
 from ._readings import Friction
 from .core import FitError
-from .fit.joint import AbstractEffect, Temperature
+from .fit.joint import AbstractEffect, AbstractTable, Temperature
 
 if TYPE_CHECKING:
     from .job import JobResult
 
+_UNIT = 1e-4
+"""Unit of a list in mm or °: less is rounding."""
 _SIGNED = "# Fit.write writes over this file while it is as written: {}\n"
 """How a job ends: with the digest of what stands before."""
 
@@ -32,7 +34,7 @@ class Stated:
         readings: Arrays by role in mm, °, s, °C, before anything was taken off.
         options: Keys of each fit.
         treated: Keys of the measurement.
-        active: Names of effects that acted while measuring.
+        active: Models that acted while measuring, by name of the effect.
         names: Of the effects.
         constraints: What effects keep, by name: words, or a function.
     """
@@ -41,7 +43,7 @@ class Stated:
     readings: Mapping[str, np.ndarray]
     options: Mapping[str, Any]
     treated: Mapping[str, Any]
-    active: tuple[str, ...]
+    active: Mapping[str, Any]
     names: tuple[str, ...]
     constraints: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
@@ -149,6 +151,20 @@ def _refuse_half_active(stated: Stated, axes: Mapping[str, Mapping[str, Any]]) -
 
     for name, one in zip(stated.names, stated.effects, strict=True):
         path, step = (axes[one.axis].get(key) for key in ("list", "increment"))
+        if (
+            name in stated.active
+            and path is not None
+            and isinstance(one, AbstractTable)
+        ):
+            listed = load_model(path, increment=step).get(one.compensation)
+            acted = one.offsets(stated.active[name])
+            apart = 0.0 if listed is None else np.abs(one.offsets(listed) - acted).max()
+            if apart > _UNIT:
+                msg = (
+                    f"write: found a {one.compensation} in {path} that differs from the active"
+                    f" model of {name} by {apart:.2g} mm or °, expected the list that acted"
+                )
+                raise FitError(msg)
         if name in stated.active or one.compensation not in stated.active_kinds:
             continue
         if path is not None and one.compensation in load_model(path, increment=step):

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any, Literal
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -732,3 +733,13 @@ def test_writing_names_the_role_that_a_job_needs_and_no_file_of_its_own(
     )
     with pytest.raises(FitError, match=r"write: found no X\.position among the read"):
         found.write(tmp_path, axes={"X": 1})
+
+
+def test_a_list_that_is_not_what_was_active_is_refused(tmp_path: Path) -> None:
+    old = axcomp.fit([SCREW], along_x(0))["leadscrew"].model
+    other = eqx.tree_at(lambda model: model.pos, old, old.pos.at[4].add(0.03))
+    written = axcomp.AxisModels(1, {"leadscrew": other})
+    path = axcomp.write_lists(written, tmp_path)[0]
+    fit = axcomp.fit([SCREW], along_x(1), active={"leadscrew": old})
+    with pytest.raises(FitError, match="the active model of leadscrew by"):
+        fit.write(tmp_path / "out", lists={1: path})

@@ -27,6 +27,11 @@ from ._motion import (
     Crosstalk as Crosstalk,
     Delay as Delay,
 )
-from ._tables import Cross as Cross, Leadscrew as Leadscrew, Plane as Plane
+from ._tables import (
+    AbstractTable as AbstractTable,
+    Cross as Cross,
+    Leadscrew as Leadscrew,
+    Plane as Plane,
+)
 from ._temperature import LAWS as LAWS, Temperature as Temperature
 from ._words import Confusion as Confusion, Gauge as Gauge
