@@ -59,6 +59,7 @@ from ._motion import (
     smoothed_motion as smoothed_motion,
 )
 from ._noise import (
+    NORMAL as NORMAL,
     independent as independent,
     noise_of as noise_of,
     resolution as resolution,

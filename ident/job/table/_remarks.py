@@ -341,8 +341,9 @@ def _turn_remarks(draft: "TableDraft") -> Iterator[Remark]:
     """
     readings = draft.readings
     way = readings.direction
-    if len(readings.error) >= LOG or (way is not None and len(np.unique(way)) > 1):
+    if len(readings.error) >= LOG or draft.plan.table.branches == 2:
         return
+    known = way is not None and len(np.unique(way)) > 1
     order = np.argsort(readings.order, kind="stable")
     places, error = (
         readings.positions[order].round(6),
@@ -354,6 +355,8 @@ def _turn_remarks(draft: "TableDraft") -> Iterator[Remark]:
     for k in range(int(place.max(initial=-1)) + 1):
         at = np.flatnonzero(place == k)
         turn[at] = np.arange(len(at)) % 2
+    if way is not None and known:
+        turn = (way[order] < 0).astype(np.int64)
     cell = 2 * place + turn
     counts = np.bincount(cell, minlength=2 * (int(place.max(initial=-1)) + 1))
     if not counts.size or counts.min() < 2:
@@ -364,12 +367,19 @@ def _turn_remarks(draft: "TableDraft") -> Iterator[Remark]:
     apart = abs(float(np.mean(mean[::2] - mean[1::2])))
     if apart > max(_TURNED * scatter, TINY):
         unit = draft.job.spec.axes[draft.axis].small_unit
-        yield Remark.warning(
+        words = (
             f"Every second reading of a place lies {1e3 * apart:.2g} {unit} from the others"
             f" (those of a kind scatter by {1e3 * scatter:.2g} {unit}), as where an axis goes"
             " there and back: the table is the mean of both. State their direction"
             f' ("{draft.axis}.direction") with bilateral = true, or fit a backlash beside it.'
         )
+        if known:
+            words = (
+                f"Readings in + direction lie {1e3 * apart:.2g} {unit} from those in −"
+                f" direction (those of a kind scatter by {1e3 * scatter:.2g} {unit}): the table"
+                " is the mean of both. State bilateral = true, or fit a backlash beside it."
+            )
+        yield Remark.warning(words)
 
 
 def doubt_of_places(beyond: int, count: int) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from ....data.signals import resolution
+from ....data.signals import NORMAL, resolution
 
 _PLACE = 0.01
 """mm or °: readings that near to each other are of one place."""
@@ -132,11 +132,12 @@ def too_good(before: Sequence[Measured], after: Sequence[Measured]) -> bool:
     axes = sorted(set.intersection(*({*one.positions} for one in before)))
     places = _places(before, axes, all(one.direction is not None for one in before))
     error = np.concatenate([one.error for one in before])
-    rest = error - (np.bincount(places.at, error) / places.count)[places.at]
-    free = len(error) - len(places.count)
-    if free < _REPEATS:
+    # From one to the next at a place: what changes in the course of time is no scatter.
+    order = np.argsort(places.at, kind="stable")
+    steps = np.diff(error[order])[np.diff(places.at[order]) == 0]
+    if len(steps) < _REPEATS:
         return False
-    scatter = float(np.sqrt(rest @ rest / free))
+    scatter = NORMAL * float(np.median(np.abs(steps))) / np.sqrt(2.0)
     later = np.concatenate([one.error for one in after])
     # What is smaller than a step of the display shows as nothing.
     step = max(resolution(error), resolution(later))

@@ -457,7 +457,9 @@ def test_a_second_measurement_of_friction_says_what_shows_it(tmp_path: Path) -> 
     record(tmp_path)
     run(tmp_path)
     job = tmp_path / "job.toml"
-    after = job.read_text().replace('file = "', 'active = ["friction"]\nfile = "')
+    (tmp_path / "later").mkdir()
+    record(tmp_path / "later", load=OFFSET + 0.01)
+    after = job.read_text().replace('file = "', 'active = ["friction"]\nfile = "later/')
     (tmp_path / "after.toml").write_text(after)
     result = run_job(job, tmp_path / "out", after=tmp_path / "after.toml")
     warnings = [one.message for one in result.remarks if one.level == "warning"]

@@ -149,7 +149,7 @@ def test_standing_between_both_directions_hides_nothing() -> None:
 
 
 def test_motion_in_one_direction_is_refused() -> None:
-    position, velocity = np.linspace(0, 10, 100), np.full(100, 100.0)
+    position, velocity = np.linspace(0, 10, 100), np.linspace(50.0, 150.0, 100)
     samples = DriveSamples(CYCLE * np.arange(100), velocity, np.full(100, 2.0))
     with pytest.raises(FitError, match="found no reversal"):
         fit_reversal(samples, position, velocity)

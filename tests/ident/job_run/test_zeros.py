@@ -177,6 +177,22 @@ def test_a_mean_of_readings_there_and_back_is_told(tmp_path: Path, lost: float) 
     assert ("Every second reading of a place lies 8 µm from" in said) == (lost > 0.0)
 
 
+def test_lost_motion_under_a_table_for_both_directions_is_told(tmp_path: Path) -> None:
+    place, run = np.tile(NODES, 6), np.repeat(np.arange(6.0), len(NODES))
+    way = 1.0 - 2.0 * (run % 2)
+    seen = error(place) + 0.008 * (way < 0)
+    seen += 3e-4 * np.random.default_rng(4).normal(size=len(place))
+    table(tmp_path / "a.csv", "position,error,run,direction", place, seen, run, way)
+    path = job(tmp_path, {"a": "none"})
+    columns = '"X.position" = "position"'
+    text = path.read_text()
+    assert columns in text
+    path.write_text(text.replace(columns, f'{columns}\n"X.direction" = "direction"'))
+    (screw,) = run_job(path, tmp_path / "out").fits
+    said = " ".join(remark.message for remark in screw.remarks)
+    assert "Readings in + direction lie 8 µm from those in −" in said
+
+
 def test_beside_a_drift_the_constant_is_known_as_well_as_the_drift(
     tmp_path: Path,
 ) -> None:
