@@ -99,7 +99,7 @@ def result(job: Path) -> dict[str, Any]:
     return found
 
 
-def fitted(job: Path) -> dict[str, object]:
+def fitted(job: Path) -> dict[str, Any]:
     fits = result(job)["fits"]
     assert isinstance(fits, list)
     return dict(fits[0])
