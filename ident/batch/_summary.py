@@ -113,6 +113,7 @@ class Summary:
         rejected: Fits whose list must not be loaded.
         gate: Checks that failed, by name.
         unverified: Fits that passed and whose list lies in ``unverified/``.
+        no_gain: Of these, fits of which nothing shows that their list helps.
         verdicts: Fits by verdict; ``unproven``: computed, no measurement has settled
             the sign.
         spreads: Errors (rms) by ``compensation`` and ``unit``: ``count`` of the fits, and by
@@ -130,6 +131,7 @@ class Summary:
     rejected: int
     gate: dict[str, int]
     unverified: int
+    no_gain: int
     verdicts: dict[str, int]
     spreads: _Rows
     outliers: _Rows
@@ -167,13 +169,15 @@ def summarise(folder: Path, history: Sequence[Path] = ()) -> Summary:
     reasons = Counter(map(_plain_reason, rows.filter(~done)["reason"].to_pylist()))
     failed = filter(None, fits["gate_failed"].to_pylist())
     gate = Counter(itertools.chain.from_iterable(failed))
+    waiting = fits.filter(pc.field("passed") & ~pc.field("verified"))
     summary = Summary(
         jobs=len(rows["job"].unique()),
         failed=sum(reasons.values()),
         reasons=dict(reasons.most_common(20)),
         rejected=len(fits) - sum(map(bool, fits["passed"].to_pylist())),
         gate=dict(gate.most_common()),
-        unverified=len(fits.filter(pc.field("passed") & ~pc.field("verified"))),
+        unverified=len(waiting),
+        no_gain=sum("no_gain" in (why or ()) for why in waiting["reasons"].to_pylist()),
         verdicts=dict(Counter(filter(None, fits["verdict"].to_pylist()))),
         spreads=spreads,
         outliers=outliers,

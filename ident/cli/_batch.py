@@ -94,6 +94,12 @@ def _print(result: "BatchResult", out: Path) -> None:
             " in unverified/: computed; sign unproven. The conventions of their machines"
             " are only assumed. Verify them before loading."
         )
+    if summary.no_gain:
+        lines.append(
+            f"Of {count(summary.no_gain, 'list')} among them nothing shows yet that"
+            f" {'it helps' if summary.no_gain == 1 else 'they help'}: do not load"
+            f" {'it' if summary.no_gain == 1 else 'them'} (reasons: no_gain)."
+        )
     lines.append(
         f"{count(result.jobs, 'job')}, {result.failed} failed, {result.rejected} did not pass"
         f" ({result.seconds:.1f} s). Table: {out / 'results.parquet'}, summary:"

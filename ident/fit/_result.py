@@ -261,7 +261,7 @@ def doubt_of_curves(
     count = np.bincount(at, minlength=table.size)
     mean -= (np.bincount(at, mean, table.size) / np.maximum(count, 1))[at]
     along = np.lexsort([when[good][first], passed // table.size])
-    free = int((count[count > 0] - 1).sum()) - 2 * (int(run.max()))
+    free = int((count[count > 0] - 1).sum()) - 2 * int(run.max(initial=0))
     if free < _FEWEST:
         return none
     times = len(mean) / independent(mean[along])

@@ -4,8 +4,10 @@ import math
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from axcomp.ident.batch import query_results, run_batch
@@ -150,3 +152,27 @@ def test_the_process_that_looks_after_a_batch_needs_no_estimators() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert run.stdout.strip() == "set()"
+
+
+def test_lists_of_which_nothing_shows_that_they_help_are_counted(
+    tmp_path: Path,
+    fleet: Callable[[Path, int], list[str]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    names = fleet(tmp_path / "jobs", 2)
+    scatter = tmp_path / "jobs" / f"{names[1]}.csv"
+    head, *rows = scatter.read_text().splitlines()
+    noise = np.random.default_rng(1).standard_cauchy(len(rows))
+    lines = [row.split(",") for row in rows]
+    for line, error in zip(lines, noise, strict=True):
+        line[1] = f"{error:.3f}"
+    scatter.write_text("\n".join([head, *map(",".join, lines)]))
+    job, out = str(tmp_path / "jobs" / "*.toml"), str(tmp_path / "out")
+    main(["batch", job, "--out", out, "--workers", "1"])
+    said = " ".join(capsys.readouterr().err.split())
+    assert "2 lists lie in unverified/" in said
+    assert (
+        "Of 1 list among them nothing shows yet that it helps: do not load it" in said
+    )
+    page = (tmp_path / "out" / "summary.html").read_text()
+    assert "Of 1 of them nothing shows yet that" in page
