@@ -82,10 +82,19 @@ def _write(
     """Write the job that fits what was found, and say what else it states."""
     from ..job import found_keys, job_with_fits, write_atomically
 
-    write_atomically(write, job_with_fits(job, observation, discovery).encode())
+    untold = [
+        item.sentence
+        for item in discovery.unexplained
+        if item.verdict == "the data cannot tell"
+    ]
+    doubts = "".join(f"# {sentence} {_HELD}\n" for sentence in untold)
+    text = doubts + job_with_fits(job, observation, discovery)
+    write_atomically(write, text.encode())
     count = len(discovery.found)
     fits = "one fit" if count == 1 else f"{count} fits"
     print_line(console, f"Job with {fits}: {write}")
+    if untold:
+        print_line(console, f"Warning: {untold[0]} {_HELD}")
     for name, keys in found_keys(job, observation, discovery).items():
         for key, value in keys.items():
             does = f"states {key} = {json.dumps(value)}"
@@ -95,6 +104,7 @@ def _write(
             print_line(console, f"It {does} of measurement {name}: {why}")
 
 
+_HELD = "Until that is known the lists of this job may hold a part of it."
 _NUMBERS = ("rms", "share", "stability")
 _WHY = {
     "drift": "the error wanders in time, which no compensation is made of.",

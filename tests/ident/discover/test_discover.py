@@ -510,6 +510,9 @@ def test_a_shift_that_may_be_a_drift_is_told_beside_a_growth_that_may_not(
     assert main(["discover", str(tmp_path / "job.toml"), "--write", str(new)]) == 1
     said = capsys.readouterr().out
     assert DOUBT in said
+    # Who runs the written job a month later reads it there.
+    assert "the lists of this job may hold a part of it" in " ".join(said.split())
+    assert new.read_text().startswith(f"# T{DOUBT}")
     # The growth along the axis is no drift: the temperature is found.
     assert "temperature of X: " in said
     fits = run_job(new, tmp_path / "out").fits
