@@ -508,10 +508,10 @@ def test_a_shift_that_may_be_a_drift_is_told_beside_a_growth_that_may_not(
     growing(tmp_path, np.arange(300) // 60, noise)
     new = tmp_path / "new.toml"
     assert main(["discover", str(tmp_path / "job.toml"), "--write", str(new)]) == 1
-    said = capsys.readouterr().out
+    said, beside = capsys.readouterr()
     assert DOUBT in said
     # Who runs the written job a month later reads it there.
-    assert "the lists of this job may hold a part of it" in " ".join(said.split())
+    assert "the lists of this job may hold a part of it" in " ".join(beside.split())
     assert new.read_text().startswith(f"# T{DOUBT}")
     # The growth along the axis is no drift: the temperature is found.
     assert "temperature of X: " in said
