@@ -177,7 +177,14 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     words = _diagnosis_of(fit.again)
     if fit.judgement.verdict is not Verdict.REJECTED:
         file, date = fit.again.source["file"], fit.again.source["date"]
-        return f"Not verified by a second measurement ({file}, {date}){words}."
+        readings, slope = fit.again.readings, ""
+        if readings is not None and readings.sloped:
+            over = " and ".join(readings.sloped)
+            slope = (
+                f' It shows no slope over {over} (remove = "line"), which may be all that the'
+                " list adds: what is left is no proof."
+            )
+        return f"Not verified by a second measurement ({file}, {date}){words}.{slope}"
     does = _DOES[str(reason.fields["verdict"])]
     return f"Take the list out again: {does}{words}; {_again(fit, scale)}."
 
