@@ -82,19 +82,15 @@ def _write(
     """Write the job that fits what was found, and say what else it states."""
     from ..job import found_keys, job_with_fits, write_atomically
 
-    untold = [
-        item.sentence
-        for item in discovery.unexplained
-        if item.verdict == "the data cannot tell"
-    ]
-    doubts = "".join(f"# {sentence} {_HELD}\n" for sentence in untold)
-    text = doubts + job_with_fits(job, observation, discovery)
+    doubts = [f"{part.sentence} {_HELD}" for part in discovery.confused]
+    above = "".join(f"# {doubt}\n" for doubt in doubts)
+    text = above + job_with_fits(job, observation, discovery)
     write_atomically(write, text.encode())
     count = len(discovery.found)
     fits = "one fit" if count == 1 else f"{count} fits"
     print_line(console, f"Job with {fits}: {write}")
-    if untold:
-        print_line(console, f"Warning: {untold[0]} {_HELD}")
+    if doubts:
+        print_line(console, f"Warning: {doubts[0]}")
     for name, keys in found_keys(job, observation, discovery).items():
         for key, value in keys.items():
             does = f"states {key} = {json.dumps(value)}"

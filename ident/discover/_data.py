@@ -226,6 +226,12 @@ class Discovery:
         return cls(*map(tuple, entries))
 
     @property
+    def confused(self) -> tuple[Unexplained, ...]:
+        """What the data show and cannot tell apart."""
+        doubt: Verdict = "the data cannot tell"
+        return tuple(part for part in self.unexplained if part.verdict == doubt)
+
+    @property
     def told(self) -> bool:
         """Whether the data tell apart all that they show."""
-        return all(part.verdict != "the data cannot tell" for part in self.unexplained)
+        return not self.confused

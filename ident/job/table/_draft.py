@@ -184,15 +184,14 @@ class TableDraft(AbstractDraft):
         branch = plan.branch(readings.direction)
         added = table.offset(table.model(self.integers), readings.positions, branch)
         added = added - plan.acted(readings.positions, branch)
-        before: float | None = None
-        sloped = "line" in _removed(tables.job, fit)
-        if sloped:  # no reading shows a slope
+        before, sloped = None, tuple[str, ...]()
+        if "line" in _removed(tables.job, fit):  # no reading shows a slope
             added = without_zero(added, [*readings.positions.T], "line")
-            old = self.readings
-            level = without_zero(old.error, [*old.positions.T], "line")
-            sound = level[~wild_readings(level)]
-            before = float(np.sqrt(np.mean(np.square(sound))))
-        sloped &= "line" not in _removed(self.job, self.fit)
+            if "line" not in _removed(self.job, self.fit):
+                old, sloped = self.readings, tuple(fit.over)
+                level = without_zero(old.error, [*old.positions.T], "line")
+                sound = level[~wild_readings(level)]
+                before = float(np.sqrt(np.mean(np.square(sound))))
         error = readings.error - zero_at(readings, datum, table)
         turn = None if table.modulo is None else float(np.diff(table.modulo)[0])
         ways = set() if readings.direction is None else set(readings.direction.tolist())
@@ -216,8 +215,8 @@ class TableDraft(AbstractDraft):
             gap=None
             if turn
             else gap_of(fit.over, self.readings.positions, readings.positions),
-            sloped=tuple(fit.over) if sloped else (),
-            before=before if sloped else None,
+            sloped=sloped,
+            before=before,
             way=ways.pop() if self._bilateral and len(ways) == 1 else None,
         )
 
