@@ -140,7 +140,7 @@ _ALIASES = {
         "deg": "degree degrees grad",
         "mdeg": "0.001deg millidegree millidegrees",
         "arcmin": "arcminutes arcmins arc-min minutesofarc Winkelminuten Bogenminuten",
-        "arcsec": "arcseconds arcsecs arc-sec asec secondsofarc '' ″ Winkelsekunden"
+        "arcsec": "arcseconds arcsecs arcs arc-sec asec secondsofarc '' ″ Winkelsekunden"
         " Bogensekunden",
         "um": "micron microns micrometer micrometre micrometers micrometres Mikrometer"
         " 0.001mm",

@@ -352,11 +352,12 @@ def _angles(table: Table, named: Sequence[_Named], home: str) -> set[str]:
     places = [(each.axis, each.column) for each in named if each.kind in _PLACES]
     if not any(each.kind in _WITH_PLACE for each in named):
         places = [(home, column) for column in _free(table, named)[:1]]
-    return {
-        axis or home
-        for axis, column in places
-        if (unit := find_unit(column.unit or "")) and unit.dimension == "angle"
-    }
+    return {axis or home for axis, column in places if _is_angle(column)}
+
+
+def _is_angle(column: Column) -> bool:
+    unit = find_unit(column.unit or "")
+    return unit is not None and unit.dimension == "angle"
 
 
 def _advised(table: Table, home: str, owner: str, *, turns: bool) -> list[Unclear]:
@@ -565,7 +566,8 @@ def _owner(
     """Return the axis of an error whose column names none, and whether anybody has.
 
     Where other axes moved it is one that did not: what a straightedge or a probe shows. Of a
-    single axis that has targets it is the deviation from them.
+    single axis that has targets it is the deviation from them, and an angle that of the axis
+    that turned.
     """
     known = [each.axis for each in named if each.axis is not None]
     if axes:
@@ -574,6 +576,9 @@ def _owner(
     words = words_in(each.column.name for each in named)
     straight = table.across or words & _STRAIGHT
     if len(targets) == 1 and not straight and words & _TARGETS:
+        return home
+    kinds = {each.kind for each in named if _is_angle(each.column)}
+    if len(targets) == 1 and {"position", "error"} <= kinds:
         return home
     if table.across:
         known.append(home[0])

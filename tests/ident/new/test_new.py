@@ -744,6 +744,16 @@ def test_the_deviation_from_targets_of_one_axis_is_its_own(tmp_path: Path) -> No
     assert "[axes.Y]" not in text
 
 
+@pytest.mark.parametrize("unit", ["arcsec", "arcs", "''"])
+def test_an_angle_over_one_rotary_axis_is_its_own_error(
+    tmp_path: Path, unit: str
+) -> None:
+    rows = "".join(f"{20 * k};{k % 5}\n" for k in range(18))
+    text = new(tmp_path, f"Position C [°];Abweichung [{unit}]\n{rows}").read_text()
+    assert 'compensation = "leadscrew"\naxis = "C"' in text
+    assert "[axes.Y]" not in text
+
+
 def test_an_error_beside_places_in_inches_may_be_in_inches(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
