@@ -370,8 +370,8 @@ def _turn_remarks(draft: "TableDraft") -> Iterator[Remark]:
         words = (
             f"Every second reading of a place lies {1e3 * apart:.2g} {unit} from the others"
             f" (those of a kind scatter by {1e3 * scatter:.2g} {unit}), as where an axis goes"
-            " there and back: the table is the mean of both. State their direction"
-            f' ("{draft.axis}.direction") with bilateral = true, or fit a backlash beside it.'
+            " there and back: the table is the mean of both. State bilateral = true"
+            f' and their direction ("{draft.axis}.direction"), or fit a backlash beside it.'
         )
         if known:
             words = (
