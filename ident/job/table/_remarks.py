@@ -39,6 +39,8 @@ _MOVED = 0.5
 _TURNED = 3.0
 """Scatters of the readings of a kind from which every second one is of the other direction."""
 
+_WIDE = 0.75
+"""Share of the distance of nodes that readings may lie apart, and nodes be too far apart."""
 SEEN, TINY = 5.0, 1e-3
 """Deviations of a reading, and mm or °, by which a table changes beyond its readings unsaid."""
 
@@ -80,6 +82,7 @@ def fit_remarks(
     yield from _log_remarks(draft)
     yield from _copies(draft)
     yield from _turn_remarks(draft)
+    yield from _wide_nodes(draft)
     for name, nodes in zip(draft.fit.over, draft.plan.table.nodes, strict=True):
         limits, (low, high) = draft.job.spec.axes[name].limits, nodes.positions[[0, -1]]
         if limits is None or draft.plan.table.periodic:
@@ -380,6 +383,40 @@ def _turn_remarks(draft: "TableDraft") -> Iterator[Remark]:
                 " is the mean of both. State bilateral = true, or fit a backlash beside it."
             )
         yield Remark.warning(words)
+
+
+def _wide_nodes(draft: "TableDraft") -> Iterator[Remark]:
+    """Return a doubt where readings that repeat lie beside the table, between its nodes."""
+    readings, fit, table = draft.readings, draft.estimate, draft.plan.table
+    keep = np.isfinite(fit.residual) & ~fit.wild
+    if len(readings.error) >= LOG or not keep.any():
+        return
+    positions, left = readings.positions[keep].round(6), np.asarray(fit.residual)[keep]
+    branch = draft.plan.branch(readings.direction)
+    columns = [positions] if branch is None else [positions, branch[keep, None]]
+    _, cell, counts = np.unique(
+        np.hstack(columns), axis=0, return_inverse=True, return_counts=True
+    )
+    cell = cell.reshape(-1)
+    # Nodes that take up each place can miss none of them.
+    if len(counts) <= np.sum(fit.support > 0) or len(left) < 2 * len(counts):
+        return
+    mean = np.bincount(cell, left) / counts
+    variance = float(np.sum((left - mean[cell]) ** 2)) / (len(left) - len(counts))
+    square = float(counts @ mean**2 - variance * len(counts)) / len(left)
+    if square <= max(variance, TINY**2):
+        return
+    unit = draft.job.spec.axes[draft.axis].small_unit
+    for k, (name, nodes) in enumerate(zip(draft.fit.over, table.nodes, strict=True)):
+        gap = float(np.median(np.diff(np.unique(positions[:, k]))))
+        wide = float(np.median(np.diff(nodes.positions)))
+        if gap < _WIDE * wide:
+            yield Remark.warning(
+                f"Readings of a place repeat within {1e3 * variance**0.5:.2g} {unit}, and the"
+                f" table misses their means by {1e3 * square**0.5:.2g} {unit} rms: along"
+                f" {name} its nodes lie {wide:.4g} apart, the readings {gap:.4g}. Closer nodes"
+                " follow them."
+            )
 
 
 def doubt_of_places(beyond: int, count: int) -> str:

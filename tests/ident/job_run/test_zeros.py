@@ -177,6 +177,27 @@ def test_a_mean_of_readings_there_and_back_is_told(tmp_path: Path, lost: float) 
     assert ("Every second reading of a place lies 8 µm from" in said) == (lost > 0.0)
 
 
+@pytest.mark.parametrize(("interval", "told"), [(50.0, False), (100.0, True)])
+def test_nodes_too_far_apart_for_readings_that_repeat_are_told(
+    tmp_path: Path, interval: float, told: bool
+) -> None:
+    laser(tmp_path / "a.csv", [0.0] * 3, 5)
+    columns = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
+    place, run = columns["position"], columns["run"]
+    # From place to place the pitch errs by ±4 µm: no table of every second one follows.
+    seen = columns["error"] + np.where(place % 100.0 > 1.0, 0.004, -0.004)
+    table(tmp_path / "a.csv", "position,error,run", place, seen, run)
+    path = job(tmp_path, {"a": "none"})
+    grid = f"interval = {interval}\npoints = {int(600 / interval) + 1}"
+    text = path.read_text().replace("interval = 50.0\npoints = 13", grid)
+    path.write_text(text + "smoothness = 0\n")
+    (screw,) = run_job(path, tmp_path / "out").fits
+    said = " ".join(remark.message for remark in screw.remarks)
+    wide = "along X its nodes lie 100 apart, the readings 50. Closer nodes follow them."
+    assert (wide in said) == told
+    assert ("Readings of a place repeat within 0." in said) == told
+
+
 def test_lost_motion_under_a_table_for_both_directions_is_told(tmp_path: Path) -> None:
     place, run = np.tile(NODES, 6), np.repeat(np.arange(6.0), len(NODES))
     way = 1.0 - 2.0 * (run % 2)
