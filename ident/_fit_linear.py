@@ -77,8 +77,9 @@ def fit_linear(
 
     Args:
         model: A model, or a tuple, list or dictionary of models: a stack. Its arrays are
-            fitted, except the positions of nodes; their values do not matter. A constant
-            error is an array of the tree, too; numbers that are no arrays stay.
+            fitted, except the positions of nodes and the scaling of a friction table; their
+            values do not matter. A constant error is an array of the tree, too; numbers that
+            are no arrays stay.
         predict: ``predict(model, inputs)``, linear in the arrays of the model.
         inputs: Arrays, or a tree of them, in mm, °, °C as the models take them.
         measured: Readings in the unit of the predictions.
@@ -104,7 +105,7 @@ def fit_linear(
     if solver is not None and not isinstance(solver, lx.AbstractLinearSolver):
         msg = f"solver: found {solver!r}, expected one of lineax, made"
         raise FitError(msg)
-    params, rest = eqx.partition(model, fitted_arrays(model, None))
+    params, rest = eqx.partition(model, _linear_arrays(model))
     form, readings = Form.of(params), readings_of(measured)
     smooth = _weights_by_table(model, smoothness)
     problem = _Problem(
@@ -136,6 +137,17 @@ _EXPECTED = (
     "found predictions that are not linear in the arrays of the model; fit_model takes them",
 )
 """What holds of a fit, in the order in which it is looked at."""
+
+
+def _linear_arrays(model: Any) -> Any:
+    """Return the filter of the arrays to fit: a scaling multiplies the entries beside it."""
+
+    def scalings(tree: Any) -> list[Any]:
+        leaves = jax.tree.leaves(tree, is_leaf=lambda x: isinstance(x, FrictionTable))
+        return [leaf.scaling for leaf in leaves if isinstance(leaf, FrictionTable)]
+
+    chosen = fitted_arrays(model, None)
+    return eqx.tree_at(scalings, chosen, replace_fn=lambda _: False)
 
 
 def _weights_by_table(

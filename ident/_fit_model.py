@@ -164,12 +164,7 @@ def fit_model(
                 start, code, more = _by_ipopt(problem, start, sigma, max_steps)
             else:
                 start, code, more = _by_optimistix(
-                    problem,
-                    start,
-                    sigma,
-                    solver,
-                    max_steps,
-                    _RESTARTS if bounds is not None else 1,
+                    problem, start, sigma, solver, max_steps, bounds is not None
                 )
             before = sigma
             found = _report(problem, start, sigma, known, blocks, count)
@@ -288,14 +283,31 @@ def _scaled(
     return _full(numbers.values(x), (problem, noise)) / numbers.length
 
 
-@eqx.filter_jit
 def _by_optimistix(
     problem: _Problem,
     start: Float[Array, " p"],
     noise: Float[Array, ""],
     solver: Any,
     max_steps: int,
-    passes: int,
+    limited: bool,
+) -> tuple[Float[Array, " p"], Int[Array, ""], Int[Array, ""]]:
+    passes, steps = _RESTARTS if limited else 1, jnp.zeros((), jnp.int64)
+    most, code = max(max_steps // passes, 1), jnp.asarray(STATUSES.index("failed"))
+    for _ in range(passes):
+        # The solution is that of the last pass, wherever it began.
+        begun = jax.lax.stop_gradient(start)
+        start, code, more = _solved(problem, begun, noise, solver, most)
+        steps += more
+    return start, code, steps
+
+
+@eqx.filter_jit
+def _solved(
+    problem: _Problem,
+    start: Float[Array, " p"],
+    noise: Float[Array, ""],
+    solver: Any,
+    max_steps: int,
 ) -> tuple[Float[Array, " p"], Int[Array, ""], Int[Array, ""]]:
     outcomes = {
         "converged": optx.RESULTS.successful,
@@ -306,42 +318,35 @@ def _by_optimistix(
     def residual(values: Float[Array, " p"]) -> Float[Array, " r"]:
         return _full(values, (problem, noise))
 
-    def once(start: Float[Array, " p"], _: None) -> tuple[Array, tuple[Array, Array]]:
-        numbers = Scaled.of(residual, start, problem.limits)
-        found: optx.Solution[Any, Any] = optx.least_squares(
-            _scaled,
-            solver,
-            jnp.zeros_like(start),
-            args=(problem, noise, numbers),
-            # What stands on a limit has no slope: the derivative is that of the others.
-            adjoint=optx.ImplicitAdjoint(lx.AutoLinearSolver(well_posed=False)),
-            max_steps=max(max_steps // passes, 1),
-            throw=False,
-        )
-        values = numbers.values(found.value)
-        code = jnp.asarray(STATUSES.index("failed"))
-        for status, outcome in outcomes.items():
-            code = jnp.where(found.result == outcome, STATUSES.index(status), code)
-        still = jax.lax.stop_gradient(values)
-        off, design = residual(still), jax.jacfwd(residual)(still)
-        slope, left = off @ design, jnp.linalg.norm(off)
-        inside = (values > numbers.limits[0]) & (values < numbers.limits[1])
-        steep = jnp.abs(slope) > _STEEP * left * jnp.linalg.norm(design, axis=0)
-        # Of an exact fit rounding alone is left, which has any slope.
-        early = jnp.any(steep & inside) & (left > _EXACT * problem.length)
-        early &= code == STATUSES.index("converged")
-        code = jnp.where(early, STATUSES.index("failed"), code)
-        rests = numbers.at_rest(still, slope)
-        code = jnp.where(rests, code, STATUSES.index("max_steps"))
-        finite = jnp.all(jnp.isfinite(slope))
-        code = jnp.where(finite, code, STATUSES.index("not_finite"))
-        return values, (code, jnp.asarray(found.stats["num_steps"]))
-
-    if passes == 1:
-        values, (code, steps) = once(start, None)
-        return values, code, steps
-    values, (codes, steps) = jax.lax.scan(once, start, length=passes)
-    return values, codes[-1], jnp.sum(steps)
+    numbers = Scaled.of(residual, start, problem.limits)
+    found: optx.Solution[Any, Any] = optx.least_squares(
+        _scaled,
+        solver,
+        jnp.zeros_like(start),
+        args=(problem, noise, numbers),
+        # What stands on a limit has no slope: the derivative is that of the others.
+        adjoint=optx.ImplicitAdjoint(lx.AutoLinearSolver(well_posed=False)),
+        max_steps=max_steps,
+        throw=False,
+    )
+    values = numbers.values(found.value)
+    code = jnp.asarray(STATUSES.index("failed"))
+    for status, outcome in outcomes.items():
+        code = jnp.where(found.result == outcome, STATUSES.index(status), code)
+    still = jax.lax.stop_gradient(values)
+    off, design = residual(still), jax.jacfwd(residual)(still)
+    slope, left = off @ design, jnp.linalg.norm(off)
+    inside = (values > numbers.limits[0]) & (values < numbers.limits[1])
+    steep = jnp.abs(slope) > _STEEP * left * jnp.linalg.norm(design, axis=0)
+    # Of an exact fit rounding alone is left, which has any slope.
+    early = jnp.any(steep & inside) & (left > _EXACT * problem.length)
+    early &= code == STATUSES.index("converged")
+    code = jnp.where(early, STATUSES.index("failed"), code)
+    rests = numbers.at_rest(still, slope)
+    code = jnp.where(rests, code, STATUSES.index("max_steps"))
+    finite = jnp.all(jnp.isfinite(slope))
+    code = jnp.where(finite, code, STATUSES.index("not_finite"))
+    return values, code, jnp.asarray(found.stats["num_steps"])
 
 
 @eqx.filter_jit

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import ClassVar, Literal, final
 
 import numpy as np
+from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from ..data.measurements import (
@@ -184,8 +185,11 @@ def _filled(given: ArrayLike, role: str) -> np.ndarray:
     """Return an array, what is masked in it as NaN: a reading that was missed.
 
     Raises:
-        FitError: If a run is masked.
+        FitError: If a run is masked, or values are traced.
     """
+    if isinstance(given, Tracer):
+        msg = f"{role}: found traced values, expected numbers: fit_linear is differentiable"
+        raise FitError(msg)
     if not np.ma.is_masked(given):
         return np.asarray(given)
     if role == "run":

@@ -13,7 +13,14 @@ from jaxtyping import Array, Float
 import axcomp
 from axcomp.ident._linear_solver import Arrow, ArrowCholesky
 from axcomp.ident.core import FitError, one_blas_thread
-from axcomp.models import Backlash, EquidistantNodes, Leadscrew, Plane, Setpoints
+from axcomp.models import (
+    Backlash,
+    EquidistantNodes,
+    FrictionTable,
+    Leadscrew,
+    Plane,
+    Setpoints,
+)
 
 COUNT = 160
 RNG = np.random.default_rng(2)
@@ -144,6 +151,15 @@ def test_a_stack_is_fitted_by_name() -> None:
         axcomp.fit_linear(
             stack, both, place, holes, smoothness={"screws": 1.0}, weights=0.0
         )
+
+
+def test_the_scaling_of_a_friction_table_is_not_fitted_beside_its_entries() -> None:
+    speed = np.random.default_rng(1).uniform(2.0, 199.0, 200)
+    table = FrictionTable(Setpoints(np.array([1.0, 50.0, 200.0])), np.ones(3), 0.5)
+    found = axcomp.fit_linear(table, FrictionTable.__call__, speed, 1.0 + 0.01 * speed)
+    # Exact data: rounding.
+    np.testing.assert_allclose(found.values, [2.02, 3.0, 6.0], atol=1e-8)
+    assert float(found.scaling) == 0.5
 
 
 def test_what_readings_do_not_determine_is_refused() -> None:

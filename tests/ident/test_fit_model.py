@@ -202,6 +202,16 @@ def test_a_fit_is_differentiable() -> None:
     assert float(by_weight) == pytest.approx(change, rel=1e-5)
 
 
+def test_second_derivatives_within_limits_are_those_without() -> None:
+    def rate(push: Any, bounds: Any = None) -> Array:
+        return decay(READINGS.at[7].add(push), bounds=bounds).model.rate
+
+    limits = {"rate": (0.01, 10.0), "levels": (-5.0, 5.0)}
+    bent = jax.hessian(rate)(0.0)
+    # No limit is active; what passes before the last one leave is the tolerance of a solve.
+    assert float(jax.hessian(rate)(0.0, limits)) == pytest.approx(float(bent), rel=1e-4)
+
+
 def test_what_rests_on_a_limit_stays_there_under_a_derivative() -> None:
     def level(readings: Float[Array, " t"]) -> Array:
         return decay(readings, bounds={"rate": (None, 0.7)}).model.levels[1]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import lineax as lx
 import numpy as np
@@ -84,6 +85,12 @@ def drive() -> dict[str, Any]:
                 [SCREW], along_x() | {"run": np.ma.masked_less(RUNS, 1)}
             ),
             "run: found masked rows",
+        ),
+        (
+            lambda: jax.grad(
+                lambda e: axcomp.fit([SCREW], along_x() | {"X.error": e}).noise["X"]
+            )(jnp.asarray(along_x()["X.error"])),
+            "X.error: found traced values, expected numbers: fit_linear is",
         ),
         (lambda: axcomp.Leadscrew("X", setpoints=[0.0, 200.0, np.inf]), "two nodes"),
         (
