@@ -19,7 +19,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._columns import Columns, Design
-from ._evidence import Groups, gram_of, robust_groups, scatter_of, weights_about
+from ._evidence import (
+    Groups,
+    gram_of,
+    independent,
+    robust_groups,
+    scatter_of,
+    weights_about,
+)
 from ._terms import HEAT, Term
 from ._view import AxisView, some_of
 
@@ -54,7 +61,9 @@ def look_at(
     rows = some_of(len(error), _MOST)
     some = design.columns[rows], design.slices, error[rows]
     groups = robust_groups(*some, lambda size: 0.05 * columns.view.least(size))
-    columns.weight = weights_about(error - design.columns @ groups.values)
+    left = error - design.columns @ groups.values
+    share = independent(left, columns.view.sources)
+    columns.weight = share * weights_about(left)
     return design, rows, groups
 
 

@@ -8,6 +8,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from axcomp.ident.cli import main
 from axcomp.ident.discover import Discovery, discover
@@ -56,6 +57,26 @@ def test_where_nothing_drifts_no_drift_is_told(virtual: ModuleType) -> None:
     found = found_in(virtual, 0.0)
     assert [one.compensation for one in found.found] == ["leadscrew", "backlash"]
     assert found.drifts == ()
+
+
+def test_noise_that_remembers_for_seconds_is_no_drift(virtual: ModuleType) -> None:
+    motion = virtual.motion(3, axes="X", duration=1100.0, rows=15_000)
+    innovation = np.random.default_rng(2).normal(size=15_000)
+    keep = np.exp(-1.0 / 40.0)  # for three seconds
+    air = lfilter([8e-4 * np.sqrt(1.0 - keep**2)], [1.0, -keep], innovation)
+    effects = {
+        "X": [
+            virtual.reversal("X", 0.006),
+            virtual.heat("X", ("frame", 4e-3), ("frame", 15e-6)),
+            lambda _: air,
+        ]
+    }
+    found = discover(virtual.observe(motion, effects, 4, drift=0.0), ("X",))
+    names = {one.compensation: one for one in found.found}
+    assert names.keys() == {"temperature", "backlash"}
+    # Offset and coefficient: none of both is left to a drift.
+    assert names["temperature"].keys == {"sensor": "frame"}
+    assert (found.drifts, found.unexplained) == ((), ())
 
 
 def test_without_times_or_with_runs_no_drift_is_told(virtual: ModuleType) -> None:
