@@ -106,13 +106,13 @@ class _Axis:
                 f"What acts on {self.name} cannot be judged as a whole: {error}. Mend that"
                 " entry, or switch its compensation off in the axis list (machine_data)."
             )
-            return self._whole(fitted, (), {}, (), [Remark.error(words)])
+            return self._whole(fitted, (), (), (), [Remark.error(words)])
         # One fit alone: its gate is that of the axis.
         draft = next(d for d in self.drafts if d.compensation in names)
         where = f"{draft.compensation}, in all, where it comes or goes"
         check = self.job.limits.check("max_jump", draft.jump, self.unit, where)
-        values = {line.name: line.value for line in self.files.gates[draft.index]}
-        return self._whole((draft.compensation,), (check,), values, (), [])
+        lines = (*self.files.gates[draft.index], check)
+        return self._whole((draft.compensation,), (check,), lines, (), [])
 
     def _together(self, loaded: AxisLists, names: tuple[str, ...]) -> WholeAxis:
         """Return an axis on which several compensations act.
@@ -123,12 +123,11 @@ class _Axis:
         lines, jumps = judge_workspace(loaded, self._travel(), self.job.limits)
         remarks = [*self._abrupt(loaded, jumps), *self._hasty(loaded, lines)]
         readings = self._readings(loaded, names, remarks)
-        values = {c.name.removeprefix("axis "): c.value for c in lines}
         checks = (*lines, *(reading.check(self.unit) for reading in readings))
         remarks += [
             self._doubled(reading, names) for reading in readings if not reading.passed
         ]
-        return self._whole(names, checks, values, readings, remarks)
+        return self._whole(names, checks, lines, readings, remarks)
 
     def _abrupt(
         self, loaded: AxisLists, jumps: Mapping[str, float]
@@ -176,7 +175,7 @@ class _Axis:
         self,
         names: tuple[str, ...],
         checks: tuple[GateCheck, ...],
-        values: Mapping[str, float],
+        lines: Sequence[GateCheck],
         readings: Sequence[Together],
         remarks: list[Remark],
     ) -> WholeAxis:
@@ -201,12 +200,7 @@ class _Axis:
         return WholeAxis(
             axis=name,
             compensations=names,
-            largest_offset=values.get("max_correction", float("nan")),
-            slope=1e-3 * values.get("max_slope", float("nan")),
-            kink=values.get("max_kink", float("nan")),
-            velocity=values.get("max_velocity", float("nan")),
-            acceleration=values.get("max_acceleration", float("nan")),
-            jump=float("nan") if jump is None else jump.value,
+            sizes={line.name.removeprefix("axis "): line.value for line in lines},
             error={
                 f"{one.measurement}, {' and '.join(one.fitted)}": {
                     stage: getattr(one, stage) for stage in stages
@@ -471,10 +465,11 @@ def _with_partner(
         check = gate_check("gantry", wrong, 0.0, "lists missing", where)
         remarks = whole.remarks if doubt is None else (*whole.remarks, doubt)
         if advice:
+            largest = whole.sizes.get("max_correction", np.nan)
             words = (
                 f"{partner} is the gantry partner of {axis} and"
                 f"{where.removeprefix(partner)}: one of the two alone would twist the"
-                f" gantry by up to {whole.largest_offset:.4g} mm. {advice}"
+                f" gantry by up to {largest:.4g} mm. {advice}"
             )
             remarks = (*remarks, Remark.error(words))
         whole = dataclasses.replace(whole, gate=(*whole.gate, check), remarks=remarks)

@@ -20,40 +20,40 @@ if TYPE_CHECKING:
     from ..joint import GroupResult
 
 
+_SIZES = {
+    "largest_offset": ("max_correction", 1.0),
+    "slope": ("max_slope", 1e-3),
+    "kink": ("max_kink", 1.0),
+    "velocity": ("max_velocity", 1.0),
+    "acceleration": ("max_acceleration", 1.0),
+    "jump": ("max_jump", 1.0),
+}
+"""What result.json says of an axis: its line of the gate, and what makes it mm or mm/mm of that."""
+
+
 @dataclasses.dataclass(frozen=True)
 class WholeAxis:
     """All that will act on one axis, read from the files and judged together.
 
-    NaN where it was not judged. Lengths in mm (or °).
-
     Attributes:
         axis: Name in the job.
         compensations: What acts on its position.
-        largest_offset: Of the sum.
-        slope: Of the sum, in mm per mm.
-        kink: Change of the velocity at a node, in mm/s at the feed of the gate.
-        velocity: That is added at this feed, in mm/s.
-        acceleration: Likewise, in mm/s².
-        jump: By which the axis moves by itself at most where all comes or goes.
-        switching: Largest step in one cycle where a fitted compensation comes or goes.
-        error: rms by measurement and fit: ``before``, by this list ``alone``, by all
+        sizes: Largest value by line of the gate, of the sum and of what the axis moves by itself;
+            those that were not judged are left out.
+        error: rms by measurement and fit in mm or °: ``before``, by this list ``alone``, by all
             ``together``; empty where one list acts alone, as its own figures stand.
         gate: Lines of the gate for the axis.
         remarks: What the user must know.
+        switching: Largest step in one cycle where a fitted compensation comes or goes, in mm or °.
     """
 
     axis: str
     compensations: tuple[str, ...]
-    largest_offset: float
-    slope: float
-    kink: float
-    velocity: float
-    acceleration: float
-    jump: float
+    sizes: Mapping[str, float]
     error: Mapping[str, Mapping[str, float]]
     gate: tuple[GateCheck, ...]
     remarks: tuple[Remark, ...]
-    switching: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    switching: Mapping[str, float]
 
     @property
     def failed(self) -> bool:
@@ -63,7 +63,14 @@ class WholeAxis:
 
     def as_tree(self) -> dict[str, Any]:
         """Return what result.json says of the axis; its remarks stand with its fits."""
-        return {name: value for name, value in vars(self).items() if name != "remarks"}
+        return {
+            "axis": self.axis,
+            "compensations": self.compensations,
+            **{k: u * self.sizes.get(n, math.nan) for k, (n, u) in _SIZES.items()},
+            "error": self.error,
+            "gate": self.gate,
+            "switching": self.switching,
+        }
 
 
 @dataclasses.dataclass(frozen=True)
