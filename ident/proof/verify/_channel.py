@@ -14,10 +14,10 @@ from ...exchange import InUse, Model, Reading, model_of, offset_at
 from ...exchange.controller._motion import Column
 from ._log import LogMotion
 
-Edge = Literal["held", "zero", "line"]
-"""Beyond the table: its last value, no offset, or a straight line onward."""
+Edge = Literal["hold", "zero", "line"]
+"""Beyond the table: its last value, no offset, or a straight line onward, which no rule says."""
 
-EDGES: tuple[Edge, ...] = ("held", "zero", "line")
+EDGES: tuple[Edge, ...] = ("hold", "zero", "line")
 """All of them."""
 
 LogRows = Int[np.ndarray, " r"] | slice
@@ -163,8 +163,7 @@ class AbstractChannel(abc.ABC):
 
     def edge(self, conventions: Conventions) -> Edge:
         """Return what conventions say of the rows beyond the table."""
-        zero = self.edge_rule and getattr(conventions, self.edge_rule) == "zero"
-        return "zero" if zero else "held"
+        return getattr(conventions, self.edge_rule) if self.edge_rule else "hold"
 
     def cycles_under(self, conventions: Conventions) -> int:
         """Return the length of the filter under some conventions."""
@@ -336,7 +335,7 @@ class TableChannel(AbstractChannel):
             return np.array(offset_at(model, rows, np.full(len(rows), direction)))
 
         offset = at(places)
-        if edge == "held" or not self.ways[0].ends:
+        if edge == "hold" or not self.ways[0].ends:
             return offset
         low = np.array([master.low for master in self.ways])
         high = np.array([master.high for master in self.ways])

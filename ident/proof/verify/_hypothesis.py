@@ -139,7 +139,7 @@ class Hypothesis:
 _EDGES = {
     "zero": "edge not held: no offset beyond the table",
     "line": "edge not held: goes on as a straight line beyond the table",
-    "held": "edge held: the last value is held beyond the table",
+    "hold": "edge held: the last value is held beyond the table",
 }
 
 

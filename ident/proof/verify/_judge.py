@@ -19,10 +19,6 @@ SETTLED = 2.0 * math.log(1000.0)
 _BLOCK = 64
 """Rows over which noise is averaged out before what is left is called systematic."""
 
-_NO_VALUE = "other"
-_EDGE_VALUES = {"held": "hold", "zero": "zero", "line": _NO_VALUE}
-"""Value of the convention of an edge; a straight line onward is none."""
-
 _IDLE = 0.05
 """Share of rows without any offset from which on it may have been switched off meanwhile."""
 _FEWEST, _LEAST = 5, 3
@@ -221,9 +217,9 @@ def settled(
             int(assumed) if hypothesis.scale > 0 else -int(assumed)
         )
     if channel.edge_rule:
-        reads[channel.edge_rule] = lambda hypothesis: _EDGE_VALUES[
+        reads[channel.edge_rule] = lambda hypothesis: (
             hypothesis.change.edge or channel.edge(hypothesis.change.conventions)
-        ]
+        )
     values: dict[str, int | str] = {}
     doubtful: set[str] = set()
     for name, read in reads.items():
@@ -231,9 +227,9 @@ def settled(
         opposed = [
             rival.criterion
             for rival in result.rivals
-            if read(rival.hypothesis) not in (chosen, _NO_VALUE)
+            if read(rival.hypothesis) not in (chosen, "line")
         ]
-        if chosen == _NO_VALUE or not opposed:
+        if chosen == "line" or not opposed:
             continue
         values[name] = chosen
         if min(opposed) - best.criterion < SETTLED:
