@@ -110,15 +110,15 @@ class Target:
         basis: Orthonormal columns that may be added freely (zero of a drive or of an
             instrument, clock), likewise weighted.
         step: Worth of the last digit of a value in mm; 0 where it is not counted.
-        root: Of the weights; None: all count alike.
+        root: Of the weights.
         band: Share by which what is added may be larger or smaller than a hypothesis says:
             machine and instrument drift.
     """
 
     values: Column
     basis: Float[np.ndarray, "t b"]
-    step: float = 0.0
-    root: Column | None = None
+    step: float
+    root: Column
     band: float = 0.0
 
     @classmethod
@@ -130,14 +130,12 @@ class Target:
         weight: Column | None = None,
     ) -> "Target":
         """Return a target; free columns may be anything, dependent ones too."""
-        root = None if weight is None else np.sqrt(weight)
-        if nuisance is None or not nuisance.shape[1]:
-            weighed = values if root is None else root * values
-            return cls(weighed, np.zeros((len(values), 0)), step, root)
-        columns = nuisance if root is None else root[:, None] * nuisance
+        root = np.sqrt(np.ones(len(values)) if weight is None else weight)
+        free = np.zeros((len(values), 0)) if nuisance is None else nuisance
+        columns = root[:, None] * free
         scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         vectors, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
-        basis = vectors[:, sizes > 1e-9 * sizes[0]]
+        basis = vectors[:, sizes > 1e-9 * sizes.max(initial=0.0)]
         return cls(values, basis, step, root).but(values)
 
     def but(self, values: Column) -> "Target":
@@ -146,22 +144,17 @@ class Target:
 
     def at(self, rows: np.ndarray) -> "Target":
         """Return the target at some rows."""
-        root = None if self.root is None else self.root[rows]
         part = Target.of(self.values[rows], self.basis[rows], self.step)
-        return dataclasses.replace(part, root=root, band=self.band)
+        return dataclasses.replace(part, root=self.root[rows], band=self.band)
 
     def free_of(self, values: Float[np.ndarray, "*h t"]) -> Float[np.ndarray, "*h t"]:
         """Return what of columns cannot be had from the free ones, weighted."""
-        if self.root is not None:
-            values = self.root * values
-        if not self.basis.shape[1]:
-            return values
+        values = self.root * values
         return np.asarray(values - values @ self.basis @ self.basis.T)
 
     def residual(self, columns: Float[np.ndarray, "*h t"]) -> Float[np.ndarray, "*h t"]:
         """Return what columns leave of the values, in mm or °."""
-        residual = self.values - self.free_of(columns)
-        return np.asarray(residual if self.root is None else residual / self.root)
+        return np.asarray((self.values - self.free_of(columns)) / self.root)
 
     @functools.cached_property
     def power(self) -> float:
@@ -177,11 +170,9 @@ class Target:
 
         A column without any, or that the free ones make up, has factor 0 and power 0.
         """
-        if self.root is not None:
-            columns = self.root * columns
+        columns = self.root * columns
         power = np.einsum("ht,ht->h", columns, columns)
-        if self.basis.shape[1]:
-            power = power - np.square(columns @ self.basis).sum(axis=1)
+        power = power - np.square(columns @ self.basis).sum(axis=1)
         power = np.where(power > 1e-18 * columns.shape[1], power, 0.0)
         inner = columns @ self.values
         factors = np.where(power > 0.0, inner, 0.0) / np.where(power > 0.0, power, 1.0)
