@@ -368,18 +368,16 @@ class _Axis:
             for _, source, one in self._measured
             if not isinstance(one, str) and self.files.number in one[1].positions
         }
-        if not follows and self.unit == "mm" and (words := longer_than(parts)):
-            return Remark.error(
-                f"With all that will act on {self.name}, {comparison.together:.4g} {self.unit}"
-                f" rms are left of measurement {comparison.measurement!r}, where the {own} alone"
-                f" {leaves} {comparison.alone:.4g} {self.unit}. {words}."
-            )
-        group = 'identify them together (the same group = "…" in their [[fits]]), '
-        return Remark.error(
+        found = (
             f"With all that will act on {self.name}, {comparison.together:.4g} {self.unit} rms"
             f" are left of measurement {comparison.measurement!r}, where the {own} alone"
-            f" {leaves} {comparison.alone:.4g} {self.unit}: it and {' and '.join(others)} correct"
-            " the same error. State in"
+            f" {leaves} {comparison.alone:.4g} {self.unit}"
+        )
+        if not follows and self.unit == "mm" and (words := longer_than(parts)):
+            return Remark.error(f"{found}. {words}.")
+        group = 'identify them together (the same group = "…" in their [[fits]]), '
+        return Remark.error(
+            f"{found}: it and {' and '.join(others)} correct the same error. State in"
             f" [measurements.{comparison.measurement}] what was on while measuring (active),"
             f" {'' if jointly else group}or switch one of them off in the axis list of"
             f" {self.name} (machine_data).{warm}",
