@@ -118,9 +118,9 @@ class AbstractPlan(AbstractOfFit):
         return self.draft(fit_group_of_one(self, read_group(tables, [self])))
 
     @property
-    def positions(self) -> tuple[str, ...]:
-        """Axes whose positions it uses."""
-        return ()
+    def inputs(self) -> Mapping[str, tuple[str, ...]]:
+        """Axes (sensors) of which it uses ``position``, ``direction``, … of a `JointData`."""
+        return {}
 
     @property
     def without_position(self) -> str:
@@ -128,34 +128,14 @@ class AbstractPlan(AbstractOfFit):
         return ""
 
     @property
-    def turning(self) -> tuple[str, ...]:
-        """Axes whose direction of motion it uses."""
-        return ()
-
-    @property
-    def accelerating(self) -> tuple[str, ...]:
-        """Axes whose velocity and acceleration it uses."""
-        return ()
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """Temperatures that it uses."""
-        return ()
-
-    @property
     def shifting(self) -> bool:
         """Whether a temperature moves the whole axis, as an offset of a run does."""
         return False
 
     @property
-    def takes_constant(self) -> bool:
-        """Whether its list can hold a constant error of the axis."""
-        return self.fit.kind.takes_constant is not None
-
-    @property
     def takes_line(self) -> bool:
         """Whether its list can hold a line over the position of the axis."""
-        return False
+        return self.kind.table and self.fit.lengths
 
     def nodes_beside(self, data: "JointData") -> Float[np.ndarray, " n"]:
         """Return the nodes of a curve over the axis beside which it shows what is its own.

@@ -86,9 +86,11 @@ class IdentifiedGroup:
         datum = {axis: float(value) for axis, (value, _) in self.fit.datum.items()}
         constant = [0.0] * len(members)
         takers = [
-            k for k, m in enumerate(members) if m.takes_constant and self.written[k]
+            (rank, k)
+            for k, member in enumerate(members)
+            if (rank := member.kind.takes_constant) is not None and self.written[k]
         ]
-        for k in sorted(takers, key=lambda k: members[k].fit.kind.takes_constant or 0):
+        for _, k in sorted(takers):
             axis = members[k].axis
             constant[k], datum[axis] = datum.get(axis, 0.0), 0.0
         return tuple(constant), datum
@@ -255,7 +257,7 @@ def _fit(
     recording: GroupRecording,
     effects: Sequence[AbstractEffect],
 ) -> JointFit:
-    tables = [member.fit for member in members if member.takes_constant]
+    tables = [member.fit for member in members if member.kind.table]
     return fit_joint(
         recording.data,
         effects,

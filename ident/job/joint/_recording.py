@@ -139,7 +139,7 @@ def read_group(
     lead = max((member.fit for member in members), key=lambda fit: len(fit.over))
     masters = lead.over
     if len(masters) < 2:
-        masters = _unique(member.positions for member in members) or (lead.axis,)
+        masters = _used(members, "position") or (lead.axis,)
     axes = _unique((member.axis,) for member in members)
     for name in lead.sources:
         measured = tables.measured(name, lead.axis, masters)
@@ -181,7 +181,8 @@ def read_group(
     heated = _unique(
         (member.axis,)
         for member in members
-        if member.sensors and (member.shifting or not (zeroed and several))
+        if "temperature" in member.inputs
+        and (member.shifting or not (zeroed and several))
     )
     # Only where the zero of each measurement is arbitrary, each has an offset of its own.
     beside = None
@@ -241,7 +242,8 @@ def _grown(
     if not alike or any(spec.remove == "line" for spec in specs):
         return
     for axis in _unique((m.axis,) for m in members if m.fit.lengths):
-        sensed = any(member.sensors for member in members if member.axis == axis)
+        own = [member for member in members if member.axis == axis]
+        sensed = _used(own, "temperature")
         linear = job.spec.axes[axis].unit == "mm" and axis in columns["position"]
         if sensed or not linear:
             continue
@@ -289,6 +291,10 @@ def _unique(names: Iterable[Sequence[str]]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(itertools.chain.from_iterable(names)))
 
 
+def _used(members: Sequence["AbstractPlan"], channel: str) -> tuple[str, ...]:
+    return _unique(member.inputs.get(channel, ()) for member in members)
+
+
 def _columns(
     rows: Rows, members: Sequence["AbstractPlan"], axes: Sequence[str], alone: bool
 ) -> JointData:
@@ -301,11 +307,11 @@ def _columns(
     if not measured:
         derive_error(rows.measured, axes[0])  # says what is missing
     kinds = ("position", "encoder") if rows.moving else ("position",)
-    placed = _unique(member.positions for member in members)
+    placed, driven = _used(members, "position"), _used(members, "acceleration")
     hint = why + "".join(dict.fromkeys(member.without_position for member in members))
     # A crosstalk has its own rule from which positions the controller computes it.
     order = POSITION_ORDER[rows.job.conventions.crosstalk_input]
-    adapted = _unique(member.positions for member in members if member.accelerating)
+    adapted = _used([m for m in members if "acceleration" in m.inputs], "position")
     position = {
         axis: rows.position(axis, hint, order if axis in adapted else kinds)
         for axis in placed
@@ -314,15 +320,14 @@ def _columns(
     for axis in measured:
         lengths = any(fit.lengths for fit in fits if fit.axis == axis)
         # What the drive gives way while another axis accelerates is no crosstalk.
-        pushed = any(member.accelerating for member in members if member.axis == axis)
+        pushed = _used([m for m in members if m.axis == axis], "acceleration")
         against = ("encoder", "position") if pushed else ("position",)
         error[axis] = rows.error(axis, position, lengths=lengths, against=against)
         change = rows.change.get(axis)
         rows.remarks += reference_words(rows.name, rows.spec, axis, lengths, change)
-    sensors = _unique(member.sensors for member in members)
+    sensors = _used(members, "temperature")
     if sensors:
         rows.refuse_restart()
-    driven = _unique(member.accelerating for member in members)
     velocity = {axis: rows.motion(axis, "velocity") for axis in driven}
     for axis in rows.moving:
         if f"{axis}.velocity" in rows.measured.values:
@@ -369,7 +374,7 @@ def _directions(
     rows: Rows, members: Sequence["AbstractPlan"], alone: bool
 ) -> dict[str, Float[np.ndarray, " t"]]:
     """Return the directions of motion by axis."""
-    turning, fit = _unique(member.turning for member in members), members[0].fit
+    turning, fit = _used(members, "direction"), members[0].fit
     if not alone:
         return {axis: _direction(rows, axis, fit) for axis in turning}
     names = turning or ((fit.axis,) if fit.lengths else ())

@@ -100,7 +100,7 @@ class Share:
         return tuple(
             group.parts[k].name
             for k in self.beside
-            if group.members[k].takes_constant and group.written[k]
+            if group.members[k].kind.table and group.written[k]
         )
 
     @property

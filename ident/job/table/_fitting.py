@@ -91,7 +91,7 @@ def held_beyond(draft: TableDraft) -> TableDraft:
         or plan.inequalities is not None
     ):
         return draft
-    nodes, name = plan.table.nodes[0].positions, plan.positions[0]
+    nodes, name = plan.table.nodes[0].positions, plan.fit.over[0]
     shape = plan.table.branches, len(nodes)
     values = estimate.values.reshape(shape).copy()
     read = estimate.support.reshape(shape) > 0

@@ -78,7 +78,7 @@ def _source_of(tables: Tables, name: str, file: LargeFile, plan: Plan) -> LogSou
     roles = [f"{axis}.position" for axis in fit.over]
     kinds = ["error"] if f"{fit.axis}.error" in columns else ["actual", "position"]
     roles += [f"{fit.axis}.{kind}" for kind in kinds]
-    if plan.turning:
+    if plan.table.branches == 2:
         roles.append(f"{fit.axis}.direction")
     if isinstance(spec.material_temperature, str):
         roles.append(f"temperature.{sensor_name(spec.material_temperature)}")
@@ -153,7 +153,7 @@ class LogReadings:
         why = f"for the {fit.compensation} fit of {fit.axis}"
         place = {axis: rows.position(axis, why) for axis in fit.over}
         error = rows.at_reference(fit.axis, place, lengths=fit.lengths)
-        if self.plan.turning:
+        if self.plan.table.branches == 2:
             direction = rows.direction(fit.axis, needed=True)
         self._said.update(dict.fromkeys(rows.remarks))
         for change in rows.change.values():
@@ -259,7 +259,7 @@ def _obstacles(readings: LogReadings, left: Leftovers) -> Iterator[tuple[str, bo
                 " what its instrument lags behind, which the whole log tells"
             )
             yield words, False
-        if plan.turning and f"{fit.axis}.direction" not in source.roles:
+        if plan.table.branches == 2 and f"{fit.axis}.direction" not in source.roles:
             words = (
                 f"{source.name!r} has no column for '{fit.axis}.direction', so that the"
                 " whole log tells it"

@@ -55,16 +55,9 @@ class Plan(AbstractPlan):
         return fit_planned(self, tables, left)
 
     @property
-    def positions(self) -> tuple[str, ...]:
-        return self.fit.over
-
-    @property
-    def turning(self) -> tuple[str, ...]:
-        return (self.axis,) if self.table.branches == 2 else ()
-
-    @property
-    def takes_line(self) -> bool:
-        return self.fit.lengths
+    def inputs(self) -> dict[str, tuple[str, ...]]:
+        ways = {"direction": (self.axis,)} if self.table.branches == 2 else {}
+        return {"position": self.fit.over} | ways
 
     def undetermined(self, data: "JointData") -> str:
         if len(self.fit.over) < 2:

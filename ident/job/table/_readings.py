@@ -45,7 +45,7 @@ def read_fit(
             if not beside.shared:
                 # Of it, too, the readings tell no constant or slope of their own.
                 places = [
-                    recording.data.position[other][part] for other in plan.positions
+                    recording.data.position[other][part] for other in plan.fit.over
                 ]
                 added = without_zero(added, places, rows.spec.remove)
             if plan.table.branches == 1 and not beside.shared:
@@ -59,7 +59,7 @@ def read_fit(
             )
     late = joined([rows.measured.late.get(axis) for rows in recording.rows.values()])
     every = np.ones(len(error), dtype=bool)
-    readings = recording.readings(plan.positions, axis, error, every)
+    readings = recording.readings(plan.fit.over, axis, error, every)
     unit = plan.job.spec.axes[axis].small_unit
     measured = [rows.measured for rows in recording.rows.values()]
     remarks += wander_remarks(measured, readings, unit)
@@ -81,7 +81,7 @@ def _unseen_flanks(
     if direction is None:
         return
     way, error = direction[part], recording.data.error[plan.axis][part]
-    columns = [recording.data.position[name][part].round(2) for name in plan.positions]
+    columns = [recording.data.position[name][part].round(2) for name in plan.fit.over]
     place = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)[1]
     place, sums = place.reshape(-1), np.zeros((2, 3, len(way)))
     for side, sign in enumerate((1, -1)):

@@ -84,12 +84,8 @@ class BacklashPlan(AbstractPlan):
         return float(self.old.width) if self.active and self.old is not None else 0.0
 
     @property
-    def positions(self) -> tuple[str, ...]:
-        return (self.axis,)
-
-    @property
-    def turning(self) -> tuple[str, ...]:
-        return (self.axis,)
+    def inputs(self) -> dict[str, tuple[str, ...]]:
+        return dict.fromkeys(("position", "direction"), (self.axis,))
 
     def nodes_beside(self, data: JointData) -> Float[np.ndarray, " n"]:
         # What both directions share is free along the axis.

@@ -214,12 +214,9 @@ class CrosstalkPlan(AbstractPlan):
         return CrosstalkDraft(*base, fitted, log, tuple(remarks))
 
     @property
-    def positions(self) -> tuple[str, ...]:
-        return self.fit.adapts_to
-
-    @property
-    def accelerating(self) -> tuple[str, ...]:
-        return (self.fit.master, self.fit.mover(self.job.conventions))
+    def inputs(self) -> dict[str, tuple[str, ...]]:
+        driven = (self.fit.master, self.fit.mover(self.job.conventions))
+        return {"position": self.fit.adapts_to, "acceleration": driven}
 
     def unfit(self, recording: "GroupRecording") -> str:
         rate = recording.data.acceleration[self.fit.master]

@@ -152,14 +152,12 @@ class TemperaturePlan(AbstractPlan):
         return plan.draft(fit_group_of_one(plan, recording))
 
     @property
-    def positions(self) -> tuple[str, ...]:
-        return (self.axis,) if "coefficient" in self.effects else ()
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
+    def inputs(self) -> dict[str, tuple[str, ...]]:
         plateau = self.fit.steady
         steady = () if plateau is None else (sensor_name(plateau.sensor),)
-        return tuple(dict.fromkeys((*self.effects.values(), *steady)))
+        sensors = tuple(dict.fromkeys((*self.effects.values(), *steady)))
+        axes = (self.axis,) if "coefficient" in self.effects else ()
+        return {"position": axes, "temperature": sensors}
 
     @property
     def shifting(self) -> bool:
@@ -175,7 +173,7 @@ class TemperaturePlan(AbstractPlan):
 
     def nodes_beside(self, data: JointData) -> Float[np.ndarray, " n"]:
         # The line that no temperature moves.
-        if not self.positions:
+        if not self.inputs["position"]:
             return np.zeros(0)
         place = data.position[self.axis]
         return np.unique([np.nanmin(place), np.nanmax(place)])
@@ -256,7 +254,9 @@ class TemperaturePlan(AbstractPlan):
                 data,
                 time=data.time if timed else None,
                 error={self.axis: share.error - zeros},
-                position={axis: data.position[axis] for axis in self.positions},
+                position={
+                    axis: data.position[axis] for axis in self.inputs["position"]
+                },
             ),
             rows=np.flatnonzero(rows),
             structure=np.stack(warm, axis=1),
