@@ -178,8 +178,8 @@ def _diagnosed(fit: AbstractResult, scale: Scale, reason: Reason) -> str:
     if fit.judgement.verdict is not Verdict.REJECTED:
         file, date = fit.again.source["file"], fit.again.source["date"]
         readings, slope = fit.again.readings, ""
-        if readings is not None and readings.sloped:
-            over = " and ".join(readings.sloped)
+        if readings is not None and "slope" in readings.unseen:
+            over = " and ".join(readings.unseen["slope"])
             slope = (
                 f' It shows no slope over {over} (remove = "line"), which may be all that the'
                 " list adds: what is left is no proof."

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -176,17 +177,11 @@ class SecondMeasurement:
             others.
         added: What the list adds at these readings, standard deviation in mm or °; None
             where only a diagnosis can tell that it acts.
-        part: An axis, and the first and last position in mm or ° that these readings
-            have of it, where the list was made from far more of it; None: they reach
-            as far as those of the first measurement.
-        gap: An axis, and two positions between which the first measurement had readings,
-            and these skip far more than it did.
-        sloped: Axes along which a line was taken off these readings and not off those of
-            the first measurement: they show no slope that the list takes over.
-        before: Error of the first measurement without that line, rms in mm or °; None: as
+        unseen: What these readings show nothing of and the first ones do, as the fields of
+            `Code.IN_PART`: a part of the travel in mm or °, the other direction of motion,
+            places between two, a slope.
+        before: Error of the first measurement without that slope, rms in mm or °; None: as
             it is.
-        way: ±1 of the only direction of motion that they have, where the list has two;
-            None: they have all that it has.
         near: A place where its readings agree that far more is left, in words; empty: none.
         beyond: That readings lie beyond what the list was made from, in words; empty: none.
         trend: Constant and slopes of these readings, where they are large; else None.
@@ -203,11 +198,8 @@ class SecondMeasurement:
     run: Int[np.ndarray, " t"] | None = None
     wild: Bool[np.ndarray, " t"] | None = None
     added: float | None = None
-    part: tuple[str, float, float] | None = None
-    gap: tuple[str, float, float] | None = None
-    sloped: tuple[str, ...] = ()
+    unseen: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     before: float | None = None
-    way: int | None = None
     near: str = ""
     beyond: str = ""
     trend: LeftTrend | None = None

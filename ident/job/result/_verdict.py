@@ -175,16 +175,8 @@ def _doubts(fit: "AbstractResult") -> list[Reason]:
         return [Reason(Code.LESS_THAN_PREDICTED)]
     if again.readings.near:
         return [Reason(Code.NEAR, {"where": again.readings.near})]
-    if again.readings.sloped and not again.acts:  # a slope may be all that it adds
+    unseen = again.readings.unseen
+    if "slope" in unseen and not again.acts:  # a slope may be all that it adds
         told = None if again.diagnosis is None else again.diagnosis.verdict
         return [Reason(Code.DIAGNOSED, {"verdict": told, "value": None})]
-    part: dict[str, Any] = {}
-    if again.readings.part is not None:
-        part = dict(zip(("axis", "low", "high"), again.readings.part, strict=True))
-    if again.readings.way is not None:
-        part["direction"] = again.readings.way
-    if again.readings.gap is not None and "axis" not in part:
-        part["gap"] = [*again.readings.gap]
-    if again.readings.sloped:
-        part["slope"] = [*again.readings.sloped]
-    return [Reason(Code.IN_PART, part)] if part else []
+    return [Reason(Code.IN_PART, unseen)] if unseen else []

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -184,21 +184,27 @@ class TableDraft(AbstractDraft):
         branch = plan.branch(readings.direction)
         added = table.offset(table.model(self.integers), readings.positions, branch)
         added = added - plan.acted(readings.positions, branch)
-        before, sloped = None, tuple[str, ...]()
+        turn = None if table.modulo is None else float(np.diff(table.modulo)[0])
+        ways = set() if readings.direction is None else set(readings.direction.tolist())
+        places = fit.over, self.readings.positions, readings.positions
+        unseen, before = dict[str, Any](), None
+        if part := part_of(*places, turn):
+            unseen |= zip(("axis", "low", "high"), part, strict=True)
+        if self._bilateral and len(ways) == 1:
+            unseen["direction"] = ways.pop()
+        if not (part or turn) and (gap := gap_of(*places)):
+            unseen["gap"] = [*gap]
         if "line" in _removed(tables.job, fit):  # no reading shows a slope
             added = without_zero(added, [*readings.positions.T], "line")
             if "line" not in _removed(self.job, self.fit):
-                old, sloped = self.readings, tuple(fit.over)
+                old, unseen["slope"] = self.readings, [*fit.over]
                 level = without_zero(old.error, [*old.positions.T], "line")
                 sound = level[~wild_readings(level)]
                 before = float(np.sqrt(np.mean(np.square(sound))))
         error = readings.error - zero_at(readings, datum, table)
-        turn = None if table.modulo is None else float(np.diff(table.modulo)[0])
-        ways = set() if readings.direction is None else set(readings.direction.tolist())
         near = ""
-        if (
-            readings.late is None and len(error) < LOG
-        ):  # somebody went from place to place
+        # Somebody went from place to place.
+        if readings.late is None and len(error) < LOG:
             visits = readings.positions, error, readings.direction
             near = near_of(fit.over, *visits, self.predicted or 0.0)
         return SecondMeasurement(
@@ -211,13 +217,8 @@ class TableDraft(AbstractDraft):
             adds=added,
             near=near,
             trend=trend_left(again, plan, readings.positions, error),
-            part=part_of(fit.over, self.readings.positions, readings.positions, turn),
-            gap=None
-            if turn
-            else gap_of(fit.over, self.readings.positions, readings.positions),
-            sloped=sloped,
+            unseen=unseen,
             before=before,
-            way=ways.pop() if self._bilateral and len(ways) == 1 else None,
         )
 
     def stays_on(self) -> Iterator[Remark]:
