@@ -68,6 +68,10 @@ class AbstractOfFit(abc.ABC):
         manual, entry = self.fit.manual_activation, self.kind.manual
         return {} if manual is None or entry is None else {entry: int(manual)}
 
+    def small(self, value: float, form: str = ".2g") -> str:
+        """Return a length in mm, or an angle in °, as thousandths with their unit."""
+        return f"{1e3 * value:{form}} {self.job.spec.axes[self.axis].small_unit}"
+
     def refusal(self, reason: str) -> JobError:
         """Return the error that the fit is, ready to raise."""
         return self.job.error(("fits", self.index), reason)

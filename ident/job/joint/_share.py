@@ -173,17 +173,14 @@ class Share:
         said = [*self._unlisted(), *self._wandering(), *self.recording.remarks]
         return [Remark.info(words), *said]
 
-    @property
-    def _small_unit(self) -> str:
-        return self.group.job.spec.axes[self.axis].small_unit
-
     def _wandering(self) -> Iterator[Remark]:
         """Yield that the constant rests on the mean of a drift, where it is large."""
         if self.constant and self.drifted > self.noise:
+            known = self.group.members[self.number].small(self.drifted)
             yield Remark.warning(
                 "The instrument drifted: the constant of this list is the error at the mean of"
-                f" the drift, known to {1e3 * self.drifted:.2g} {self._small_unit}. With a"
-                " datum the zero lies where the axis is to be right."
+                f" the drift, known to {known}. With a datum the zero lies where the axis is to"
+                " be right."
             )
 
     def _unlisted(self) -> Iterator[Remark]:
@@ -193,10 +190,10 @@ class Share:
         if parts:
             sums = np.sum([part.contribution[self.rows] for part in parts], axis=0)
             names = " and ".join(part.name for part in parts)
+            size = group.members[self.number].small(float(np.std(sums)))
             yield Remark.warning(
-                f"These figures take the {names} off, which stands in no list: its"
-                f" {1e3 * float(np.std(sums)):.2g} {self._small_unit} rms remain on the"
-                " machine."
+                f"These figures take the {names} off, which stands in no list: its {size} rms"
+                " remain on the machine."
             )
 
 

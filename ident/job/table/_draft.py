@@ -231,10 +231,9 @@ class TableDraft(AbstractDraft):
         factor = float(np.sum(own * new) / max(float(np.sum(own**2)), 1e-300))
         if size < _SEEN * self.estimate.noise or abs(factor) > _SAME:
             return
-        unit = self.job.spec.axes[self.axis].small_unit
         words = (
             f"The {name} of {self.axis} in {self.lists.used[name].listing.source} takes off"
-            f" {1e3 * size:.3g} {unit} rms, and readings that were taken with it off"
+            f" {self.small(size, '.3g')} rms, and readings that were taken with it off"
             f" (active = []) show {abs(factor):.0%} of that. Was it on? Then state active ="
             f' ["{name}"] of these measurements'
         )

@@ -249,11 +249,10 @@ def _refuse_small_part(plan: Plan, readings: Readings) -> None:
 
 def _constrained(plan: Plan, shifts: Float[np.ndarray, "..."]) -> Remark:
     """Return by how much entries were shifted so that they keep the constraints."""
-    unit = plan.job.spec.axes[plan.axis].small_unit
     count = int(np.sum(np.abs(shifts) >= 0.5 / LIST_UNITS))
     return Remark.info(
         f"The entries are {' and '.join(plan.fit.constraints)}, as constraints asks: for it"
-        f" {count} of {shifts.size} moved, by up to {1e3 * np.abs(shifts).max():.1f} {unit}."
+        f" {count} of {shifts.size} moved, by up to {plan.small(np.abs(shifts).max(), '.1f')}."
         " Standard deviations are those of the fit without."
     )
 

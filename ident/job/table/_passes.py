@@ -69,10 +69,9 @@ def as_passes_differ(
     if between <= _ALIKE * within:
         return fit, []
     apart = (between - within) / float(np.mean(size))
-    unit = plan.job.spec.axes[plan.axis].small_unit
     words = (
         "Readings of the log that follow each other err alike: the passes of a node differ by"
-        f" {1e3 * np.sqrt(apart):.2g} {unit} more than the scatter within them explains. The"
+        f" {plan.small(np.sqrt(apart))} more than the scatter within them explains. The"
         f"{' table is smoothed for it and the' * (fit.estimate is not None)} standard deviations"
         " hold that; more passes make them smaller, more readings per second do not."
     )
@@ -119,9 +118,9 @@ def of_both_ways(
     apart, deviation = _difference(plan, samples, fit, 0.5 * way, most)
     if abs(apart) < max(SEEN * deviation, fit.noise, TINY):
         return samples, []
-    unit, mover = plan.job.spec.axes[plan.axis].small_unit, plan.fit.over[most]
+    mover = plan.fit.over[most]
     words = (
-        f"Readings taken while {mover} moves in positive direction lie {1e3 * apart:+.2g} {unit}"
+        f"Readings taken while {mover} moves in positive direction lie {plan.small(apart, '+.2g')}"
         " from those on the way back: lost motion, or an instrument that is late. This table"
         " knows no direction and is the mean of both ways, each of which keeps half of that."
     )

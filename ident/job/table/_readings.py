@@ -60,9 +60,8 @@ def read_fit(
     late = joined([rows.measured.late.get(axis) for rows in recording.rows.values()])
     every = np.ones(len(error), dtype=bool)
     readings = recording.readings(plan.fit.over, axis, error, every)
-    unit = plan.job.spec.axes[axis].small_unit
     measured = [rows.measured for rows in recording.rows.values()]
-    remarks += wander_remarks(measured, readings, unit)
+    remarks += wander_remarks(plan, measured, readings)
     return dataclasses.replace(readings, late=late), remarks
 
 
@@ -97,11 +96,10 @@ def _unseen_flanks(
     made, seen = float(np.median(gap)), float(np.median(shown))
     doubt = _SURE * float(np.std(shown)) / np.sqrt(both.sum())
     if abs(made) > doubt and abs(made + seen) > abs(seen) + 0.5 * abs(made):
-        unit = plan.job.spec.axes[plan.axis].small_unit
         yield Remark.error(
             f"Beside this table acts {words}, which parts the directions by"
-            f" {1e3 * abs(made):.2g} {unit}, and readings that were taken with it off show"
-            f" {1e3 * abs(seen):.1g} {unit} between them: switch it off there, state it in active"
+            f" {plan.small(abs(made))}, and readings that were taken with it off show"
+            f" {plan.small(abs(seen), '.1g')} between them: switch it off there, state it in active"
             " if it was on, or fit it anew beside the table."
         )
 

@@ -15,6 +15,7 @@ from ..result._result import Remark, SampleView, some_of
 if TYPE_CHECKING:
     from ..file._load import Job
     from ._draft import TableDraft
+    from ._plan import Plan
 
 _MANY = 0.05
 """Share of wild readings from which on the instrument deserves a look."""
@@ -68,7 +69,7 @@ def fit_remarks(
         beyond: How many lie outside the table.
         places: Where each wild reading lies, in words; empty where nobody kept that.
     """
-    fit, unit = draft.estimate, draft.job.spec.axes[draft.axis].small_unit
+    fit = draft.estimate
     empty = int(np.sum(fit.support == 0))
     if empty:
         why = "were not measured"
@@ -112,7 +113,7 @@ def fit_remarks(
         lost = float(fit.standard_deviation.ravel()[[*fit.suspect_nodes]].max())
         again = (
             " Those beside each other agree: if they are right, and no fault of the"
-            f" instrument, the table is off there by up to {1e3 * lost:.2g} {unit}, which its"
+            f" instrument, the table is off there by up to {draft.small(lost)}, which its"
             " standard deviations hold. Measure there again."
         )
         words += "." + again * (lost > SEEN * fit.noise)
@@ -124,11 +125,11 @@ def fit_remarks(
             counts = 'counts in their mean all the same (loss = "gauss")'
         yield Remark.warning(f"Contradicts the other runs, and {counts}: run {runs}.")
     if fit.runs:
-        largest = 1e3 * max(abs(run.offset) for run in fit.runs)
+        largest = max(abs(run.offset) for run in fit.runs)
         effect = "offset and drift" if draft.run_effects == "drift" else "offset"
         yield Remark.info(
             f"Each of the {len(fit.runs)} runs was allowed an {effect} of its own"
-            f" (offsets up to {largest:.1f} {unit}); the table keeps their"
+            f" (offsets up to {draft.small(largest, '.1f')}); the table keeps their"
             " mean."
         )
         yield from _creep_remarks(draft)
@@ -138,7 +139,7 @@ def fit_remarks(
             if fit.line_offset:
                 clause = (
                     "stands in the standard deviations only as an assumed offset of every"
-                    f" line of readings, {1e3 * fit.line_offset:.1f} {unit} (1 sd)"
+                    f" line of readings, {draft.small(fit.line_offset, '.1f')} (1 sd)"
                 )
             yield Remark.info(
                 "Nothing was measured twice: what changes from one measurement to the"
@@ -170,12 +171,11 @@ def _creep_remarks(draft: "TableDraft") -> Iterator[Remark]:
     sure = float(max(stdtrit(len(runs) - 2, _SURELY) * scatter, 3.0 * by_chance))
     if abs(step) <= max(sure, draft.estimate.noise, TINY):
         return
-    unit = draft.job.spec.axes[draft.axis].small_unit
     taken = "lost motion" if draft.plan.table.layout.branches > 1 else "slope"
     yield Remark.warning(
-        f"Run after run lies {1e3 * step:+.1f} {unit} further on, as while a machine or an"
+        f"Run after run lies {draft.small(step, '+.1f')} further on, as while a machine or an"
         f" instrument warms up. Within a run it goes on as well, and the table holds up to"
-        f" {1e3 * abs(step):.1f} {unit} of it as {taken} of {draft.axis}. Let it come to rest,"
+        f" {draft.small(abs(step), '.1f')} of it as {taken} of {draft.axis}. Let it come to rest,"
         " and measure again."
     )
 
@@ -187,7 +187,6 @@ def _beyond_readings(draft: "TableDraft") -> Iterator[Remark]:
         return  # a line is held there (`held_beyond`)
     values = draft.estimate.values
     least = max(SEEN * draft.estimate.noise, TINY)
-    unit = draft.job.spec.axes[draft.axis].small_unit
     for k, (name, nodes) in enumerate(zip(draft.fit.over, table.nodes, strict=True)):
         along = support.ndim - 1 - k  # the first master runs fastest
         lines = np.moveaxis(support, along, 0).reshape(len(nodes.positions), -1)
@@ -202,7 +201,7 @@ def _beyond_readings(draft: "TableDraft") -> Iterator[Remark]:
             if len(places) > 1 and far > least:
                 yield Remark.warning(
                     f"No reading lies at {name} = {places[0]:g} to {places[-1]:g}: there the"
-                    f" table goes on straight, by up to {1e3 * far:.3g} {unit}, which nobody"
+                    f" table goes on straight, by up to {draft.small(far, '.3g')}, which nobody"
                     f" measured. End it at {name} = {nodes.positions[edge]:g}: the"
                     " controller holds its edge."
                 )
@@ -227,12 +226,12 @@ def limit_remarks(
 
 
 def wander_remarks(
-    measured: Sequence[Measurement], readings: Readings, unit: str
+    plan: "Plan", measured: Sequence[Measurement], readings: Readings
 ) -> Iterator[Remark]:
     """Return a doubt where readings without runs change from one visit of a place to the next.
 
     A place is that of all axes, approached in one direction. What white noise makes of its
-    readings does not go on to the next place. The unit is a small one, of the errors.
+    readings does not go on to the next place.
     """
     if readings.run is not None or len(readings.error) >= LOG:
         return
@@ -262,10 +261,10 @@ def wander_remarks(
     scatter, whole = float(np.mean(np.diff(change) ** 2)) / 2.0, float(np.var(change))
     if scatter < _WANDERS * whole:
         yield Remark.warning(
-            f"Readings of the same place wander in time by {1e3 * np.sqrt(whole - scatter):.2g}"
-            f" {unit} rms, beside {1e3 * np.sqrt(scatter):.2g} {unit} of scatter. The standard"
-            " deviations do not hold that: state what was a run of its own (run), or that the"
-            " instrument drifts (drift, with a group)."
+            f"Readings of the same place wander in time by {plan.small(np.sqrt(whole - scatter))}"
+            f" rms, beside {plan.small(np.sqrt(scatter))} of scatter. The standard deviations do"
+            " not hold that: state what was a run of its own (run), or that the instrument"
+            " drifts (drift, with a group)."
         )
 
 
@@ -327,10 +326,9 @@ def _log_remarks(draft: "TableDraft") -> Iterator[Remark]:
         return
     moved = np.nanmean(table - np.nanmean(table, axis=1, keepdims=True), axis=0)
     if (apart := float(np.std(moved))) > max(_MOVED * scatter, TINY):
-        unit = draft.job.spec.axes[draft.axis].small_unit
         yield Remark.warning(
-            f"What the table leaves of the log wanders in time by {1e3 * apart:.2g} {unit} rms"
-            f" from stretch to stretch, beside {1e3 * scatter:.2g} {unit} of scatter: the zero"
+            f"What the table leaves of the log wanders in time by {draft.small(apart)} rms"
+            f" from stretch to stretch, beside {draft.small(scatter)} of scatter: the zero"
             " of the instrument moved, or something else that no list of this axis follows."
             " The standard deviations do not hold that. Cut the log where it jumps, state its"
             " parts as runs (run), or that the instrument drifts (drift, with a group)."
@@ -369,17 +367,16 @@ def _turn_remarks(draft: "TableDraft") -> Iterator[Remark]:
     scatter = float(np.sqrt(np.sum((error - mean[cell]) ** 2) / free))
     apart = abs(float(np.mean(mean[::2] - mean[1::2])))
     if apart > max(_TURNED * scatter, TINY):
-        unit = draft.job.spec.axes[draft.axis].small_unit
         words = (
-            f"Every second reading of a place lies {1e3 * apart:.2g} {unit} from the others"
-            f" (those of a kind scatter by {1e3 * scatter:.2g} {unit}), as where an axis goes"
+            f"Every second reading of a place lies {draft.small(apart)} from the others"
+            f" (those of a kind scatter by {draft.small(scatter)}), as where an axis goes"
             " there and back: the table is the mean of both. State bilateral = true"
             f' and their direction ("{draft.axis}.direction"), or fit a backlash beside it.'
         )
         if known:
             words = (
-                f"Readings in + direction lie {1e3 * apart:.2g} {unit} from those in −"
-                f" direction (those of a kind scatter by {1e3 * scatter:.2g} {unit}): the table"
+                f"Readings in + direction lie {draft.small(apart)} from those in −"
+                f" direction (those of a kind scatter by {draft.small(scatter)}): the table"
                 " is the mean of both. State bilateral = true, or fit a backlash beside it."
             )
         yield Remark.warning(words)

@@ -194,9 +194,8 @@ class BacklashDraft(AbstractDraft):
         trend, moved = None, self._moved(draft)
         if abs(moved) > 0.5 * abs(width):
             # Nearer to what the other flank as the right one does.
-            unit = self.job.spec.axes[self.axis].small_unit
             words = (
-                f"a constant of {1e3 * moved:+.3g} {unit} of both directions: as if it were"
+                f"a constant of {self.small(moved, '+.3g')} of both directions: as if it were"
                 f" right in {'−' if self.plan.reference > 0 else '+'} direction"
                 " (anwahl_losekomp)"
             )
