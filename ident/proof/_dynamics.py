@@ -123,14 +123,11 @@ _Tried = tuple[Float[np.ndarray, "_b _r _m"], Callable[[int, int], str]]
 
 def _largest(candidates: Iterable[_Tried]) -> tuple[float, str]:
     """Return the largest value, and in words where it is."""
-    peaks: list[tuple[float, Callable[[], str]]] = []
-    for values, words in candidates:
-        for branch in values.reshape(len(values), -1):
-            k = int(branch.argmax())
-            place = functools.partial(words, *divmod(k, values.shape[2]))
-            peaks.append((float(branch[k]), place))
-    top = max(value for value, _ in peaks)
-    return top, max(place() for value, place in peaks if value == top)
+    return max(
+        (float(branch.max()), words(*divmod(int(branch.argmax()), branch.shape[1])))
+        for values, words in candidates
+        for branch in values
+    )
 
 
 def step(table: GateTable) -> tuple[float, str]:
