@@ -162,7 +162,8 @@ def measure_again(
         readings = None
         names = [name for name, axes in measured.items() if fit.axis in axes]
         names = [name for name in draft.fit.sources if name in names] or names
-        on = [name for name in names if not _is_off(second.job, name, fit.compensation)]
+        active = {n: second.job.spec.measurements[n].stated_active for n in names}
+        on = [n for n, on in active.items() if on is None or fit.compensation in on]
         # Of friction, say, readings at standstill tell nothing either way.
         if fit.files and names and not on and not kind(fit.compensation).unseen:
             words = (
@@ -215,12 +216,6 @@ def measure_again(
         remarks=(*result.remarks, *remarks, *notes),
         second=second.record,
     )
-
-
-def _is_off(job: Job, name: str, compensation: str) -> bool:
-    """Return whether a job says that a compensation was off in a measurement."""
-    stated = job.spec.measurements[name].stated_active
-    return stated is not None and compensation not in stated
 
 
 def _beside(fit: AbstractResult, fits: Sequence[AbstractResult]) -> AbstractResult:

@@ -279,8 +279,8 @@ class _Axis:
             lacking = [n for n in names if n not in added and not kind(n).unseen]
             # Over axes that stood still it adds a constant, which nobody knows.
             still = [n for n in lacking if self._is_still(loaded.inputs(n), motion)]
-            if roles := self._roles(loaded, set(lacking) - set(still), motion):
-                remarks.append(self._lacking_roles(source, roles))
+            if remark := self._lacking(loaded, {*lacking} - {*still}, motion, source):
+                remarks.append(remark)
                 continue
             if measured.line:  # nobody knows the slope that the axis has then
                 axes = self.job.spec.axes
@@ -308,30 +308,29 @@ class _Axis:
         places_of = [places[k] for k in inputs or [self.files.number] if k in places]
         return not any(np.ptp(place) > 0 for place in places_of)
 
-    def _roles(
-        self, loaded: AxisLists, names: Collection[str], motion: Motion
-    ) -> list[str]:
-        """Return the columns that compensations follow and a measurement lacks."""
+    def _lacking(
+        self, loaded: AxisLists, names: Collection[str], motion: Motion, source: str
+    ) -> Remark | None:
+        """Return which columns a measurement lacks that compensations follow, or None."""
         inputs = {axis for name in names for axis in loaded.inputs(name)}
         roles = [
             f"{name}.position"
             for name, axis in self.job.spec.axes.items()
             if axis.number in inputs - motion.positions.keys()
         ]
+        warm = ""
         if any("temperature" in kind(name).follows for name in names):
             sensors = dict.fromkeys(s for draft in self.drafts for s in draft.warmth)
             roles += [f"temperature.{name}" for name in sensors]
-        return roles
-
-    def _lacking_roles(self, source: str, roles: Sequence[str]) -> Remark:
+            warm = f" {_WARM}" * bool(sensors)
+        if not roles:
+            return None
         words = ", ".join(f'"{role}" = {{ value = … }}' for role in roles)
-        warm = any(role.startswith("temperature.") for role in roles)
         return Remark.error(
             f"What all that acts on {self.name} leaves of measurement {source!r} cannot be"
             f" told: it lacks {' and '.join(roles)}. State what it was then in"
             f" [measurements.{source}.columns], as a column or as {words}: without it"
-            " nobody sees whether two lists correct the same error."
-            f"{' ' + _WARM if warm else ''}"
+            f" nobody sees whether two lists correct the same error.{warm}"
         )
 
     @functools.cached_property

@@ -24,6 +24,9 @@ from ._schema import (
     Verify,
 )
 
+_TYPE = re.compile("str|int|float|bool|list|constrained|literal|Column")
+"""How branches of a union begin: "str", "float", "ColumnChoice", "constrained-float", …"""
+
 
 class JobError(TomlError):
     """A job that cannot be run: where in the job file, what was found and expected."""
@@ -31,16 +34,10 @@ class JobError(TomlError):
 
 def error_at(path: Path, text: str, where: KeyPath, reason: str) -> JobError:
     """Return the error that a key is, or without one the job as a whole, ready to raise."""
-    words = f"{_key_words(where)}: {reason}" if where else reason
+    # As it would be written: ``fits[0].start``.
+    key = "".join(f"[{k}]" if isinstance(k, int) else f".{k}" for k in where)
+    words = f"{key.removeprefix('.')}: {reason}" if where else reason
     return JobError(str(path), line_of(text, where), words)
-
-
-def _key_words(where: KeyPath) -> str:
-    """Return a key as it would be written: ``fits[0].start``."""
-    text = ""
-    for part in where:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}"
-    return text.removeprefix(".")
 
 
 def _part(where: KeyPath, values: Any) -> type[JobPart] | None:
@@ -150,18 +147,13 @@ def _clean(loc: tuple[int | str, ...], values: dict[str, Any]) -> KeyPath:
                 at = at[part]
             elif part != loc[-1] or (where and where[0] == "fits" and part in NAMES):
                 continue
-            elif _is_type_name(part):
+            elif _TYPE.match(part):
                 continue
             where.append(part)
         elif isinstance(at, list) and isinstance(part, int) and part < len(at):
             at = at[part]
             where.append(part)
     return tuple(where)
-
-
-def _is_type_name(part: str) -> bool:
-    # Branches of a union: "str", "float", "ColumnChoice", "constrained-float", ...
-    return bool(re.match(r"(str|int|float|bool|list|constrained|literal|Column)", part))
 
 
 def _expected(message: str) -> str:

@@ -34,6 +34,8 @@ from ._schema import JobFile
 
 _TABLES = ("kw.", "frict_comp.")
 """What only a compensation list holds."""
+_COMMENT = r"$|[#;(]|/[/*]"
+"""How a line begins that says nothing."""
 _NAMED = re.compile(r"achs(kw|mds)[0-9]+\.lis", re.IGNORECASE)
 """File names by which the controller knows the axis of a list."""
 
@@ -232,7 +234,8 @@ def _refuse_other_kind(job: Job, name: str, key: str, listing: ListFile) -> None
             " for want of it, expected the axis list of the controller with these set in it",
         )
     kind = listing.kind
-    if kind == expected or not any(map(_says_something, listing.lines)):
+    empty = all(re.match(_COMMENT, line.strip()) for line in listing.lines)
+    if kind == expected or empty:
         return
     if expected == "axis" and listing.entries and kind != "startup":
         # Its header alone counts as that of a compensation list, and most of its
@@ -247,11 +250,6 @@ def _refuse_other_kind(job: Job, name: str, key: str, listing: ListFile) -> None
         f"found {words} in {listing.source}, expected a"
         f"{'n' if expected == 'axis' else ''} {expected} list",
     )
-
-
-def _says_something(line: str) -> bool:
-    text = line.strip()
-    return bool(text) and not text.startswith(("#", ";", "(", "//", "/*"))
 
 
 def _refuse_other_axis(job: Job, name: str, key: str, listing: ListFile) -> None:

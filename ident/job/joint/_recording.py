@@ -303,7 +303,8 @@ def _columns(
     why = f"for the {fits[0].compensation} fit of {fits[0].axis}"
     if fits[0].group is not None:
         why = f"for group {fits[0].group!r}"
-    measured = [axis for axis in axes if _has_error(rows, axis)]
+    roles = {*rows.measured.values}
+    measured = [a for a in axes if roles & {f"{a}.error", f"{a}.actual"}]
     if not measured:
         derive_error(rows.measured, axes[0])  # says what is missing
     kinds = ("position", "encoder") if rows.moving else ("position",)
@@ -364,10 +365,6 @@ def _without_glitches(warm: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         if glitch.mean() < _MOST_GLITCHES:
             warm[rows[glitch]] = np.nan
     return warm
-
-
-def _has_error(rows: Rows, axis: str) -> bool:
-    return any(f"{axis}.{kind}" in rows.measured.values for kind in ("error", "actual"))
 
 
 def _directions(

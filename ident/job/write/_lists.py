@@ -134,13 +134,9 @@ class AxisFiles:
     def as_written(self, root: Path, names: Sequence[Path]) -> "AxisFiles":
         """Return it with the lists as they lie in a folder, read back."""
         done = dataclasses.replace(self, root=root, written=tuple(names))
-        compensation = done.path(self.compensation_name)
-        machine = done.path(self.machine_name)
-        return dataclasses.replace(
-            done,
-            compensation=None if compensation is None else ListFile.read(compensation),
-            machine=None if machine is None else ListFile.read(machine),
-        )
+        files = done.path(self.compensation_name), done.path(self.machine_name)
+        lists = [None if file is None else ListFile.read(file) for file in files]
+        return dataclasses.replace(done, compensation=lists[0], machine=lists[1])
 
     def path(self, name: str) -> Path | None:
         """Return where a written file lies, or None."""
