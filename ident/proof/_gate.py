@@ -1,7 +1,8 @@
 """The gate: what a table, and a jump spread over cycles, may do to the machine."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -184,23 +185,23 @@ def choose_cycles(
     max_velocity: float,
     max_acceleration: float,
     existing: int | None = None,
+    most: int = MOST_REVERSAL_CYCLES,
 ) -> int:
-    """Return the number of cycles (2 … 19) over which a reversal jump is spread.
+    """Return the number of cycles, 2 or more, over which a jump is spread.
 
     The smallest number whose velocity (mm/s) and acceleration (mm/s²) from cycle to cycle both
     stay inside the limits: a longer spread makes the path late at every reversal. An
-    existing value of the axis list that is long enough stays. Where even 19 is too short, 19 is
-    returned, and the gate says no.
+    existing value of the list that is long enough stays. Where even the largest (`most`) is too
+    short, that one is returned, and the gate says no.
     """
 
     def within_limits(cycles: int) -> bool:
         velocity, acceleration = reversal_dynamics(jump, cycles, cycle_time)
         return velocity <= max_velocity and acceleration <= max_acceleration
 
-    longest = MOST_REVERSAL_CYCLES
-    if existing is not None and 2 <= existing <= longest and within_limits(existing):
+    if existing is not None and 2 <= existing <= most and within_limits(existing):
         return existing
-    return _fewest(within_limits, longest)
+    return next((n for n in range(2, most) if within_limits(n)), most)
 
 
 def largest_step(jump: float, cycles: int) -> float:
@@ -216,17 +217,9 @@ def switching_cycles(
 ) -> int | None:
     """Return over how many cycles a jump is to be spread, or None: as it is.
 
-    The smallest number whose largest step stays inside the limit. An existing number that
-    is large enough stays; where even the largest (`most`) is too small, that one is returned, and
-    the gate says no. Jump and largest step are in mm or °.
+    As `choose_cycles`, by the largest step alone; an existing number may be abrupt. Jump and
+    largest step are in mm or °.
     """
-
-    def within_limit(cycles: int) -> bool:
-        return largest_step(jump, cycles) <= max_step
-
-    return None if within_limit(existing or 0) else _fewest(within_limit, most)
-
-
-def _fewest(within_limit: Callable[[int], bool], largest: int) -> int:
-    """Return the smallest number of cycles that stays inside the limits, else the largest."""
-    return next((n for n in range(2, largest) if within_limit(n)), largest)
+    if largest_step(jump, existing or 0) <= max_step:
+        return None
+    return choose_cycles(jump, 1.0, max_step, math.inf, most=most)
