@@ -109,13 +109,12 @@ def held_beyond(draft: TableDraft) -> TableDraft:
             far = float(np.abs(curve[beyond] - curve[edge]).max(initial=0.0))
             if len(beyond) < 2 or far <= least:
                 continue
-            follows = False
-            for node, before in zip(beyond, (edge, *beyond), strict=False):
-                beside = shape[0] > 1 and read[branch - 1, [node, before]].all()
-                curve[node] = curve[before] + (other[node] - other[before]) * beside
-                follows |= bool(beside)
+            way = [edge, *beyond]
+            # Without another direction it is itself, which was not read there.
+            beside = read[branch - 1, way[:-1]] & read[branch - 1, beyond]
+            curve[beyond] = curve[edge] + np.cumsum(beside * np.diff(other[way]))
             low, high = sorted((nodes[beyond[0]], nodes[beyond[-1]]))
-            does = "follows the other direction" if follows else "holds its edge"
+            does = "follows the other direction" if beside.any() else "holds its edge"
             said.setdefault((low, high, does), []).append("+−"[branch])
     remarks = [
         Remark.warning(

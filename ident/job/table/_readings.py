@@ -82,17 +82,14 @@ def _unseen_flanks(
     way, error = direction[part], recording.data.error[plan.axis][part]
     columns = [recording.data.position[name][part].round(2) for name in plan.fit.over]
     place = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)[1]
-    place, sums = place.reshape(-1), np.zeros((2, 3, len(way)))
-    for side, sign in enumerate((1, -1)):
-        for row, values in enumerate((None, error, added)):
-            rows = way == sign
-            weights = None if values is None else values[rows]
-            sums[side, row] = np.bincount(place[rows], weights, len(way))
-    both = (sums[:, 0] > 0).all(axis=0)
+    cell, size = 2 * place.reshape(-1) + (way < 0), 2 * len(way)
+    count = np.bincount(cell, minlength=size).reshape(-1, 2)
+    both = (count > 0).all(axis=1)
     if both.sum() < _FLANKS:
         return
-    means = sums[:, 1:, both] / sums[:, :1, both]
-    shown, gap = means[0] - means[1]
+    sums = [np.bincount(cell, values, size).reshape(-1, 2) for values in (error, added)]
+    means = [each[both] / count[both] for each in sums]
+    shown, gap = (mean[:, 0] - mean[:, 1] for mean in means)
     made, seen = float(np.median(gap)), float(np.median(shown))
     doubt = _SURE * float(np.std(shown)) / np.sqrt(both.sum())
     if abs(made) > doubt and abs(made + seen) > abs(seen) + 0.5 * abs(made):

@@ -344,42 +344,35 @@ def _turn_remarks(draft: "TableDraft") -> Iterator[Remark]:
     way = readings.direction
     if len(readings.error) >= LOG or draft.plan.table.branches == 2:
         return
-    known = way is not None and len(np.unique(way)) > 1
     order = np.argsort(readings.order, kind="stable")
-    places, error = (
-        readings.positions[order].round(6),
-        np.asarray(readings.error)[order],
+    places, error = readings.positions[order].round(6), readings.error[order]
+    _, place, visits = np.unique(
+        places, axis=0, return_inverse=True, return_counts=True
     )
-    _, place = np.unique(places, axis=0, return_inverse=True)
-    place = place.reshape(-1)
-    turn = np.empty(len(place), np.int64)
-    for k in range(int(place.max(initial=-1)) + 1):
-        at = np.flatnonzero(place == k)
-        turn[at] = np.arange(len(at)) % 2
-    if way is not None and known:
-        turn = (way[order] < 0).astype(np.int64)
-    cell = 2 * place + turn
-    counts = np.bincount(cell, minlength=2 * (int(place.max(initial=-1)) + 1))
-    if not counts.size or counts.min() < 2:
+    if way is not None and len(np.unique(way)) > 1:
+        turn, state = way[order] < 0, "bilateral = true"
+        first, second = "Readings in + direction lie", "those in − direction"
+    else:
+        turn = np.empty(len(error), bool)
+        alternate = [np.arange(count) % 2 == 1 for count in visits]
+        turn[np.argsort(place.reshape(-1), kind="stable")] = np.concatenate(alternate)
+        first, second = "Every second reading of a place lies", "the others"
+        second += ", as where an axis goes there and back"
+        state = f'bilateral = true and their direction ("{draft.axis}.direction")'
+    cell = 2 * place.reshape(-1) + turn
+    counts = np.bincount(cell, minlength=2 * len(visits))
+    if counts.min() < 2:
         return
     mean = np.bincount(cell, error) / counts
     free = max(len(error) - len(counts), 1)
     scatter = float(np.sqrt(np.sum((error - mean[cell]) ** 2) / free))
     apart = abs(float(np.mean(mean[::2] - mean[1::2])))
     if apart > max(_TURNED * scatter, TINY):
-        words = (
-            f"Every second reading of a place lies {draft.small(apart)} from the others"
-            f" (those of a kind scatter by {draft.small(scatter)}), as where an axis goes"
-            " there and back: the table is the mean of both. State bilateral = true"
-            f' and their direction ("{draft.axis}.direction"), or fit a backlash beside it.'
+        yield Remark.warning(
+            f"{first} {draft.small(apart)} from {second} (those of a kind scatter by"
+            f" {draft.small(scatter)}): the table is the mean of both. State {state}, or fit a"
+            " backlash beside it."
         )
-        if known:
-            words = (
-                f"Readings in + direction lie {draft.small(apart)} from those in −"
-                f" direction (those of a kind scatter by {draft.small(scatter)}): the table"
-                " is the mean of both. State bilateral = true, or fit a backlash beside it."
-            )
-        yield Remark.warning(words)
 
 
 def _wide_nodes(draft: "TableDraft") -> Iterator[Remark]:
@@ -403,16 +396,14 @@ def _wide_nodes(draft: "TableDraft") -> Iterator[Remark]:
     square = float(counts @ mean**2 - variance * len(counts)) / len(left)
     if square <= max(variance, TINY**2):
         return
-    unit = draft.job.spec.axes[draft.axis].small_unit
     for k, (name, nodes) in enumerate(zip(draft.fit.over, table.nodes, strict=True)):
         gap = float(np.median(np.diff(np.unique(positions[:, k]))))
         wide = float(np.median(np.diff(nodes.positions)))
         if gap < _WIDE * wide:
             yield Remark.warning(
-                f"Readings of a place repeat within {1e3 * variance**0.5:.2g} {unit}, and the"
-                f" table misses their means by {1e3 * square**0.5:.2g} {unit} rms: along"
-                f" {name} its nodes lie {wide:.4g} apart, the readings {gap:.4g}. Closer nodes"
-                " follow them."
+                f"Readings of a place repeat within {draft.small(variance**0.5)}, and the table"
+                f" misses their means by {draft.small(square**0.5)} rms: along {name} its nodes"
+                f" lie {wide:.4g} apart, the readings {gap:.4g}. Closer nodes follow them."
             )
 
 
