@@ -157,8 +157,12 @@ def measure_again(
     measured = errors_in(tables)
     # A fit of a group is compared as the group as a whole.
     sums = {axis.axis: axis.error for group in result.groups for axis in group.axes}
+    figures_of = [
+        fit.error if fit.group is None else sums.get(fit.axis, fit.error)
+        for fit in result.fits
+    ]
     found: list[SecondMeasurement | None] = []
-    for draft, fit in zip(drafts, result.fits, strict=True):
+    for draft, fit, figures in zip(drafts, result.fits, figures_of, strict=True):
         readings = None
         names = [name for name, axes in measured.items() if fit.axis in axes]
         names = [name for name in draft.fit.sources if name in names] or names
@@ -180,20 +184,15 @@ def measure_again(
                 )
             except AxcompError as error:
                 remarks.append(Remark.warning(f"Not measured again: {error}"))
+        if readings and draft.foreseen is not None and "predicted" in figures:
+            unit, best = job.spec.axes[draft.axis].small_unit, figures["predicted"]
+            readings.check_scatter(draft.foreseen.before, best.sound.rms, unit)
         found.append(readings)
-    figures_of = [
-        fit.error if fit.group is None else sums.get(fit.axis, fit.error)
-        for fit in result.fits
-    ]
     left = {
         fit.axis: figures["predicted"].sound.rms
         for fit, figures in zip(result.fits, figures_of, strict=True)
         if "predicted" in figures
     }
-    for draft, one, figures in zip(drafts, found, figures_of, strict=True):
-        if one is not None and draft.foreseen is not None and "predicted" in figures:
-            unit, best = job.spec.axes[draft.axis].small_unit, figures["predicted"]
-            one.check_scatter(draft.foreseen.before, best.sound.rms, unit)
     found = _with_factors(result.fits, found, left, diagnoses)
     fits = []
     for fit, readings, figures in zip(result.fits, found, figures_of, strict=True):

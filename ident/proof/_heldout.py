@@ -76,12 +76,7 @@ def groups_of_passes(
 ) -> Int[np.ndarray, " t"] | None:
     """Return the pass, there and back, of each reading of an axis that went to and fro.
 
-    Args:
-        place: Of the axis.
-        order: When each was read.
-
-    Returns:
-        None where fewer than two such passes go over all of the travel: blocks are left out.
+    None where fewer than two such passes go over all of the travel: blocks are left out.
     """
     when = np.argsort(order, kind="stable")
     along = place[when]

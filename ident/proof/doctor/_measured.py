@@ -82,23 +82,17 @@ def difference(
 
     Readings of one place and direction are averaged. Where the second measurement has
     places of its own, the first is interpolated between its own, never beyond, and over the
-    axes alone that lists follow: what others do is scatter then.
-
-    Args:
-        before: The first measurements.
-        after: The second ones.
-        followed: Axes over which the lists of the axis act.
+    axes alone that the lists of the axis follow: what others do is scatter then.
     """
     both = [*before, *after]
     # Only axes whose positions every measurement has.
-    axes = sorted(set.intersection(*({*one.positions} for one in both)))
+    every = sorted(set.intersection(*({*one.positions} for one in both)))
     directed = all(one.direction is not None for one in both)
-    earlier, later = _places(before, axes, directed), _places(after, axes, directed)
-    match, matched = _matches(earlier, later)
-    if not matched and set(followed) & set(axes):
-        axes = sorted(set(followed) & set(axes))
-        earlier, later = _places(before, axes, directed), _places(after, axes, directed)
+    for axes in (every, sorted({*followed} & {*every}) or every):
+        earlier, later = (_places(each, axes, directed) for each in (before, after))
         match, matched = _matches(earlier, later)
+        if matched:
+            break
     if matched:
         early = np.where(match[:, None] >= 0, earlier.levels[match], np.nan)
         counts = earlier.count[match]

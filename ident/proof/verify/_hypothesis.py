@@ -108,11 +108,8 @@ class Hypothesis:
         """Return twice the logarithm by which it is less likely than the plain one.
 
         A fault costs `FAULT`; a choice among several what it takes to name one; a number
-        fitted to the data what the Bayesian information criterion charges.
-
-        Args:
-            channel: The compensation.
-            samples: Number of independent rows.
+        fitted to the data what the Bayesian information criterion charges for so many
+        independent rows.
         """
         number = math.log(max(samples, 2.0))
         faults = self.faults(channel)
