@@ -253,30 +253,26 @@ def _with_factors(
     result = list(found)
     for axis in dict.fromkeys(fit.axis for fit in fits):
         own = {
-            k: (one, one.adds)
+            k: one
             for k, (fit, one) in enumerate(zip(fits, found, strict=True))
-            if fit.axis == axis and one is not None and one.adds is not None
+            if fit.axis == axis and one is not None and one.adds.size
         }
-        if len({len(adds) for _, adds in own.values()}) != 1:
+        adds = [one.adds for one in own.values()]
+        if len({*map(len, adds)}) != 1:
             continue
-        if (
-            len(own) == 1
-            and (fits[min(own)].axis_number, fits[min(own)].compensation) in told
-        ):
+        first, error = fits[min(own)], own[min(own)].error
+        if len(own) == 1 and (first.axis_number, first.compensation) in told:
             continue  # one list alone is diagnosed better
-        error = next(iter(own.values()))[0].error
-        adds = [adds for _, adds in own.values()]
         columns = np.stack([np.ones(len(error)), *adds], axis=1)
         with contextlib.suppress(FitError):
             fitted = regress(columns, error, loss="gauss")
             rest = error - columns @ fitted.coefficients
             if np.std(rest) > LESS * predicted[axis]:
                 continue
-            factors = 1.0 + fitted.coefficients[1:], fitted.standard_deviation[1:]
-            for k, value, deviation in zip(
-                own, *map(np.ndarray.tolist, factors), strict=True
-            ):
-                result[k] = dataclasses.replace(own[k][0], factor=(value, deviation))
+            values = (1.0 + fitted.coefficients[1:]).tolist()
+            deviations = fitted.standard_deviation[1:].tolist()
+            for k, *factor in zip(own, values, deviations, strict=True):
+                result[k] = dataclasses.replace(own[k], factor=(factor[0], factor[1]))
     return result
 
 

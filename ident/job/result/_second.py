@@ -186,9 +186,9 @@ class SecondMeasurement:
         beyond: That readings lie beyond what the list was made from, in words; empty: none.
         trend: Constant and slopes of these readings, where they are large; else None.
         adds: What the list adds at each of these readings in mm or °, from which is told how
-            many times it acts; None: where only a diagnosis can tell that.
+            many times it acts; empty where only a diagnosis can tell that.
         factor: How many times it acts, and its standard deviation, where these readings
-            show that by themselves; None likewise.
+            show that by themselves; else None.
     """
 
     name: str
@@ -203,7 +203,9 @@ class SecondMeasurement:
     near: str = ""
     beyond: str = ""
     trend: LeftTrend | None = None
-    adds: Float[np.ndarray, " t"] | None = None
+    adds: Float[np.ndarray, " t"] = dataclasses.field(
+        default_factory=lambda: np.zeros(0)
+    )
     factor: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:

@@ -289,10 +289,7 @@ class TableDraft(AbstractDraft):
         return TableResult(
             **self.frame(done),
             masters=self.fit.over,
-            units=tuple(
-                "mm" if self.job.spec.axes[name].kind == "linear" else "°"
-                for name in self.fit.over
-            ),
+            units=tuple(self.job.spec.axes[name].unit for name in self.fit.over),
             nodes=tuple(nodes.positions for nodes in table.nodes),
             table=by_branch(table, table.sign * self.offset),
             standard_deviation=by_branch(table, deviation),
