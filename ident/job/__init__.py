@@ -1,35 +1,17 @@
 """From a job file to proven lists: plan, readings, fits, drafts, gate, files, result.
 
-Folders: `file` (what a job says), `table` (plane, cross, leadscrew), `joint` (fits of a group),
-`write` (lists and load sheet), `result` (what was found). The way of a job with one leadscrew
-table, function by function:
+`_run.run_job` goes the whole way. `file._load.load_job` gives a `Job`; `_fits.fit_all` plans all
+fits, then fits one after the other (`_acting` is what acts beside a fit and did not while it was
+measured). `write._lists` makes the `AxisFiles` of each axis, each with its gate (`_gating`), and
+`_whole` judges all that will act on an axis, read as the controller does. What lies in the
+`OutFolder` then is read back and proven by the drafts; `_measure_again` adds what a second
+measurement says, `write._loadsheet` what to do with the files, and all is a `JobResult`.
 
-1. `_run.run_job` goes the whole way, as follows.
-2. `file._load.load_job` reads the job file and gives a `Job`, which reads the lists that its
-   axes have already.
-3. `_fits.fit_all` plans all fits, then fits one after the other; `_acting.leftovers` and
-   `_acting.hand_on` are what acts beside a fit and did not while it was measured.
-4. `table._plan.plan` plans a table: its nodes, masters and old values. `table._readings.read_fit`
-   gives its `Readings`, those of a group of one (`joint._recording`), and
-   `table._fitting.fit_plan` a `TableDraft`, fitted and held out; `_trend.refuse_unowned_trend`
-   asks whose a constant and a slope of it are.
-5. `write._lists.files_of` makes the `AxisFiles` of each axis from its drafts, each with its gate
-   (`_gating`), and `judge_files` checks them beside all other lists.
-6. `_whole.judge_whole` judges all that will act on an axis, read back as the controller does.
-7. `_run._write` writes them into the `OutFolder`, into ``rejected/`` where the gate failed, and
-   reads them back.
-8. `TableDraft.prove` judges the lists as they lie there, and gives a `TableResult`.
-9. `_measure_again` adds what a second measurement says, `load_sheet` what to do with the files;
-   the `JobResult` is written.
-
-What is handed on along this way: `Job`, `Plan`, `Readings`, `TableDraft`, `AxisFiles`,
-`TableResult` and `JobResult`; the report makes a section of each result.
-
-Other compensations go the same way with drafts of their own, from `axcomp.ident.kinds`
-(`_protocol` says what a job asks of them); fits that are identified together get theirs from
-`joint`: `fit_group`, `prove_group`. The results of single compensations are
-imported when they are first asked for: a job of one table needs none of them, and starts sooner
-without.
+Of one leadscrew table (`table`) this is handed on: `Job`, `Plan`, `Readings`, `TableDraft`,
+`AxisFiles`, `TableResult`, `JobResult`. Other compensations go the same way with drafts of their
+own, from `axcomp.ident.kinds` (`_protocol` says what a job asks of them); fits that are identified
+together get theirs from `joint`. Their results are imported when they are first asked for: a job
+of one table starts sooner without.
 """
 
 from typing import TYPE_CHECKING
