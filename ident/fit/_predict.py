@@ -70,18 +70,13 @@ def mean_row(
     return row
 
 
-def zeroed(
-    fit: TableFit,
-    positions: Float[np.ndarray, "t d"],
-    branch: Int[np.ndarray, " t"] | None = None,
-) -> tuple[float, TableFit]:
-    """Return the mean of what a table says at positions, and the table less that.
+def zeroed(fit: TableFit, row: Float[np.ndarray, " n"]) -> TableFit:
+    """Return a table less a mean of it, by each unknown's share in that (`mean_row`).
 
-    The standard deviations of its values are those of the differences. Arguments and errors
-    are those of `predict`; the fit is one of all its readings.
+    The standard deviations of its values are those of the differences. The fit is one of all its
+    readings.
     """
     effect = fit.layout.effect
-    row = mean_row(fit.layout, positions, branch)
     zero = float(row @ effect.to_values(fit.values))
     assert fit.estimate is not None  # only folds have none
     posterior = fit.estimate.posterior
@@ -94,7 +89,7 @@ def zeroed(
     shared = scale * posterior.factor.solve(unknowns)[here]
     gain = effect.to_table(row @ shared - 2.0 * shared)
     deviation = np.sqrt(np.maximum(np.square(fit.standard_deviation) + gain, 0.0))
-    return zero, dataclasses.replace(
+    return dataclasses.replace(
         fit, values=fit.values - zero, standard_deviation=deviation
     )
 

@@ -316,7 +316,7 @@ def _doubted(
 ) -> TableFit:
     """Return a fit whose standard deviations contain the errors that its readings share."""
     patterns = _patterns(plan, readings, samples, fit)
-    doubts = [_doubt(plan, samples, fit, pattern) for pattern in patterns]
+    doubts = [_doubt(plan, samples, pattern) for pattern in patterns]
     squares = sum(map(np.square, doubts), np.square(fit.standard_deviation))
     return dataclasses.replace(fit, standard_deviation=np.sqrt(squares))
 
@@ -350,7 +350,7 @@ def _patterns(
 
 
 def _doubt(
-    plan: Plan, samples: Samples, estimate: TableFit, pattern: Float[np.ndarray, " t"]
+    plan: Plan, samples: Samples, pattern: Float[np.ndarray, " t"]
 ) -> Float[np.ndarray, "..."]:
     """Return the error of each node where the error of its readings is a pattern.
 
@@ -363,7 +363,7 @@ def _doubt(
     mean = np.bincount(index, pattern, minlength=size) / np.maximum(count, 1)
     everywhere = np.sqrt(np.mean(mean[count > 0] ** 2))
     values = np.where(count > 0, mean, everywhere).reshape(shape)
-    return values - plan.zero_of(dataclasses.replace(estimate, values=values))
+    return values - plan.zero_of(values)
 
 
 def _run_effects(run: Int[np.ndarray, " t"]) -> RunEffects:

@@ -1,6 +1,7 @@
 """Which table each fit writes: nodes, masters and the list that is there already."""
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ from jaxtyping import Float, Int
 
 from ....data.lists import ListFile
 from ...exchange import AbstractTable, ExchangeError, Model, refuse_lost_nodes
-from ...fit import Inequalities, TableFit, kept, mean_row, predict, zeroed
+from ...fit import Inequalities, TableFit, kept, mean_row, zeroed
 from ...kinds import kinds
 from ...kinds._keys import FitSpec, TableSpec
 from ...readings import Tables
@@ -93,26 +94,24 @@ class Plan(AbstractPlan):
         """Offset of the old table at the new nodes in mm or °, or None."""
         return None if self.old is None else self.table.at_nodes(self.old)
 
-    def zeroed(self, estimate: TableFit) -> tuple[float, TableFit]:
-        """Return what a table says at the datum, the mean of both directions, and it less that.
+    @property
+    def acting_offset(self) -> Float[np.ndarray, "..."]:
+        """Offset at the new nodes in mm or ° that acted while measuring; 0 where none did."""
+        acting = self.old_offset if self.active else None
+        return np.zeros(self.table.layout.shape) if acting is None else acting
+
+    @functools.cached_property
+    def datum_row(self) -> Float[np.ndarray, " n"]:
+        """Share of each value in what the table says at the datum, the mean of both directions.
+
+        Zeros without a datum.
 
         Raises:
             JobError: If the datum lies outside the table.
         """
-        at = self._at_datum()
-        return (0.0, estimate) if at is None else zeroed(estimate, *at)
-
-    def zero_of(self, estimate: TableFit) -> float:
-        """Return what a table says at the datum, the mean of both directions; 0 without one."""
-        at = self._at_datum()
-        return 0.0 if at is None else float(np.mean(predict(estimate, *at)[0]))
-
-    def _at_datum(
-        self,
-    ) -> tuple[Float[np.ndarray, "b d"], Int[np.ndarray, " b"] | None] | None:
-        """Return the datum in every direction, and the direction."""
+        layout, count = self.table.layout, self.table.branches
         if self.datum is None:
-            return None
+            return np.zeros(layout.effect.size)
         for place, nodes in zip(self.datum, self.table.nodes, strict=True):
             ends = nodes.positions[[0, -1]]
             if not ends[0] <= place <= ends[1]:
@@ -121,21 +120,30 @@ class Plan(AbstractPlan):
                     f"found {place:g}, expected a position within the table of"
                     f" fits[{self.index}], {ends[0]:g} to {ends[1]:g}",
                 )
-        count = self.table.branches
         where = np.tile(np.array([self.datum]), (count, 1))
-        return where, np.arange(count) if count == 2 else None
+        return mean_row(layout, where, np.arange(count) if count == 2 else None)
+
+    def zero_of(self, values: Float[np.ndarray, "..."]) -> float:
+        """Return what values at the nodes say at the datum."""
+        return float(self.datum_row @ self.table.layout.effect.to_values(values))
+
+    def zeroed(self, estimate: TableFit) -> tuple[float, TableFit]:
+        """Return what a table says at the datum, and it less that."""
+        if self.datum is None:
+            return 0.0, estimate
+        return self.zero_of(estimate.values), zeroed(estimate, self.datum_row)
 
     def offset(self, residual: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
         """Return the offset at the nodes that a residual there asks for, in mm or °."""
-        old = self.old_offset if self.active else None
-        return -residual if old is None else old - residual
+        return np.asarray(self.acting_offset - residual)
 
     def integers(self, estimates: Sequence[TableFit]) -> Int[np.ndarray, "k ..."]:
         """Return the list entries of several estimates, for proofs: no list is written of them.
 
         A value beyond the range of an entry becomes the end of that range.
         """
-        offsets = [self.offset(fit.values - self.zero_of(fit)) for fit in estimates]
+        values = [fit.values for fit in estimates]
+        offsets = [self.offset(each - self.zero_of(each)) for each in values]
         ends = self.table.to_offsets(np.array(self.table.value_bounds))
         inside = np.clip(np.stack(offsets), min(ends), max(ends))
         return np.stack([self.to_integers(offset) for offset in inside])
@@ -158,13 +166,8 @@ class Plan(AbstractPlan):
         """What the values of the fit keep, so that the entries do; None: nothing."""
         if not self.fit.constraints:
             return None
-        table, at = self.table, self._at_datum()
-        old = self.old_offset if self.active else None
-        layout, words = table.layout, tuple(self.fit.constraints)
-        start = np.zeros(layout.shape) if old is None else table.sign * old
-        size = layout.effect.size
-        zero = np.zeros(size) if at is None else mean_row(layout, *at)
-        return Inequalities(words, -table.sign, start, zero)
+        words, sign = tuple(self.fit.constraints), self.table.sign
+        return Inequalities(words, -sign, sign * self.acting_offset, self.datum_row)
 
     def branch(
         self, direction: Int[np.ndarray, " t"] | None
