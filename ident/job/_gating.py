@@ -35,7 +35,7 @@ def spread_over(
         entry: Of that list.
         switched: Whether `max_switching` counts as well.
     """
-    limits, cycle_time = job.limits, job.spec.controller.cycle_time
+    limits, cycle_time = job.spec.gate, job.spec.controller.cycle_time
     fastest = limits.max_velocity
     if switched:
         fastest = min(fastest, limits.max_switching / cycle_time)
@@ -45,7 +45,7 @@ def spread_over(
 
 def switching_remarks(draft: "TableDraft") -> Iterator[Remark]:
     """Yield what the user must know of switching a table; nothing where it is small."""
-    axis, jump, limit = draft.axis, draft.jump, draft.job.limits.max_switching
+    axis, jump, limit = draft.axis, draft.jump, draft.job.spec.gate.max_switching
     if largest_step(jump, 0) <= limit:
         return
     unit, spread = draft.job.spec.axes[axis].unit, draft.kind.cycles
@@ -114,7 +114,7 @@ def unsettled(draft: "AbstractDraft") -> Remark:
 def not_compared(draft: "AbstractDraft", gate: Sequence[GateCheck]) -> Iterator[Remark]:
     """Yield that `max_change` of the job judges nothing here; nothing where it does."""
     kind = draft.kind
-    if draft.job.limits.max_change is None or kind.adds_current or kind.by_plc:
+    if draft.job.spec.gate.max_change is None or kind.adds_current or kind.by_plc:
         return
     if all(check.name != "max_change" for check in gate):
         key = "list" if kind.holder == "compensation" else "machine_data"

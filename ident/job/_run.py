@@ -110,7 +110,7 @@ def run_job(
             files=(*map(Path, folder.digests), Path(RESULT)),
             digests=dict(folder.digests),
             wall_time=0.0,
-            job=job.spec.resolved() | {"gate": dict(job.limits)},
+            job=job.spec.resolved() | {"gate": dict(job.spec.gate)},
             clocks=tables.clocks,
             groups=tuple(sums),
             whole=whole,

@@ -110,7 +110,7 @@ class _Axis:
         # One fit alone: its gate is that of the axis.
         draft = next(d for d in self.drafts if d.compensation in names)
         where = f"{draft.compensation}, in all, where it comes or goes"
-        check = self.job.limits.check("max_jump", draft.jump, self.unit, where)
+        check = self.job.spec.gate.check("max_jump", draft.jump, self.unit, where)
         lines = (*self.files.gates[draft.index], check)
         return self._whole((draft.compensation,), (check,), lines, (), [])
 
@@ -120,7 +120,7 @@ class _Axis:
         Raises:
             ExchangeError: If a list makes no table.
         """
-        lines, jumps = judge_workspace(loaded, self._travel(), self.job.limits)
+        lines, jumps = judge_workspace(loaded, self._travel(), self.job.spec.gate)
         remarks = [*self._abrupt(loaded, jumps), *self._hasty(loaded, lines)]
         readings = self._readings(loaded, names, remarks)
         checks = (*lines, *(reading.check(self.unit) for reading in readings))
@@ -136,7 +136,7 @@ class _Axis:
 
         The job does not write them, and leaves them as they are.
         """
-        limit = self.job.limits.max_switching
+        limit = self.job.spec.gate.max_switching
         fitted = {draft.compensation for draft in self.drafts}
         for name, jump in jumps.items():
             cycles = kind(name).cycles
@@ -179,7 +179,7 @@ class _Axis:
         readings: Sequence[Together],
         remarks: list[Remark],
     ) -> WholeAxis:
-        limits, name = self.job.limits, self.name
+        limits, name = self.job.spec.gate, self.name
         jump = next((c for c in checks if c.name == "max_jump"), None)
         if jump is not None and not jump.passed:
             verb = "comes or goes" if len(names) == 1 else "come or go"

@@ -27,7 +27,6 @@ from ...exchange import (
     read_conventions,
 )
 from ...kinds._keys import KeyPath
-from ...proof import GateLimits
 from ._checks import find_fault
 from ._faults import JobError, error_at, first_fault
 from ._schema import JobFile
@@ -108,11 +107,6 @@ class Job:
         """Range in ° of the axes that turn, by logical number."""
         axes = self.spec.axes.values()
         return {a.number: (a.modulo[0], a.modulo[1]) for a in axes if a.modulo}
-
-    @property
-    def limits(self) -> GateLimits:
-        """Limits of the gate."""
-        return self.spec.gate
 
     @contextlib.contextmanager
     def blaming(self, where: KeyPath, start: str = "") -> Iterator[None]:

@@ -143,7 +143,7 @@ class TableDraft(AbstractDraft):
         if self.kind.cycles is not None:
             existing = None if listing is None else listing.integer(self.kind.cycles[0])
             if chosen is None:
-                limit = self.job.limits.max_switching
+                limit = self.job.spec.gate.max_switching
                 chosen = switching_cycles(self.jump, limit, existing)
         return chosen, (existing or 0) if chosen is None else chosen
 
@@ -165,11 +165,11 @@ class TableDraft(AbstractDraft):
             cycles=(cycles or 0) if self._bilateral else 0,
             cycle_time=job.spec.controller.cycle_time,
         )
-        lines = judge(judged, job.limits)
+        lines = judge(judged, job.spec.gate)
         if self.kind.cycles is None:  # a leadscrew table
             return lines
         entry, spread = self.kind.cycles[0], self.spread[1]
-        switched = check_switching(self.jump, spread, job.limits, axis.unit, entry)
+        switched = check_switching(self.jump, spread, job.spec.gate, axis.unit, entry)
         return (*lines, switched)
 
     def second_measurement(

@@ -182,13 +182,13 @@ def asks_for_owner(job: Job, trend: Trend) -> bool:
     stand out of its scatter and shape, a list without them is no other list.
     """
     sure = np.append(trend.slope_deviations * trend.reach, trend.constant_deviation)
-    least = max(trend.remainder, _NEGLIGIBLE * job.limits.max_correction)
+    least = max(trend.remainder, _NEGLIGIBLE * job.spec.gate.max_correction)
     return bool(np.any(trend.sizes > np.maximum(_SURE * sure, least)))
 
 
 def is_negligible(job: Job, trend: Trend) -> bool:
     """Return whether a list without the constant and the slopes is no other list."""
-    limit = _NEGLIGIBLE * job.limits.max_correction
+    limit = _NEGLIGIBLE * job.spec.gate.max_correction
     return bool(np.all(trend.sizes <= limit))
 
 

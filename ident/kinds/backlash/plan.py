@@ -166,7 +166,7 @@ class BacklashDraft(AbstractDraft):
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
         job, jump, spread = self.job, self.jump, cycles or 0
-        limits, unit = job.limits, job.spec.axes[self.axis].unit
+        limits, unit = job.spec.gate, job.spec.axes[self.axis].unit
         lines = [
             *reversal_checks(
                 jump, spread, job.spec.controller.cycle_time, limits, unit,

@@ -135,7 +135,7 @@ class CrosstalkDraft(AbstractDraft):
         return held_shares(self.log, self.found.effect, events)
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
-        model, limits = self.model, self.job.limits
+        model, limits = self.model, self.job.spec.gate
         points, sizes = np.asarray(model.surface.points), np.abs(self._full)
 
         def at(test: int) -> str:

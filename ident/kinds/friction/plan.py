@@ -145,7 +145,7 @@ class FrictionDraft(AbstractDraft):
         speed = self.knots.velocity[largest] / 1000.0
         where = f"at {speed:g} {self.recording.samples.unit}/s"
         return (
-            self.job.limits.check("max_current", value, "of rated", where),
+            self.job.spec.gate.check("max_current", value, "of rated", where),
             self.view.gate(self.knots.unit, self.recording.unit),
         )
 

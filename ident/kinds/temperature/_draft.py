@@ -127,7 +127,7 @@ class TemperatureDraft(AbstractDraft):
         return Foreseen(about_middle, about_middle, fit.wild)
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
-        law, places, limits = self._law, self.places, self.job.limits
+        law, places, limits = self._law, self.places, self.job.spec.gate
         correction, warm, place = law.largest(places - self.position)
         where = f"at {warm:.4g} °C"
         if len(places) > 1:

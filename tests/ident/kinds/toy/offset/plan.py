@@ -68,7 +68,7 @@ class OffsetDraft(AbstractDraft):
         return abs(self.value)
 
     def gate(self, cycles: int | None) -> tuple[GateCheck, ...]:
-        limit = self.job.limits.max_correction
+        limit = self.job.spec.gate.max_correction
         return (gate_check("max_correction", abs(self.value), limit, "mm", "anywhere"),)
 
     def prove(self, done: "AxisFiles") -> AbstractResult:
