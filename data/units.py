@@ -2,5 +2,5 @@
 
 
 def small_unit(unit: str) -> str:
-    """Return how people read thousandths of ``mm``, or of ``deg``: in µm or m°."""
+    """Return how people read thousandths of mm, or of ``deg`` (°): in µm or m°."""
     return "µm" if unit == "mm" else "m°"

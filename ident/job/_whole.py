@@ -242,7 +242,7 @@ class _Axis:
             spans=reached | spans,
             closed=frozenset(spans),
             warmth=tuple(dict(zip(warmth, state, strict=True)) for state in states),
-            unit=axes[self.name].plain_unit,
+            unit=self.unit,
             cycle_time=self.job.spec.controller.cycle_time,
         )
 

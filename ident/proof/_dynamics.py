@@ -25,7 +25,7 @@ class GateTable:
         closed: Per master: motion never leaves the table (software limits), so that its
             ends are no kinks.
         periodic: The last node is the first again (1-D).
-        unit: ``mm`` or ``deg``.
+        unit: mm or °.
         cycles: P-AXIS-00243 where the table has two branches.
         cycle_time: In s.
     """

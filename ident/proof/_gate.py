@@ -80,11 +80,10 @@ def judge(table: GateTable, limits: GateLimits) -> tuple[GateCheck, ...]:
     Velocity, kink and acceleration are those that the table adds while its masters move
     with `GateLimits.feed`; for a plane in the worst direction.
     """
-    unit = "mm" if table.unit == "mm" else "°"
-    feed = limits.feed / 60.0
+    unit, feed = table.unit, limits.feed / 60.0
     steepest, at_slope = slope(table)
     sharpest, at_kink = kink(table)
-    per = f"{small_unit(table.unit)}/{unit}"
+    per = f"{small_unit(unit)}/{unit}"
     measures: dict[str, tuple[str, tuple[float, str]]] = {
         "max_correction": (unit, _largest(table, table.offset)),
         "max_slope": (per, (1e3 * steepest, at_slope)),

@@ -53,7 +53,7 @@ class Travel:
         closed: Axes that motion never takes out of their span.
         warmth: States of all sensors in °C that the temperature laws reach; one empty
             state where nothing follows a sensor.
-        unit: Of what is added, ``mm`` or ``deg``.
+        unit: Of what is added, mm or °.
         cycle_time: In s.
     """
 
@@ -81,7 +81,6 @@ def judge_workspace(
         ExchangeError: If a list makes no table.
     """
     parts = [_judged(loaded, travel, limits, part) for part in _parts(loaded)]
-    unit = "mm" if travel.unit == "mm" else "°"
     low, high = (sum(part.bounds[k] for part in parts) for k in (0, 1))
     total = max(abs(low), abs(high))
     names = f"{' + '.join(loaded.used)} together"
@@ -94,7 +93,7 @@ def judge_workspace(
             value = math.hypot(*(part.lines[name].value for part in parts))
         line = gate_check(f"axis {name}", value, top.limit, top.unit, place)
         checks.append(line)
-    jump = limits.check("max_jump", total, unit, f"{names}, at once")
+    jump = limits.check("max_jump", total, travel.unit, f"{names}, at once")
     return (*checks, jump), {k: v for part in parts for k, v in part.jumps.items()}
 
 

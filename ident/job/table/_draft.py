@@ -161,7 +161,7 @@ class TableDraft(AbstractDraft):
             change=None if change is None else tuple(by_branch(table, change).values()),
             closed=tuple(closed),
             periodic=table.periodic,
-            unit=axis.plain_unit,
+            unit=axis.unit,
             cycles=(cycles or 0) if self._bilateral else 0,
             cycle_time=job.spec.controller.cycle_time,
         )
