@@ -32,26 +32,23 @@ class Trend:
     """The straight line, or plane, through an error.
 
     Attributes:
-        constant: At the middle of the nodes that were measured, in mm or °.
-        constant_deviation: Its standard deviation.
-        slopes: Per master, in mm or ° per mm or °.
-        slope_deviations: Their standard deviations.
-        reach: Rms distance of the nodes from their middle, per master, in mm or °.
+        values: Constant at the middle of the nodes that were measured, in mm or °, and the slope
+            per master, in mm or ° per mm or °.
+        deviations: Their standard deviations.
+        reach: 1, and the rms distance of the nodes from their middle, per master, in mm or °.
         remainder: What a single reading is off the line: scatter and shape of the error,
             rms in mm or °.
     """
 
-    constant: float
-    constant_deviation: float
-    slopes: Float[np.ndarray, " d"]
-    slope_deviations: Float[np.ndarray, " d"]
-    reach: Float[np.ndarray, " d"]
+    values: Float[np.ndarray, " n"]
+    deviations: Float[np.ndarray, " n"]
+    reach: Float[np.ndarray, " n"]
     remainder: float
 
     @property
     def sizes(self) -> Float[np.ndarray, " n"]:
-        """Rms of each slope over the nodes, and the constant, in mm or °."""
-        return np.append(np.abs(self.slopes) * self.reach, abs(self.constant))
+        """The constant, and the rms of each slope over the nodes, in mm or °."""
+        return np.asarray(np.abs(self.values) * self.reach)
 
 
 def trend_of(fit: TableFit) -> Trend:
@@ -105,11 +102,9 @@ def trend_through(
     # By the rows, which no place that is far off rounds below zero.
     spread = np.sqrt(variance * np.sum(np.square(np.linalg.pinv(design)), axis=1))
     return Trend(
-        constant=float(solution[0]),
-        constant_deviation=float(spread[0]),
-        slopes=solution[1:],
-        slope_deviations=spread[1:],
-        reach=np.sqrt(np.mean(distance**2, axis=0)),
+        values=solution,
+        deviations=spread,
+        reach=np.sqrt(np.mean(design**2, axis=0)),
         remainder=float(np.hypot(np.sqrt(np.sum(residual**2) / free), noise)),
     )
 
@@ -181,9 +176,9 @@ def asks_for_owner(job: Job, trend: Trend) -> bool:
     reading is off the line anyway: every error has a mean and a slope, and where they do not
     stand out of its scatter and shape, a list without them is no other list.
     """
-    sure = np.append(trend.slope_deviations * trend.reach, trend.constant_deviation)
+    sure = _SURE * trend.deviations * trend.reach
     least = max(trend.remainder, _NEGLIGIBLE * job.spec.gate.max_correction)
-    return bool(np.any(trend.sizes > np.maximum(_SURE * sure, least)))
+    return bool(np.any(trend.sizes > np.maximum(sure, least)))
 
 
 def is_negligible(job: Job, trend: Trend) -> bool:
@@ -195,10 +190,9 @@ def is_negligible(job: Job, trend: Trend) -> bool:
 def trend_words(job: Job, fit: TableSpec, trend: Trend) -> str:
     """Return constant and slopes with unit and standard deviation."""
     axes, unit = job.spec.axes, job.spec.axes[fit.axis].small_unit
-    constant = _amount(trend.constant, trend.constant_deviation)
-    words = [f"a constant of {constant} {unit}"]
-    slopes = zip(fit.over, trend.slopes, trend.slope_deviations, strict=False)
-    for master, slope, deviation in slopes:
+    constant, *pairs = zip(trend.values, trend.deviations, strict=True)
+    words, slopes = [f"a constant of {_amount(*constant)} {unit}"], trend.values[1:]
+    for master, (slope, deviation) in zip(fit.over, pairs, strict=False):
         along = axes[master].kind == "linear"
         scale, per = (1e3, "m") if along else (1.0, "°")
         over = "" if master == fit.axis else f" over {master}"
@@ -206,10 +200,10 @@ def trend_words(job: Job, fit: TableSpec, trend: Trend) -> str:
             f"a slope of {_amount(scale * slope, scale * deviation)} {unit}/{per}{over}"
         )
     doubt = ""
-    if np.any(np.abs(trend.slopes) > _ABSURD):
+    if np.any(np.abs(slopes) > _ABSURD):
         doubt = " (is a unit wrong?)"
     alone = tuple(fit.over) == (fit.axis,)
-    if alone and np.any(np.abs(trend.slopes + 2.0) < _ABSURD):
+    if alone and np.any(np.abs(slopes + 2.0) < _ABSURD):
         doubt = (
             " (does the instrument count the other way? sign = -1 beside its column)"
         )

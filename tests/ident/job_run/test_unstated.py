@@ -239,6 +239,6 @@ def test_a_place_that_is_far_off_leaves_the_constant_its_deviation() -> None:
     places = grid.reshape(-1, 2)
     places[0, 0] = 1e9  # rounded where its square stood beside the others: NaN
     values = 0.002 * np.random.default_rng(1).normal(size=30)
-    found = trend_through(places, values).constant_deviation
+    found = trend_through(places, values).deviations[0]
     # Of 30 draws a standard deviation is known to 13 %; 2.6 of these.
     assert found == pytest.approx(0.002 / np.sqrt(30), rel=0.35)
