@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ...core import CellCovariance, FitError
 from ...exchange import LIST_UNITS
@@ -161,7 +161,8 @@ def fit_plan(plan: Plan, readings: Readings, remarks: Sequence[Remark]) -> Table
     )
     effects: RunEffects = "offset" if floating else "none"
     if run is not None and repeated:
-        effects = _run_effects(run)
+        shortest = np.unique(run, return_counts=True)[1].min()
+        effects = "drift" if shortest >= _DRIFT_NEEDS else "offset"
     fewest = len(samples.error)  # readings of a direction
     if branch is not None:
         fewest = int(np.bincount(branch, minlength=2).min())
@@ -364,11 +365,3 @@ def _doubt(
     everywhere = np.sqrt(np.mean(mean[count > 0] ** 2))
     values = np.where(count > 0, mean, everywhere).reshape(shape)
     return values - plan.zero_of(values)
-
-
-def _run_effects(run: Int[np.ndarray, " t"]) -> RunEffects:
-    """Return what each run may have of its own."""
-    _, counts = np.unique(run, return_counts=True)
-    if len(counts) < 2:
-        return "none"
-    return "drift" if counts.min() >= _DRIFT_NEEDS else "offset"

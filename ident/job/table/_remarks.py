@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.special import stdtrit
 
 from ....data.measurements import Measurement
@@ -133,7 +133,7 @@ def fit_remarks(
             " mean."
         )
         yield from _creep_remarks(draft)
-    elif not draft.run_effects or draft.run_effects == "none":
+    elif draft.run_effects == "none":
         if count <= _SPARSE * fit.support.size:
             clause = "is not in the standard deviations"
             if fit.line_offset:
@@ -283,16 +283,12 @@ def _copies(draft: "TableDraft") -> Iterator[Remark]:
     # A dial of coarse steps shows few values, and these again.
     values = np.unique(rows[:, readings.positions.shape[1]])
     if counts.min() > 1 and 2 * len(values) > len(rows) > _COPIED:
+        times = " to ".join(map(str, sorted({counts.min(), counts.max()})))
         yield Remark.warning(
-            f"Each of {len(rows)} readings stands there {_times(counts)}, the same to the last"
+            f"Each of {len(rows)} readings stands there {times} times, the same to the last"
             " digit: written more than once? Copies tell nothing; take them out, or all"
             " standard deviations are too small."
         )
-
-
-def _times(counts: Int[np.ndarray, " n"]) -> str:
-    low, high = int(counts.min()), int(counts.max())
-    return f"{low} times" if low == high else f"{low} to {high} times"
 
 
 def _log_remarks(draft: "TableDraft") -> Iterator[Remark]:
