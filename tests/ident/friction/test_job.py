@@ -267,7 +267,10 @@ def test_a_load_that_steps_and_friction_of_the_place_are_told(
         table[:, 2] += way * (place > 150.0)
     np.savetxt(path, table, "%.7f", ",", header="t,x,i", comments="")
     said = " ".join(remark.message for remark in friction(run(tmp_path)).remarks)
-    assert ("The constant load changes by 0.6" in said) == (kind == "step")
+    told = re.findall(r"The constant load changes by (\S+) A", said)
+    assert len(told) == (kind == "step")
+    # A third of the recording holds the step itself.
+    assert not told or float(told[0]) == pytest.approx(0.6, rel=0.05)
     assert ("larger about" in said) == (kind == "place")
 
 
