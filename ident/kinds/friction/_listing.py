@@ -16,7 +16,8 @@ _POINTS = 200
 _BINS = 60
 _ENOUGH = 0.05
 """Samples at a speed, as a share of the mean, at which a direction counts half."""
-_OF_RATED = {"A": "rated_current", "Nm": "rated_torque", "N": "rated_torque"}
+RATED = {"A": "rated_current", "Nm": "rated_torque", "N": "rated_torque"}
+"""Key of the job that says what the rated value is, by unit of the recording."""
 _MOST_DELAY = 0.001
 """mm: P-COMP-00043 goes no further."""
 FIRST_LEVEL = 0.15
@@ -24,32 +25,12 @@ FIRST_LEVEL = 0.15
 full size with the wrong sign shakes the machine."""
 
 
-@dataclasses.dataclass(frozen=True)
-class OutUnit:
-    """What one unit of ``out`` is.
-
-    Attributes:
-        current: In the unit of the recording; None where the job does not say.
-        missing: What the job would have to say.
-    """
-
-    current: float | None
-    missing: str = ""
-
-
-def out_unit(spec: Spec, unit: str) -> OutUnit:
-    """Return what one unit of the list is in the unit of the recording."""
-    if spec.torque_unit is None:
-        return OutUnit(None, "torque_unit")
-    if unit == "%":
-        return OutUnit(100.0 * spec.torque_unit)
-    if unit == "raw":
-        return OutUnit(1.0)
-    key = _OF_RATED.get(unit)
-    rated = None if key is None else getattr(spec, key)
-    if rated is None:
-        return OutUnit(None, key or "a current in A, %, Nm, N or raw")
-    return OutUnit(float(rated) * spec.torque_unit)
+def out_unit(spec: Spec, unit: str) -> float | None:
+    """Return what one unit of ``out`` is in the unit of the recording; None: nobody says."""
+    if spec.torque_unit is None or unit == "raw":
+        return None if spec.torque_unit is None else 1.0
+    rated = 100.0 if unit == "%" else getattr(spec, RATED.get(unit, ""), None)
+    return None if rated is None else float(rated) * spec.torque_unit
 
 
 @dataclasses.dataclass(frozen=True)

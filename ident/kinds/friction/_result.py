@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ....data.signals import median
-from ....models import linear_weights
 from ...friction import Choice, DriveSamples, FrictionFit, Knots, Stribeck
 from ...job.result._result import AbstractResult, Expectation
 from ...proof import CircularTest, ErrorFigures, GateCheck, error_figures, gate_check
@@ -100,12 +99,9 @@ def view_of(
     before = friction - parameters.get("offset", 0.0)
     if knots is None or curve is None:
         level = 1.0
-    # What is linear in the curve needs the places of the samples once.
-    first, weights = linear_weights(np.ones(1) if curve is None else curve.speed, speed)
-    basis = sign * weights
     if curve is not None:
         if knots is None:
-            listed = basis[0] * curve.mean[first] + basis[1] * curve.mean[first + 1]
+            listed = sign * np.interp(speed, curve.speed, curve.mean)
         else:
             listed = sign * knots.current(speed) / level
         far = np.abs(friction - listed - median((friction - listed)[sound]))
@@ -121,7 +117,7 @@ def view_of(
         rows, law = window == number, curves[:, number]
         remainder = samples.current - inertia * acceleration
         if curve is not None:
-            law = basis[0] * law[first] + basis[1] * law[first + 1]
+            law = sign * np.interp(speed, curve.speed, law)
             constant = float((remainder - law)[sound & ~rows].mean())
         predicted[rows] = (remainder - constant - level * law)[rows]
     return FrictionView(

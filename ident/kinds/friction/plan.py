@@ -18,8 +18,8 @@ from ._changes import changes
 from ._identify import Identified, identify
 from ._listing import (
     FIRST_LEVEL,
+    RATED,
     LawCurve,
-    OutUnit,
     compensation_of,
     law_curve,
     out_unit,
@@ -60,13 +60,13 @@ class FrictionPlan(AbstractPlan):
         identified = identify(recording, fit, job.spec.controller.cycle_time)
         curve, knots = law_curve(identified, recording.samples), None
         unit = out_unit(fit, recording.unit)
-        if not recording.unsure and curve is not None and unit.current is not None:
+        if not recording.unsure and curve is not None and unit is not None:
             knots = place_knots(
                 curve.speed,
                 curve.mean * level,
                 curve.weight,
                 entries=fit.table_entries or _ENTRIES,
-                unit=unit.current,
+                unit=unit,
                 reach=float(np.max(np.abs(recording.samples.velocity))),
             )
             if "monotone" in fit.constraints:  # of its rounded lines as of the law
@@ -89,7 +89,7 @@ class FrictionDraft(AbstractDraft):
         recording: What the drive recorded.
         found: The law.
         curve: The law over the driven speeds, or None where it is not determined.
-        out_unit: What one unit of the list is.
+        out_unit: What one unit of the list is, in the unit of the recording; None: nobody says.
         knots: The entries; None where none are written.
         view: What the list leaves of the recording.
         level: Share of the friction that the list gives.
@@ -99,7 +99,7 @@ class FrictionDraft(AbstractDraft):
     recording: DriveRecording
     found: Identified
     curve: LawCurve | None
-    out_unit: OutUnit
+    out_unit: float | None
     knots: Knots | None
     view: FrictionView
     level: float
@@ -153,9 +153,9 @@ class FrictionDraft(AbstractDraft):
         view, listing, model = self.view, done.compensation, None
         if listing is not None and self.knots is not None:
             model = friction_from_list(listing, self.job.conventions)
-        if model is not None and self.out_unit.current is not None:
+        if model is not None and self.out_unit is not None:
             law = model.law.evaluate(view.samples.velocity)
-            listed = self.out_unit.current * model.sign * law
+            listed = self.out_unit * model.sign * law
             view = dataclasses.replace(view, listed=listed)
         return FrictionResult(
             **self.frame(done),
@@ -174,7 +174,7 @@ class FrictionDraft(AbstractDraft):
         """Return a simulated circle, where mass, law and list are known."""
         fit = self.found.fit
         inertia = fit.parameters.get("inertia", 0.0)
-        law, unit = fit.law, self.out_unit.current
+        law, unit = fit.law, self.out_unit
         if model is None or law is None or unit is None:
             return None
         if inertia <= _SURE * fit.standard_deviations.get("inertia", 0.0):
@@ -232,17 +232,18 @@ class FrictionDraft(AbstractDraft):
             )
         elif self.knots is None and self.fit.torque_unit is None:
             yield Remark.info(
-                f"The job does not state {self.out_unit.missing}: the law is reported,"
-                " and no list is written."
+                "The job does not state torque_unit: the law is reported, and no list is"
+                " written."
             )
         elif self.knots is None:
             unit, other = self.recording.unit, ""
+            missing = RATED.get(unit, "a current in A, %, Nm, N or raw")
             for key in ("rated_current", "rated_torque"):
                 other = f" in place of {key}" if getattr(self.fit, key) else other
             found = f"is in {unit}" if unit else "states no unit"
             yield Remark.error(
                 "No list is written. torque_unit asks for one, and the recorded current"
-                f" {found}: state {self.out_unit.missing}{other}."
+                f" {found}: state {missing}{other}."
             )
         if self.knots is not None and self.curve is not None:
             yield from self._unsaid(self.curve, self.knots)
