@@ -11,10 +11,10 @@ from typing import Any
 
 from ...data.toml import TomlError, line_of, read_toml
 from ...models import ConventionError, Conventions
-from .._job_text import job_line
 
 _TABLES = ("verified", "assumed")
 _IDENTITY = ("machine", "saved_at")
+_HEAD = "# How the controller of this machine applies its lists.\n"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,18 +59,22 @@ class StoredConventions:
             n for n in values if n in self.verified and current[n] != values[n]
         )
 
-    def saved_over(self, before: str) -> bytes:
-        """Return a file with these rules settled; order and comments in it stay.
+    def saved_over(self, before: str = "") -> bytes:
+        """Return a file with these rules: settled ones, and those assumed against the defaults.
 
         Args:
-            before: The file as it is, which reads well; empty where there is none.
+            before: The file as it is, which reads well: order and comments in it stay; left
+                out: there is none.
         """
-        if not before.strip():
-            return self.dumps()
         import tomlkit  # takes long to load
 
-        document: Any = tomlkit.parse(before)
-        for rule in self.conventions.listing():
+        document: Any = tomlkit.parse(before if before.strip() else _HEAD)
+        if self.machine not in (None, document.get("machine")):
+            document["machine"] = self.machine
+        if self.saved_at not in (None, str(document.get("saved_at"))):
+            document["saved_at"] = tomlkit.value(self.saved_at)
+        rules = self.conventions.listing()
+        for rule in sorted(rules, key=lambda rule: rule.name not in self.verified):
             name, settled = rule.name, rule.name in self.verified
             held = [key for key in _TABLES if name in document.get(key, ())]
             if not settled and not held and rule.value == rule.default:
@@ -79,33 +83,13 @@ class StoredConventions:
             if name not in document and group not in document:
                 document[group] = tomlkit.table()
             place = document if name in document else document[group]
+            if name not in place:
+                place.add(tomlkit.comment(f"{rule.meaning} ({rule.rule})"))
             if place.get(name) != rule.value:
                 place[name] = rule.value
             for other in {*held} - {group}:
                 del document[other][name]
-        if self.machine not in (None, document.get("machine")):
-            document["machine"] = self.machine
-        if self.saved_at not in (None, str(document.get("saved_at"))):
-            document["saved_at"] = tomlkit.value(self.saved_at)
         return tomlkit.dumps(document).encode()
-
-    def dumps(self) -> bytes:
-        """Return a new file: settled rules, then those assumed against the defaults."""
-        lines = ["# How the controller of this machine applies its lists."]
-        if self.machine is not None:
-            lines.append(job_line("machine", self.machine))
-        if self.saved_at is not None:
-            lines.append(f"saved_at = {self.saved_at}")
-        groups: dict[str, list[str]] = {name: [] for name in _TABLES}
-        for rule in self.conventions.listing():
-            group = "verified" if rule.name in self.verified else "assumed"
-            if group == "verified" or rule.value != rule.default:
-                meaning = f"# {rule.meaning} ({rule.rule})"
-                groups[group] += [meaning, job_line(rule.name, rule.value)]
-        for name, entries in groups.items():
-            if entries:
-                lines += ["", f"[{name}]", *entries]
-        return ("\n".join(lines) + "\n").encode()
 
 
 def read_conventions(path: Path, machine: str | None = None) -> StoredConventions:

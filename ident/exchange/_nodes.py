@@ -86,11 +86,7 @@ def point_nodes(setpoints: Float[np.ndarray, " n"], name: str) -> ListNodes:
     name, count = f"{name}.setpoints", len(setpoints)
     expect(count >= 2, name, f"{count} of them", "at least 2")
     integers = exact_in_list(setpoints, name)
-    steps = np.diff(integers)
-    if (steps <= 0).any():
-        at = int(np.argmax(steps <= 0))
-        pair = f"{setpoints[at]:g} followed by {setpoints[at + 1]:g}"
-        raise ExchangeError(name, pair, "ascending positions")
+    refuse_unordered(setpoints, name)
     return ListNodes(tuple(int(k) for k in integers))
 
 
@@ -107,12 +103,20 @@ def nodes_of_model(nodes: AbstractNodes, name: str) -> ListNodes:
     return point_nodes(np.asarray(nodes.positions, dtype=float), name)
 
 
-def refuse_unordered(points: Float[np.ndarray, " n"], name: str) -> None:
-    """Raise where setpoints are none or do not ascend."""
+def refuse_unordered(
+    points: Float[np.ndarray, " n"] | Int[np.ndarray, " n"],
+    name: str,
+    expected: str = "ascending setpoints",
+) -> None:
+    """Raise where points are none or do not ascend.
+
+    Raises:
+        ExchangeError: Naming the first that is not above the one before.
+    """
     expect(len(points), name, "no points", "at least one")
     for at in np.flatnonzero(np.diff(points) <= 0).tolist():
         pair = f"{points[at + 1]:g} after {points[at]:g} (index {at + 1})"
-        raise ExchangeError(name, pair, "ascending setpoints")
+        raise ExchangeError(name, pair, expected)
 
 
 Ranges = Mapping[int, tuple[float, float]]

@@ -125,7 +125,9 @@ def test_the_page_on_measuring_again_and_the_keys_of_other_pages_run(
     pages = ("docs/first-run.md", "docs/conventions.md", "docs/whole-axis.md")
     keys = [tomllib.loads(text) for page in pages for text in shown(page, "toml")]
     Path("job.toml").write_text(tomlkit.dumps(merged(readme_job(), *keys)), "utf-8")
-    Path(keys[1]["machine"]["conventions"]).write_bytes(StoredConventions().dumps())
+    Path(keys[1]["machine"]["conventions"]).write_bytes(
+        StoredConventions().saved_over()
+    )
     (after,) = shown("docs/measure-again.md", "toml")
     Path("after.toml").write_text(after, "utf-8")
     (words,) = typed("docs/measure-again.md")

@@ -26,7 +26,7 @@ from ...exchange._identity import (
     values_of,
 )
 from ...exchange._machine_lists import InUse, Reading
-from ...exchange._nodes import as_array
+from ...exchange._nodes import as_array, refuse_unordered
 from ...exchange._units import (
     SGN32,
     SGN64,
@@ -111,12 +111,8 @@ def _old_from_list(listing: ListFile, conventions: Conventions) -> LegacyCrossta
     count = optional(listing, f"{PREFIX}.last_index") + 1
     refuse_huge(count, f"{listing.source}: {PREFIX}.last_index")
     nodes = column(listing, PREFIX, "acceleration", count)
-    expect(
-        count >= 1 and (np.diff(nodes) > 0).all(),
-        f"{listing.source}: {PREFIX}.table[].acceleration",
-        ", ".join(map(str, nodes[:8].tolist())) or "no entry",
-        "ascending accelerations (70659)",
-    )
+    name = f"{listing.source}: {PREFIX}.table[].acceleration"
+    refuse_unordered(nodes, name, "ascending accelerations (70659)")
     table = column(listing, PREFIX, "correction", count)
     return LegacyCrosstalk(
         nodes=Setpoints(as_array(nodes.astype(float))),

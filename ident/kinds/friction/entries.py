@@ -16,6 +16,7 @@ from ....models import (
 from ...exchange._capacity import ANY_LIST, ListTarget, refuse_huge
 from ...exchange._identity import column, not_negative, optional, required
 from ...exchange._machine_lists import InUse, Reading
+from ...exchange._nodes import refuse_unordered
 from ...exchange._units import (
     LIST_UNITS,
     SGN32,
@@ -126,12 +127,9 @@ class FrictionEntries(AbstractEntries):
         count = required(listing, f"{PREFIX}.table_entries")
         refuse_huge(count, f"{listing.source}: {PREFIX}.table_entries")
         knots = column(listing, PREFIX, "in", count)
-        expect(
-            count >= 1 and (knots >= 0).all() and (np.diff(knots) > 0).all(),
-            f"{listing.source}: {PREFIX}.table[].in",
-            ", ".join(map(str, knots[:8].tolist())) or "no entry",
-            "ascending velocities, none below 0 (110591)",
-        )
+        where = f"{listing.source}: {PREFIX}.table[].in"
+        refuse_unordered(knots, where, "ascending velocities (110591)")
+        expect(knots[0] >= 0, where, knots[0], "velocities from 0 on (110591)")
         scale = optional(listing, f"{PREFIX}.scaling_factor")
         delay, lookahead, cycles = (
             not_negative(listing, f"{PREFIX}.{name}") for name in _MOST

@@ -15,6 +15,7 @@ from ....models import ConstantParameter, Conventions, TemperatureCurve, Tempera
 from ...exchange._capacity import ANY_LIST, ListTarget
 from ...exchange._identity import flag, not_negative, optional, real, refuse_many
 from ...exchange._machine_lists import Reading
+from ...exchange._nodes import refuse_unordered
 from ...exchange._units import LIST_UNITS, SGN32, ExchangeError, expect, round_to_list
 from .._protocol import AbstractEntries, Axes
 from . import KIND
@@ -100,10 +101,8 @@ def _columns_of(
     words = f"columns {', '.join(names)}"
     expect(set(COLUMNS) <= set(names), str(path), words, ", ".join(COLUMNS))
     values = {name: table.numbers(table.column(name)) for name in COLUMNS}
-    warmth = values["temperature"]
-    ascend = len(warmth) and (np.diff(warmth) > 0).all()
-    words = ", ".join(f"{value:g}" for value in warmth[:8]) or "no row"
-    expect(ascend, f"{path}: temperature", words, "ascending temperatures")
+    where = f"{path}: temperature"
+    refuse_unordered(values["temperature"], where, "ascending temperatures")
     return values
 
 
