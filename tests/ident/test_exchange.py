@@ -296,7 +296,7 @@ def test_grid_that_no_list_holds_is_refused(
 
 
 def test_setpoints_that_no_list_holds_are_refused() -> None:
-    with pytest.raises(ExchangeError, match="found 1 after 2 .*, expected ascending"):
+    with pytest.raises(ExchangeError, match=r"found 1 after 2 .*, expected ascending"):
         point_nodes(np.array([0.0, 2.0, 1.0]), "fits[0]")
     with pytest.raises(ExchangeError, match=r"found 3e-05, expected a multiple"):
         point_nodes(np.array([0.0, 3e-5]), "fits[0]")

@@ -29,7 +29,7 @@ from .entries import (
     Table,
     entries_of_temperature,
     held_in,
-    read_columns,
+    read_law,
     temperature_line,
 )
 from .keys import Spec, temperature_names
@@ -248,7 +248,7 @@ class TemperatureDraft(AbstractDraft):
         before, predicted, wild = self.foreseen
         from_file = before
         if self.written and table is not None:
-            line = self._line_of(read_columns(table), done.machine)
+            line = self._line_of(read_law(table)[0], done.machine)
             place, warm = fit.position, fit.structure
             distance = np.zeros(len(before)) if place is None else place
             from_file = before + np.asarray(line.offset(distance, warm))

@@ -5,7 +5,7 @@ The table that a PLC follows (``temperature_<axis>.csv``) makes such a line, too
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Float
@@ -19,9 +19,6 @@ from ...exchange._nodes import refuse_unordered
 from ...exchange._units import LIST_UNITS, SGN32, ExchangeError, expect, round_to_list
 from .._protocol import AbstractEntries, Axes
 from . import KIND
-
-if TYPE_CHECKING:
-    from ....data.measurements import Table as MeasuredTable
 
 COLUMNS = ("temperature", "offset_0", "coefficient")
 """Of the table of a PLC: in °C, mm and µm/m."""
@@ -56,8 +53,7 @@ def read_temperature_table(
         ExchangeError: If a column is missing or the temperatures do not ascend, or it
             is open which sensor counts.
     """
-    table = _read(path)
-    columns, named = _columns_of(path, table), _sensors_of(table)
+    columns, named = read_law(path)
     if len(followed) == 1 and named:
         offset, slope = named
         found = f"a law whose offset follows {offset} and whose coefficient {slope}"
@@ -73,37 +69,25 @@ def read_temperature_table(
     return temperature_line(columns, (numbers[0], numbers[-1]), conventions, machine)
 
 
-def _sensors_of(table: "MeasuredTable") -> tuple[str, ...]:
-    """Return the sensors of offset and coefficient that a table names, or none."""
-    by_name = {column.name: column.text for column in table.columns}
-    return tuple(text[0].strip() for name in SENSORS if (text := by_name.get(name)))
+def read_law(path: Path) -> tuple[Table, tuple[str, ...]]:
+    """Return the columns of the table of a PLC, as `COLUMNS`, and the sensors that it names.
 
-
-def _read(path: Path) -> "MeasuredTable":
-    from ....data.measurements import read_table  # lists alone need none
-
-    return read_table(path)
-
-
-def read_columns(path: Path) -> dict[str, Float[np.ndarray, " n"]]:
-    """Return the columns of the table of a PLC by name, as `COLUMNS`.
+    These are those of offset and coefficient, or none.
 
     Raises:
-        ExchangeError: If one is missing or the temperatures do not ascend.
+        ExchangeError: If a column is missing or the temperatures do not ascend.
     """
-    return _columns_of(path, _read(path))
+    from ....data.measurements import read_table  # lists alone need none
 
-
-def _columns_of(
-    path: Path, table: "MeasuredTable"
-) -> dict[str, Float[np.ndarray, " n"]]:
-    names = [column.name for column in table.columns]
-    words = f"columns {', '.join(names)}"
-    expect(set(COLUMNS) <= set(names), str(path), words, ", ".join(COLUMNS))
-    values = {name: table.numbers(table.column(name)) for name in COLUMNS}
+    table = read_table(path)
+    by_name = {column.name: column for column in table.columns}
+    words = f"columns {', '.join(by_name)}"
+    expect(by_name.keys() >= set(COLUMNS), str(path), words, ", ".join(COLUMNS))
+    values = {name: table.numbers(by_name[name]) for name in COLUMNS}
     where = f"{path}: temperature"
     refuse_unordered(values["temperature"], where, "ascending temperatures")
-    return values
+    texts = [by_name[name].text for name in SENSORS if name in by_name]
+    return values, tuple(text[0].strip() for text in texts if text)
 
 
 def temperature_line(
