@@ -90,12 +90,12 @@ class Kind:
     @property
     def log_channel(self) -> "type[AbstractChannel]":
         """What a log shows of it."""
-        return cast("type[AbstractChannel]", self.part("channel").CHANNEL)
+        return cast("type[AbstractChannel]", self.part("seen").CHANNEL)
 
     @functools.cached_property
     def probe(self) -> "AbstractProbe":
         """Its step of a probe."""
-        return cast("AbstractProbe", self.part("probe").PROBE)
+        return cast("AbstractProbe", self.part("seen").PROBE)
 
     @property
     def keys(self) -> "type[FitSpec]":

@@ -4,8 +4,8 @@ A colleague who adds a compensation writes its model in `axcomp.models` (or, as 
 `AbstractOffset`, beside the parts) and in its folder:
 
 * ``entries.py`` with ``ENTRIES``, an `AbstractEntries`;
-* ``channel.py`` with ``CHANNEL``, a class that is a `proof.verify.AbstractChannel`;
-* ``probe.py`` with ``PROBE``, an `AbstractProbe`;
+* ``seen.py`` with ``CHANNEL``, a class that is a `proof.verify.AbstractChannel` (what a log
+  shows of it), and ``PROBE``, an `AbstractProbe`;
 * ``keys.py`` with ``Spec``, a `_keys.FitSpec`: light, it loads nothing that computes;
 * ``plan.py``, a `PlanPart`: a fit from its plan to a draft, alone or in a group;
 * ``page.py``, a `PagePart`: what the report shows of its result.

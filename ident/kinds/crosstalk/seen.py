@@ -1,21 +1,72 @@
-"""The step of a probe for crosstalk."""
+"""What is seen of crosstalk at the machine: in a log, and in a probe."""
 
 import dataclasses
 from collections.abc import Mapping
 from typing import final
 
 import numpy as np
+from jaxtyping import Float
 
 from ....models import BilinearGrid, Conventions, Crosstalk
 from ...diagnosis.probe._probe import Masters, Outcome, Outcomes, ProbeAxis, Probed
 from ...exchange._identity import optional
 from ...exchange._machine_lists import InUse
 from ...exchange._nodes import as_array
+from ...proof.verify import AbstractChannel, Change, LogRows, Parts, Way
 from .._protocol import AbstractProbe
 from .entries import PREFIX, entries_of_crosstalk
 
 QUADRANTS = (0.010, 0.008, 0.006, 0.004)
 """In mm, one height per quadrant, in the order of the list's entries."""
+
+
+@final
+class CrosstalkChannel(AbstractChannel):
+    """An offset over the acceleration of another axis."""
+
+    def prepare(self) -> None:
+        self.relevant = (
+            "crosstalk_accelerate",
+            "crosstalk_velocity",
+            "crosstalk_above",
+            "filter_delay",
+        )
+        law = self.law(self.conventions)
+        self.cycles = law.cycles
+        dynamic, *places = self.masters
+        if isinstance(law, Crosstalk):
+            points = np.asarray(law.surface.points)
+            self.ways = tuple(Way.of(column, ends=False) for column in points.T)
+            if not law.velocity_dependent:
+                self.relevant = (*self.relevant, "crosstalk_undirected")
+            if places:
+                self.relevant = (*self.relevant, "crosstalk_outside")
+            if len(places) == 2:
+                self.relevant = (*self.relevant, "crosstalk_surface")
+        timed = self.motion.cycle is not None
+        if timed and self.motion.has_actual(dynamic, self.axis):
+            self.relevant = (*self.relevant, "crosstalk_input")
+        axes = sorted(self.motion.positions)
+        swaps = [(number, *places) for number in axes if number != dynamic]
+        if len(places) == 2:
+            swaps.insert(0, (dynamic, places[1], places[0]))
+        self.swaps = tuple(swaps)
+        _ = self.parts(self.plain, slice(0, 1))  # a log without a master is refused
+
+    def parts(self, change: Change, rows: LogRows) -> Parts:
+        purpose = f"for the crosstalk of A{self.axis}"
+        dynamic, *places = change.masters or self.masters
+        actual = change.conventions.crosstalk_input == "actual"
+        velocity, acceleration = self.motion.required_rates(dynamic, purpose, actual)
+        if change.conventions.crosstalk_velocity == "slave":
+            velocity = self.motion.required_rates(self.axis, purpose, actual)[0]
+        law = self.law(change.conventions)
+        columns = [self.motion.position(axis, purpose)[rows] for axis in places]
+        place: Float[np.ndarray, "r k"] | None = None
+        if columns:
+            place = change.moved(np.stack(columns, axis=1))
+        offset = law.offset(acceleration[rows], velocity[rows], place)
+        return Parts(np.asarray(offset))
 
 
 @final
@@ -70,4 +121,4 @@ class CrosstalkProbe(AbstractProbe):
         )
 
 
-PROBE = CrosstalkProbe()
+CHANNEL, PROBE = CrosstalkChannel, CrosstalkProbe()

@@ -1,7 +1,9 @@
-"""The step of a probe for friction: the table that is loaded, at a low level."""
+"""What is seen of the friction compensation at the machine: in a log, and in a probe."""
 
 from collections.abc import Mapping
 from typing import final
+
+import numpy as np
 
 from ....data.lists import Value
 from ....models import Conventions
@@ -9,11 +11,41 @@ from ...diagnosis.probe._probe import Masters, Outcome, Outcomes, ProbeAxis, Pro
 from ...exchange._identity import optional
 from ...exchange._machine_lists import InUse
 from ...exchange._units import ExchangeError
+from ...proof.verify import AbstractChannel, Change, LogRows, Parts
 from .._protocol import AbstractProbe
 from .entries import PREFIX
 
 LEVEL = 0.15
 """Share of the loaded currents: 10 to 20 % shows the sign and harms no drive."""
+
+
+@final
+class FrictionChannel(AbstractChannel):
+    """A current over the speed of the axis."""
+
+    unit = ""
+
+    def prepare(self) -> None:
+        self.relevant = (
+            "friction_below",
+            "friction_above",
+            "friction_rest",
+            "friction_build_up",
+            "friction_decay",
+        )
+        if self.law(self.conventions).delay_cycles:
+            self.relevant = (*self.relevant, "friction_delay")
+        _ = self.motion.required_rates(self.axis, "for its friction compensation")
+
+    def parts(self, change: Change, rows: LogRows) -> Parts:
+        purpose = "for its friction compensation"
+        velocity, _ = self.motion.required_rates(self.axis, purpose)
+        law = self.law(change.conventions)
+        if self.motion.cycle is None:
+            return Parts(np.asarray(law.current(velocity))[rows])
+        place = self.motion.position(self.axis, purpose)
+        current, _ = law.run(law.start(), place, velocity)
+        return Parts(np.asarray(current)[rows])
 
 
 @final
@@ -69,4 +101,4 @@ class FrictionProbe(AbstractProbe):
         )
 
 
-PROBE = FrictionProbe()
+CHANNEL, PROBE = FrictionChannel, FrictionProbe()

@@ -1,7 +1,12 @@
-"""The step of a probe for the temperature."""
+"""What is seen of the temperature at the machine: in a log, and in a probe."""
 
 from typing import final
 
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ....models import Conventions, TemperatureLine
 from ...diagnosis.probe._probe import (
     HEIGHT,
     Masters,
@@ -11,8 +16,37 @@ from ...diagnosis.probe._probe import (
     Probed,
 )
 from ...exchange._units import LIST_UNITS
+from ...proof.verify import AbstractChannel, Change, LogRows, Parts
 from .._protocol import AbstractProbe
 from . import KIND
+from .entries import temperature_from_list
+
+
+@final
+class TemperatureChannel(AbstractChannel):
+    """A straight line over the position (S-43)."""
+
+    def prepare(self) -> None:
+        self.listed = self.law(self.conventions).cycles
+        self.relevant = ("temperature_filter",)
+
+    def law(self, conventions: Conventions) -> TemperatureLine:
+        """Return the line of the list: what a log shows of it needs no unit."""
+        line: TemperatureLine | None = temperature_from_list(
+            self.one.listing, conventions
+        )
+        assert line is not None  # the axis list switches it on
+        return line
+
+    def cycles_under(self, conventions: Conventions) -> int:
+        return self.listed if conventions.temperature_filter == "values" else 0
+
+    def parts(self, change: Change, rows: LogRows) -> Parts:
+        place = self.motion.position(self.axis, "for its temperature compensation")
+        line = self.law(change.conventions)
+        positions: Float[np.ndarray, " r"] = place[rows]
+        cold = jnp.zeros((len(positions), 0))
+        return Parts(np.asarray(line.offset(jnp.asarray(positions), cold)))
 
 
 @final
@@ -51,4 +85,4 @@ def _slope(axis: ProbeAxis) -> int:
     return max(1, int(HEIGHT * 1e6 / (axis.at(10.0) - axis.at(0.0))))
 
 
-PROBE = TemperatureProbe()
+CHANNEL, PROBE = TemperatureChannel, TemperatureProbe()

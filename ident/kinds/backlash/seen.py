@@ -1,6 +1,9 @@
-"""The step of a probe for the backlash."""
+"""What is seen of the backlash at the machine: in a log, and in a probe."""
 
 from typing import final
+
+import jax.numpy as jnp
+import numpy as np
 
 from ...diagnosis.probe._probe import (
     HEIGHT,
@@ -13,9 +16,27 @@ from ...diagnosis.probe._probe import (
 )
 from ...exchange._machine_lists import REVERSAL_CYCLES
 from ...exchange._units import LIST_UNITS
+from ...proof.verify import AbstractChannel, Change, LogRows, Parts
 from .._protocol import AbstractProbe
 from . import KIND
 from .entries import WIDTH
+
+
+@final
+class BacklashChannel(AbstractChannel):
+    """An offset that steps where the axis reverses (S-45)."""
+
+    def prepare(self) -> None:
+        self.cycles = self.law(self.conventions).cycles
+        self.relevant = ("backlash_reference", "filter_delay")
+        if self.distinguishes_actual():
+            self.relevant = (*self.relevant, "direction_source")
+
+    def parts(self, change: Change, rows: LogRows) -> Parts:
+        count = len(self.motion.position(self.axis, "for its backlash")[rows])
+        law = self.law(change.conventions)
+        offset = np.asarray(law.offset(jnp.array([1.0, -1.0])))
+        return Parts(np.full(count, offset[0]), np.full(count, offset[1] - offset[0]))
 
 
 @final
@@ -45,4 +66,4 @@ class BacklashProbe(AbstractProbe):
         )
 
 
-PROBE = BacklashProbe()
+CHANNEL, PROBE = BacklashChannel, BacklashProbe()

@@ -1,12 +1,23 @@
-"""What a log shows of a leadscrew table."""
+"""What is seen of a leadscrew table at the machine: in a log, and in a probe."""
 
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
 from jaxtyping import Float
 
+from ....data.lists import Value
 from ....models import Conventions, Leadscrew
+from ...diagnosis.probe._probe import (
+    FIRST,
+    Masters,
+    Outcomes,
+    ProbeAxis,
+    Probed,
+    both_signs,
+)
 from ...proof.verify import Change, TableChannel, ways_of
+from .._protocol import AbstractProbe
 from .entries import PREFIX
 
 
@@ -43,4 +54,21 @@ class LeadscrewChannel(TableChannel):
         return np.asarray(places + self._added[:, None])
 
 
-CHANNEL = LeadscrewChannel
+@final
+class LeadscrewProbe(AbstractProbe):
+    """A plateau along the axis itself."""
+
+    plateaus = (FIRST,)
+
+    def entries(
+        self, probed: Probed, axes: Mapping[int, ProbeAxis], conventions: Conventions
+    ) -> dict[str, Value]:
+        entries = super().entries(probed, axes, conventions)
+        # The input without other offsets: the plateau stays where it is (S-23).
+        return {**entries, f"{PREFIX}.set_pos_without_comp": 1}
+
+    def outcomes(self, probed: Probed, axis: ProbeAxis, masters: Masters) -> Outcomes:
+        return both_signs(axis, "leadscrew_sign", entry="error")
+
+
+CHANNEL, PROBE = LeadscrewChannel, LeadscrewProbe()

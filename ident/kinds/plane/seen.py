@@ -1,6 +1,9 @@
-"""The step of a probe for a plane."""
+"""What is seen of a plane at the machine: in a log, and in a probe."""
 
 from typing import final
+
+import numpy as np
+from jaxtyping import Float
 
 from ...diagnosis.probe._probe import (
     FIRST,
@@ -13,7 +16,25 @@ from ...diagnosis.probe._probe import (
     both_signs,
     number_text,
 )
+from ...proof.verify import Change, TableChannel
 from .._protocol import AbstractProbe
+
+
+@final
+class PlaneChannel(TableChannel):
+    """A table over two masters."""
+
+    def prepare(self) -> None:
+        super().prepare()
+        first, second = self.masters
+        self.swaps = ((second, first),)
+        actual = self.motion.has_actual(first, second)
+        matters = {"table_filter": self.listed > 1, "plane_input": actual}
+        self.relevant = ("plane_index", *(name for name, on in matters.items() if on))
+
+    def positions(self, change: Change) -> Float[np.ndarray, "t d"]:
+        actual = change.conventions.plane_input == "actual"
+        return self.places(change.masters or self.masters, actual)
 
 
 @final
@@ -38,4 +59,4 @@ class PlaneProbe(AbstractProbe):
         )
 
 
-PROBE = PlaneProbe()
+CHANNEL, PROBE = PlaneChannel, PlaneProbe()

@@ -1,4 +1,4 @@
-"""The step of a probe for a cross table."""
+"""What is seen of a cross table at the machine: in a log, and in a probe."""
 
 from typing import final
 
@@ -12,7 +12,21 @@ from ...diagnosis.probe._probe import (
     both_signs,
     number_text,
 )
+from ...proof.verify import TableChannel
 from .._protocol import AbstractProbe
+
+
+@final
+class CrossChannel(TableChannel):
+    """A table over one master."""
+
+    edge_rule = "cross_edge"
+
+    def prepare(self) -> None:
+        super().prepare()
+        axes = sorted(self.motion.positions)
+        self.swaps = tuple((axis,) for axis in axes if (axis,) != self.masters)
+        self.relevant = ("table_filter",) if self.listed > 1 else ()
 
 
 @final
@@ -46,4 +60,4 @@ class CrossProbe(AbstractProbe):
         )
 
 
-PROBE = CrossProbe()
+CHANNEL, PROBE = CrossChannel, CrossProbe()
