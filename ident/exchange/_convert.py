@@ -32,6 +32,7 @@ from ...data.measurements import (
 from ...models import EquidistantNodes, Setpoints
 from ..kinds import kind
 from ._axis_models import AxisModels, load_model
+from ._nodes import refuse_unordered
 from ._units import LIST_UNITS, ExchangeError, expect
 
 MASTERS = {"leadscrew": 0, "cross": 1, "plane": 2}
@@ -154,10 +155,7 @@ def _nodes(positions: Float[np.ndarray, " n"]) -> EquidistantNodes | Setpoints:
         if np.allclose(positions, start + interval * np.arange(size), 0.0, _GRID):
             return EquidistantNodes(np.asarray(start), np.asarray(interval), size)
     places = np.round(positions * LIST_UNITS) / LIST_UNITS
-    for at in np.flatnonzero(np.diff(places) <= 0):
-        found = f"{positions[at]:g} and {positions[at + 1]:g}"
-        expected = "each 0.1 µm or more above the one before"
-        raise ExchangeError(where="nodes", found=found, expected=expected)
+    refuse_unordered(places, "nodes", "each 0.1 µm or more above the one before")
     return Setpoints(places)
 
 

@@ -55,29 +55,31 @@ def round_to_list(
     values: Float[np.ndarray, "..."],
     name: str,
     bounds: tuple[int, int] = SGN32,
+    units: int = LIST_UNITS,
 ) -> Int[np.ndarray, "..."]:
     """Round mm or ° to the nearest list unit.
 
     Node values are rounded, not their differences: a constant slope stays unbiased.
 
     Args:
-        values: In mm or °.
+        values: In mm or °, or in what the entry is in units of.
         name: Of the list entry, for the message.
         bounds: Smallest and largest integer that the entry may hold.
+        units: Of the entry in one of the value.
 
     Raises:
         ExchangeError: If a value is not finite or does not fit the type of the entry.
     """
     array = np.asarray(values, dtype=float)
-    scaled = np.rint(array * LIST_UNITS)
+    scaled = np.rint(array * units)
     low, high = bounds
     fits = (scaled >= low) & (scaled <= high)
     if not fits.all():
         worst = array[~fits].flat[0]
         raise ExchangeError(
             where=name,
-            found=f"{worst:.6g} mm or °",
-            expected=f"a value from {low / LIST_UNITS:.10g} to {high / LIST_UNITS:.10g}"
+            found=f"{worst:.6g}{' mm or °' * (units == LIST_UNITS)}",
+            expected=f"a value from {low / units:.10g} to {high / units:.10g}"
             f" ({low} to {high} list units)",
         )
     return np.asarray(scaled, dtype=np.int64)

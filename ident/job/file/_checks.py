@@ -177,7 +177,7 @@ def _fits(job: JobFile) -> Iterator[Fault]:
             )
         for key in fit.lacking:
             if key in fit.model_fields_set:
-                reason = f"{fit.compensation} has no such entry, expected it for tables"
+                reason = f"{fit.compensation} has no such entry, expected none"
                 yield (*where, key), reason
         yield from fit.faults(job, where)
     yield from _groups(job)

@@ -4,7 +4,7 @@ from typing import final
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from ....data.lists import ListFile
 from ....models import (
@@ -60,16 +60,15 @@ def _with_ends(
     )
     knots = np.asarray(table.nodes.points)
     level = np.asarray(table.scaling) * np.asarray(table.values)
-    speeds = _round(knots * VELOCITY_UNITS, f"{PREFIX}.table[].in", (0, _FASTEST_ENTRY))
-    for k in np.flatnonzero(np.diff(speeds) <= 0).tolist():
-        pair = f"{knots[k]:.6g} and {knots[k + 1]:.6g} mm/s"
-        expected = "velocities that differ by 0.001 mm/s or more (110591)"
-        raise ExchangeError(where=f"{PREFIX}.table[].in", found=pair, expected=expected)
-    currents = _round(level, f"{PREFIX}.table[].out", (SGN32[0] + 1, SGN32[1]))
+    name = f"{PREFIX}.table[].in"
+    speeds = round_to_list(knots, name, (0, _FASTEST_ENTRY), VELOCITY_UNITS)
+    refuse_unordered(speeds, name, "velocities 0.001 mm/s or more apart (110591)")
+    bounds = SGN32[0] + 1, SGN32[1]
+    currents = round_to_list(level, f"{PREFIX}.table[].out", bounds, 1)
     if speeds[0] != 1:
         # At rest there is no current: an entry for 0 stands for the slowest motion.
-        slow = np.interp(1.0, knots * VELOCITY_UNITS, level)
-        start = _round(np.array([slow]), f"{PREFIX}.table[].out", SGN32)
+        slow = np.interp([1.0], knots * VELOCITY_UNITS, level)
+        start = round_to_list(slow, f"{PREFIX}.table[].out", bounds, 1)
         keep = speeds > 1
         speeds = np.concatenate([[1], speeds[keep]])
         currents = np.concatenate([start, currents[keep]])
@@ -78,21 +77,10 @@ def _with_ends(
     if not flat:
         words = f"{end / VELOCITY_UNITS:.6g} mm/s"
         most = f"at most {_FASTEST_ENTRY / VELOCITY_UNITS:.10g}"
-        expect(end <= _FASTEST_ENTRY, f"{PREFIX}.table[].in", words, most)
+        expect(end <= _FASTEST_ENTRY, name, words, most)
         speeds = np.append(speeds, end)
         currents = np.append(currents, currents[-1])
     return speeds, currents
-
-
-def _round(
-    values: Float[np.ndarray, " n"], name: str, bounds: tuple[int, int]
-) -> Int[np.ndarray, " n"]:
-    """Round what is in units of its own (µm/s, current) to integers that fit."""
-    rounded, (low, high) = np.rint(values), bounds
-    outside = ~((rounded >= low) & (rounded <= high))
-    for value in values[outside]:
-        raise ExchangeError(name, f"{value:.6g}", f"a number from {low} to {high}")
-    return np.asarray(rounded, dtype=np.int64)
 
 
 @final

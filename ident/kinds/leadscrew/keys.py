@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 class Spec(LineSpec, frozen=True):
     """A leadscrew table: error of the axis over its own position."""
 
+    lacking = ("n_cycles",)
+
     compensation: Literal["leadscrew"]
     bilateral: bool = False
     """One table per direction; it contains the backlash. Example: `true`."""
@@ -33,11 +35,6 @@ class Spec(LineSpec, frozen=True):
 
     def faults(self, job: "JobFile", where: KeyPath) -> Iterator[Fault]:
         yield from super().faults(job, where)
-        if self.n_cycles is not None:
-            reason = (
-                "a leadscrew list has no such entry, expected it for cross and plane"
-            )
-            yield (*where, "n_cycles"), reason
         axis = job.axes.get(self.axis)
         linear = axis is not None and axis.kind == "linear" and not axis.modulo
         if self.modulo and linear:
