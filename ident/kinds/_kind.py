@@ -23,7 +23,6 @@ class Kind:
         prefix: Beginning of their entries there: ``kw.crosscomp``.
         activation: Entry of the axis list that switches it on.
         keyword: Of the NC command ``COMP`` and of ``V.A.…_COMP_ACTIVE``.
-        variable: NC variable of what it adds, in mm or °.
         channel: Object of the CNC that shows the same, in increments; None: there is none.
         cycles: Entry that spreads its coming and going, and the largest value of it; None:
             it has none.
@@ -40,7 +39,6 @@ class Kind:
         partial: It may be written without what its readings do not tell.
         often_open: Readings may not tell it even where it is the only fit of its axis.
         conventions: Beginnings of the names of the rules that its sign and owner rest on.
-        noun: How a sentence calls it: ``the cross table``.
         manual: Entry that makes it wait for COMP ON; None: it has none.
         owner: Rule that says in whose list it stands, its own axis's or its master's; None:
             in that of its own axis.
@@ -56,7 +54,6 @@ class Kind:
     prefix: str
     activation: str
     keyword: str
-    variable: str
     channel: str | None
     conventions: tuple[str, ...]
     cycles: tuple[str, int] | None = None
@@ -69,7 +66,6 @@ class Kind:
     fitted_first: bool = False
     partial: bool = False
     often_open: bool = False
-    noun: str = ""
     manual: str | None = None
     owner: str | None = None
     by_plc: bool = False
@@ -77,6 +73,11 @@ class Kind:
     raw_tables: tuple[str, ...] = ()
     unseen: str = ""
     build: str = ""
+
+    @property
+    def variable(self) -> str:
+        """NC variable of what it adds, in mm or °."""
+        return f"V.A.{self.keyword}_COMP_CURR"
 
     def part(self, name: str) -> ModuleType:
         """Return a module of its folder (``entries``, ``page``), imported on first use."""

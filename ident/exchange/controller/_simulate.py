@@ -106,7 +106,7 @@ def simulate(
         computed = [use for use in used if lacks[use] is None]
         for use in computed:
             for axis in use.kind.entries.looks_at(use, motion):
-                motion.position(axis, f"for {use.kind.noun} of A{use.axis}")
+                motion.position(axis, f"for the {use.name} of A{use.axis}")
         numbers = axes_in_use(used, machine)
         controller = controller_of(computed, machine, numbers, reading)
         whole = _controller_motion(motion, numbers, reading.conventions)

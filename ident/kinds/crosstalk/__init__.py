@@ -14,12 +14,10 @@ KIND = Kind(
     prefix="kw.crosstalk",
     activation="lr_param.crosstalk",
     keyword="CROSSTALK",
-    variable="V.A.CROSSTALK_COMP_CURR",
     channel="CROSSTALK::end_offset",
     conventions=("crosstalk_",),
     follows=frozenset({"position", "acceleration"}),
     demanded=False,
-    noun="the crosstalk",
     manual="kw.crosstalk.manual_activation",
     adds="The controller adds the value to the command position of the axis while the master"
     " accelerates.",

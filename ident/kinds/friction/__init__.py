@@ -8,13 +8,11 @@ KIND = Kind(
     prefix="frict_comp",
     activation="lr_param.frict_comp",
     keyword="FRICT",
-    variable="V.A.FRICT_COMP_CURR",
     channel=None,
     conventions=("friction_",),
     follows=frozenset({"velocity"}),
     demanded=False,
     adds_current=True,
-    noun="the friction",
     adds="The controller adds sign(v) times the value over the velocity to the motor current,"
     " scaled by scaling_factor (0.1 %).",
     raw_tables=("table",),

@@ -8,13 +8,11 @@ KIND = Kind(
     prefix="kw.ssfk",
     activation="lr_param.ssfk",
     keyword="LEAD",
-    variable="V.A.LEAD_COMP_CURR",
     channel="LSEC::sum epsilon",
     conventions=("leadscrew_", "direction_source", "start_direction"),
     follows=frozenset({"position", "direction"}),
     table=True,
     takes_constant=1,
-    noun="the leadscrew table",
     manual="kw.ssfk.manual_activation",
     adds="The entry is the error of the axis (actual minus setpoint); the controller adds its"
     " negative to the command position.",

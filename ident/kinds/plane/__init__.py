@@ -8,7 +8,6 @@ KIND = Kind(
     prefix="kw.crosscomp2",
     activation="lr_param.crosscomp2",
     keyword="PLANE",
-    variable="V.A.PLANE_COMP_CURR",
     channel="CC2::correction",
     conventions=("plane_",),
     follows=frozenset({"position"}),
@@ -16,7 +15,6 @@ KIND = Kind(
     table=True,
     takes_constant=2,
     often_open=True,
-    noun="the plane",
     manual="kw.crosscomp2.manual_activation",
     adds="The controller adds the entry to the command position of the axis as it stands.",
 )

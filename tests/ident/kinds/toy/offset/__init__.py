@@ -8,9 +8,7 @@ KIND = Kind(
     prefix="kw.offset",
     activation="lr_param.offset",
     keyword="OFFSET",
-    variable="V.A.OFFSET_COMP_CURR",
     channel=None,
     conventions=(),
-    noun="the offset",
     adds="The controller adds the value to the command position of the axis.",
 )
