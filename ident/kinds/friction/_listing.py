@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ....data.signals import quantile
 from ....models import FrictionCompensation, FrictionTable, Setpoints
-from ...friction import DriveSamples, Knots, Laws, ReversalFit
+from ...friction import DriveSamples, Knots, ReversalFit
 from ._identify import Identified
 from .keys import Spec
 
@@ -42,32 +42,23 @@ class LawCurve:
         weight: Share of the recording at each speed.
         positive_share: How much the positive direction counts in the list, 0 to 1: half
             where both were driven, all where it alone was.
-        common: Weights of the speeds over which both directions are taken to be alike on
-            average; 0 where a constant load is told from friction otherwise.
-        velocity: At which the law speaks for each speed, positive direction first: held
-            beyond the speeds that were driven so.
         currents: Moving positive, moving negative (as a positive number), and their mean:
             what a list can say, which knows no direction.
         deviations: Standard deviations of them (`Choice.deviation`).
+        without: The mean of laws fitted without each window.
     """
 
     speed: Float[np.ndarray, " v"]
     weight: Float[np.ndarray, " v"]
     positive_share: Float[np.ndarray, " v"]
-    common: Float[np.ndarray, " v"]
-    velocity: Float[np.ndarray, " v2"]
     currents: Float[np.ndarray, "3 v"]
     deviations: Float[np.ndarray, "3 v"]
+    without: Float[np.ndarray, "v n"]
 
     @property
     def mean(self) -> Float[np.ndarray, " v"]:
         """What a list can say."""
         return np.asarray(self.currents[2])
-
-    def mean_of(self, laws: Laws) -> Float[np.ndarray, "v n"]:
-        """Return what a list can say of other laws."""
-        friction = laws.friction(self.velocity)
-        return np.asarray(_by_direction(friction, self.positive_share, self.common)[2])
 
     def deviation_of(self, knots: Knots, level: float) -> Float[np.ndarray, " k"]:
         """Return the standard deviations of entries that give a share of the friction.
@@ -91,19 +82,6 @@ class LawCurve:
         return difference / max(float(overlap @ np.abs(self.mean)), 1e-300)
 
 
-def _by_direction(
-    friction: Float[np.ndarray, "v2 *n"],
-    positive_share: Float[np.ndarray, " v"],
-    common: Float[np.ndarray, " v"],
-) -> Float[np.ndarray, "3 v *n"]:
-    """Return `LawCurve.currents` of friction at `LawCurve.velocity`."""
-    forward, backward = np.split(friction, 2)
-    load = np.tensordot(common, 0.5 * (forward + backward), 1)
-    forward, backward = forward - load, load - backward
-    share = positive_share.reshape(-1, *[1] * (friction.ndim - 1))
-    return np.stack([forward, backward, share * forward + (1.0 - share) * backward])
-
-
 def law_curve(result: Identified, samples: DriveSamples) -> LawCurve | None:
     """Return the law over the speeds that were driven.
 
@@ -122,12 +100,9 @@ def law_curve(result: Identified, samples: DriveSamples) -> LawCurve | None:
     speed = np.unique(np.concatenate(grids))
     # What is slower or faster than all speeds counts with the first and the last.
     edges = np.geomspace(low, high * (1 + 1e-9), _BINS + 1)
-    inner = edges[1:-1]
-
-    def counted(values: np.ndarray) -> np.ndarray:
-        return np.diff(values.searchsorted(inner), prepend=0, append=len(values))
-
-    counts, points = np.stack([counted(speeds) for speeds in driven]), counted(speed)
+    every = [np.clip(values, low, high) for values in (*driven, speed)]
+    *counted, points = (np.histogram(values, edges)[0] for values in every)
+    counts = np.stack(counted)
     weight = np.repeat(counts.sum(axis=0) / np.maximum(points, 1), points)
     # Two directions that both saw a speed well count alike, however often they did.
     enough = _ENOUGH * counts.sum() / _BINS
@@ -136,31 +111,37 @@ def law_curve(result: Identified, samples: DriveSamples) -> LawCurve | None:
     share = confidence[0, covered] / confidence[:, covered].sum(axis=0)
     middle = np.log(np.sqrt(edges[1:] * edges[:-1]))[covered]
     share = np.interp(np.log(speed), middle, share)
+    # Each direction is held beyond the speeds that were driven so.
     clipped = [np.clip(speed, speeds[0], speeds[-1]) for speeds in driven]
     signed = np.concatenate([clipped[0], -clipped[1]])
 
     # Where directions saw other speeds, equal levels of both are an extrapolation: that of a
     # table says nothing, that of a law is used while it is known better than both differ.
-    common, sums = np.zeros(len(speed)), fit.friction(signed).reshape(2, -1).sum(axis=0)
+    alike, sums = np.zeros(len(speed)), fit.friction(signed).reshape(2, -1).sum(axis=0)
     overlap = weight * share * (1.0 - share)
     if fit.structure.directional and overlap.any():
         overlap /= overlap.sum()
         differing = 0.5 * np.sqrt(overlap @ (sums - overlap @ sums) ** 2)
         sd = fit.standard_deviations.get("offset", np.inf)
         if not fit.structure.parametric or sd > differing:
-            common = overlap
+            alike = overlap
 
-    def currents(friction: np.ndarray) -> np.ndarray:
-        return _by_direction(friction, share, common)
+    def currents(friction: Float[np.ndarray, "v2 *n"]) -> Float[np.ndarray, "3 v *n"]:
+        """Return `LawCurve.currents` of friction at these velocities."""
+        forward, backward = np.split(friction, 2)
+        load = np.tensordot(alike, 0.5 * (forward + backward), 1)
+        forward, backward = forward - load, load - backward
+        positive = share.reshape(-1, *[1] * (friction.ndim - 1))
+        mean = positive * forward + (1.0 - positive) * backward
+        return np.stack([forward, backward, mean])
 
     return LawCurve(
         speed=speed,
         weight=weight / weight.sum(),
         positive_share=share,
-        common=common,
-        velocity=signed,
         currents=currents(fit.friction(signed)),
         deviations=result.choice.deviation(fit, result.without, signed, currents),
+        without=currents(result.without.friction(signed))[2],
     )
 
 

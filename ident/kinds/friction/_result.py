@@ -110,7 +110,7 @@ def view_of(
         offset = float((friction - listed)[sound].mean())
         before = friction - offset
     laws = identified.without
-    curves = laws.friction(samples.velocity) if curve is None else curve.mean_of(laws)
+    curves = laws.friction(samples.velocity) if curve is None else curve.without
     for number, (inertia, constant) in enumerate(
         zip(laws.inertia, laws.offset, strict=True)
     ):
