@@ -69,13 +69,7 @@ def _dependence(fit: BacklashResult, scale: Scale) -> str:
     dependence = fit.dependence
     if dependence is None:
         return "Too few places to say whether it changes along the axis."
-    size = scale.shown(dependence.variation)
-    if dependence.significant:
-        return (
-            f"It changes along the axis by {size} rms: a bilateral"
-            " leadscrew table follows that, one number does not."
-        )
+    size, chance = scale.shown(dependence.variation), dependence.probability
     return (
-        f"No change along the axis beyond chance ({size} rms, probability"
-        f" {dependence.probability:.2g})."
+        f"It changes by {size} rms, by chance alone with a probability of {chance:.2g}."
     )

@@ -43,11 +43,6 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
         f"{grouped(int(np.sum(fit.view.samples.in_motion)))} samples in motion; the force error"
         f" of the fit is {percent(law.relative_error)} of the load.",
     )
-    if law.undetermined:
-        lines = [f"{n.replace('_', ' ')}: {why}" for n, why in law.undetermined.items()]
-        yield ("Not known", " ".join(map(_sentence, lines)))
-    if law.gauges:
-        yield ("Told only together", " ".join(law.gauges))
     if fit.knots is not None:
         rounded = fit.knots.rms / fit.knots.unit
         slowest = f"1 {small_unit(fit.length_unit)}/s"
@@ -77,7 +72,7 @@ def _facts(fit: FrictionResult, scale: Scale) -> Iterator[tuple[str, str]]:
             "Driven by the recorded current alone, the simulated axis stays within"
             f" {output.free_run:.3g} {fit.length_unit} rms of the measured one.",
         )
-    yield ("The fit itself", _sentence(law.message))
+    yield ("The fit itself", law.message)
 
 
 def _law(fit: FrictionResult, scale: Scale) -> str:
@@ -94,11 +89,6 @@ def _law(fit: FrictionResult, scale: Scale) -> str:
         parts.append(f"{plain} {value:.4g}{spread} {unit}".rstrip())
     words = law.structure.words
     return f"{words[0].upper()}{words[1:]}: {', '.join(parts)}."
-
-
-def _sentence(text: str) -> str:
-    text = text.strip()
-    return text if text.endswith((".", "!", "?")) else f"{text}."
 
 
 def _binned(

@@ -72,11 +72,7 @@ def _facts(fit: TemperatureResult, scale: Scale) -> Iterator[tuple[str, str]]:
         unit = "rows"
         if line.data.time is not None:
             unit = f"{line.noise.time_constant / 60:.3g} minutes"
-        words += (
-            f" Beside it a drift of {scale.shown(line.noise.drift)}"
-            f" that forgets in {unit}: the readings tell as much as"
-            f" {max(line.independent, 1):.0f} independent ones."
-        )
+        words += f" Beside it a drift of {scale.shown(line.noise.drift)} that forgets in {unit}."
     yield ("Scatter", words)
     words = "Nothing: see the remarks above."
     if fit.law is not None:
