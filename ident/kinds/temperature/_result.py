@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ...core import FitError, regress
 from ...job.result._result import AbstractResult, Expectation, Remark
-from ...readings import SHOP
+from ...readings import IN_SHOP, SHOP
 from ._law import RATE, ThermalLaw
 from ._line import Lag, Law, Meeting, TemperatureFit
 
@@ -213,14 +213,11 @@ def _lag_words(lag: Lag) -> str:
         return f"No lag between {lag.sensor} and the structure shows."
     low, high = lag.interval
     span = f"95 %: {low:.3g} to {high:.3g} s" if high > low else "given"
-    restart = (
-        " At its start the program takes the structure to be as warm as the sensor: after a loss"
-        f" of power on a warm machine the law is right {3 * lag.time_constant:.3g} s later."
-    )
     return (
         f"The structure follows {lag.sensor} with a time constant of"
-        f" {lag.time_constant:.3g} s ({span}), by which the PLC filters the sensor."
-        f"{restart if lag.time_constant > 0.0 else ''}"
+        f" {lag.time_constant:.3g} s ({span}), by which the PLC filters the sensor. At its"
+        " start the program takes the structure to be as warm as the sensor: after a loss of"
+        f" power on a warm machine the law is right {3 * lag.time_constant:.3g} s later."
     )
 
 
@@ -247,11 +244,8 @@ def _too_hot(draft: "TemperatureDraft") -> Iterator[Remark]:
     for sensor in dict.fromkeys(law.sensor for law in fit.moving):
         least = float(np.nanmin(fit.data.temperature[sensor]))
         if least > SHOP[1]:
-            yield Remark.warning(
-                f"{sensor} never shows less than {least:.4g} °C, where no machine starts: is it in"
-                f' °F? State its unit then ("temperature.{sensor}" = {{ column = …, unit = "degF"'
-                " })."
-            )
+            words = f"{sensor} never shows less than {least:.4g} °C, {IN_SHOP}."
+            yield Remark.warning(words)
 
 
 def _undetermined(draft: "TemperatureDraft") -> Iterator[Remark]:
