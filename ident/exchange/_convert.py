@@ -292,18 +292,17 @@ def _of_csv(table: Table, stated: str) -> ExchangedTable:
     holds = _held(names)
     if len(names) == 3 and not names[1].startswith("master"):
         names[1:] = _ways(names[1:])
-    if any(name in _PLACES for name in names):
-        known = _PLACES + _ENTRIES
-        order.sort(key=lambda k: known.index(names[k]) if names[k] in known else k + 9)
-        values = [name for name in names if name not in _PLACES]
-        listed = [name in _ENTRIES for name in values]
-        # Not one by its name and another by its place.
-        alike = all(listed) or not any(listed)
-        expect(alike, where, f"the columns {', '.join(values)}", "pos, or pos and neg")
-        lone = "neg" in names and "pos" not in names
-        expect(not lone, where, "neg alone", "pos as well, or one column")
-    elif {*names[1:]} == {"pos", "neg"}:
-        order[1:] = [names.index("pos"), names.index("neg")]
+    if not any(name in _PLACES for name in names):
+        names[0] = "position"
+    known = _PLACES + _ENTRIES
+    order.sort(key=lambda k: known.index(names[k]) if names[k] in known else k + 9)
+    values = [name for name in names if name not in _PLACES]
+    listed = [name in _ENTRIES for name in values]
+    # Not one by its name and another by its place.
+    alike = all(listed) or not any(listed)
+    expect(alike, where, f"the columns {', '.join(values)}", "pos, or pos and neg")
+    lone = "neg" in names and "pos" not in names
+    expect(not lone, where, "neg alone", "pos as well, or one column")
     columns = [_lengths(table, k) for k in order]
     name = head["name"] if head else ""
     axis = int(head["axis"]) if head and head["axis"] else None

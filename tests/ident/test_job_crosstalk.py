@@ -150,7 +150,8 @@ def test_list_carries_all_four_entries_and_the_rules_that_cannot_matter(
     assert written.integer("kw.crosstalk.velocity_dependent") == 1
     assert written.integer("kw.crosstalk.acceleration") == 2000
     assert written.integer("kw.crosstalk.deceleration") == -2000
-    assert written.integer("kw.crosstalk.n_cycles") == found.cycles
+    assert found.model is not None
+    assert written.integer("kw.crosstalk.n_cycles") == found.model.cycles
     for row, name in enumerate(NAMES):
         value = written.integer(f"kw.crosstalk.position[0].{name}")
         assert value == round(1e4 * float(found.entries[row, 0]))
@@ -372,7 +373,8 @@ def test_active_crosstalk_is_added_to_and_its_filter_stays(tmp_path: Path) -> No
     found = run(tmp_path, axis='list = "achskw3.lis"', active='["crosstalk"]')
     # The old entries of −4 µm, and minus what was left; as above.
     np.testing.assert_allclose(found.entries[:, 0], -0.004 - BY_QUADRANT, atol=3e-4)
-    assert found.cycles == 9
+    assert found.model is not None
+    assert found.model.cycles == 9
     assert found.error["from_file"].rms < 0.05 * found.error["before"].rms
 
 

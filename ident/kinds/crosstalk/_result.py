@@ -70,11 +70,6 @@ class CrosstalkResult(AbstractResult):
         return self.fit.support[:, self.written]
 
     @property
-    def cycles(self) -> int:
-        """Of the sin² filter on the values (P-COMP-00064)."""
-        return 0 if self.model is None else self.model.cycles
-
-    @property
     def master(self) -> str:
         """Axis that accelerates."""
         return self.fit.effect.master
@@ -112,7 +107,7 @@ class CrosstalkResult(AbstractResult):
                 "acceleration": fit.rates[0],
                 "deceleration": fit.rates[1],
                 "velocity_dependent": fit.effect.velocity_dependent,
-                "n_cycles": self.cycles,
+                "n_cycles": 0 if self.model is None else self.model.cycles,
                 "positions": self.points,
                 "table": dict(zip(names, self.entries, strict=True)),
             },
