@@ -1,14 +1,12 @@
-"""From the law to the entries of a friction list."""
+"""What a friction list can say of a law: the law over the speeds, and what a unit is."""
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from ....data.signals import quantile
-from ....models import FrictionCompensation, FrictionTable, Setpoints
-from ...friction import DriveSamples, Knots, ReversalFit
+from ...friction import DriveSamples, Knots
 from ._identify import Identified
 from .keys import Spec
 
@@ -18,8 +16,6 @@ _ENOUGH = 0.05
 """Samples at a speed, as a share of the mean, at which a direction counts half."""
 RATED = {"A": "rated_current", "Nm": "rated_torque", "N": "rated_torque"}
 """Key of the job that says what the rated value is, by unit of the recording."""
-_MOST_DELAY = 0.001
-"""mm: P-COMP-00043 goes no further."""
 FIRST_LEVEL = 0.15
 """Share of the friction that a list gives until the sign of its current is settled: one of
 full size with the wrong sign shakes the machine."""
@@ -143,30 +139,3 @@ def law_curve(result: Identified, samples: DriveSamples) -> LawCurve | None:
         deviations=result.choice.deviation(fit, result.without, signed, currents),
         without=currents(result.without.friction(signed))[2],
     )
-
-
-def compensation_of(
-    knots: Knots,
-    reversal: ReversalFit | None,
-    previous: FrictionCompensation | None,
-    sign: int = 1,
-) -> FrictionCompensation:
-    """Return what the list says, currents in list units.
-
-    Args:
-        knots: Entries.
-        reversal: What was found around reversals; where None, all stays as it was.
-        previous: What the list said, or None where there was none.
-        sign: Of the current that the controller adds per entry.
-    """
-    nodes = Setpoints(knots.velocity / 1000.0)
-    law = FrictionTable(nodes, sign * knots.out.astype(float))
-    if reversal is None and previous is not None:
-        return dataclasses.replace(previous, law=law)
-    around: dict[str, Any] = {}
-    if reversal is not None:
-        numbers, unknown = reversal.numbers, reversal.undetermined
-        around = {name: numbers[name] for name in numbers if name not in unknown}
-        if "position_delay" in around:
-            around["position_delay"] = min(around["position_delay"], _MOST_DELAY)
-    return FrictionCompensation(law, **around)

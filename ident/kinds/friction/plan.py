@@ -2,13 +2,13 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
 from ....data.lists import Value
 from ....data.units import small_unit
-from ....models import FrictionCompensation
+from ....models import FrictionCompensation, FrictionTable, Setpoints
 from ...friction import Knots, place_knots
 from ...job._draft import AbstractDraft, AbstractPlan, Foreseen, Leftovers
 from ...job.result._result import STAGES, Remark
@@ -20,7 +20,6 @@ from ._listing import (
     FIRST_LEVEL,
     RATED,
     LawCurve,
-    compensation_of,
     law_curve,
     out_unit,
 )
@@ -35,6 +34,8 @@ if TYPE_CHECKING:
 _ENTRIES = 20
 _SLOW = 2.0
 """mm/s or °/s that the fastest motion of a recording reaches, unless a unit is another one."""
+_MOST_DELAY = 0.001
+"""mm: P-COMP-00043 goes no further."""
 _SURE = 3.0
 """Standard deviations from which on an inertia or a load is one."""
 
@@ -118,13 +119,22 @@ class FrictionDraft(AbstractDraft):
 
     def entries(self) -> dict[str, Value]:
         assert self.knots is not None  # it is written
-        existing, previous = self.lists.compensation, None
-        rules = self.job.conventions
-        if existing is not None and ENTRIES.is_in(existing):
+        rules, existing = self.job.conventions, self.lists.compensation
+        nodes = Setpoints(self.knots.velocity / 1000.0)
+        law = FrictionTable(nodes, rules.friction_sign * self.knots.out.astype(float))
+        compensation, reversal = FrictionCompensation(law), self.found.reversal
+        if reversal is not None:
+            numbers, unknown = reversal.numbers, reversal.undetermined
+            around: dict[str, Any] = {
+                k: numbers[k] for k in numbers if k not in unknown
+            }
+            if "position_delay" in around:
+                around["position_delay"] = min(around["position_delay"], _MOST_DELAY)
+            compensation = dataclasses.replace(compensation, **around)
+        elif existing is not None and ENTRIES.is_in(existing):
+            # What was not looked for around reversals stays as it was.
             previous = friction_from_list(existing, rules)
-        compensation = compensation_of(
-            self.knots, self.found.reversal, previous, rules.friction_sign
-        )
+            compensation = dataclasses.replace(previous, law=law)
         return dict(entries_of_friction(compensation, target=self.target))
 
     @property
@@ -280,7 +290,7 @@ class FrictionDraft(AbstractDraft):
                 " following error, not more, raise level and fit again."
             )
         reversal = self.found.reversal
-        if reversal is not None and reversal.position_delay > 0.001:
+        if reversal is not None and reversal.position_delay > _MOST_DELAY:
             small = small_unit(self.recording.samples.unit)
             yield Remark.warning(
                 f"After a reversal friction takes {1e3 * reversal.position_delay:.1f}"
