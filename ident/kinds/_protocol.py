@@ -225,7 +225,7 @@ class AbstractEntries(abc.ABC):
         """
         return None
 
-    def looks_at(self, in_use: InUse, motion: Motion) -> Axes:
+    def looks_at(self, in_use: InUse, motion: Motion, reading: Reading) -> Axes:
         """Return the axes whose positions it takes from a motion."""
         return in_use.masters
 

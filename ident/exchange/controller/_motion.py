@@ -91,8 +91,9 @@ class Motion:
     @property
     def rows(self) -> int:
         """Number of rows."""
-        columns = (*self.positions.values(), *self.velocities.values())
-        return len(next(iter((*columns, *self.accelerations.values())), np.zeros(0)))
+        columns = self.positions, self.velocities, self.accelerations, self.temperatures
+        every = (column for each in columns for column in each.values())
+        return len(next(every, np.zeros(0)))
 
     def name(self, axis: int) -> str:
         """Return what sentences call an axis."""

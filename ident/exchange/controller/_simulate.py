@@ -14,7 +14,6 @@ from ....models import (
     Conventions,
     Motion as ControllerMotion,
     PositionController,
-    TemperatureCurve,
 )
 from ...core import filled
 from ...kinds import kinds
@@ -105,7 +104,7 @@ def simulate(
         lacks = {use: use.kind.entries.lacks(use, motion, reading) for use in used}
         computed = [use for use in used if lacks[use] is None]
         for use in computed:
-            for axis in use.kind.entries.looks_at(use, motion):
+            for axis in use.kind.entries.looks_at(use, motion, reading):
                 motion.position(axis, f"for the {use.name} of A{use.axis}")
         numbers = axes_in_use(used, machine)
         controller = controller_of(computed, machine, numbers, reading)
@@ -316,31 +315,13 @@ class AxisLists:
         """
         if not any(self._is_known(use, motion) for use in self.used.values()):
             return {}
-        whole = motion
-        if self.axis not in motion.positions and self._has_no_slope:
-            still = {self.axis: np.zeros(motion.rows)}
-            whole = dataclasses.replace(motion, positions={**motion.positions, **still})
         known = functools.partial(self._is_known, motion=motion)
-        (axis,) = simulate(self.files, whole, self.reading, only=known)
+        (axis,) = simulate(self.files, motion, self.reading, only=known)
         return dict(axis.parts)
 
     def _is_known(self, entry: InUse, motion: Motion) -> bool:
         """Return whether it adds to this axis, and a motion has what it looks at."""
         if entry.axis != self.axis or entry.kind.adds_current:
             return False
-        if entry.kind.by_plc and self.axis in self.reading.lines:
-            if not motion.temperatures:
-                return False
-            if self._has_no_slope:
-                return True
-        looks_at = entry.kind.entries.looks_at(entry, motion)
+        looks_at = entry.kind.entries.looks_at(entry, motion, self.reading)
         return all(axis in motion.positions for axis in looks_at)
-
-    @property
-    def _has_no_slope(self) -> bool:
-        """Whether the temperature law of the PLC is the same at all positions."""
-        line = self.reading.lines.get(self.axis)
-        coefficient = None if line is None else line.coefficient
-        return isinstance(coefficient, TemperatureCurve) and not np.any(
-            np.asarray(coefficient.values)
-        )

@@ -64,7 +64,7 @@ class BacklashEntries(AbstractEntries):
             REVERSAL_CYCLES: model.cycles,
         }
 
-    def looks_at(self, in_use: InUse, motion: Motion) -> Axes:
+    def looks_at(self, in_use: InUse, motion: Motion, reading: Reading) -> Axes:
         return () if in_use.axis in motion.directions else in_use.masters
 
     def inputs(self, masters: Axes) -> Axes:

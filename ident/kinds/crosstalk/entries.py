@@ -231,7 +231,7 @@ class CrosstalkEntries(AbstractEntries):
             return motion.lacks(mover, "velocity")
         return None
 
-    def looks_at(self, in_use: InUse, motion: Motion) -> Axes:
+    def looks_at(self, in_use: InUse, motion: Motion, reading: Reading) -> Axes:
         return in_use.masters[1:]
 
     def inputs(self, masters: Axes) -> Axes:

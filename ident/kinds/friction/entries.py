@@ -199,7 +199,7 @@ class FrictionEntries(AbstractEntries):
             return motion.lacks(in_use.axis, "velocity")
         return None
 
-    def looks_at(self, in_use: InUse, motion: Motion) -> Axes:
+    def looks_at(self, in_use: InUse, motion: Motion, reading: Reading) -> Axes:
         return () if motion.time is None else in_use.masters
 
 

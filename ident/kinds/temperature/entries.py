@@ -14,9 +14,10 @@ from ....data.lists import ListFile
 from ....models import ConstantParameter, Conventions, TemperatureCurve, TemperatureLine
 from ...exchange._capacity import ANY_LIST, ListTarget
 from ...exchange._identity import flag, not_negative, optional, real, refuse_many
-from ...exchange._machine_lists import Reading
+from ...exchange._machine_lists import InUse, Reading
 from ...exchange._nodes import refuse_unordered
 from ...exchange._units import LIST_UNITS, SGN32, ExchangeError, expect, round_to_list
+from ...exchange.controller._motion import Motion
 from .._protocol import AbstractEntries, Axes
 from . import KIND
 
@@ -165,6 +166,21 @@ class TemperatureEntries(AbstractEntries):
             cycles=not_negative(listing, f"{KIND.prefix}_n_cycles"),
             sign=float(reading.conventions.temperature_sign),
         )
+
+    def lacks(self, in_use: InUse, motion: Motion, reading: Reading) -> str | None:
+        line = reading.lines.get(in_use.axis)
+        parameters = () if line is None else (line.offset_0, line.coefficient)
+        follows = any(isinstance(one, TemperatureCurve) for one in parameters)
+        return (
+            "there is no temperature" if follows and not motion.temperatures else None
+        )
+
+    def looks_at(self, in_use: InUse, motion: Motion, reading: Reading) -> Axes:
+        line = reading.lines.get(in_use.axis)
+        if line is not None and isinstance(line.coefficient, TemperatureCurve):
+            # A law of the PLC may be the same at all positions.
+            return in_use.masters if np.any(line.coefficient.values) else ()
+        return in_use.masters
 
     def to_list(
         self, model: TemperatureLine, masters: Axes = (), target: ListTarget = ANY_LIST
