@@ -348,18 +348,16 @@ def _or_drift(fit: TemperatureFit) -> Iterator[Remark]:
             part, rms = len(effects) < len(columns), comparison.rms
             doubtful = comparison.doubtful_part if part else comparison.doubtful
         if doubtful:
-            break
-    else:
-        yield from _drifted(fit, clock, distance)
-        return
-    # The words of `discover`, which says so of the same readings.
-    effect, axis = effects[0], fit.line.axis
-    name = f"temperature {effect} of {axis} by {fit.line.sensors[effect]}"
-    words, remedy = heat_or_drift(name, axis)
-    yield Remark.warning(
-        f"The data cannot tell: {words} ({1e3 * rms:.2g} µm rms). {remedy} What is"
-        " written takes all of it for the temperature."
-    )
+            # The words of `discover`, which says so of the same readings.
+            effect, axis = effects[0], fit.line.axis
+            name = f"temperature {effect} of {axis} by {fit.line.sensors[effect]}"
+            words, remedy = heat_or_drift(name, axis)
+            yield Remark.warning(
+                f"The data cannot tell: {words} ({1e3 * rms:.2g} µm rms). {remedy} What is"
+                " written takes all of it for the temperature."
+            )
+            return
+    yield from _drifted(fit, clock, distance)
 
 
 def _drifted(
