@@ -1,16 +1,13 @@
-"""What the columns of a measurement file mean, as far as their names and units tell."""
+"""What the columns of a measurement file mean, and what of it the file leaves to ask."""
 
 import dataclasses
+import functools
 import itertools
-import re
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
-from jaxtyping import Float
 
 from ...data.measurements import (
-    KINDS,
-    LASER_FORMAT,
     MESH_FORMATS,
     SCOPE_FORMAT,
     WORDS,
@@ -18,38 +15,27 @@ from ...data.measurements import (
     ColumnSpec,
     MeasurementError,
     Table,
-    all_position,
-    direction_of,
     find_role,
-    find_unit,
-    is_own_reading,
-    kinds_in,
     may_be_ms,
     pieces as pieces_of,
     says_correction,
     words_in,
 )
+from ._names import (
+    OWNED,
+    PLACES,
+    READ,
+    Named,
+    dimension_of,
+    home_of,
+    largest,
+    named_in,
+    owner_of,
+    seen_together,
+    span,
+    two_ways,
+)
 
-_LETTERS = {"v": "velocity", "a": "acceleration", "i": "current", "e": "error"}
-"""Single letters beside the name of an axis, ``v_x``, or beside its column, ``x``."""
-_PLACE_LETTERS = frozenset("xyzXYZ")
-_DIMENSIONS = {
-    "temperature": "temperature",
-    "current": "current",
-    "torque": "current",
-    "force": "current",
-    "velocity": "velocity",
-    "angular velocity": "velocity",
-    "acceleration": "acceleration",
-    "angular acceleration": "acceleration",
-}
-"""Kind of role that a unit alone decides, by dimension."""
-_AXIS = re.compile(r"[xyzabcuvw]\d{0,2}", re.IGNORECASE)
-_OF_FILE = re.compile(r"[xyzXYZ]\d?|[ABCUVW]")
-"""An axis in the name of a file, where ``v5`` is a version."""
-_NUMBERED = re.compile(r"(?:axis|achse)[\W_]*(\d+)|\|(\d+)$", re.IGNORECASE)
-_OFF = re.compile(r"d([xyz])", re.IGNORECASE)
-_LINEAR = ("X", "Y", "Z")
 _FINE = 0.5
 """Largest error that rather is one in mm than in µm, or in ° than in m°."""
 _TURNED = 3.0
@@ -66,6 +52,13 @@ _INCHES = ("thou", "in")
 """Units among which the error asks beside positions in inches."""
 _UNSTATED_ANGLE = ("mdeg", "arcsec", "urad", "deg")
 """Units among which the error of a rotary axis asks."""
+_WITH_PLACE = PLACES | {"temperature", "current"}
+"""Kinds beside which no column without a name is a position."""
+_FOLLOWING = 0.02
+"""Share of its travel by which an axis misses its targets at most."""
+
+_Choice = tuple[str, ColumnSpec]
+"""A role and its column."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,7 +80,7 @@ class Unclear:
 
     column: str
     asks: frozenset[str]
-    choices: tuple[tuple[str, ColumnSpec], ...]
+    choices: tuple[_Choice, ...]
     largest: float
     apart: tuple[float, float] | None = None
 
@@ -122,13 +115,84 @@ class Meaning:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Named:
-    """A column, the kind of role that its name tells, and the axis where it names one."""
+class _File:
+    """A file as a whole.
 
-    column: Column
-    kind: str
-    axis: str | None
-    own: bool = False
+    Attributes:
+        table: As read.
+        named: Its columns that name a role.
+        home: Axis of those that name none.
+        owner: Axis of an error whose column names none.
+    """
+
+    table: Table
+    named: Sequence[Named]
+    home: str
+    owner: str
+
+    @functools.cached_property
+    def places(self) -> list[Column]:
+        """Positions that a column names."""
+        return [each.column for each in self.named if each.kind in PLACES]
+
+    @functools.cached_property
+    def free(self) -> list[Column]:
+        """Columns that may hold positions or errors and name none, the widest first."""
+        taken = {id(each.column) for each in self.named}
+        free = [c for c in self.table.columns if id(c) not in taken and _is_length(c)]
+        return sorted(free, key=lambda each: span(each.values), reverse=True)
+
+    @functools.cached_property
+    def kinds(self) -> set[str]:
+        """Kinds of role that are named."""
+        return {each.kind for each in self.named}
+
+    @functools.cached_property
+    def runs(self) -> list[Named]:
+        """Columns that hold a run each of one role."""
+        return [each for each in self.named if each.column.run is not None]
+
+    @functools.cached_property
+    def angles(self) -> set[str]:
+        """Axes whose positions are angles."""
+        places = [(self.axis_of(e), e.column) for e in self.named if e.kind in PLACES]
+        if not self.kinds & _WITH_PLACE:
+            places = [(self.home, column) for column in self.free[:1]]
+        return {axis for axis, column in places if dimension_of(column) == "angle"}
+
+    def axis_of(self, each: Named) -> str:
+        """Return the axis of a column."""
+        return each.axis or (self.owner if each.kind == "error" else self.home)
+
+    def text(self, each: Named) -> str:
+        """Return the role of a column as a job has it."""
+        if each.kind == "temperature":
+            return f"temperature.{_sensor(each.column)}"
+        return f"{self.axis_of(each)}.{each.kind}" if each.kind in OWNED else each.kind
+
+    def units(self, column: Column, kind: str, axis: str) -> Sequence[str | None]:
+        """Return the units that a column of this kind may have, the likeliest first."""
+        if column.unit is not None or column.text is not None:
+            return [column.unit]
+        scope = self.table.format == SCOPE_FORMAT
+        if scope and kind in _HUGE and span(column.values) > _LONGEST:
+            return _HUGE[kind]  # no machine has them in mm or mm/s
+        # A name ends as one in inches does, ``x_in``, or as that of an input.
+        may_be_inches = column.name.casefold().endswith("_in")
+        if kind in PLACES | {"error"} and may_be_inches:
+            return ("in", "mm")
+        if kind not in _UNSTATED:
+            return [None]
+        if kind == "time" and not may_be_ms(column, self.places):
+            return [None]
+        units = _UNSTATED[kind]
+        if kind != "error":
+            return units
+        if axis in self.angles:
+            units = _UNSTATED_ANGLE
+        if any(place.unit in _INCHES for place in self.places or self.free[:1]):
+            units = _INCHES
+        return units[::-1] if largest(column) < _FINE else units
 
 
 def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
@@ -137,9 +201,11 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     Args:
         table: The file as read.
         axes: Axes that the user names; the first is the one whose error was measured.
+
+    Raises:
+        MeasurementError: If no column of it can be the error that a list corrects.
     """
-    letters = {column.name.strip() for column in table.columns}
-    named = [each for c in table.columns if (each := _named(c, letters)) is not None]
+    named = named_in(table)
     taken = {id(each.column) for each in named}
     unused = tuple(c.name for c in table.columns if id(c) not in taken)
     if table.advice:  # it has the error
@@ -148,63 +214,31 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
         return Meaning(axes[0] if axes else "Z", {}, {}, (), unused)
     if not axes:
         _refuse_tilts(table, named)
-    named, outside = _with_encoders(table, named)
-    named, drift = _with_drift(named)
-    named, probed = _with_probed(named)
-    home = _home(table, axes, named)
-    owner = _owner(table, axes, named, home)
-    angles = _angles(table, named, home[0])
+    named = seen_together(table, named)
+    home = home_of(table, axes, named)
+    owner = owner_of(table, axes, named, home)
+    file = _File(table, named, home[0], owner[0])
     assumed: dict[str, str] = {}
-    for each in sorted(named, key=_telling):
-        if each.axis is None and each.kind in _OWNED:
-            axis, stated = owner if each.kind == "error" else home
-            if not stated:
-                assumed.setdefault(axis, each.column.name)
-    unnamed = _unnamed(table, named, home[0], owner[0], turns=owner[0] in angles)
+    bare = [each for each in named if each.axis is None and each.kind in OWNED]
+    for each in sorted(bare, key=_telling):
+        axis, stated = owner if each.kind == "error" else home
+        if not stated:
+            assumed.setdefault(axis, each.column.name)
+    unnamed = _unnamed(file)
     if unnamed and not home[1]:
         assumed.setdefault(home[0], unnamed[0].column)
-    undirected = owner[0] == home[0] and _lacks_direction(named)
-    if not unnamed and not undirected and _says_it_all(table, named):
-        bare = any(each.axis is None and each.kind in _OWNED for each in named)
+    undirected = owner[0] == home[0] and _lacks_direction(file)
+    if not unnamed and not undirected and _says_it_all(file):
         return Meaning(owner[0] if bare else None, assumed, {}, (), unused)
+    unclear = [_of_runs(file, undirected=undirected)] if file.runs else []
+    in_runs = {each.kind for each in file.runs}
+    unclear += [_question(file, e) for e in _without_commands(named, in_runs)]
     roles: dict[str, list[ColumnSpec]] = {}
-    unclear: list[Unclear] = []
-    runs = {each.kind for each in named if each.column.run is not None}
-    if runs:
-        turns = owner[0] in angles
-        question = _of_runs(named, owner[0], turns=turns, undirected=undirected)
-        if len(question.choices) == 1:
+    for question in unclear:
+        if not question.asks:
             ((text, spec),) = question.choices
-            roles[text] = [spec]
-        else:
-            unclear.append(question)
-        named = [each for each in named if each.kind not in runs]
-    places = _places(named)
-    for each in _without_commands(named):
-        axis = (owner if each.kind == "error" else home)[0]
-        turns = (each.axis or axis) in angles
-        options, asks = _options(
-            each, axis, outside=outside, turns=turns, places=places
-        )
-        if each.column is drift:
-            asks |= {"drift"}
-            if each.column.unit is None:
-                options += [(options[0][0], _spec(each.column, "inc"))]
-        if _is_huge(each) and table.format == SCOPE_FORMAT:
-            asks |= {"unit"}
-            name = options[0][0]
-            options = [(name, _spec(each.column, unit)) for unit in _HUGE[each.kind]]
-        if each.column is probed:
-            asks |= {"probed", "height"}
-            options += [
-                (text, dataclasses.replace(spec, sign=-1)) for text, spec in options
-            ]
-            options += [(f"{each.axis}.position", _spec(each.column, each.column.unit))]
-        if asks:
-            unclear.append(_unclear(each.column, asks, options))
-        else:
-            roles.setdefault(options[0][0], []).append(options[0][1])
-    unclear = [*_joined(unclear), *unnamed]
+            roles.setdefault(text, []).append(spec)
+    unclear = [*_joined([each for each in unclear if each.asks]), *unnamed]
     columns = {}
     for text, several in roles.items():
         if len(several) == 1:
@@ -224,7 +258,7 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     return Meaning(None, assumed, columns, tuple(unclear), unused)
 
 
-def _refuse_tilts(table: Table, named: Sequence[_Named]) -> None:
+def _refuse_tilts(table: Table, named: Sequence[Named]) -> None:
     """Refuse angles alone over positions in mm, and lengths over angles of no axis.
 
     As of a level or an autocollimator, and as of a ball bar.
@@ -232,24 +266,21 @@ def _refuse_tilts(table: Table, named: Sequence[_Named]) -> None:
     Raises:
         MeasurementError: If no column of it can be the error that a list corrects.
     """
-    units = [(column, find_unit(column.unit or "")) for column in table.columns]
-    kinds = {id(c): unit.dimension for c, unit in units if unit is not None}
-    tilts = [c.name for c in table.columns if kinds.get(id(c)) == "angle"]
+    tilts, lengths = (
+        [column.name for column in table.columns if dimension_of(column) == dimension]
+        for dimension in ("angle", "length")
+    )
+    over = [e for e in named if e.kind in PLACES and dimension_of(e.column) == "angle"]
     owned = any(
-        each.axis or each.kind in _PLACES
+        (each.axis or each in over) if dimension == "angle" else each.kind == "error"
         for each in named
-        if kinds.get(id(each.column)) == "angle"
+        if (dimension := dimension_of(each.column)) in ("angle", "length")
     )
-    owned |= any(
-        each.kind == "error" for each in named if kinds.get(id(each.column)) == "length"
-    )
-    lengths = [each for each in kinds.values() if each == "length"]
     counts = {id(e.column) for e in named if e.kind in ("run", "direction")}
-    unstated = [
-        column
-        for column, unit in units
-        if unit is None and column.text is None and id(column) not in counts
-    ]
+    unstated = any(
+        not dimension_of(column) and column.text is None and id(column) not in counts
+        for column in table.columns
+    )
     if tilts and len(lengths) == 1 and not owned and not unstated:
         reason = (
             f"found {' and '.join(tilts)} in an angle beside positions in a length, expected the"
@@ -258,11 +289,6 @@ def _refuse_tilts(table: Table, named: Sequence[_Named]) -> None:
             " its name: --axis"
         )
         raise MeasurementError(str(table.path), reason)
-    over = [
-        each
-        for each in named
-        if each.kind in _PLACES and kinds.get(id(each.column)) == "angle"
-    ]
     nameless = table.axis is None and not any(each.axis for each in named)
     if len(tilts) == len(over) == 1 and lengths and nameless:
         reason = (
@@ -273,47 +299,18 @@ def _refuse_tilts(table: Table, named: Sequence[_Named]) -> None:
         raise MeasurementError(str(table.path), reason)
 
 
-_OWNED = frozenset(KINDS)
-_PLACES = frozenset(("position", "actual", "encoder"))
-_WITH_PLACE = _PLACES | {"temperature", "current"}
-"""Kinds beside which no column without a name is a position."""
-_READ = frozenset(("error", "actual", "encoder", "current"))
-"""Kinds of role that were measured."""
-_PROBED = 0.02
-"""Share of the smallest other travel over which a probed surface deviates at most."""
-_TARGETS = WORDS["position"] - {"pos", "position"}
-_STRAIGHT = frozenset(
-    word for word in WORDS["error"] if word.startswith(("straight", "gerad"))
-)
-"""Words of what an axis was told to go to, and of errors across the one that moved."""
-_FOLLOWING = 0.02
-"""Share of its travel by which an axis misses its targets at most."""
-_AT_REST = 0.1
-"""Share of its position over which an axis at rest drifts at most."""
-
-
-def _unnamed(
-    table: Table, named: Sequence[_Named], home: str, owner: str, *, turns: bool
-) -> list[Unclear]:
+def _unnamed(file: _File) -> list[Unclear]:
     """Return the questions for a position and an error that no column names itself.
 
     A position goes over the largest range, an error over the smallest.
-
-    Args:
-        table: The file as read.
-        named: Columns that name a role themselves.
-        home: Axis of a position that names none.
-        owner: Axis of an error that names none.
-        turns: The positions of the owner are angles.
     """
-    if table.advice:
-        placed = any(each.kind == "position" for each in named)
-        return _advised(table, home, owner, turns=turns)[placed:]
-    kinds, free = {each.kind for each in named}, _free(table, named)
-    place, error = not kinds & _WITH_PLACE, not kinds & _READ
+    if file.table.advice:
+        return _advised(file)["position" in file.kinds :]
+    free, home, owner = file.free, file.home, file.owner
+    place, error = not file.kinds & _WITH_PLACE, not file.kinds & READ
     if len(free) < place + error:
         return []
-    places = _places(named) or free[:1]
+    places = file.places or free[:1]
     questions = []
     if place:
         choices = [(f"{home}.position", _spec(each, each.unit)) for each in free]
@@ -325,12 +322,12 @@ def _unnamed(
             for each in fine
             if owner == home and any(_follows(each, one) for one in places)
         ]
-        surface = owner != home and len(_places(named)) > 1
+        surface = owner != home and len(file.places) > 1
         signs = (1, -1) if surface else (1,)
         choices += [
             (f"{owner}.error", _spec(each, unit, sign))
             for each in fine
-            for unit in _units(each, "error", turns=turns, places=places)
+            for unit in file.units(each, "error", owner)
             for sign in ((-1, 1) if says_correction(each.name) else signs)
         ]
         asks = {"role"} if fine[0].unit else {"role", "unit"}
@@ -340,38 +337,18 @@ def _unnamed(
     return questions
 
 
-def _free(table: Table, named: Sequence[_Named]) -> list[Column]:
-    """Return the columns that may hold positions or errors and name none, the widest first."""
-    taken = {id(each.column) for each in named}
-    free = [c for c in table.columns if id(c) not in taken and _is_length(c)]
-    return sorted(free, key=lambda each: span(each.values), reverse=True)
-
-
-def _angles(table: Table, named: Sequence[_Named], home: str) -> set[str]:
-    """Return the axes whose positions are angles; those that no column names are of `home`."""
-    places = [(each.axis, each.column) for each in named if each.kind in _PLACES]
-    if not any(each.kind in _WITH_PLACE for each in named):
-        places = [(home, column) for column in _free(table, named)[:1]]
-    return {axis or home for axis, column in places if _is_angle(column)}
-
-
-def _is_angle(column: Column) -> bool:
-    unit = find_unit(column.unit or "")
-    return unit is not None and unit.dimension == "angle"
-
-
-def _advised(table: Table, home: str, owner: str, *, turns: bool) -> list[Unclear]:
+def _advised(file: _File) -> list[Unclear]:
     """Return the questions that a reader has for its format."""
+    table = file.table
     place, error = table.advice["position"], table.advice["error"]
     if "inc" in (place.unit, error.unit):
         return []  # without the axis's increment nothing can be looked at
     first, last = table.columns[0], table.columns[-1]
-    asks, units = {"role", "sign"}, [error.unit]
+    asks: set[str] = {"role", "sign"}
+    units: Sequence[str | None] = [error.unit]
     held = table.column((error.parts or (error,))[0].column)
     if held.header and error.unit is None:
-        units = [
-            *_units(held, "error", turns=turns, places=[table.column(place.column)])
-        ]
+        units = file.units(held, "error", file.owner)
         asks |= {"unit"} if len(units) > 1 else set()
         last = held
     choices = []
@@ -383,39 +360,34 @@ def _advised(table: Table, home: str, owner: str, *, turns: bool) -> list[Unclea
         spec = dataclasses.replace(
             error, unit=unit, sign=sign if not parts else 1, parts=parts
         )
-        choices.append((f"{owner}.error", spec))
+        choices.append((f"{file.owner}.error", spec))
     return [
-        _unclear(first, {"role"}, [(f"{home}.position", place)]),
+        _unclear(first, {"role"}, [(f"{file.home}.position", place)]),
         _unclear(last, asks, choices),
     ]
 
 
-def _of_runs(
-    named: Sequence[_Named], home: str, *, turns: bool, undirected: bool
-) -> Unclear:
+def _of_runs(file: _File, *, undirected: bool) -> Unclear:
     """Return the question for unit and direction of a role with one column per run.
 
     Args:
-        named: All columns.
-        home: Axis of the role where its columns name none.
-        turns: The positions of the axis are angles.
+        file: With such a role.
         undirected: The direction of the runs is asked for.
     """
-    first = next(each for each in named if each.column.run is not None)
-    runs = [each.column for each in named if each.column.run is not None]
-    units = _units(first.column, first.kind, turns=turns, places=_places(named))
+    first, runs = file.runs[0], [each.column for each in file.runs]
+    units = file.units(first.column, first.kind, file.axis_of(first))
     ways = [[(column.run, column.direction) for column in runs]]
     asks, apart = {"unit"} if len(units) > 1 else set[str](), None
     if undirected:
         asks |= {"direction"}
         apart = _apart(runs)
-        place = next(e.column.values for e in named if e.kind == "position")
+        place = file.places[0].values
         there = 1 if place[-1] >= place[0] else -1
         ways.append(
             [(k // 2 + 1, -there if k % 2 else there) for k in range(len(runs))]
         )
     question = Unclear(
-        first.column.name, frozenset(asks), (), max(map(_largest, runs)), apart
+        first.column.name, frozenset(asks), (), max(map(largest, runs)), apart
     )
     choices = []
     for way, unit in itertools.product(ways[:: -1 if question.in_turn else 1], units):
@@ -424,7 +396,7 @@ def _of_runs(
             for column, (run, direction) in zip(runs, way, strict=True)
         )
         spec = ColumnSpec("", unit, parts=tuple(parts))
-        choices.append((_text(first, home), spec))
+        choices.append((file.text(first), spec))
     return dataclasses.replace(question, choices=tuple(choices))
 
 
@@ -445,16 +417,34 @@ def _apart(runs: Sequence[Column]) -> tuple[float, float]:
     return abs(float(known.mean())) if known.size else 0.0, scatter
 
 
-def _unclear(
-    column: Column, asks: set[str], choices: Sequence[tuple[str, ColumnSpec]]
-) -> Unclear:
-    return Unclear(column.name, frozenset(asks), tuple(choices), _largest(column))
+def _question(file: _File, each: Named) -> Unclear:
+    """Return the roles that a column may have, and what is to be asked of it, if anything."""
+    column, axis, text = each.column, file.axis_of(each), file.text(each)
+    if each.kind == "direction" and (ways := two_ways(column)):
+        bare = _spec(column, None)
+        choices = [(text, dataclasses.replace(bare, positive=way)) for way in ways]
+        return _unclear(column, {"positive"}, choices)
+    asks, texts = set(each.asks), [text]
+    if "instrument" in asks:
+        texts = [f"{axis}.actual", f"{axis}.encoder"]
+    units = [*file.units(column, each.kind, axis)]
+    asks |= {"unit"} if len(units) > 1 else set()
+    if "drift" in asks and column.unit is None:
+        units.append("inc")
+    choices = [(one, _spec(column, unit)) for one in texts for unit in units]
+    if "probed" in asks:
+        choices += [(one, dataclasses.replace(spec, sign=-1)) for one, spec in choices]
+        choices.append((f"{axis}.position", _spec(column, column.unit)))
+    return _unclear(column, asks, choices)
+
+
+def _unclear(column: Column, asks: Set[str], choices: Sequence[_Choice]) -> Unclear:
+    return Unclear(column.name, frozenset(asks), tuple(choices), largest(column))
 
 
 def _is_length(column: Column) -> bool:
     """Whether a column that names no role may hold positions or errors."""
-    unit = find_unit(column.unit or "")
-    fits = column.unit is None or (unit and unit.dimension in ("length", "angle"))
+    fits = column.unit is None or dimension_of(column) in ("length", "angle")
     if column.text is not None or column.role is not None or not fits:
         return False
     if len(column.values) > 2 and (np.diff(column.values) == 1.0).all():
@@ -468,207 +458,25 @@ def _follows(column: Column, place: Column) -> bool:
     return column is not place and apart < _FOLLOWING * span(place.values)
 
 
-def span(values: Float[np.ndarray, " t"]) -> float:
-    """Return how far the known values lie apart."""
-    known = values[np.isfinite(values)]
-    return float(np.ptp(known)) if known.size else 0.0
-
-
-def _with_encoders(table: Table, named: Sequence[_Named]) -> tuple[list[_Named], bool]:
-    """Return the columns, and whether an actual position can only be the machine's own.
-
-    Beside what an instrument showed, or the current of a drive, it is the encoder's.
-    """
-    named = _as(
-        "encoder",
-        named,
-        lambda each: each.kind == "actual" and is_own_reading(each.column.name),
-    )
-    kinds = {each.kind for each in named}
-    if "error" in kinds and not kinds & {"position", "actual"}:
-        # There is no other place that the error could be of.
-        named = _as("position", named, lambda each: each.kind == "encoder")
-        kinds = {each.kind for each in named}
-    drive = table.format == SCOPE_FORMAT or "current" in kinds
-    seen = any(e.kind == "error" or (e.kind == "actual" and not e.own) for e in named)
-    if table.format == LASER_FORMAT and not drive:
-        return named, seen  # what it holds beside its errors they were made of
-    if not (drive or seen):
-        return named, False
-    own = _as("encoder", named, lambda each: each.kind == "actual" and each.own)
-    return own, True
-
-
-def _as(
-    kind: str, named: Sequence[_Named], which: Callable[[_Named], bool]
-) -> list[_Named]:
-    """Return columns, some of them of another kind."""
-    return [
-        dataclasses.replace(each, kind=kind) if which(each) else each for each in named
-    ]
-
-
-def _with_drift(named: Sequence[_Named]) -> tuple[list[_Named], Column | None]:
-    """Return the columns, and the one that holds what an axis at rest drifts by.
-
-    Beside temperatures, without any error, that is a position that hardly moves.
-    """
-    kinds = {each.kind for each in named}
-    places = [each for each in named if each.kind == "position"]
-    if "temperature" not in kinds or kinds & _READ or len(places) != 1:
-        return list(named), None
-    (place,) = places
-    if span(place.column.values) > _AT_REST * _largest(place.column):
-        return list(named), None
-    return _as("error", named, lambda each: each is place), place.column
-
-
-def _with_probed(named: Sequence[_Named]) -> tuple[list[_Named], Column | None]:
-    """Return the columns, and the one that holds what a probe or an indicator showed.
-
-    Of several positions, with nothing that was measured, the one that hardly moves.
-    """
-    places = [each for each in named if each.kind == "position" and each.axis]
-    places.sort(key=lambda each: span(each.column.values))
-    if {each.kind for each in named} & (_READ | {"time"}) or len(places) < 2:
-        return list(named), None  # beside a time an axis that hardly moves stands still
-    last, *others = places
-    if not 0.0 < span(last.column.values) <= _PROBED * span(others[0].column.values):
-        return list(named), None
-    return _as("error", named, lambda each: each is last), last.column
-
-
-def _telling(each: _Named) -> int:
+def _telling(each: Named) -> int:
     """Return the rank of a column by how well a person knows it."""
     order = ("error", "actual", "current", "position")
     return order.index(each.kind) if each.kind in order else len(order)
 
 
-def _home(
-    table: Table, axes: Sequence[str], named: Sequence[_Named]
-) -> tuple[str, bool]:
-    """Return the axis of columns that name none, and whether anybody has named it."""
-    known = [each.axis for each in named if each.axis is not None]
-    if mine := axes[table.across :]:  # the first one is the one that deviates
-        return mine[0], True
-    if table.axis is not None or known:
-        return table.axis or str(known[0]), True
-    stem = table.path.stem
-    axis = _axis_in(
-        stem, [piece for piece in pieces_of(stem) if _OF_FILE.fullmatch(piece)]
-    )
-    return ("X", False) if axis is None else (axis, True)
+def _without_commands(named: Sequence[Named], in_runs: Set[str]) -> list[Named]:
+    """Return the columns, without commanded velocities beside those that were recorded.
 
-
-def _owner(
-    table: Table, axes: Sequence[str], named: Sequence[_Named], home: tuple[str, bool]
-) -> tuple[str, bool]:
-    """Return the axis of an error whose column names none, and whether anybody has.
-
-    Where other axes moved it is one that did not: what a straightedge or a probe shows. Of a
-    single axis that has targets it is the deviation from them, and an angle that of the axis
-    that turned.
+    Also without those of kinds that stand in runs.
     """
-    known = [each.axis for each in named if each.axis is not None]
-    if axes:
-        return axes[0], True
-    targets = {each.axis for each in named if each.kind == "position"}
-    words = words_in(each.column.name for each in named)
-    straight = table.across or words & _STRAIGHT
-    if len(targets) == 1 and not straight and words & _TARGETS:
-        return home
-    kinds = {each.kind for each in named if _is_angle(each.column)}
-    if len(targets) == 1 and {"position", "error"} <= kinds:
-        return home
-    if table.across:
-        known.append(home[0])
-    elif not known or table.axis is not None:
-        return home
-    others = [axis for axis in ("Y", "Z", "X") if axis not in known]
-    return (others[0] if others else known[0]), False
-
-
-def _without_commands(named: Sequence[_Named]) -> list[_Named]:
-    """Return the columns, without commanded velocities beside those that were recorded."""
     own = {(each.kind, each.axis) for each in named if each.own}
     speeds = ("velocity", "acceleration", "current")
     return [
         each
         for each in named
-        if each.own or each.kind not in speeds or (each.kind, each.axis) not in own
+        if each.kind not in in_runs
+        and (each.own or each.kind not in speeds or (each.kind, each.axis) not in own)
     ]
-
-
-def _named(column: Column, letters: Set[str]) -> _Named | None:
-    """Return what a column is by its role, its unit or its name, or None.
-
-    Args:
-        column: Of the file.
-        letters: Names of all columns: beside ``x`` a ``v`` alone is a velocity, beside ``t``
-            a ``T`` a temperature.
-    """
-    if column.role is not None:
-        role = find_role(column.role)
-        own = column.name != column.role and bool(words_in([column.name]) & _OWN)
-        if role is None:
-            return _Named(column, column.role, None, own)
-        return _Named(column, role.kind, role.axis, own)
-    if column.run is not None:
-        return _Named(column, "error", None)
-    if says_correction(column.name):
-        return None  # errors of which sign, the user says
-    pieces = pieces_of(column.name)
-    if column.unit is not None and len(pieces) > 1:
-        unit = find_unit(pieces[-1])  # "dz_um": the unit stays part of the name
-        if unit is not None and unit.name == column.unit:
-            pieces = pieces[:-1]
-    axis = _axis_in(column.name, pieces)
-    words = words_in(piece for piece in pieces if piece.upper() != axis)
-    kinds = ["encoder" if kind == "shown" else kind for kind in kinds_in(words)]
-    kinds += [_LETTERS[word] for word in words if axis and word in _LETTERS]
-    if column.name.strip() in _LETTERS and letters & _PLACE_LETTERS:
-        kinds.append(_LETTERS[column.name.strip()])
-    unit = find_unit(column.unit or "")
-    decided = _DIMENSIONS.get(unit.dimension if unit else "")
-    if "lag" in kinds or (decided and "error" in kinds):
-        return None  # what an axis lags behind is no error of its own
-    off = next((m[1].upper() for p in pieces if (m := _OFF.fullmatch(p))), None)
-    if off is not None:
-        return _Named(column, "error", off)
-    if decided is None and unit is not None and unit.dimension == "time":
-        decided = "time"
-    if decided is None and column.name.strip().casefold() == "t":
-        warm = column.name.strip() == "T" and "t" in letters
-        decided = "temperature" if warm else "time"
-    if decided is None and unit is None and not axis and pieces[-1:] in (["t"], ["T"]):
-        decided = "temperature"  # "frame_t"
-    kind = decided or (kinds[0] if kinds else None)
-    if kind is None and axis and column.text is None:
-        kind = "position"
-    if kind is None or (column.text is not None and kind not in _TEXTS):
-        return None
-    unknown = kind == "direction" and not any(map(direction_of, column.text or "+"))
-    if unknown and not _two_ways(column):
-        return None
-    if kind == "position" and axis is None and not all_position(pieces):
-        return None  # the target of something else
-    return _Named(column, kind, axis, "encoder" in kinds)
-
-
-_OWN = WORDS["encoder"] | WORDS["shown"]
-_TEXTS = ("time", "run", "direction")
-
-
-def _axis_in(name: str, pieces: Sequence[str]) -> str | None:
-    """Return the axis that a column names, X, Y and Z before letters of other meaning."""
-    numbered = _NUMBERED.search(name)
-    if numbered is not None:
-        return f"A{numbered[1] or numbered[2]}"
-    axes = [piece.upper() for piece in pieces if _AXIS.fullmatch(piece)]
-    linear = [piece for piece in axes if piece[0] in _LINEAR]
-    if not linear and len(pieces) == 1 and pieces[0].islower():
-        return None  # "a", "v", "b" alone may be anything
-    return next(iter(linear or axes), None)
 
 
 def own_roles(table: Table, axis: str | None) -> dict[str, ColumnSpec]:
@@ -687,122 +495,33 @@ def own_roles(table: Table, axis: str | None) -> dict[str, ColumnSpec]:
     return roles
 
 
-def _says_it_all(table: Table, named: Sequence[_Named]) -> bool:
+def _says_it_all(file: _File) -> bool:
     """Whether the file's own roles need no mapping beside them."""
-    runs = [each for each in named if each.column.run is not None]
-    named = runs or named
-    if not any(column.role not in (None, "time") for column in table.columns):
+    if not any(column.role not in (None, "time") for column in file.table.columns):
         return False
-    complete = all(each.column.role is not None for each in named)
-    if any(each.kind == "encoder" and each.own for each in named):
-        return False
-    if any(each.kind == "direction" and _two_ways(each.column) for each in named):
-        return False
-    given = [(each, find_role(each.column.role or "")) for each in named]
-    if any(role is not None and role.kind != each.kind for each, role in given):
-        return False
-    places = _places(named)
-    stated = all(
-        len(_units(e.column, e.kind, turns=False, places=places)) == 1 for e in named
-    )
-    return complete and stated
+    for each in file.runs or file.named:
+        column, role = each.column, find_role(each.column.role or "")
+        if column.role is None or (role is not None and role.kind != each.kind):
+            return False
+        if each.own and each.kind == "encoder":
+            return False
+        if each.kind == "direction" and two_ways(column):
+            return False
+        if len(file.units(column, each.kind, file.axis_of(each))) > 1:
+            return False
+    return True
 
 
-def _lacks_direction(named: Sequence[_Named]) -> bool:
+def _lacks_direction(file: _File) -> bool:
     """Whether a file has a column for each of several runs, and no direction of any."""
-    runs = [each.column for each in named if each.column.run is not None]
-    stated = any(column.direction is not None for column in runs)
-    kinds = [each.kind for each in named]
+    stated = any(each.column.direction is not None for each in file.runs)
+    kinds = [each.kind for each in file.named]
     alone = kinds.count("position") == 1 and "direction" not in kinds
-    return len(runs) > 1 and not stated and alone
-
-
-def _options(
-    each: _Named,
-    axis: str,
-    *,
-    outside: bool,
-    turns: bool,
-    places: Sequence[Column],
-) -> tuple[list[tuple[str, ColumnSpec]], set[str]]:
-    """Return the roles that a column may have, and what is to be asked of it."""
-    column, asks = each.column, set[str]()
-    texts = [_text(each, axis)]
-    if each.kind == "encoder" and not outside:
-        name = each.axis or axis
-        texts = [f"{name}.actual", f"{name}.encoder"]
-        asks.add("instrument")
-    if each.kind == "direction" and (ways := _two_ways(column)):
-        specs = [dataclasses.replace(_spec(column, None), positive=way) for way in ways]
-        return [(text, spec) for text in texts for spec in specs], {"positive"}
-    units = _units(column, each.kind, turns=turns, places=places)
-    if len(units) > 1:
-        asks.add("unit")
-    pairs = itertools.product(texts, units)
-    return [(text, _spec(column, unit)) for text, unit in pairs], asks
-
-
-def _two_ways(column: Column) -> list[str]:
-    """Return the two words or numbers of directions that do not say which one is +."""
-    cells = column.text or [f"{value:g}" for value in column.values]
-    words = sorted({cell.strip() for cell in cells})
-    known = column.bad is not None or all(direction_of(word) for word in words)
-    known |= set(words) == {"-1", "1"}
-    return words[::-1] if len(words) == 2 and not known else []
-
-
-def _is_huge(each: _Named) -> bool:
-    """Whether a column without a unit holds values that no machine has in mm or mm/s."""
-    return (
-        each.kind in _HUGE
-        and each.column.unit is None
-        and span(each.column.values) > _LONGEST
-    )
-
-
-def _places(named: Sequence[_Named]) -> list[Column]:
-    return [each.column for each in named if each.kind in _PLACES]
-
-
-def _units(
-    column: Column, kind: str, *, turns: bool, places: Sequence[Column] = ()
-) -> Sequence[str | None]:
-    """Return the units that a column of this kind may have, the likeliest first.
-
-    Args:
-        column: Of the file.
-        kind: Of its role.
-        turns: The positions of its axis are angles.
-        places: Positions beside an instant.
-    """
-    if column.unit is not None or column.text is not None:
-        return [column.unit]
-    if kind in _PLACES | {"error"} and _may_be_inches(column):
-        return ("in", "mm")
-    if kind not in _UNSTATED:
-        return [None]
-    if kind == "time" and not may_be_ms(column, places):
-        return [None]
-    units = _UNSTATED_ANGLE if turns and kind == "error" else _UNSTATED[kind]
-    if kind == "error" and any(place.unit in _INCHES for place in places):
-        units = _INCHES
-    fine = kind == "error" and _largest(column) < _FINE
-    return units[::-1] if fine else units
-
-
-def _may_be_inches(column: Column) -> bool:
-    """Whether a name ends as one in inches does, ``x_in``, or as that of an input."""
-    return column.unit is None and column.name.casefold().endswith("_in")
+    return len(file.runs) > 1 and not stated and alone
 
 
 def _spec(column: Column, unit: str | None, sign: int = 1) -> ColumnSpec:
     return ColumnSpec(column.header or column.name, unit, sign=sign)
-
-
-def _text(each: _Named, home: str) -> str:
-    if each.kind == "temperature":
-        return f"temperature.{_sensor(each.column)}"
-    return f"{each.axis or home}.{each.kind}" if each.kind in _OWNED else each.kind
 
 
 def _sensor(column: Column) -> str:
@@ -826,8 +545,3 @@ def _joined(unclear: Sequence[Unclear]) -> list[Unclear]:
             each = dataclasses.replace(first, asks=asks, choices=choices)
         by_role[role] = each
     return list(by_role.values())
-
-
-def _largest(column: Column) -> float:
-    known = column.values[np.isfinite(column.values)]
-    return float(np.abs(known).max(initial=0.0))

@@ -11,7 +11,7 @@ from ...data.signals import strokes_alike
 from ..discover import Observed
 from ..job import Job, Trend, trend_through
 from ..readings import Observation, without_zero
-from ._columns import span
+from ._names import span
 
 _WARM = 1.0
 """K: less tells nothing of warmth."""
