@@ -207,7 +207,8 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     """
     named = named_in(table)
     taken = {id(each.column) for each in named}
-    unused = tuple(c.name for c in table.columns if id(c) not in taken)
+    spare = [column for column in table.columns if id(column) not in taken]
+    unused = tuple(column.name for column in spare)
     if table.advice:  # it has the error
         named = [each for each in named if each.kind != "error"]
     if table.format in MESH_FORMATS:
@@ -230,31 +231,16 @@ def meaning_of(table: Table, axes: Sequence[str] = ()) -> Meaning:
     undirected = owner[0] == home[0] and _lacks_direction(file)
     if not unnamed and not undirected and _says_it_all(file):
         return Meaning(owner[0] if bare else None, assumed, {}, (), unused)
-    unclear = [_of_runs(file, undirected=undirected)] if file.runs else []
     in_runs = {each.kind for each in file.runs}
-    unclear += [_question(file, e) for e in _without_commands(named, in_runs)]
-    roles: dict[str, list[ColumnSpec]] = {}
-    for question in unclear:
-        if not question.asks:
-            ((text, spec),) = question.choices
-            roles.setdefault(text, []).append(spec)
-    unclear = [*_joined([each for each in unclear if each.asks]), *unnamed]
-    columns = {}
-    for text, several in roles.items():
-        if len(several) == 1:
-            columns[text] = several[0]
-        else:
-            first = table.column(several[0].column)
-            rivals = [(text, each) for each in several]
-            unclear.append(_unclear(first, {"column"}, rivals))
-    offered = {
-        table.column(part.column).name
-        for each in unnamed
-        for _, spec in each.choices
-        for part in (spec.parts or (spec,))
-        if part.column
-    }
-    unused = tuple(name for name in unused if name not in offered)
+    questions = [_of_runs(file, undirected=undirected)] if file.runs else []
+    questions += [_question(file, e) for e in _without_commands(named, in_runs)]
+    questions = _joined(questions)
+    unclear = [*(each for each in questions if each.asks), *unnamed]
+    columns = dict(each.choices[0] for each in questions if not each.asks)
+    specs = [spec for each in unnamed for _, spec in each.choices]
+    offered = {part.column for spec in specs for part in (spec.parts or (spec,))}
+    left = (column for column in spare if not {column.name, column.header} & offered)
+    unused = tuple(column.name for column in left)
     return Meaning(None, assumed, columns, tuple(unclear), unused)
 
 
@@ -486,12 +472,18 @@ def own_roles(table: Table, axis: str | None) -> dict[str, ColumnSpec]:
         table: The file as read.
         axis: Of the roles that it names without one.
     """
-    roles = {}
+    roles: dict[str, ColumnSpec] = {}
     for column in table.columns:
-        if column.role is not None and column.run is None:
-            whole = find_role(column.role) is not None
-            text = column.role if whole else f"{axis}.{column.role}"
-            roles[text] = _spec(column, column.unit)
+        if column.role is None:
+            continue
+        whole = find_role(column.role) is not None
+        text = column.role if whole else f"{axis}.{column.role}"
+        spec = _spec(column, column.unit)
+        if column.run is not None:
+            run = dataclasses.replace(spec, run=column.run, direction=column.direction)
+            before = roles.get(text, ColumnSpec("", column.unit))
+            spec = dataclasses.replace(before, parts=(*before.parts, run))
+        roles[text] = spec
     return roles
 
 

@@ -14,6 +14,8 @@ from ...data.lists import ListFile
 from ...data.measurements import (
     CellError,
     Column,
+    ColumnError,
+    ColumnSpec,
     Lines,
     MeasurementError,
     Table,
@@ -30,6 +32,7 @@ from ..job import Job, JobFile, nodes_for
 from ..readings import Observation, observe
 from ._columns import Meaning, meaning_of, own_roles
 from ._fits import suggestions
+from ._names import PLACES, dimension_of
 from ._text import JobPage, Question
 from ._write import WHOLE_TURN, Axis, Contents, Source, page_of, relative
 
@@ -107,7 +110,8 @@ def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
         names = itertools.chain([name], (f"{name}_{k}" for k in itertools.count(2)))
         free = next(each for each in names if each not in taken)
         source = _source(free, file, axes)
-        if not any(_of_axis(text) for text, *_ in _roles(source)):
+        roles = map(find_role, source.roles)
+        if not any(role is not None and role.axis is not None for role in roles):
             columns = ", ".join(c.name for c in source.table.columns[:_SHOWN])
             reason = (
                 f"found columns {columns}, of which none names a role and fewer than two hold"
@@ -154,8 +158,7 @@ def _source(name: str, file: Path, axes: Sequence[str]) -> Source:
 
 def _is_poor_sensor(column: Column) -> bool:
     """Whether a column of temperatures lacks so many that its rows cannot be left out."""
-    unit = find_unit(column.unit or "")
-    if unit is None or unit.dimension != "temperature" or column.text is not None:
+    if dimension_of(column) != "temperature" or column.text is not None:
         return False
     return bool(np.count_nonzero(np.isnan(column.values)) > _DAMAGED)
 
@@ -195,21 +198,18 @@ def _axes(
     """
     axes: dict[str, Axis] = {}
     for source in sources:
-        for text, unit, column in _roles(source):
-            role = find_role(text)
-            axis = role.axis if role is not None else source.meaning.axis
-            if axis is None:
+        for text, spec in source.roles.items():
+            role, unit = find_role(text), find_unit(spec.unit or "")
+            if role is None or role.axis is None:
                 continue
-            before = axes.get(axis, Axis(given.get(axis), {}))
-            known = find_unit(unit or "")
-            turns = known is not None and known.dimension.startswith("ang")
-            place = role is not None and role.kind in ("position", "encoder", "actual")
-            ends = known is not None and turns and place and _passes_end(known, column)
-            axes[axis] = dataclasses.replace(
+            before = axes.get(role.axis, Axis(given.get(role.axis), {}))
+            turns = unit is not None and unit.dimension.startswith("ang")
+            angle = unit if role.kind in PLACES and spec.column else None
+            axes[role.axis] = dataclasses.replace(
                 before,
                 rotary=before.rotary or turns,
-                endless=before.endless or ends,
-                assumed=before.assumed or source.meaning.assumed.get(axis),
+                endless=before.endless or _passes_end(source.table, spec, angle),
+                assumed=before.assumed or source.meaning.assumed.get(role.axis),
             )
     for name, number in given.items():
         axes.setdefault(name, Axis(number, {}))
@@ -232,28 +232,14 @@ def _axes(
     return axes
 
 
-def _passes_end(unit: Unit, column: Column | None) -> bool:
-    """Whether angles begin anew in motion."""
-    if column is None or column.text is not None or unit.dimension != "angle":
+def _passes_end(table: Table, spec: ColumnSpec, unit: Unit | None) -> bool:
+    """Whether a column of positions holds angles that begin anew in motion."""
+    if unit is None or unit.dimension != "angle":
         return False
-    return passed_end(unit.to_library(column.values)) is not None
-
-
-def _roles(source: Source) -> list[tuple[str, str | None, Column | None]]:
-    """Return each role that a file has, also without an axis, with unit and column."""
-    columns, table = source.meaning.likeliest, source.table
-    if columns:
-        return [
-            (text, each.unit, table.column(each.column) if each.column else None)
-            for text, each in columns.items()
-        ]
-    return [(c.role, c.unit, c) for c in table.columns if c.role is not None]
-
-
-def _of_axis(text: str) -> bool:
-    """Whether a role, also one without its axis, is that of an axis."""
-    role = find_role(text)
-    return role is None or role.axis is not None
+    column = table.column(spec.column)
+    return (
+        column.text is None and passed_end(unit.to_library(column.values)) is not None
+    )
 
 
 def _owner(axes: Mapping[str, Axis], listing: ListFile) -> str:
@@ -318,7 +304,7 @@ def _observed(job: Job, sources: Sequence[Source]) -> Observation:
             for source in sources
             for axis, column in source.meaning.assumed.items()
         ]
-        if not taken:
+        if not taken or isinstance(error, ColumnError):
             raise
         reason = (
             "found no column that names its axis, expected names such as 'x [mm]' and 'dx [um]';"

@@ -34,6 +34,11 @@ class Source:
     meaning: Meaning
     damaged: Sequence[CellError] = ()
 
+    @property
+    def roles(self) -> dict[str, ColumnSpec]:
+        """Column of each role, the likeliest where it is not clear."""
+        return self.meaning.likeliest or own_roles(self.table, self.meaning.axis)
+
 
 WHOLE_TURN = [0.0, 360.0]
 """Range in ° of an axis whose display begins anew."""
@@ -189,9 +194,14 @@ def _write_measurement(page: JobPage, contents: Contents, source: Source) -> Non
         page.key(job_line("axis", meaning.axis), "whose error it is")
     _write_active(page, source.name, contents.axes, mine)
     _write_zero(page, contents, source.name, mine)
-    _write_own_roles(page, source)
+    head = f"[measurements.{source.name}.columns]"
     if meaning.likeliest:
-        page.add(f"[measurements.{source.name}.columns]")
+        page.add(head)
+    elif source.roles:
+        page.note("The columns name themselves; to change that, state all of them:")
+        page.add(
+            f"# {head}", *(f"# {_column_line(*each)}" for each in source.roles.items())
+        )
     for text, spec in meaning.columns.items():
         page.add(_column_line(text, spec))
     for each in meaning.unclear:
@@ -215,65 +225,41 @@ def _write_damaged(page: JobPage, source: Source) -> None:
     )
 
 
-def _write_own_roles(page: JobPage, source: Source) -> None:
-    """Write what the columns of a file mean that says it itself, as a remark."""
-    roles = own_roles(source.table, source.meaning.axis)
-    if source.meaning.likeliest or not roles:
-        return
-    page.note("The columns name themselves; to change that, state all of them:")
-    page.add(f"# [measurements.{source.name}.columns]")
-    for text, spec in roles.items():
-        page.add(f"# {_column_line(text, spec)}")
-
-
 def _column_line(role: str, spec: ColumnSpec) -> str:
     return job_line(role, spec.of_job())
 
 
+_ASKED = {
+    "role": "No column says that it is the {what} of {axis}. Which one is it?",
+    "drift": 'No column says that it is an error: beside temperatures "{column}" is taken'
+    " for what the axis at rest drifts by. Counts are of the unit inc, and need the axis's"
+    " increment.",
+    "probed": 'No column says that it is an error: beside the other positions "{column}"'
+    " hardly moves, and is taken for what was probed.",
+    "height": PROBED_HEIGHTS,
+    "sign": "Corrections (trims), and targets less what was reached, are the negative of"
+    " errors: sign = -1.",
+    "instrument": 'Is "{column}" what an instrument outside of the machine showed (actual),'
+    " or the machine's own reading (encoder)?",
+    "direction": "{turned}",
+    "positive": 'Which of the two in "{column}" is motion towards larger positions?',
+    "column": "Which of these columns counts?",
+    "unit": 'The file states no unit of "{column}", whose largest value is {largest:.4g}.'
+    " Which one is it?",
+}
+"""What a column is asked, in the order of asking."""
+
+
 def _unclear_words(each: Unclear) -> str:
-    words = []
-    if "role" in each.asks:
-        axis, _, kind = each.choices[0][0].partition(".")
-        what = {"actual": "error or the actual position"}.get(kind, kind)
-        words.append(
-            f"No column says that it is the {what} of {axis}. Which one is it?"
-        )
-    if "drift" in each.asks:
-        words.append(
-            f'No column says that it is an error: beside temperatures "{each.column}" is taken'
-            " for what the axis at rest drifts by. Counts are of the unit inc, and need the"
-            " axis's increment."
-        )
-    if "probed" in each.asks:
-        words.append(
-            f'No column says that it is an error: beside the other positions "{each.column}"'
-            " hardly moves, and is taken for what was probed."
-        )
-    if "height" in each.asks:
-        words.append(PROBED_HEIGHTS)
-    if "sign" in each.asks:
-        words.append(
-            "Corrections (trims), and targets less what was reached, are the negative of"
-            " errors: sign = -1."
-        )
-    if "instrument" in each.asks:
-        words.append(
-            f'Is "{each.column}" what an instrument outside of the machine showed (actual),'
-            " or the machine's own reading (encoder)?"
-        )
-    if each.apart is not None:
-        words.append(_turned_words(each, *each.apart))
-    if "positive" in each.asks:
-        words.append(
-            f'Which of the two in "{each.column}" is motion towards larger positions?'
-        )
-    if "column" in each.asks:
-        words.append("Which of these columns counts?")
-    if "unit" in each.asks:
-        words.append(
-            f'The file states no unit of "{each.column}", whose largest value is'
-            f" {each.largest:.4g}. Which one is it?"
-        )
+    axis, _, kind = each.choices[0][0].partition(".")
+    fields = {
+        "axis": axis,
+        "what": {"actual": "error or the actual position"}.get(kind, kind),
+        "column": each.column,
+        "largest": each.largest,
+        "turned": "" if each.apart is None else _turned_words(each, *each.apart),
+    }
+    words = [text.format(**fields) for ask, text in _ASKED.items() if ask in each.asks]
     return " ".join(words)
 
 
