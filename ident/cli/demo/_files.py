@@ -3,7 +3,6 @@
 The jobs and the text for the user stand in the folder ``demo``.
 """
 
-import hashlib
 import json
 from importlib import resources
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ....data.errors import FoundError
+from ....data.files import sha256
 from ...machine import (
     LASER,
     PROBE,
@@ -38,9 +38,6 @@ def text_of(name: str) -> bytes:
 class FolderError(FoundError):
     """The demo would overwrite something that is not its own."""
 
-    def __init__(self, where: str, found: str, expected: str = _OWN) -> None:
-        super().__init__(where, found, expected)
-
 
 def claim_folder(out: Path) -> None:
     """Make the folder, or make sure that everything in it is the demo's own.
@@ -49,35 +46,36 @@ def claim_folder(out: Path) -> None:
         FolderError: If it holds files that no demo made, or that were changed since.
     """
     if out.exists() and not out.is_dir():
-        raise FolderError(str(out), "a file of that name")
+        raise FolderError(str(out), "a file of that name", _OWN)
     out.mkdir(parents=True, exist_ok=True)
     if not any(out.iterdir()):
         return
-    manifest = out / _MANIFEST
     try:
-        hashes = json.loads(manifest.read_text("utf-8"))
+        hashes = json.loads((out / _MANIFEST).read_text("utf-8"))
     except (OSError, ValueError):
-        raise FolderError(str(out), "files that no demo made") from None
-    for path in sorted(out.rglob("*")):
-        name = path.relative_to(out).as_posix()
-        # What a run makes from the rest may be made again.
-        if path.is_dir() or path == manifest or name.startswith(_MADE):
-            continue
+        raise FolderError(str(out), "files that no demo made", _OWN) from None
+    for name, digest in _hashes(out).items():
         if name not in hashes:
-            raise FolderError(str(out), f"{name}, which no demo made")
-        if _hash(path) != hashes[name]:
-            raise FolderError(str(out), f"{name} changed since the demo made it")
+            raise FolderError(str(out), f"{name}, which no demo made", _OWN)
+        if digest != hashes[name]:
+            found = f"{name} changed since the demo made it"
+            raise FolderError(str(out), found, _OWN)
 
 
 def seal_folder(out: Path) -> None:
     """Note what the demo wrote, so that a later one knows its own files."""
-    hashes = {
-        path.relative_to(out).as_posix(): _hash(path)
-        for path in sorted(out.rglob("*"))
-        if path.is_file() and path.name != _MANIFEST
-    }
-    text = json.dumps(hashes, indent=1)
+    text = json.dumps(_hashes(out), indent=1)
     (out / _MANIFEST).write_text(text, encoding="utf-8")
+
+
+def _hashes(out: Path) -> dict[str, str]:
+    """Return the hash of each file by name, but of those that a run makes from the rest."""
+    names = {path.relative_to(out).as_posix(): path for path in sorted(out.rglob("*"))}
+    return {
+        name: sha256(path)
+        for name, path in names.items()
+        if path.is_file() and name != _MANIFEST and not name.startswith(_MADE)
+    }
 
 
 def write_measurements(folder: Path, machine: VirtualMachine, seed: int) -> None:
@@ -118,7 +116,3 @@ def _probe_points(
     points = np.clip(points, 0.0, [length, width])
     hidden = (points[:, 0] > 0.8 * length) & (points[:, 1] > 0.7 * width)
     return np.asarray(points[~hidden])
-
-
-def _hash(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -94,8 +94,12 @@ def run_demo(out: Path, say: Callable[[str], None]) -> DemoResult:
         for fit in first.fits
         if isinstance(fit, TableResult)
     )
-    second = _measure_again(out, loaded)
-    job = run_job(out / "job.toml", out / "result", say, after=second)
+    second = out / "second"
+    files.write_measurements(second, loaded, _SEED + 100)
+    # It takes the instruments' zeros off exactly as the first job does.
+    write_atomically(second / "job.toml", files.text_of("second.toml"))
+    after = second / "job.toml"
+    job = run_job(out / "job.toml", out / "result", say, after=after)
     say("drawing the report")
     page, *_ = write_report(job, out / "result")
     work, work_rms = _run_work(out / "work", _SEED + 14, say)
@@ -133,17 +137,6 @@ def _write_inputs(out: Path, machine: VirtualMachine) -> None:
     write_atomically(out / "machine" / "achskw2.lis", files.text_of("achskw2.lis"))
     for name in ("job.toml", "README.txt"):
         write_atomically(out / name, files.text_of(name))
-
-
-def _measure_again(out: Path, machine: VirtualMachine) -> Path:
-    """Measure with the lists active, and return the job that says so.
-
-    The instruments' zeros are taken off exactly as they were the first time.
-    """
-    folder = out / "second"
-    files.write_measurements(folder, machine, _SEED + 100)
-    write_atomically(folder / "job.toml", files.text_of("second.toml"))
-    return folder / "job.toml"
 
 
 def _run_work(
