@@ -147,20 +147,17 @@ def _print_fit(
 
 
 def _print_figures(console: "Console", fit: "AbstractResult") -> None:
-    from ..report._section import figures_of, keeps_wild
+    from ..report._section import ISO, figure_rows
 
     over = f" over {', '.join(fit.over)}" if fit.over else ""
     scale = scale_of(fit.unit)
-    digits = ".3g" if scale.factor == 1.0 else ".1f"
-    stages, figures = figures_of(fit.error)
+    stages, figures = figure_rows(fit.error, scale)
     heads = [stage.replace("_", " ") for stage in stages]
     rows = []
-    for name, row in figures.items():
-        cells = ("–" if v is None else f"{scale.factor * v:{digits}}" for v in row)
-        label = name.replace("all", "wild kept")
-        rows.append(
-            (f"{label}, wild kept" * keeps_wild(name, figures) or label, *cells)
-        )
+    for name, (_, values) in figures.items():
+        kept = name in ISO and "rms, all" in figures
+        label = name.replace("all", "wild kept") + ", wild kept" * kept
+        rows.append((label, *values))
     title = f"{fit.compensation} of {fit.axis}{over}, {scale.error}"
     console.print(table_of(["error", *heads], rows, numbers=heads, title=title))
 

@@ -33,12 +33,8 @@ _ROWS = {
     "E": "systematic positional deviation: range of the means",
     "M": "range of the mean of both directions",
 }
-_ISO = "AREBM"
-
-
-def keeps_wild(name: str, figures: Mapping[str, Sequence[float | None]]) -> bool:
-    """Whether a figure is one of ISO 230-2, which knows no wild readings, beside some."""
-    return name in _ISO and "rms, all" in figures
+ISO = frozenset("AREBM")
+"""Figures of ISO 230-2, which knows no wild readings."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,7 +47,7 @@ class Section:
         verdict: Its headline.
         remarks: Errors first.
         stages: Stages of the error that are shown.
-        figures: Figures of the error by name, one per stage; None: not known.
+        rows: Figures of the error by name, as `figure_rows` has them.
         body: Plots and sentences.
         fit: What the job found.
         scale: Display units.
@@ -62,7 +58,7 @@ class Section:
     verdict: Headline
     remarks: tuple[Remark, ...]
     stages: Sequence[str]
-    figures: Mapping[str, Sequence[float | None]]
+    rows: Mapping[str, tuple[str, list[str]]]
     body: Body
     fit: AbstractResult
     scale: Scale
@@ -73,28 +69,16 @@ class Section:
         return [_COLUMNS[stage] for stage in self.stages]
 
     @property
-    def rows(self) -> dict[str, tuple[str, list[str]]]:
-        """What each figure means, and its values as they are printed."""
-        figure = self.scale.figure
-        return {
-            name: (
-                _ROWS[name] + "; with wild readings" * keeps_wild(name, self.figures),
-                ["–" if v is None else figure(v) for v in values],
-            )
-            for name, values in self.figures.items()
-        }
-
-    @property
     def iso(self) -> bool:
         """Whether figures of ISO 230-2 are among them."""
-        return any(name in _ISO for name in self.figures)
+        return not ISO.isdisjoint(self.rows)
 
 
 def section_of(fit: AbstractResult, place: int) -> Section:
     """Return the section of one fit; ``place`` counts the fits of the job from 1."""
     scale = scale_of(fit.unit)
     over = " over " + ", ".join(fit.over) if fit.over else ""
-    stages, figures = figures_of(fit.error)
+    stages, rows = figure_rows(fit.error, scale)
     # In a file name and an anchor.
     safe = "".join(c if c.isascii() and c.isalnum() else "_" for c in fit.axis)
     return Section(
@@ -103,27 +87,36 @@ def section_of(fit: AbstractResult, place: int) -> Section:
         verdict=headline_of(fit, scale),
         remarks=by_level(fit.remarks),
         stages=stages,
-        figures=figures,
+        rows=rows,
         body=body_of(fit, scale),
         fit=fit,
         scale=scale,
     )
 
 
-def figures_of(
-    error: Mapping[str, ErrorFigures],
-) -> tuple[list[str], dict[str, list[float | None]]]:
-    """Return the stages of an error that are shown, and the figures of each by name."""
+def figure_rows(
+    error: Mapping[str, ErrorFigures], scale: Scale
+) -> tuple[list[str], dict[str, tuple[str, list[str]]]]:
+    """Return the stages of an error that are shown, and its figures by name.
+
+    Of each figure what it means, and its values as they are printed, one per stage.
+    """
     stages = [stage for stage in _COLUMNS if stage in error]
-    shown = [error[stage] for stage in stages]
+    wild = any(each.without_wild is not None for each in error.values())
     columns: list[dict[str, float]] = []
-    for figures in shown:
+    for figures in (error[stage] for stage in stages):
         sound = {"rms": figures.sound.rms, "max": figures.sound.max}
         columns.append(sound | dict(figures.iso230 or {}))
-        if any(each.without_wild is not None for each in error.values()):
+        if wild:
             columns[-1] |= {"rms, all": figures.rms, "max, all": figures.max}
-    rows = {name: [column.get(name) for column in columns] for name in _ROWS}
-    return stages, {name: cells for name, cells in rows.items() if set(cells) - {None}}
+    rows = {}
+    for name, meaning in _ROWS.items():
+        values = [column.get(name) for column in columns]
+        if set(values) - {None}:
+            meaning += "; with wild readings" * (wild and name in ISO)
+            shown = ["–" if value is None else scale.figure(value) for value in values]
+            rows[name] = meaning, shown
+    return stages, rows
 
 
 def summary_row(section: Section) -> tuple[str, ...]:
