@@ -8,14 +8,13 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from ._collect import Task, collect_jobs
 from ._folder import BatchError, begin, end, locked
 from ._rows import Row
 from ._summary import Summary, summarise
 from ._table import read_results, write_results
-from ._work import WORK, Order, Outcome, examine
+from ._work import WORK, Order, examine
 from ._workers import prepare_workers, run_chunks, workers_of
 
 _CHUNK = 32
@@ -186,7 +185,12 @@ def _run(
     try:
         with workers_of(scheduler, workers) as client:
             crew = max(workers or 0, len(client.scheduler_info()["workers"]), 1)
-            runnable, bad = _examined(client, tasks, order, crew)
+            size = max(1, len(tasks) // (_ROUNDS * crew))
+            parts = [tasks[at : at + size] for at in range(0, len(tasks), size)]
+            futures = client.map(examine, parts, order=order, pure=False)
+            bad = list(chain.from_iterable(client.gather(futures)))
+            names = {outcome.name for outcome in bad}
+            runnable = [task for task in tasks if task.name not in names]
             # Enough chunks that nobody works on a last one while the others have none left.
             size = max(1, min(_CHUNK, -(-len(runnable) // (_ROUNDS * crew))))
             for outcomes in chain([bad], run_chunks(client, runnable, order, size)):
@@ -212,17 +216,3 @@ def _run(
 
 def _progress(stand: Progress) -> str:
     return f"{stand.done} of {stand.total} jobs are done; --resume goes on from there"
-
-
-def _examined(
-    client: Any, tasks: Sequence[Task], order: Order, crew: int
-) -> tuple[list[Task], list[Outcome]]:
-    """Return the jobs to run, those of equal shape together, and those that cannot run."""
-    size = max(1, len(tasks) // (_ROUNDS * crew))
-    parts = [tasks[start : start + size] for start in range(0, len(tasks), size)]
-    futures = client.map(examine, parts, order=order, pure=False)
-    shapes = chain.from_iterable(client.gather(futures))
-    pairs = list(zip(tasks, shapes, strict=True))
-    bad = [outcome for _, outcome in pairs if isinstance(outcome, Outcome)]
-    good = [(shape, task) for task, shape in pairs if isinstance(shape, str)]
-    return [task for _, task in sorted(good, key=lambda pair: pair[0])], bad

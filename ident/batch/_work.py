@@ -72,17 +72,19 @@ class Outcome:
     full: bool = False
 
 
-def examine(tasks: Sequence[Task], order: Order) -> list[str | Outcome]:
-    """Return the shape of each job, or the outcome of one that cannot run.
+def examine(tasks: Sequence[Task], order: Order) -> list[Outcome]:
+    """Return the outcomes of those jobs that cannot run.
 
     What an earlier run wrote for such a one is moved away.
     """
-    shapes: list[str | Outcome] = []
+    from ..job import load_job
+
+    outcomes = []
     for task in tasks:
         reason = task.fault
         try:
             if reason is None:
-                shapes.append(_shape(task.path))
+                load_job(task.path)
                 continue
         except (AxcompError, OSError) as error:
             reason = str(error)
@@ -91,24 +93,8 @@ def examine(tasks: Sequence[Task], order: Order) -> list[str | Outcome]:
                 _take_away(Path(order.out) / kind / task.name)
         except BatchError as error:
             reason = f"{reason}; {error}"
-        shapes.append(failed(task, reason))
-    return shapes
-
-
-def _shape(path: Path) -> str:
-    """Return what jobs have in common that share compiled functions.
-
-    Raises:
-        AxcompError: If the job cannot run.
-        OSError: If its file cannot be read.
-    """
-    from ..job import load_job
-
-    return "; ".join(
-        f"{fit.compensation} {getattr(fit, 'points', None)}"
-        f" {len(getattr(fit, 'setpoints', None) or ())}"
-        for fit in load_job(path).spec.fits
-    )
+        outcomes.append(failed(task, reason))
+    return outcomes
 
 
 def run_chunk(tasks: Sequence[Task], order: Order) -> list[Outcome]:
@@ -242,9 +228,6 @@ def _is_full(error: BaseException | None) -> bool:
     """Tell whether an error, or what it came from, is a disk without room."""
     while error is not None:
         if isinstance(error, OSError) and error.errno in _FULL:
-            return True
-        words = str(error)
-        if any(os.strerror(number) in words for number in _FULL):
             return True
         error = error.__cause__ or error.__context__
     return False

@@ -14,7 +14,7 @@ from axcomp.ident.batch import query_results, run_batch
 from axcomp.ident.batch._collect import collect_jobs
 from axcomp.ident.batch._folder import BatchError
 from axcomp.ident.batch._table import write_results
-from axcomp.ident.batch._work import Order, Outcome, examine
+from axcomp.ident.batch._work import Order, examine
 from axcomp.ident.cli import main
 
 JOB = '[axes.X]\nnumber = 1\n[measurements.m]\nfile = "m.csv"\n'
@@ -49,8 +49,7 @@ def test_a_row_without_its_template_does_not_end_the_fleet(tmp_path: Path) -> No
     out = tmp_path / "out"
     out.mkdir()
     tasks = [each.as_file() for each in collect_jobs([str(tmp_path / "t.csv")], out)]
-    lost = examine(tasks, Order(str(out), "t"))[1]
-    assert isinstance(lost, Outcome)
+    *_, lost = examine(tasks, Order(str(out), "t"))
     (row,) = lost.rows
     assert "row 2: template" in row["reason"]
     assert (row["machine_id"], row["axis"]) == ("mill-2", "X")
