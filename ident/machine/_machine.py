@@ -67,39 +67,25 @@ class VirtualMachine:
         )
         return dataclasses.replace(self, controller=controller)
 
-    def true_error(
+    def true_error(self, axis: str, state: State) -> Column:
+        """Return the error of the bare machine in a state in mm: actual − encoder."""
+        if axis not in self.axes:
+            where, axes = "virtual machine", ", ".join(self.axes)
+            raise MachineError(where, f"axis {axis}", f"one of {axes}")
+        parts = (each.error(state) for each in self.sources if each.axis == axis)
+        return sum(parts, np.zeros(state.rows))
+
+    def error(
         self, axis: str, positions: Columns, direction: Int[np.ndarray, " t"]
     ) -> Column:
-        """Return the error of the bare machine at standstill in mm.
+        """Return the error at standstill in mm with the active lists.
 
         Args:
             axis: Axis whose error is asked for.
             positions: Commanded positions in mm of all axes that matter to it.
             direction: Of the last motion of ``axis``, ±1.
         """
-        return self.error_in(axis, State(positions, {axis: direction}))
-
-    def error_in(self, axis: str, state: State) -> Column:
-        """Return the error of the bare machine in a state in mm."""
-        return sum(self.causes(axis, state).values(), np.zeros(state.rows))
-
-    def causes(self, axis: str, state: State) -> dict[str, Column]:
-        """Return the error of the bare machine in mm by the compensation it asks for."""
-        if axis not in self.axes:
-            where, axes = "virtual machine", ", ".join(self.axes)
-            raise MachineError(where, f"axis {axis}", f"one of {axes}")
-        causes: dict[str, Column] = {}
-        for source in self.sources:
-            if source.axis == axis:
-                kind = source.compensation
-                causes[kind] = causes.get(kind, 0.0) + source.error(state)
-        return causes
-
-    def error(
-        self, axis: str, positions: Columns, direction: Int[np.ndarray, " t"]
-    ) -> Column:
-        """Return the error at standstill in mm with the active lists."""
-        total = self.true_error(axis, positions, direction)
+        total = self.true_error(axis, State(positions, {axis: direction}))
         if self.controller is None:
             return total
         zeros = np.zeros(len(direction))

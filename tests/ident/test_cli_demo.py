@@ -109,7 +109,7 @@ def test_written_lists_leave_little_of_the_true_error(demo: Path) -> None:
     ways = rng.choice([-1, 1], 2000)
     shown = ~((where["X"] > 600) & (where["Y"] > 250))  # the clamp hides the corner
     for axis in "XYZ":
-        before = bare.true_error(axis, where, ways)[shown]
+        before = bare.error(axis, where, ways)[shown]
         after = loaded.error(axis, where, ways)[shown]
         if axis == "Y":  # offset and slope of the straightedge are arbitrary
             design = np.stack([np.ones(shown.sum()), where["X"][shown]], axis=1)

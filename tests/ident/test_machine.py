@@ -78,7 +78,7 @@ def test_errors_of_one_axis_add_up_and_others_stay_out() -> None:
         {"X": 1, "Y": 2}, (first, first, Reversal("X", 1.0, 1.0, 1.0))
     )
     at = {"X": np.array([400.0, 400.0, 0.0])}
-    np.testing.assert_allclose(machine.true_error("Y", at, UP), [0.04, 0.04, 0.0])
+    np.testing.assert_allclose(machine.error("Y", at, UP), [0.04, 0.04, 0.0])
 
 
 def test_loaded_list_is_added_to_the_error_of_its_axis_alone() -> None:
@@ -89,8 +89,9 @@ def test_loaded_list_is_added_to_the_error_of_its_axis_alone() -> None:
     # 0.04 mm over 800 mm, held beyond its end.
     np.testing.assert_allclose(change, [0.0, 0.01, 0.04], atol=1e-15)
     np.testing.assert_array_equal(loaded.error("X", at, UP), bare.error("X", at, UP))
+    state = State(at, {"Y": UP})
     np.testing.assert_array_equal(
-        loaded.true_error("Y", at, UP), bare.true_error("Y", at, UP)
+        loaded.true_error("Y", state), bare.true_error("Y", state)
     )
 
 
@@ -107,7 +108,7 @@ def test_list_for_an_unknown_axis_is_refused() -> None:
 
 def test_unknown_axis_is_refused() -> None:
     with pytest.raises(MachineError, match="found axis Q, expected one of X, Y, Z"):
-        example_machine().true_error("Q", {}, UP)
+        example_machine().error("Q", {}, UP)
 
 
 def laser(targets: np.ndarray) -> Reading:

@@ -153,7 +153,7 @@ def record(work: WorkingMachine, programme: Programme, seed: int) -> MotionLog:
     state = State(raw, direction, acceleration, warmth)
     encoder, actual, truth, wrong = {}, {}, {}, {}
     for axis in axes:
-        fault = work.machine.error_in(axis, state)
+        fault = work.machine.true_error(axis, state)
         noise = _ENCODER_NOISE * rng.standard_normal(len(fault))
         encoder[axis] = raw[axis] - added[axis] + noise
         truth[axis] = fault + added[axis]

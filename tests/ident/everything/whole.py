@@ -105,7 +105,7 @@ def in_the_workspace(
         for part in parts:
             if part.effect.axis == axis and part.effect.compensation != "delay":
                 total += at_once(part.effect).block(data).columns @ part.values
-        wrong = total - machine.machine.error_in(axis, state)
+        wrong = total - machine.machine.true_error(axis, state)
         found[axis] = wrong - np.median(wrong)
     return found
 
