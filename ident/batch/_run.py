@@ -50,33 +50,21 @@ class BatchResult:
     """What a batch did.
 
     Attributes:
-        folder: Of the batch.
         reasons: Why jobs wrote no list, by name of the job.
         rejected: How many ran and did not pass (gate, or an error in their files).
         seconds: That this run of it took.
         summary: Figures over all machines.
     """
 
-    folder: Path
     reasons: Mapping[str, str]
     rejected: int
     seconds: float
     summary: Summary
 
     @property
-    def jobs(self) -> int:
-        """How many jobs it has."""
-        return self.summary.jobs
-
-    @property
-    def failed(self) -> int:
-        """How many wrote no list."""
-        return len(self.reasons)
-
-    @property
     def passed(self) -> bool:
         """Whether every job wrote lists that passed."""
-        return not self.failed and not self.rejected
+        return not self.reasons and not self.rejected
 
 
 def run_batch(
@@ -155,7 +143,7 @@ def run_batch(
     ran = {
         row["job"] for row in ordered if row["state"] == "done" and not row["passed"]
     }
-    return BatchResult(out, reasons, len(ran), seconds, summary)
+    return BatchResult(reasons, len(ran), seconds, summary)
 
 
 def _take_away(work: Path) -> None:

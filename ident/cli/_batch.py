@@ -101,7 +101,7 @@ def _print(result: "BatchResult", out: Path) -> None:
             f" {'it' if summary.no_gain == 1 else 'them'} (reasons: no_gain)."
         )
     lines.append(
-        f"{count(result.jobs, 'job')}, {result.failed} failed, {result.rejected} did not pass"
+        f"{count(summary.jobs, 'job')}, {summary.failed} failed, {result.rejected} did not pass"
         f" ({result.seconds:.1f} s). Table: {out / 'results.parquet'}, summary:"
         f" {out / 'summary.html'}"
     )

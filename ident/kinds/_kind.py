@@ -116,7 +116,7 @@ class Kind:
     def page(self) -> "PagePart":
         """How the report shows it."""
         if self.table:
-            from ..report.table import _body
+            from ..report import table
 
-            return _body
+            return table
         return cast("PagePart", self.part("page"))

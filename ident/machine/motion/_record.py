@@ -185,20 +185,19 @@ def _compensated(
     controller = work.machine.controller
     if controller is None:
         return zeros, zeros
-    readings = {
-        name: following(values, work.plc_lags.get(name, 0.0), CYCLE)
+    heat = [
+        following(values, work.plc_lags.get(name, 0.0), CYCLE)
         for name, values in sensors.items()
-    }
+    ]
 
     def columns(values: Columns) -> Float[Array, "t a"]:
         return jnp.asarray(np.stack([values[axis] for axis in axes], axis=1))
 
-    heat = np.stack(list(readings.values()), axis=1) if readings else None
     motion = Motion(
         columns(programme.position),
         columns(programme.velocity),
         columns(programme.acceleration),
-        temperature=None if heat is None else jnp.asarray(heat),
+        temperature=jnp.asarray(np.stack(heat, axis=1)) if heat else None,
     )
     offsets, _ = controller.run(controller.start(), motion)
     offset = np.asarray(offsets.offset)
