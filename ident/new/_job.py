@@ -33,8 +33,8 @@ from ..readings import Observation, observe
 from ._columns import Meaning, meaning_of, own_roles
 from ._fits import suggestions
 from ._names import PLACES, dimension_of
-from ._text import JobPage, Question
-from ._write import WHOLE_TURN, Axis, Contents, Source, page_of, relative
+from ._text import Question
+from ._write import WHOLE_TURN, Axis, Contents, Source, relative, written
 
 _DAMAGED = 20
 """Lines that a file may lack and still be measured."""
@@ -92,12 +92,12 @@ def new_job(
         )
         for fit in suggestions(observation)
     ]
-    page = page_of(
-        Contents(job, observation, sources, _with_spans(known, observation), suggested)
+    contents = Contents(
+        job, observation, sources, _with_spans(known, observation), suggested
     )
-    names = ", ".join(each.name for each in files)
+    text, questions = written(contents, ", ".join(each.name for each in files))
     fits = tuple(f"{fit.compensation} of {fit.axis}" for fit in suggested if fit.plain)
-    return NewJob(page.text(_head(names, page)), tuple(page.questions), fits)
+    return NewJob(text, questions, fits)
 
 
 def _sources(files: Sequence[Path], axes: Sequence[str]) -> list[Source]:
@@ -320,19 +320,3 @@ def _with_spans(axes: Mapping[str, Axis], observation: Observation) -> dict[str,
         ends = (float(np.nanmin(place)), float(np.nanmax(place)))
         spanned[name] = dataclasses.replace(axes[name], span=ends)
     return spanned
-
-
-def _head(names: str, page: JobPage) -> list[str]:
-    count = sum(question.needed for question in page.questions)
-    lines = [
-        f"# Job for `axcomp fit`, written by `axcomp new` from {names}.",
-        "# Lengths are in mm, angles in °, times in s; a column may state its own unit.",
-    ]
-    if page.questions:
-        several = "S" * (len(page.questions) > 1)
-        lines += [
-            f"# {len(page.questions)} QUESTION{several} below; the fit cannot do without the"
-            f" answer to {count} of them.",
-            '# Take the "#? " off the answer that is right.',
-        ]
-    return [*lines, ""]

@@ -4,12 +4,16 @@ import dataclasses
 import itertools
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from .._templates import templates
 
 ANSWER = "#? "
 """Stands before each possible answer to a question."""
 OPTIONAL = " (may stay open)"
 """Stands behind the number of a question that a fit does without."""
+_QUESTION = re.compile(r"# QUESTION \d+")
 _OPEN = re.compile(r"# QUESTION \d+: ")
 _EITHER = (("datum", "remove"), ("actual", "encoder"), ("error", "position"))
 """Keys, or kinds of role, of which either answers a question."""
@@ -66,48 +70,47 @@ def _key(line: str) -> str:
 
 
 class JobPage:
-    """Lines of a job in the making, and what they ask."""
+    """The template of a job at work: what it remarks and asks, as lines of the job."""
 
     def __init__(self) -> None:
-        self.lines: list[str] = []
         self.questions: list[Question] = []
 
-    def add(self, *lines: str) -> None:
-        """Add lines as they stand."""
-        self.lines += lines
-
-    def note(self, *sentences: str) -> None:
-        """Add sentences as remarks, wrapped."""
-        for sentence in sentences:
-            self.lines += _wrapped(sentence, "# ")
-
-    def key(self, line: str, remark: str = "") -> None:
-        """Add a key with a remark behind it."""
-        self.lines.append(f"{line:<33} # {remark}" if remark else line)
+    def note(self, *, caller: Callable[[], str]) -> str:
+        """Return a sentence as a remark, wrapped."""
+        return _wrapped(caller(), "# ")
 
     def ask(
-        self, about: str, words: str, answers: Sequence[str], *, needed: bool = True
-    ) -> None:
-        """Add a question with the lines that would answer it."""
-        number = len(self.questions) + 1
-        self.questions.append(
-            Question(len(self.lines) + 1, about, words, tuple(answers), needed)
+        self,
+        about: str,
+        answers: Sequence[str],
+        needed: bool = True,
+        *,
+        caller: Callable[[], str],
+    ) -> str:
+        """Return a question with the lines that would answer it."""
+        words = " ".join(caller().strip().splitlines())
+        self.questions.append(Question(0, about, words, tuple(answers), needed))
+        head = f"# QUESTION {len(self.questions)}{'' if needed else OPTIONAL}: "
+        lines = [f"{ANSWER}{answer}\n" for answer in answers]
+        return "".join([_wrapped(words, head), *lines])
+
+    def rendered(self, **values: Any) -> str:
+        """Return the job, whose lines the questions then know."""
+        template = templates(__package__ or "").get_template("job.toml.jinja")
+        text = template.render(
+            **values, note=self.note, ask=self.ask, questions=self.questions
         )
-        head = f"# QUESTION {number}{'' if needed else OPTIONAL}: "
-        self.lines += _wrapped(words, head)
-        self.lines += [f"{ANSWER}{answer}" for answer in answers]
-
-    def text(self, head: Sequence[str]) -> str:
-        """Return the job below a head, whose lines the questions then count."""
+        lines = enumerate(text.splitlines(), start=1)
+        heads = [number for number, line in lines if _QUESTION.match(line)]
         self.questions = [
-            dataclasses.replace(question, line=question.line + len(head))
-            for question in self.questions
+            dataclasses.replace(question, line=line)
+            for question, line in zip(self.questions, heads, strict=True)
         ]
-        return "\n".join([*head, *self.lines]) + "\n"
+        return text
 
 
-def _wrapped(sentence: str, opening: str) -> list[str]:
-    return textwrap.wrap(
+def _wrapped(sentence: str, opening: str) -> str:
+    lines = textwrap.wrap(
         sentence,
         _WIDTH,
         initial_indent=opening,
@@ -115,3 +118,4 @@ def _wrapped(sentence: str, opening: str) -> list[str]:
         break_long_words=False,
         break_on_hyphens=False,
     )
+    return "".join(f"{line}\n" for line in lines)
