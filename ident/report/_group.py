@@ -4,16 +4,15 @@ How much each effect is, and what the whole sum leaves.
 """
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..job import Remark, by_level
 from . import _style as style
 from ._body import Plot
-from ._scale import Scale, count, scale_of
+from ._scale import Scale, scale_of
 from ._section import Section
 from .table._fitted import bin_means, say_drawn
 
@@ -25,16 +24,23 @@ _SLICES = 24
 
 @dataclasses.dataclass(frozen=True)
 class GroupSection:
-    """Everything that the page says of one group."""
+    """What the page says of one group.
+
+    Attributes:
+        name: In anchors and names of files.
+        group: What the job found.
+        level: good, or warn.
+        assumed: No measurement has settled the sign of one of its lists.
+        missing: Fits of it that these readings cannot tell as they were asked for.
+        plot: Of the whole sum.
+    """
 
     name: str
-    heading: str
-    level: str
-    sentence: str
-    remarks: tuple[Remark, ...]
-    plots: tuple[Plot, ...]
-    facts: tuple[tuple[str, str], ...]
     group: "GroupResult"
+    level: str
+    assumed: bool
+    missing: int
+    plot: Plot
 
     @property
     def scales(self) -> dict[str, Scale]:
@@ -49,59 +55,14 @@ def group_section(
 
     `sections` are those of all fits, in the order of the job.
     """
-    unidentified = [one for one in group.effects if one.index is not None and one.why]
+    missing = sum(bool(one.index is not None and one.why) for one in group.effects)
     members = [sections[index] for index in group.fits]
     proven = all(section.verdict.level == "good" for section in members)
+    level = "warn" if missing or group.confusions or not proven else "good"
     assumed = any(section.fit.judgement.waits for section in members)
-    opening = "Computed; signs unproven. " if assumed else ""
-    level = "warn" if unidentified or group.confusions or not proven else "good"
     return GroupSection(
-        name=f"group-{place}",
-        heading=f"Identified together: group {group.name}",
-        level=level,
-        sentence=opening + _sentence(group, len(unidentified)),
-        remarks=by_level(group.remarks),
-        plots=(sum_plot(group),),
-        facts=tuple(_facts(group)),
-        group=group,
+        f"group-{place}", group, level, assumed, missing, sum_plot(group)
     )
-
-
-def _sentence(group: "GroupResult", missing: int) -> str:
-    parts = []
-    for axis_sum in group.axes:
-        scale = scale_of(axis_sum.unit)
-        before, after = (axis_sum.error[k].sound.rms for k in ("before", "predicted"))
-        words = (
-            f"the error of {axis_sum.axis} falls from {scale.figure(before)} to"
-            f" {scale.figure(after)} {scale.error} rms"
-        )
-        if after >= before:
-            words = f"the error of {axis_sum.axis} stays at {scale.shown(before)} rms"
-        parts.append(words)
-    text = f"On readings that the fit did not see, {'; '.join(parts)}."
-    fits = count(len(group.fits), "fit")
-    if missing:
-        text += f" {missing} of {fits} cannot be told from these readings as asked for."
-    else:
-        text += f" {fits[0].upper()}{fits[1:]} in one."
-    return text
-
-
-def _facts(group: "GroupResult") -> Iterator[tuple[str, str]]:
-    for axis_sum in group.axes:
-        scale = scale_of(axis_sum.unit)
-        words = f"{count(int(axis_sum.rows.size), 'reading')}"
-        if axis_sum.wild.any():
-            words += f", {int(axis_sum.wild.sum())} of them wild"
-        if axis_sum.runs:
-            largest = max(abs(run.offset) for run in axis_sum.runs)
-            words += (
-                f"; offsets of {count(len(axis_sum.runs), 'run')} up to"
-                f" {scale.shown(largest)}"
-            )
-        yield (f"Readings of {axis_sum.axis}", f"{words}.")
-    yield ("The fit itself", group.message)
 
 
 def sum_plot(group: "GroupResult") -> Plot:

@@ -13,7 +13,7 @@ from . import _style as style
 from ._body import Plot
 from ._group import group_section
 from ._overview import overview_plot
-from ._scale import number, percent, scale_of
+from ._scale import count, number, percent, scale_of
 from ._section import section_of, summary_row
 from ._verdict import front_of
 
@@ -38,7 +38,7 @@ def write_report(result: JobResult, out: Path) -> tuple[Path, ...]:
         groups = []
         for place, group in enumerate(result.groups):
             groups.append(group_section(group, place + 1, sections))
-            draw(f"{groups[-1].name}-", groups[-1].plots)
+            draw(f"{groups[-1].name}-", [groups[-1].plot])
         # A single fit shows its before and after in its own section.
         several = len(result.fits) > 1 or result.second
         overview = overview_plot(result.fits) if several else None
@@ -53,7 +53,8 @@ def write_report(result: JobResult, out: Path) -> tuple[Path, ...]:
         overview=overview,
         groups=groups,
         sections=sections,
-        remarks=by_level(result.remarks),
+        by_level=by_level,
+        count=count,
         summary_row=summary_row,
         number=number,
         percent=percent,
