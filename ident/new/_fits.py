@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from ...data.signals import strokes_alike
 from ..discover import Observed
-from ..job import Job, Trend, trend_through
+from ..job import Job, Trend, nodes_for, trend_through
 from ..readings import Observation, without_zero
 from ._names import span
 
@@ -70,7 +70,7 @@ class Suggestion:
         return own | names | self.keys | dict(self.nodes)
 
 
-def suggestions(observation: Observation) -> list[Suggestion]:
+def suggestions(job: Job, observation: Observation) -> list[Suggestion]:
     """Return the fits that measurements would bear, those of one kind and axis joined.
 
     An axis has one compensation of each kind: of several plain ones the first is.
@@ -86,7 +86,12 @@ def suggestions(observation: Observation) -> list[Suggestion]:
             elif any(fit.compensation == k[0] and fit.axis == k[1] for k in fits):
                 fit = dataclasses.replace(fit, plain=False)
             fits[key] = fit
-    return list(fits.values())
+    return [
+        dataclasses.replace(
+            fit, nodes=nodes_for(job, observation, fit.axis, fit.over, fit.sources)
+        )
+        for fit in fits.values()
+    ]
 
 
 def _of_one(

@@ -28,7 +28,7 @@ from ...data.measurements import (
     read_table,
 )
 from ..exchange import axis_number
-from ..job import Job, JobFile, nodes_for
+from ..job import Job, JobFile
 from ..readings import Observation, observe
 from ._columns import Meaning, meaning_of, own_roles
 from ._fits import suggestions
@@ -85,16 +85,8 @@ def new_job(
     known = _axes(sources, given, lists)
     job = _provisional(path, sources, known)
     observation = _observed(job, sources)
-    suggested = [
-        dataclasses.replace(
-            fit,
-            nodes=nodes_for(job, observation, fit.axis, fit.over, fit.sources),
-        )
-        for fit in suggestions(observation)
-    ]
-    contents = Contents(
-        job, observation, sources, _with_spans(known, observation), suggested
-    )
+    suggested = suggestions(job, observation)
+    contents = Contents(job, observation, sources, known, suggested)
     text, questions = written(contents, ", ".join(each.name for each in files))
     fits = tuple(f"{fit.compensation} of {fit.axis}" for fit in suggested if fit.plain)
     return NewJob(text, questions, fits)
@@ -312,11 +304,3 @@ def _observed(job: Job, sources: Sequence[Source]) -> Observation:
             f" {str(error).removeprefix(f'{error.source}: ')}"
         )
         raise MeasurementError(error.source, reason) from error
-
-
-def _with_spans(axes: Mapping[str, Axis], observation: Observation) -> dict[str, Axis]:
-    spanned = dict(axes)
-    for name, place in observation.data.position.items():
-        ends = (float(np.nanmin(place)), float(np.nanmax(place)))
-        spanned[name] = dataclasses.replace(axes[name], span=ends)
-    return spanned

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...data.lists import ListFile
 from ...data.measurements import PROBED_HEIGHTS, CellError, ColumnSpec, Table
 from .._job_text import job_line
@@ -53,7 +55,6 @@ class Axis:
         rotary: Its positions are angles.
         endless: They begin anew in motion.
         assumed: Column that is taken for its own although nobody says so, or None.
-        span: Smallest and largest position in the measurements, or None.
     """
 
     number: int | None
@@ -61,7 +62,6 @@ class Axis:
     rotary: bool = False
     endless: bool = False
     assumed: str | None = None
-    span: tuple[float, float] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,6 +120,11 @@ class Contents:
     def sensors(self) -> list[str]:
         """Names of the sensors of temperature."""
         return list(self.observation.data.temperature)
+
+    def span(self, axis: str) -> tuple[float, float] | None:
+        """Return the smallest and largest position of an axis, None where it has none."""
+        place = self.observation.data.position.get(axis)
+        return None if place is None else (np.nanmin(place), np.nanmax(place))
 
     def relative(self, file: Path) -> str:
         """Return the path of a file as it stands in the job."""
