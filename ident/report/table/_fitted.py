@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...job import SampleView, TableResult
+from .. import _style as style
 from .._scale import Scale, count, grouped, number, spot
 
 
@@ -94,21 +95,16 @@ class Bins:
     """Mean of the readings in slices of a quantity, with its standard error.
 
     Attributes:
-        edges: Of the slices, one more than there are slices.
+        centre: Middle of each slice.
         count: Readings per slice; slices without readings are kept, with NaN.
         mean: In µm.
         error: Standard error of the mean in µm.
     """
 
-    edges: Float[np.ndarray, " e"]
+    centre: Float[np.ndarray, " b"]
     count: Int[np.ndarray, " b"]
     mean: Float[np.ndarray, " b"]
     error: Float[np.ndarray, " b"]
-
-    @property
-    def centre(self) -> Float[np.ndarray, " b"]:
-        """Middle of each slice."""
-        return np.asarray((self.edges[1:] + self.edges[:-1]) / 2)
 
     @property
     def beyond_chance(self) -> bool:
@@ -143,4 +139,4 @@ def bin_means(
         mean = np.bincount(index, value, slices) / size
         spread = np.bincount(index, (value - mean[index]) ** 2, slices)
         error = np.sqrt(spread / np.maximum(size - 1, 1) / size)
-    return Bins(edges, size, mean, error)
+    return Bins(style.middles(edges), size, mean, error)
