@@ -1,4 +1,4 @@
-"""The page of a new job: axes, measurements, fits and gate, with what they ask."""
+"""What a new job says of axes, measurements and fits; ``job.toml.jinja`` is its text."""
 
 import dataclasses
 import os
