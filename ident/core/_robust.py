@@ -88,6 +88,11 @@ class Estimate:
         """Estimate about which pseudo-readings are taken; least squares knows no other."""
         return self.values if self.loss == Loss() else self.about
 
+    def pseudo(self, residual: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+        """Return pseudo-readings of residuals about `centre`, 0 where one is not believed."""
+        share = self.loss.share(residual / self.loss.scale)
+        return np.asarray(share * residual / self.posterior.problem.gain)
+
     @property
     def noise(self) -> float:
         """Standard deviation of a reading of weight 1, wild readings left out."""

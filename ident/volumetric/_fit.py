@@ -11,18 +11,38 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from ...models import GeometricErrors
-from ..core import Estimate, FitError, Stack, estimate, memory, one_blas_thread
+from ..core import (
+    DriftNoise,
+    Estimate,
+    FitError,
+    Stack,
+    estimate,
+    memory,
+    one_blas_thread,
+)
 from ..fit._table import floor_of
+from ..fit.joint._memory import beyond_white, drift_beside
 from ._blocks import FRAME_NAME, ZEROS_NAME, Block, zeros
 from ._effects import AbstractVolumetric
-from ._freedoms import Freedoms, Gauge, Undetermined, degrees_of, rows_of
+from ._freedoms import Freedoms, Gauge, Shapes, Undetermined, degrees_of, rows_of
 from ._points import Points
-from ._words import hidden_sentence, tool_sentence, undetermined_sentence
+from ._words import (
+    drift_sentence,
+    hidden_sentence,
+    tool_sentence,
+    undetermined_sentence,
+)
 
 Tool = tuple[float, float, float] | None
 
 _SAME_TOOL = 1e-3
 """Difference in mm up to which a tool is the one that was measured with."""
+_LARGE = 1 << 22
+"""Readings × unknowns up to which a drift is carried to every value."""
+_EXACT = 1e-6
+"""Noise, relative to the size of the readings, that is what passes leave of exact ones."""
+_MANY = 200
+"""Shapes from which on a drift is sought in the first points only: each set-up has its own."""
 _PLACES = 1000
 """All over the volume, at which it is asked whether the points tell the offsets."""
 
@@ -99,10 +119,50 @@ class VolumetricFit:
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "n n"]:
-        """Covariance of all unknowns under the rules, where the points tell them."""
+        """Covariance of all unknowns under the rules, where the points tell them.
+
+        Beyond that of readings that err by themselves it has what their `drift` adds: to every
+        value, or, of very many, to the shapes by which readings are judged.
+        """
         post = self.result.posterior
-        half = self.freedoms.rules.project(post.factor.border_inverse)
-        return np.asarray(post.variance * self.freedoms.rules.project(half.T))
+        with one_blas_thread():
+            half = self.freedoms.rules.project(post.factor.border_inverse)
+            white = np.asarray(post.variance * self.freedoms.rules.project(half.T))
+            if self.drift is None:
+                return white
+            rows, clock, _ = self._believed
+            few = len(clock) * len(white) <= _LARGE
+            basis = np.eye(len(white)) if few else self._shapes.basis
+            moves = rows @ (half.T @ basis)
+            more = beyond_white(self.drift, clock, moves, post.variance)
+            return np.asarray(white + basis @ more @ basis.T)
+
+    @cached_property
+    def drift(self) -> DriftNoise | None:
+        """Noise of readings that follow each other and err alike; None where none does."""
+        (rows, clock, pseudo), basis = self._believed, self._shapes.basis
+        if self.noise < _EXACT * np.std(self.points.readings.value):
+            return None
+        share = min(1.0, _MANY / basis.shape[1]) ** 2
+        some = slice(round(share * len(clock)))
+        with one_blas_thread():
+            return drift_beside(clock[some], rows[some] @ basis, pseudo[some])
+
+    @cached_property
+    def _shapes(self) -> Shapes:
+        return Shapes.of(self.blocks)
+
+    @cached_property
+    def _believed(
+        self,
+    ) -> tuple[sp.csr_array, Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
+        """Rows, places in the order and residuals of the readings that are believed."""
+        readings, clock = self.points.readings, self.points.order
+        rows = rows_of(self.stack, readings)
+        pseudo = self.result.pseudo(readings.value - rows @ self.result.centre)
+        order = np.argsort(clock)
+        order = order[pseudo[order] != 0.0]
+        return rows[order], clock[order], pseudo[order]
 
     @cached_property
     def _deviations(self) -> Float[np.ndarray, " n"]:
@@ -150,6 +210,7 @@ class VolumetricFit:
             tool_sentence(own.tolist()) if self._angles else "",
             hidden_sentence(1.0 - told) if told < 1.0 else "",
             *map(undetermined_sentence, self.undetermined),
+            drift_sentence(self.drift, len(self.points.position)) if self.drift else "",
         )
         return tuple(filter(None, sentences))
 

@@ -97,6 +97,21 @@ class Points:
         return np.unique(self.run, return_inverse=True)[1].astype(np.int64)
 
     @property
+    def order(self) -> Float[np.ndarray, " r"]:
+        """Place of each of the `readings` in the order of the points.
+
+        The components of vectors err each by itself: one follows the other, far apart.
+        """
+        along = self.readings.inputs["along"]
+        if self.direction is not None:
+            return np.arange(float(len(along)))
+        component = along.argmax(axis=1)
+        place = 2.0 * len(self.position) * component
+        for own in (component == axis for axis in range(3)):
+            place[own] += np.arange(np.count_nonzero(own))
+        return np.asarray(place)
+
+    @property
     def readings(self) -> Readings:
         """One reading per number that was measured; see `readings_at` for the inputs."""
         count = len(self.position)

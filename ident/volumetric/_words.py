@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from ..core import DriftNoise
 from ._freedoms import Undetermined
 
 _NAMED = 6
@@ -41,6 +42,17 @@ def hidden_sentence(share: float) -> str:
         f"The measured points do not tell the offsets in {100.0 * share:.0f} % of the volume of "
         "the model: there they are a guess, with the standard deviation inf. Measure there, or "
         "do not work there with the compensation switched on."
+    )
+
+
+def drift_sentence(drift: DriftNoise, count: int) -> str:
+    """Return by how much so many points err alike that follow each other; its clock is theirs."""
+    over = min(max(drift.time_constant, 2.0), count)
+    return (
+        f"Points that follow each other err alike (heat, air, what the model does not hold), by "
+        f"{1e3 * drift.drift:.2g} µm over some {over:.0f} points: the "
+        "standard deviations are wider for it. Measured again in another order, such errors are "
+        "told from those of the machine."
     )
 
 

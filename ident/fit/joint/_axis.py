@@ -206,10 +206,8 @@ class AxisFit:
 
 
 def _pseudo(design: Design, data: JointData, fit: Estimate) -> Float[np.ndarray, " r"]:
-    """Return the pseudo-readings about `Estimate.centre`, 0 where one is not believed."""
-    residual = _error(design, data) - design.columns @ fit.centre
-    share = fit.loss.share(residual / fit.loss.scale)
-    return np.asarray(share * residual / fit.posterior.problem.gain)
+    """Return the pseudo-readings of an estimate, see `Estimate.pseudo`."""
+    return fit.pseudo(_error(design, data) - design.columns @ fit.centre)
 
 
 def fit_axis(

@@ -83,10 +83,9 @@ class Memory:
         if self.drift is None:
             swell = np.sqrt(self._swell[places])
             return np.asarray(white * np.outer(swell, swell))
-        moves = self._moves[:, places]
-        sums = scatter_of_sums(self.drift, self._clock, moves, np.ones(len(moves)))
-        scatter = self.fit.estimate.scatter[0] * (moves.T @ moves)
-        return np.asarray(white + sums - scatter)
+        scatter, moves = self.fit.estimate.scatter[0], self._moves[:, places]
+        more = beyond_white(self.drift, self._clock, moves, scatter)
+        return np.asarray(white + more)
 
     def swell_along(self, direction: Float[np.ndarray, " r"]) -> float:
         """Return the factor of the variance of a parameter, given its direction, ≥ 1."""
@@ -114,11 +113,8 @@ class Memory:
             # What is left of a lag beside the columns, as large as they are.
             column = lag.direction[self._believed, None]
             columns.append(column / max(float(np.abs(column).max()), 1e-300))
-        basis, size, _ = pivoted(np.hstack(columns))
-        independent = basis[:, size > SINGULAR * size.max(initial=0.0)]
         pseudo = self.pseudo[self._believed]
-        noise = find_drift(self._clock, independent, pseudo, np.ones(len(pseudo)))
-        return noise if noise.drift > 0.0 else None
+        return drift_beside(self._clock, np.hstack(columns), pseudo)
 
     @cached_property
     def _stretches(
@@ -174,6 +170,36 @@ class Memory:
             np.ascontiguousarray(columns.T)
         )
         return np.asarray(self.fit.known.rules.project(moves).T)
+
+
+def drift_beside(
+    clock: Float[np.ndarray, " s"],
+    columns: Float[np.ndarray, "s k"],
+    pseudo: Float[np.ndarray, " s"],
+) -> DriftNoise | None:
+    """Return how residuals scatter beside columns that were fitted; None where none drifts."""
+    basis, size, _ = pivoted(columns)
+    independent = basis[:, size > SINGULAR * size.max(initial=0.0)]
+    noise = find_drift(clock, independent, pseudo, np.ones(len(pseudo)))
+    return noise if noise.drift > 0.0 else None
+
+
+def beyond_white(
+    noise: DriftNoise,
+    clock: Float[np.ndarray, " s"],
+    moves: Float[np.ndarray, "s k"],
+    variance: float,
+) -> Float[np.ndarray, "k k"]:
+    """Return what the covariance of values has beyond that under white noise.
+
+    Args:
+        noise: How the readings scatter.
+        clock: Their instants.
+        moves: How each of them moves the values.
+        variance: Of a reading under white noise.
+    """
+    sums = scatter_of_sums(noise, clock, moves, np.ones(len(moves)))
+    return np.asarray(sums - variance * (moves.T @ moves))
 
 
 def without_turns(

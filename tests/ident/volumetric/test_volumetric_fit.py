@@ -1,5 +1,6 @@
 """Errors over a volume: a known machine, measured in several ways, fitted and predicted."""
 
+import dataclasses
 import doctest
 import itertools
 from collections.abc import Iterable, Iterator
@@ -15,6 +16,7 @@ from axcomp.ident.core import FitError
 from axcomp.ident.volumetric import (
     Undetermined,
     VolumetricFit,
+    _fit,
     undetermined_sentence,
 )
 from axcomp.models import GeometricErrors
@@ -115,6 +117,50 @@ def test_500_points_with_1_um_noise_predict_unseen_points(
     assert scattered.noise == pytest.approx(NOISE, rel=0.08)  # 3 sd of 1500 readings
     # The deviations are honest: their ratio is 1 within what smooth errors share.
     assert 0.7 < rms(error / found.standard_deviation) < 1.4
+
+
+def remembering(shape: tuple[int, ...], seed: int) -> np.ndarray:
+    """Noise that forgets a tenth from point to point, in each component by itself."""
+    noise = NOISE * np.random.default_rng(seed).normal(size=shape)
+    for k in range(1, len(noise)):
+        noise[k] = 0.9 * noise[k - 1] + np.sqrt(1.0 - 0.9**2) * noise[k]
+    return noise
+
+
+def test_deviations_know_of_noise_that_remembers() -> None:
+    # Line by line as a machine is measured: X back and forth, then Y, then Z.
+    position = regular().reshape(9, 8, 7, 3).transpose(2, 1, 0, 3).copy()
+    position[:, 1::2] = position[:, 1::2, ::-1]
+    place, unseen, inside = position.reshape(-1, 3), anywhere(500, 2), []
+    for seed in range(5):
+        points = axcomp.Points(place, true(place) + remembering(place.shape, seed))
+        fit = axcomp.fit_volumetric(MACHINE, points)
+        found = fit.predict(unseen)
+        ratio = np.abs(found.error - true(unseen)) / found.standard_deviation
+        inside.append(np.mean(ratio < 2.0))
+    # By white noise it would be 45 %.
+    assert np.mean(inside) > 0.88
+    assert "Points that follow each other err alike" in " ".join(fit.remarks())
+
+
+def test_independent_noise_is_no_drift(scattered: VolumetricFit) -> None:
+    assert scattered.drift is None
+    assert "err alike" not in " ".join(scattered.remarks())
+
+
+@pytest.mark.parametrize(("limit", "number"), [("_LARGE", 1), ("_MANY", 120)])
+def test_many_unknowns_know_of_a_drift_by_their_shapes_and_first_points(
+    limit: str, number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exact = from_set_ups([*circles(), *beams()])
+    error = exact.error + remembering(exact.error.shape, 0)
+    points, unseen = dataclasses.replace(exact, error=error), anywhere(100, 2)
+    whole = axcomp.fit_volumetric(MACHINE, points).predict(unseen)
+    monkeypatch.setattr(_fit, limit, number)
+    rough = axcomp.fit_volumetric(MACHINE, points).predict(unseen)
+    ratio = rough.standard_deviation / whole.standard_deviation
+    # By white noise it would be half.
+    assert 0.7 < np.median(ratio) < 1.3
 
 
 def test_a_grid_predicts_unseen_points_of_a_machine() -> None:
