@@ -60,11 +60,20 @@ class Points:
             raise FitError(msg)
         for name in ("direction", "tool", "run"):
             values = getattr(self, name)
-            single = name == "tool" and values is not None and np.shape(values) == (3,)
-            if values is not None and len(values) != count and not single:
-                msg = (
-                    f"{name}: found {len(values)} rows, expected {count}, one per point"
-                )
+            if values is None or (name == "tool" and np.shape(values) == (3,)):
+                continue
+            rows = len(np.atleast_1d(values))
+            if rows != count:
+                msg = f"{name}: found {rows} rows, expected {count}, one per point"
+                raise FitError(msg)
+            shape = (count,) if name == "run" else (count, 3)
+            if np.shape(values) != shape:
+                msg = f"{name}: found shape {np.shape(values)}, expected {shape}"
+                raise FitError(msg)
+        if self.direction is not None:
+            none = int((~np.any(self.direction, axis=1)).sum())
+            if none:
+                msg = f"direction: found {none} of length 0, expected one per point"
                 raise FitError(msg)
 
     @classmethod

@@ -533,6 +533,19 @@ def test_arrays_that_do_not_belong_together_are_refused() -> None:
     )
     with pytest.raises(FitError, match="tool: found 2 rows, expected 4"):
         axcomp.Points(position, np.zeros((4, 3)), tool=np.zeros((2, 3)))
+    flat, along = (
+        np.ones((4, 2)),
+        np.array([[1.0, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0, 0]]),
+    )
+    for name, error, wrong in (
+        ("direction", np.zeros(4), flat),
+        ("tool", np.zeros((4, 3)), flat),
+        ("run", np.zeros((4, 3)), flat),
+    ):
+        with pytest.raises(FitError, match=rf"{name}: found shape \(4, 2\), expected"):
+            axcomp.Points(position, error, **{name: wrong})
+    with pytest.raises(FitError, match="direction: found 2 of length 0, expected"):
+        axcomp.Points(position, np.zeros(4), along)
     nothing = axcomp.Points(position, np.full((4, 3), np.nan))
     with pytest.raises(FitError, match="no point with a position and an error"):
         axcomp.fit_volumetric(MACHINE, nothing)
