@@ -15,6 +15,8 @@ from ...models._geometric import FUNCTIONS, SQUARENESS
 from ._blocks import Block, frame, grid_blocks, machine_blocks
 
 Triple = tuple[float, float, float]
+SAME = 1e-3
+"""Share of the range of an axis below which two positions count as one."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,6 +65,15 @@ class AbstractVolumetric(abc.ABC):
         """Lowest and highest position in mm."""
         low = np.array(self.start, float)
         return low, low + np.array(self.interval) * (np.array(self.points) - 1)
+
+    def beyond(self, position: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
+        """Return by how many mm positions lie beyond the volume along X, Y and Z, where edges hold.
+
+        A single node holds all along its axis, and less than `SAME` of a travel is nothing.
+        """
+        low, high = self.volume
+        far = np.maximum(low - position, position - high)
+        return np.where((far > SAME * (high - low)) & (high > low), far, 0.0)
 
 
 @final

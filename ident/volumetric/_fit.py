@@ -27,6 +27,7 @@ from ._effects import AbstractVolumetric
 from ._freedoms import Freedoms, Gauge, Shapes, Undetermined, degrees_of, rows_of
 from ._points import Points
 from ._words import (
+    beyond_sentence,
     drift_sentence,
     hidden_sentence,
     tool_sentence,
@@ -55,7 +56,7 @@ class Prediction:
     Attributes:
         error: In X, Y and Z in mm.
         standard_deviation: Of it, without the noise of a reading; inf where the points of the
-            fit do not tell it.
+            fit do not tell it, and beyond the volume of the model, which holds its edge there.
     """
 
     error: Float[np.ndarray, "t 3"]
@@ -206,8 +207,10 @@ class VolumetricFit:
         places = np.random.default_rng(0).uniform(*self.effect.volume, (_PLACES, 3))
         found = self.predict(places, own, frame=False)
         told = float(np.isfinite(found.standard_deviation).all(axis=1).mean())
+        beyond = self.effect.beyond(self.points.position)
         sentences = (
             tool_sentence(own.tolist()) if self._angles else "",
+            beyond_sentence(beyond) if beyond.any() else "",
             hidden_sentence(1.0 - told) if told < 1.0 else "",
             *map(undetermined_sentence, self.undetermined),
             drift_sentence(self.drift, len(self.points.position)) if self.drift else "",
@@ -268,7 +271,8 @@ class VolumetricFit:
         rows = sp.csr_array(rows_of(self.stack, where) * kept)
         variance = (rows * (rows @ self.covariance)).sum(axis=1)
         deviation = np.sqrt(np.maximum(variance, 0.0))
-        deviation[~self.freedoms.shown(rows)] = np.inf
+        beyond = self.effect.beyond(where.inputs["position"]).any(axis=1)
+        deviation[beyond | ~self.freedoms.shown(rows)] = np.inf
         if self.left_out:
             other = np.abs(where.inputs["tool"] - self.points.tools[0]).max(axis=1)
             deviation[other > _SAME_TOOL] = np.inf

@@ -21,6 +21,7 @@ from ..core import Readings, Stack
 from ..fit._identifiable import null_space, pins_of, pivoted
 from ..fit.joint._gauge import Rules
 from ._blocks import FRAME_NAME, ZEROS_NAME, Block
+from ._effects import SAME
 from ._points import readings_at
 
 _LITTLE = 1e-3
@@ -43,8 +44,6 @@ _ROUNDING = 1e-10
 _DEGREE = 2, 4
 """Of the shapes by which a function is judged: at least, at most."""
 _ROWS_PER_SHAPE, _MORE_ROWS = 8, 500
-_SAME = 1e-3
-"""Share of the range of an axis below which two positions count as one."""
 
 
 @final
@@ -303,7 +302,7 @@ def degrees_of(place: Float[np.ndarray, "t 3"]) -> list[int]:
     """Return the degree of shapes along each axis: what so many positions can show, and a curve."""
     result = []
     for along in place.T:
-        step = max(_SAME * float(np.ptp(along)), 1e-9)
+        step = max(SAME * float(np.ptp(along)), 1e-9)
         count = len(np.unique(np.round((along - along.min()) / step)))
         result.append(int(np.clip(count - 1, *_DEGREE)))
     return result

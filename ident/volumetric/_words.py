@@ -2,6 +2,9 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+from jaxtyping import Float
+
 from ..core import DriftNoise
 from ._freedoms import Undetermined
 
@@ -42,6 +45,19 @@ def hidden_sentence(share: float) -> str:
         f"The measured points do not tell the offsets in {100.0 * share:.0f} % of the volume of "
         "the model: there they are a guess, with the standard deviation inf. Measure there, or "
         "do not work there with the compensation switched on."
+    )
+
+
+def beyond_sentence(beyond: Float[np.ndarray, "t 3"]) -> str:
+    """Return that points lie beyond the volume, by so many mm along X, Y and Z."""
+    count, most = int(beyond.any(axis=1).sum()), beyond.max(axis=0)
+    along = [
+        f"{far:.4g} mm along {a}" for a, far in zip("XYZ", most, strict=True) if far
+    ]
+    return (
+        f"{count} of {len(beyond)} points lie beyond the volume of the model, by up to "
+        f"{_and(along)}: it holds its edge there, and took their errors for those of the edge. "
+        "State a larger volume, or leave these points out."
     )
 
 

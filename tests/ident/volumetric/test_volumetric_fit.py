@@ -176,6 +176,27 @@ def test_a_grid_predicts_unseen_points_of_a_machine() -> None:
     )
 
 
+def test_what_lies_beyond_the_volume_is_unknown_and_said(
+    scattered: VolumetricFit,
+) -> None:
+    assert "beyond the volume" not in " ".join(scattered.remarks())
+    places = np.array([[800.0, 560, 360], [800.5, 560, 360], [820, 560, 360]])
+    told = np.isfinite(scattered.predict(places).standard_deviation)
+    assert told.all(axis=1).tolist() == [True, True, False]
+    position = anywhere(300, 1)
+    position[:7, 0] += HIGH[0]
+    points = axcomp.Points(position, measured(position))
+    fit = axcomp.fit_volumetric(MACHINE, points)
+    far = position[:7, 0].max() - HIGH[0]
+    assert (
+        f"7 of 300 points lie beyond the volume of the model, by up to {far:.4g} mm "
+        in (" ".join(fit.remarks()))
+    )
+    # A single node holds all along its axis.
+    flat = axcomp.Geometry(MACHINE.start, MACHINE.interval, (6, 5, 1))
+    assert not flat.beyond(anywhere(300, 1)).any()
+
+
 def test_the_model_takes_off_all_but_the_frame(scattered: VolumetricFit) -> None:
     unseen = anywhere(500, 4)
     without = scattered.predict(unseen, frame=False).error
