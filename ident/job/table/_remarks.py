@@ -45,6 +45,10 @@ _WIDE = 0.75
 SEEN, TINY = 5.0, 1e-3
 """Deviations of a reading, and mm or °, by which a table changes beyond its readings unsaid."""
 
+_EDGE, _SURE = 1e-3, 4.0
+"""Share of the distance of nodes within which a reading lies at the last one; deviations of the
+mean of what a table leaves there that are not by chance."""
+
 _OVERRUN = 0.01
 """Share of the travel by which a reading may lie beyond the limits: runs begin before them."""
 
@@ -97,7 +101,7 @@ def fit_remarks(
             )
     if beyond:
         words = f"{beyond} of {count} readings lie outside the table, where its edge is held."
-        doubt = doubt_of_places(beyond, count)
+        doubt = doubt_of_places(beyond, count) + _pulled_ends(draft)
         yield Remark("warning" if doubt else "info", words + doubt)
     if wild:
         yield Remark(
@@ -205,6 +209,38 @@ def _beyond_readings(draft: "TableDraft") -> Iterator[Remark]:
                     f" measured. End it at {name} = {nodes.positions[edge]:g}: the"
                     " controller holds its edge."
                 )
+
+
+def _pulled_ends(draft: "TableDraft") -> str:
+    """Return by how much readings beyond a line of nodes move its ends from those beside them.
+
+    They tell the edge that is held there. Where the error goes on, an end node is between both.
+    """
+    (nodes, *more), fit, readings = (
+        draft.plan.table.nodes,
+        draft.estimate,
+        draft.readings,
+    )
+    if more or draft.plan.table.periodic or len(fit.residual) != len(readings.error):
+        return ""
+    keep = np.isfinite(fit.residual) & ~fit.wild
+    place, left = readings.positions[keep, 0], np.asarray(fit.residual)[keep]
+    unit, moved = draft.job.spec.axes[draft.axis].small_unit, []
+    for end, next_one in (nodes.positions[:2], nodes.positions[:-3:-1]):
+        inside = (place - end) / (next_one - end)
+        beside = left[(np.abs(inside) <= _EDGE) | ((inside >= 0.0) & (inside <= 0.5))]
+        if (inside < -_EDGE).any() and len(beside) > 1:
+            off = abs(float(beside.mean()))
+            sure = _SURE * float(beside.std(ddof=1)) / np.sqrt(len(beside))
+            if off > max(sure, TINY):
+                words = f"{draft.fit.over[0]} = {end:g} by {1e3 * off:.2g} {unit}"
+                moved.append(words)
+    if not moved:
+        return ""
+    return (
+        f" They move the table away from the readings at {' and '.join(moved)}: let it reach as"
+        " far as they do, or leave them out."
+    )
 
 
 def limit_remarks(
@@ -375,6 +411,7 @@ def _wide_nodes(draft: "TableDraft") -> Iterator[Remark]:
     """Return a doubt where readings that repeat lie beside the table, between its nodes."""
     readings, fit, table = draft.readings, draft.estimate, draft.plan.table
     keep = np.isfinite(fit.residual) & ~fit.wild
+    keep &= ~outside(table, readings.positions)  # no node follows those
     if len(readings.error) >= LOG or not keep.any():
         return
     positions, left = readings.positions[keep].round(6), np.asarray(fit.residual)[keep]

@@ -154,6 +154,30 @@ def test_positions_that_mostly_lie_outside_the_table_are_doubted(
     assert any(words in each for each in said) == (shift > 0.0)
 
 
+@pytest.mark.parametrize(
+    ("points", "flat", "moved"), [(5, False, True), (5, True, False), (9, False, False)]
+)
+def test_readings_beyond_the_table_that_move_its_end_are_said(
+    tmp_path: Path, points: int, flat: bool, moved: bool
+) -> None:
+    there = np.tile(np.arange(0.0, 401.0, 25.0), 4)
+    error = 4e-3 * np.sin((np.minimum(there, 200.0) if flat else there) / 60.0)
+    error += 3e-4 * np.random.default_rng(0).normal(size=len(there))
+    table(tmp_path / "laser.csv", "target,actual", there, there + error)
+    text = screw_job(tmp_path).read_text()
+    for line in ("bilateral = true", "smoothness = 0", 'loss = "gauss"'):
+        text = text.replace(line, "")
+    text = text.replace("interval = 100.0", "interval = 50.0")
+    (tmp_path / "job.toml").write_text(text.replace("points = 5", f"points = {points}"))
+    (fit,) = run_job(tmp_path / "job.toml", tmp_path / "out").fits
+    said = " ".join(r.message for r in fit.remarks if r.level == "warning")
+    assert (
+        "They move the table away from the readings at X = 200 by " in said
+    ) == moved
+    # No closer nodes follow what lies beyond them.
+    assert "Closer nodes" not in said
+
+
 def test_written_leadscrew_list_takes_the_error_away(tmp_path: Path) -> None:
     laser(tmp_path / "laser.csv")
     result = run_job(screw_job(tmp_path), tmp_path / "out")
