@@ -216,16 +216,13 @@ def _pulled_ends(draft: "TableDraft") -> str:
 
     They tell the edge that is held there. Where the error goes on, an end node is between both.
     """
-    (nodes, *more), fit, readings = (
-        draft.plan.table.nodes,
-        draft.estimate,
-        draft.readings,
-    )
+    (nodes, *more), fit = draft.plan.table.nodes, draft.estimate
+    readings = draft.readings
     if more or draft.plan.table.periodic or len(fit.residual) != len(readings.error):
         return ""
     keep = np.isfinite(fit.residual) & ~fit.wild
     place, left = readings.positions[keep, 0], np.asarray(fit.residual)[keep]
-    unit, moved = draft.job.spec.axes[draft.axis].small_unit, []
+    moved = list[str]()
     for end, next_one in (nodes.positions[:2], nodes.positions[:-3:-1]):
         inside = (place - end) / (next_one - end)
         beside = left[(np.abs(inside) <= _EDGE) | ((inside >= 0.0) & (inside <= 0.5))]
@@ -233,8 +230,7 @@ def _pulled_ends(draft: "TableDraft") -> str:
             off = abs(float(beside.mean()))
             sure = _SURE * float(beside.std(ddof=1)) / np.sqrt(len(beside))
             if off > max(sure, TINY):
-                words = f"{draft.fit.over[0]} = {end:g} by {1e3 * off:.2g} {unit}"
-                moved.append(words)
+                moved.append(f"{draft.fit.over[0]} = {end:g} by {draft.small(off)}")
     if not moved:
         return ""
     return (
