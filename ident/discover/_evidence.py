@@ -208,26 +208,3 @@ def weights_about(residual: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
     loss = choose_loss("student", residual, 1.0, 1e-12)
     share = loss.share(residual / loss.scale)
     return np.asarray(share / np.mean(share[share > 0]))
-
-
-def independent(
-    residual: Float[np.ndarray, " t"], sources: Sequence[Int[np.ndarray, " n"]]
-) -> float:
-    """Return the share of readings that are independent: less than 1 where noise remembers.
-
-    Means of stretches scatter as those of white readings would, or more: what a reading tells
-    again counts once.
-
-    Args:
-        residual: What is left of the readings.
-        sources: Rows of each measurement, in the order of measuring.
-    """
-    limit = 6.0 * scatter_of(residual)
-    left, means = np.clip(residual, -limit, limit), []
-    length = max(int(np.sqrt(len(left))), 1)
-    for rows in sources:
-        stretches = np.array_split(left[rows], max(len(rows) // length, 1))
-        means += [float(np.mean(part)) * len(part) ** 0.5 for part in stretches]
-    swell = float(np.var(means)) / max(float(np.var(left)), 1e-300)
-    # So much by chance, at two deviations.
-    return 1.0 if swell < 1.0 + (8.0 / len(means)) ** 0.5 else 1.0 / swell

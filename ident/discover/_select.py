@@ -18,11 +18,11 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ...data.signals import independent
 from ._columns import Columns, Design
 from ._evidence import (
     Groups,
     gram_of,
-    independent,
     robust_groups,
     scatter_of,
     weights_about,
@@ -62,7 +62,10 @@ def look_at(
     some = design.columns[rows], design.slices, error[rows]
     groups = robust_groups(*some, lambda size: 0.05 * columns.view.least(size))
     left = error - design.columns @ groups.values
-    share = independent(left, columns.view.sources)
+    # What neighbours have in common, as noise that remembers has, is told once.
+    limit = 6.0 * scatter_of(left)
+    parts = [np.clip(left[rows], -limit, limit) for rows in columns.view.sources]
+    share = sum(min(independent(part), len(part)) for part in parts) / len(left)
     columns.weight = share * weights_about(left)
     return design, rows, groups
 
