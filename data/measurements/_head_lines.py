@@ -92,6 +92,10 @@ def block_above(head: Head, first: int, lines: Lines) -> tuple[int, str] | None:
 
 def header_above(head: Head, first: int, lines: Lines) -> tuple[list[int], int | None]:
     """Return the indices of the header lines above a body, and of the units."""
+    if lines.rows is not None:
+        # Rows may be left out at the top, between the names and those that count.
+        while first > 0 and all(map(head.dialect.is_number, head.rows[first - 1])):
+            first -= 1
     at, units = first - 1, None
     if at >= 0 and (
         is_unit_row(head.rows[at], head.width) or _has_units_of_some(head, at)

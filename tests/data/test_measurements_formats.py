@@ -379,6 +379,14 @@ def test_categories_of_a_parquet_file_are_words_and_numbers(tmp_path: Path) -> N
     assert not table.skipped
 
 
+def test_names_stand_above_rows_that_are_left_out(tmp_path: Path) -> None:
+    rows = "".join(f"{10 * k};{k % 5}\n" for k in range(9))
+    (tmp_path / "a.csv").write_text(f"Laser\nTarget [mm];Error [um]\n{rows}")
+    table = read_table(tmp_path / "a.csv", lines=Lines((), None, (5, 11)))
+    assert [column.name for column in table.columns] == ["Target", "Error"]
+    assert table.column("Target").values.tolist() == [20, 30, 40, 50, 60, 70, 80]
+
+
 def test_rows_of_a_file_without_lines_can_be_left_out(tmp_path: Path) -> None:
     pa = pytest.importorskip("pyarrow")
     pq = pytest.importorskip("pyarrow.parquet")
