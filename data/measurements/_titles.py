@@ -11,7 +11,7 @@ from ._roles import ColumnSpec
 from ._run_layouts import straightness
 from ._table import Column, Table
 from ._units import find_unit
-from ._words import WORDS, direction_of, kinds_in, words_in
+from ._words import LESS, WORDS, direction_of, kinds_in, words_in
 
 _PAIR = re.compile(
     r"\W*(?P<key>[^:=;,\t|]+?)\s*[:=;,\t|]+\s*(?P<value>[^;,\t|]+?)[\s;,|]*"
@@ -37,14 +37,10 @@ _MOVES = re.compile(
 )
 _ISO = re.compile(r"\bE_?(?P<across>[XYZ])(?P<along>[XYZ])\b")
 """Straightness as ISO 230-1 writes it: EYX deviates in Y while X moves."""
-_LESS = re.compile(
-    r"(?i)\b(?:soll\w*|target|nominal|command(?:ed)?|setpoint)\s*(?:[-−–]|minus|less)\s*"
-    r"(?:ist\w*|actual|measured|laser)\b(?!\W*(?:vergleich|comparison))"
-)
 _CORRECTIONS = re.compile(
     r"(?i)\b(?:\w*korrektur\w*|\w*kompensation\w*|corrections?|compensations?|trims?)\b"
 )
-"""Targets less what was reached, and corrections where the title has their unit."""
+"""Corrections, where the title has their unit."""
 _OF_CORRECTIONS = re.compile(
     r"(?i)(?:\b\w*(?:korrektur|kompensations?)(?:werte?|tabelle|daten|liste)\b"
     r"|\b(?:correction|compensation|trim|offset)\W+(?:values?|table|data|list)\b)"
@@ -88,7 +84,7 @@ def with_titles(table: Table, titles: Mapping[int, str]) -> Table:
         ):
             table = _in_unit(table, line, unit)
     for line, text in titles.items():
-        said, unit = _LESS.search(text), unit_of_title(text)
+        said, unit = LESS.search(text), unit_of_title(text)
         if said is None and not _STATE.search(text):
             said = (_CORRECTIONS if unit else _OF_CORRECTIONS).search(text)
         if said is not None and not table.advice:

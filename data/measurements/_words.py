@@ -169,6 +169,8 @@ def kind_said(text: str) -> str | None:
 
     A position, an actual position, an error, a run, a direction or a time.
     """
+    if LESS.search(text) or _REVERSED.search(text):
+        return None
     kinds = set()
     words = [piece.casefold() for piece in pieces(text)]
     if is_difference(words):
@@ -201,9 +203,25 @@ def is_difference(words: Iterable[str]) -> bool:
     return bool(names & _TARGETS and names & _SHOWN)
 
 
+LESS = re.compile(
+    r"(?i)\b(?:soll\w*|ziel\w*|target|nominal|command(?:ed)?|cmd|set\s?points?|programm\w*|theor\w*"
+    r"|ref|encoder|cnc)(?:\s+(?:pos\w*\.?|value|wert))?\s*(?:[-−–]|minus|less|abzüglich|weniger)\s*"
+    r"(?:ist\w*|act(?:ual)?|meas\w*|gemess\w*|mess\w*|laser|real|interferometer)\b"
+    r"(?!\W*(?:vergleich|comparison))"
+)
+_REVERSED = re.compile(
+    r"(?i)^\s*\(?\s*[-−]\s*\)?\s*[^\W\d_]{3}|[*×x]\s*\(?\s*[-−]\s*1\b|\binvert|\bnegated|\bnegiert"
+    r"|\bsign\W+reversed|\breversed\W+sign|\bumgekehrte\w*\W+vorzeichen"
+    r"|\bvorzeichen\W+(?:umgekehrt|gedreht|wie)"
+)
+"""Targets less what was reached, and names that say themselves that they are a negative."""
+
+
 def says_correction(name: str) -> bool:
     """Whether a name is that of corrections, of offsets, or of targets less what was reached."""
     words = words_in([name])
+    if LESS.search(name) or _REVERSED.search(name):
+        return True
     return (
         bool(words & WORDS["correction"])
         or any(map(_CORRECTS.fullmatch, words))

@@ -263,6 +263,12 @@ def test_directions_that_no_order_tells_are_left_to_the_job(tmp_path: Path) -> N
         *((name, None) for name in ("Soll-Ist", "Korrektur", "Komp.", "Offset value")),
         ("Pitch error comp", None),
         ("Fehlerkorrektur", None),
+        ("Abweichung (Sollposition - Istposition)", None),
+        ("Error (cmd - meas)", None),
+        ("Sollposition - Istposition", None),
+        ("Abweichung (invertiert)", None),
+        ("Deviation (sign reversed)", None),
+        ("Error x(-1)", None),
     ],
 )
 def test_targets_less_readings_and_corrections_are_no_errors_by_themselves(
@@ -286,6 +292,9 @@ def test_targets_less_readings_and_corrections_are_no_errors_by_themselves(
     [
         ("Abweichung Soll - Ist in µm", True),
         ("Target minus actual [um]", True),
+        ("Error = Target position - Actual position", True),
+        ("Abweichung: Sollposition abzüglich Istposition", True),
+        ("Abweichung = Sollwert - gemessener Wert", True),
         ("Korrekturwerte in µm", True),
         ("Korrekturwerte", True),
         ("Pitch error compensation data", True),
